@@ -1,0 +1,32 @@
+# All that a newcomer has to know: make demo, make test, make bench.
+SHELL := /bin/bash
+PYTHON := /usr/bin/python3
+ENV := source tools/env.bash
+
+.PHONY: help setup build test demo bench clean
+
+help:
+	@echo "make demo    run the paper's demonstration; see results/demo/"
+	@echo "make test    run every test"
+	@echo "make bench   measure; see results/bench/"
+	@echo "make build   set up and build only"
+	@echo "make clean   delete what was built"
+
+setup:
+	@tools/setup
+
+build: setup
+	@echo "[build] building the workspace"
+	@$(ENV) && catkin_make --source . -DPYTHON_EXECUTABLE=$(PYTHON) -DCMAKE_BUILD_TYPE=Release
+
+test: build
+	@$(ENV) && $(PYTHON) -m pytest
+
+demo: build
+	@$(ENV) && rosrun shsa_rover demo --results results/demo
+
+bench: build
+	@$(ENV) && tools/bench
+
+clean:
+	rm -rf build devel install results .catkin_workspace

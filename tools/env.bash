@@ -1,0 +1,6 @@
+# Source this in scripts: the ROS of this machine, then the workspace if it is built.
+workspace="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
+if [ -f /opt/ros/noetic/setup.bash ]; then source /opt/ros/noetic/setup.bash; fi
+if [ -f "$workspace/devel/setup.bash" ]; then source "$workspace/devel/setup.bash"; fi
+# ROS is for the system's python3; another one may come first on PATH.
+export PATH="/usr/bin:$PATH"
