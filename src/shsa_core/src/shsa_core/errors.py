@@ -1,0 +1,54 @@
+"""The exceptions of self-healing; every one of them is a ShsaError."""
+from typing import Sequence
+
+
+class ShsaError(Exception):
+    """Anything that self-healing refuses or cannot do; the message says what and why."""
+
+
+class ModelError(ShsaError):
+    """An ontology, SOM or parameter is not valid.
+
+    Args:
+        where: the file and line (``rover.yaml:12``) or the parameter's name.
+        what: what was wrong, and what is allowed.
+    """
+
+    def __init__(self, where: str, what: str) -> None:
+        super().__init__(f"{where}: {what}")
+        self.where = where
+        self.what = what
+
+
+class ExpressionError(ShsaError):
+    """An expression uses something that the language of relations does not have."""
+
+
+class GenerationError(ShsaError):
+    """No code can be generated for a substitute."""
+
+
+class UnitError(ShsaError):
+    """A text is not a unit."""
+
+
+class CodeError(ShsaError):
+    """A substitute's code is not what the generator could have produced."""
+
+
+class NoSubstitute(ShsaError):
+    """Nothing that is available can replace a property.
+
+    Args:
+        properties: the properties that were asked for.
+        missing: the properties without which every derivation ended.
+        tried: how many substitutes there are, but have failed already.
+    """
+
+    def __init__(self, properties: Sequence[str], missing: Sequence[str], tried: int = 0) -> None:
+        wanted = ", ".join(properties)
+        lacking = ", ".join(missing) or "any relation that yields it"
+        why = f"none is left after the {tried} that failed" if tried else f"missing {lacking}"
+        super().__init__(f"no substitute for {wanted}: {why}")
+        self.properties = tuple(properties)
+        self.missing = tuple(missing)

@@ -1,0 +1,177 @@
+"""The functions that expressions may use: a fixed list, and nothing else."""
+import math
+from dataclasses import dataclass
+from typing import Callable, Dict, Mapping, Optional
+
+CONSTANTS: Mapping[str, float] = {"pi": math.pi}
+ELAPSED = "dt"
+MAX_GAP = 1.0
+NO_VALUE = math.nan
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function without memory: `call` takes `least` to `most` floats (None: any number) and returns a float."""
+
+    call: Callable[..., float]
+    least: int = 1
+    most: Optional[int] = 1
+
+
+def sign(value: float) -> float:
+    """-1, 0 or 1."""
+    return 1.0 if value > 0.0 else -1.0 if value < 0.0 else 0.0
+
+
+def floor(value: float) -> float:
+    """The largest whole number that is not greater, as a float."""
+    return float(math.floor(value))
+
+
+def ceil(value: float) -> float:
+    """The smallest whole number that is not less, as a float."""
+    return float(math.ceil(value))
+
+
+def power(base: float, exponent: float) -> float:
+    """`base` to the `exponent`, in real numbers alone: a negative base needs a whole exponent."""
+    return math.pow(base, exponent)
+
+
+FUNCTIONS: Mapping[str, Function] = {
+    "abs": Function(abs),
+    "sign": Function(sign),
+    "min": Function(min, 2, None),
+    "max": Function(max, 2, None),
+    "floor": Function(floor),
+    "ceil": Function(ceil),
+    "sqrt": Function(math.sqrt),
+    "exp": Function(math.exp),
+    "log": Function(math.log),
+    "log10": Function(math.log10),
+    "sin": Function(math.sin),
+    "cos": Function(math.cos),
+    "tan": Function(math.tan),
+    "asin": Function(math.asin),
+    "acos": Function(math.acos),
+    "atan": Function(math.atan),
+    "atan2": Function(math.atan2, 2, 2),
+    "hypot": Function(math.hypot, 2, 2),
+}
+
+
+class Memory:
+    """A stateful function at one place of a program: called with its arguments and the time `now` (s).
+
+    It returns a float, or NaN for "no value". A sample that is not finite is no sample. A sample at the time of the
+    one before is the same sample: the result is the same and nothing changes. After a gap of more than `max_gap` (s),
+    or when time runs backwards, the function starts anew.
+    """
+
+    def __init__(self, max_gap: float = MAX_GAP) -> None:
+        self.max_gap = max_gap
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets every sample."""
+        self._time = NO_VALUE
+        self._value = NO_VALUE
+        self._result = NO_VALUE
+
+    def __call__(self, value: float, now: float) -> float:
+        if value - value != 0.0:  # not finite
+            return NO_VALUE
+        elapsed = now - self._time
+        if elapsed != 0.0:
+            if 0.0 < elapsed <= self.max_gap:
+                self._result = self._next(value, elapsed)
+            else:
+                self._result = self._first(value)
+            self._time = now
+            self._value = value
+        return self._result
+
+    def _first(self, value: float) -> float:
+        return NO_VALUE
+
+    def _next(self, value: float, elapsed: float) -> float:
+        raise NotImplementedError
+
+
+class Elapsed(Memory):
+    """`dt`: seconds since the last evaluation."""
+
+    def _next(self, value: float, elapsed: float) -> float:
+        return elapsed
+
+
+class Previous(Memory):
+    """`previous(x)`: the sample before."""
+
+    def _next(self, value: float, elapsed: float) -> float:
+        return self._value
+
+
+class Derivative(Memory):
+    """`derivative(x)`: the change since the sample before, per second."""
+
+    def _next(self, value: float, elapsed: float) -> float:
+        return (value - self._value) / elapsed
+
+
+class Integral(Memory):
+    """`integral(x)`: the area under the samples (trapezoidal rule) since the start, in seconds times x.
+
+    It starts at 0. What happened during a gap is not known and is not added.
+    """
+
+    def _first(self, value: float) -> float:
+        return self._result if math.isfinite(self._result) else 0.0
+
+    def _next(self, value: float, elapsed: float) -> float:
+        return self._result + 0.5 * (self._value + value) * elapsed
+
+
+class Lowpass(Memory):
+    """`lowpass(x, tau)`: x behind a filter of first order with the time constant `tau` (s, positive).
+
+    It starts at the first sample. Between two samples x is taken to hold the later one, which the filter follows
+    exactly, whatever the time between them.
+    """
+
+    _tau = NO_VALUE
+
+    def __call__(self, value: float, tau: float, now: float) -> float:  # type: ignore[override]
+        if not tau > 0.0:
+            return NO_VALUE
+        self._tau = tau
+        return super().__call__(value, now)
+
+    def _first(self, value: float) -> float:
+        return value
+
+    def _next(self, value: float, elapsed: float) -> float:
+        return self._result + (value - self._result) * -math.expm1(-elapsed / self._tau)
+
+
+@dataclass(frozen=True)
+class Stateful:
+    """A function with memory: `make(max_gap)` is called once for each place where it is used."""
+
+    make: Callable[[float], Memory]
+    arguments: int = 1
+
+
+STATEFUL: Mapping[str, Stateful] = {
+    "derivative": Stateful(Derivative),
+    "integral": Stateful(Integral),
+    "previous": Stateful(Previous),
+    "lowpass": Stateful(Lowpass, 2),
+}
+
+RESERVED = frozenset([*CONSTANTS, ELAPSED, *FUNCTIONS, *STATEFUL, "require"])
+
+
+def namespace() -> Dict[str, Callable[..., float]]:
+    """The functions without memory by name, for compiled code."""
+    return {name: function.call for name, function in FUNCTIONS.items()}

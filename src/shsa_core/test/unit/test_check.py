@@ -1,0 +1,240 @@
+"""`shsa check`: every kind of finding, with file, line and what to do."""
+import json
+import pathlib
+from typing import Any, Callable, List, Optional, Tuple
+
+import pytest
+
+from shsa_core.check import Finding, check_files
+from shsa_core.cli.main import main
+
+ROOT = pathlib.Path(__file__).resolve().parents[4]
+
+Check = Callable[..., List[Finding]]
+
+ONTOLOGY = """\
+properties:
+  i: {unit: A}
+  u: {unit: V}
+  p: {unit: W}
+  v: {unit: m/s}
+  lonely: {unit: m}
+constants:
+  k: {value: 2, unit: V}
+relations:
+  ohm:
+    p: u*i
+    i: p/u
+    u: p/i
+"""
+SOM = """\
+i:
+  - {topic: /i, field: data, type: std_msgs/Float64, node: /amps, period: 0.1, range: [-5, 60], needed: true}
+u:
+  - {topic: /u, field: data, type: std_msgs/Float64, node: /volts, period: 0.1, range: [9, 14]}
+p:
+  - {topic: /p, field: data, type: std_msgs/Float64, node: /watts, period: 0.1}
+v:
+  - {topic: /v, field: data, type: std_msgs/Float64, node: /wheels, period: 0.1, needed: true}
+"""
+
+
+@pytest.fixture
+def check(tmp_path: pathlib.Path) -> Check:
+    def run(ontology: str, som: Optional[str] = None) -> List[Finding]:
+        (tmp_path / "o.yaml").write_text(ontology)
+        if som is None:
+            return check_files(str(tmp_path / "o.yaml"))
+        (tmp_path / "s.yaml").write_text(som)
+        return check_files(str(tmp_path / "o.yaml"), str(tmp_path / "s.yaml"))
+
+    return run
+
+
+def brief(findings: List[Finding]) -> List[Tuple[str, str, str]]:
+    return [(f.level, pathlib.Path(f.where).name, f.what) for f in findings]
+
+
+def test_the_models_that_come_with_it_are_valid() -> None:
+    ontology, som = str(ROOT / "ontology/rover.yaml"), str(ROOT / "ontology/rover_som.yaml")
+    assert [str(f) for f in check_files(ontology, som) if f.level == "error"] == []
+    assert [str(f) for f in check_files(str(ROOT / "ontology/paper.yaml"))] == []
+
+
+def test_a_good_ontology_alone(check: Check) -> None:
+    assert check(ONTOLOGY) == []
+
+
+def test_findings_of_a_model(check: Check, tmp_path: pathlib.Path) -> None:
+    findings = check(ONTOLOGY, SOM)
+    assert brief(findings) == [
+        (
+            "warning",
+            "o.yaml:6",
+            "lonely cannot be reached: no service provides it, "
+            "and no relation yields it from what services provide",
+        ),
+        (
+            "warning",
+            "o.yaml:13",
+            "ohm for u: i can be 0 (from -5 to 60), and is divided by; there is no output then",
+        ),
+        (
+            "warning",
+            "s.yaml:8",
+            "/v is needed, but if /wheels fails there is no substitute for v: "
+            "missing any relation that yields it",
+        ),
+    ]
+    assert [f.todo for f in findings] == [
+        "Add a service or a relation, or remove the property",
+        "If that is too often, add a constraint, or narrow the ranges in the SOM",
+        "Add a relation or a service that yields what is missing",
+    ]
+    assert str(findings[0]).startswith(f"{tmp_path}/o.yaml:6: warning: lonely cannot be reached")
+    assert str(findings[0]).endswith(". Add a service or a relation, or remove the property.")
+    assert str(Finding("error", "f:1", "what")) == "f:1: error: what"
+
+
+def test_what_stands_in_the_way_of_a_substitute_is_named(check: Check) -> None:
+    som = "\n".join(SOM.splitlines()[:2]) + "\n"
+    what = [f.what for f in check(ONTOLOGY, som) if "is needed" in f.what]
+    assert what[0].startswith(
+        "/i is needed, but if /amps fails there is no substitute for i: missing"
+    )
+
+
+def test_everything_that_is_published_by_the_failed_node_is_lost_with_it(check: Check) -> None:
+    som = SOM.replace("/volts", "/amps")
+    assert any("/i is needed, but if /amps fails" in f.what for f in check(ONTOLOGY, som))
+
+
+def test_errors_of_units(check: Check) -> None:
+    findings = check(
+        ONTOLOGY + "  wrong:\n    i: u + k\n    v: 2*p\n    p: {function: u*i, constraint: u > i}\n"
+    )
+    assert brief(findings) == [
+        ("error", "o.yaml:15", "units of wrong for i: the function gives V, its property is in A"),
+        ("error", "o.yaml:17", "units of wrong for p: V is compared with A"),
+        (
+            "warning",
+            "o.yaml:16",
+            "units of wrong for v: the function gives W, its property is in m*s^-1",
+        ),
+    ]
+    assert findings[0].todo == "Correct the function or the units"
+    assert "give the number that carries a unit a name in 'constants'" in findings[2].todo
+
+
+def test_units_that_are_none(check: Check) -> None:
+    findings = check(
+        "properties:\n  a: {unit: foo}\n  b: {unit: m**9**9}\nconstants:\n  k: {value: 1, unit: x9}\nrelations:\n  r:\n    a: b*k\n"
+    )
+    assert [(f.level, f.where.rsplit(":")[-1]) for f in findings] == [
+        ("error", "2"),
+        ("error", "3"),
+        ("error", "5"),
+    ]
+    assert findings[0].what.startswith("a: there is no unit 'foo'")
+
+
+def test_functions_that_cannot_be_executed(check: Check) -> None:
+    findings = check(ONTOLOGY + '  rdl:\n    i: {not_executable: "min(laser)", inputs: [u]}\n', SOM)
+    assert (
+        "warning",
+        "o.yaml:15",
+        "rdl for i cannot be executed: 'min(laser)'",
+    ) in brief(findings)
+
+
+def test_what_a_constant_makes_impossible(check: Check) -> None:
+    findings = check(
+        "properties: {a: , b: }\nconstants: {k: {value: 500}}\nrelations:\n  r:\n    a: b**(k + 0)\n"
+    )
+    assert [f.where.rsplit(":")[-1] for f in findings] == ["5"]
+    assert "no code for the relations r" in findings[0].what and findings[0].level == "error"
+
+
+def test_constraints_prevent_divisions_by_zero(check: Check) -> None:
+    text = ONTOLOGY.replace("u: p/i", "u: {function: p/i, constraint: i > 1}")
+    assert not any("divided by" in f.what for f in check(text, SOM))
+
+
+def test_services_of_properties_that_are_not_there(check: Check) -> None:
+    som = (
+        SOM.replace("v:\n", "w:\n", 1)
+        + "k:\n  - {topic: /k, field: data, type: a/B, node: /k, period: 1}\n"
+    )
+    findings = [f for f in check(ONTOLOGY, som) if f.level == "error"]
+    assert brief(findings) == [
+        ("error", "s.yaml:8", "/v/data provides 'w', which is not in the ontology"),
+        ("error", "s.yaml:10", "/k/data provides 'k', which is a constant in the ontology"),
+    ]
+
+
+def test_ranges_of_all_services_count(check: Check) -> None:
+    second = "  - {topic: /u2, field: data, type: std_msgs/Float64, node: /v2, period: 1%s}\n"
+    lines = SOM.splitlines(keepends=True)
+
+    def divisions(extra: str) -> List[str]:
+        text = "".join(lines[:4] + [second % extra] + lines[4:])
+        return [f.what for f in check(ONTOLOGY, text) if "ohm for i" in f.what]
+
+    assert divisions(", range: [8, 9]") == []
+    assert "u can be 0 (from -1 to 14)" in divisions(", range: [-1, 9]")[0]
+    assert divisions("") == []
+
+
+def test_a_relation_without_inputs_reaches_its_output(check: Check) -> None:
+    findings = check(ONTOLOGY + "  fixed:\n    lonely: 5\n", SOM)
+    assert not any("reached" in f.what for f in findings)
+
+
+def test_a_cycle_reaches_nothing(check: Check) -> None:
+    text = "properties: {a: , b: , c: }\nrelations:\n  r: {a: b, b: a}\n"
+    som = "c:\n  - {topic: /c, field: data, type: a/B, node: /c, period: 1}\n"
+    assert [f.what.split()[0] for f in check(text, som)] == ["a", "b"]
+
+
+def test_errors_of_reading_come_with_the_rest(check: Check) -> None:
+    text = ONTOLOGY + "  r:\n    v: sine(i)\n    i: u\n"
+    findings = check(text, SOM + "x: 5\n")
+    assert [(f.level, pathlib.Path(f.where).name) for f in findings[:3]] == [
+        ("error", "o.yaml:15"),
+        ("error", "o.yaml:16"),
+        ("error", "s.yaml:9"),
+    ]
+    assert any(f.level == "warning" for f in findings)
+
+
+def test_files_that_cannot_be_read(check: Check, tmp_path: pathlib.Path) -> None:
+    assert brief(check("- a"))[0][:2] == ("error", "o.yaml:1")
+    assert brief(check(ONTOLOGY, "- a"))[0][:2] == ("error", "s.yaml:1")
+    nowhere = str(tmp_path / "nowhere.yaml")
+    assert check_files(nowhere)[0].what == "cannot be read: No such file or directory"
+    assert check_files(nowhere)[0].where == nowhere
+
+
+def test_the_command_line(tmp_path: pathlib.Path, capsys: Any) -> None:
+    good, bad, som = tmp_path / "o.yaml", tmp_path / "bad.yaml", tmp_path / "s.yaml"
+    good.write_text(ONTOLOGY)
+    bad.write_text(ONTOLOGY + "  r:\n    v: sine(i)\n")
+    som.write_text(SOM)
+    assert main(["check", str(good)]) == 0
+    assert capsys.readouterr().out == "valid: 0 errors, 0 warnings\n"
+    assert main(["check", str(good), "--som", str(som)]) == 0
+    assert capsys.readouterr().out.endswith("\nvalid: 0 errors, 3 warnings\n")
+    assert main(["check", str(bad)]) == 1
+    printed = capsys.readouterr().out
+    assert f"{bad}:15: error: r for v: there is no function 'sine'" in printed
+    assert printed.endswith("\nnot valid: 1 errors, 0 warnings\n")
+    assert main(["check", str(bad), "--json"]) == 1
+    report = json.loads(capsys.readouterr().out)
+    assert report["valid"] is False
+    assert report["findings"][0]["where"] == f"{bad}:15"
+    assert set(report["findings"][0]) == {"level", "where", "what", "todo"}
+    assert main(["check", str(good), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"valid": True, "findings": []}
+    with pytest.raises(SystemExit) as caught:
+        main(["check"])
+    assert caught.value.code == 2

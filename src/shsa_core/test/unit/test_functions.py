@@ -1,0 +1,273 @@
+"""The functions with memory: right under jitter, after a gap, at the first sample."""
+import math
+from typing import Any, Callable, List, Tuple
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shsa_core.functions import (
+    FUNCTIONS,
+    MAX_GAP,
+    STATEFUL,
+    Derivative,
+    Elapsed,
+    Integral,
+    Lowpass,
+    Memory,
+    Previous,
+    ceil,
+    floor,
+    namespace,
+    power,
+    sign,
+)
+
+ALL = [Elapsed, Previous, Derivative, Integral]
+NAN = math.nan
+
+# Periods with jitter: the time between two samples, always within the gap that is allowed.
+jitter = st.lists(st.floats(min_value=1e-3, max_value=0.5), min_size=2, max_size=40)
+starts = st.floats(min_value=-1e3, max_value=1e6)
+values = st.floats(min_value=-1e3, max_value=1e3)
+exhaustive = settings(derandomize=True, max_examples=300, deadline=None)
+
+
+def times(start: float, steps: List[float]) -> List[float]:
+    result = [start]
+    for step in steps:
+        result.append(result[-1] + step)
+    return result
+
+
+def run(memory: Memory, signal: Callable[[float], float], moments: List[float]) -> List[float]:
+    return [memory(signal(t), t) for t in moments]
+
+
+@pytest.mark.parametrize("value, result", [(-3.5, -1.0), (0.0, 0.0), (-0.0, 0.0), (2.0, 1.0)])
+def test_sign(value: Any, result: Any) -> None:
+    assert sign(value) == result and isinstance(sign(value), float)
+
+
+def test_rounding_gives_floats_however_large() -> None:
+    assert floor(-1.5) == -2.0 and ceil(-1.5) == -1.0
+    assert floor(1.5) == 1.0 and ceil(1.5) == 2.0
+    assert isinstance(floor(1e300), float) and isinstance(ceil(1e300), float)
+
+
+def test_power_stays_within_real_numbers() -> None:
+    assert power(2.0, 0.5) == math.sqrt(2.0)
+    with pytest.raises(ValueError):
+        power(-8.0, 1.0 / 3.0)
+    with pytest.raises(OverflowError):
+        power(1e200, 2.0)
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+def test_each_function_gives_a_float(name: str) -> None:
+    function = FUNCTIONS[name]
+    result = function.call(*([0.5] * function.least))
+    assert isinstance(result, float)
+    assert namespace()[name] is function.call
+
+
+def test_values_of_the_mathematics() -> None:
+    result = {name: f.call(*[0.25, 2.0][: f.least]) for name, f in FUNCTIONS.items()}
+    assert result == {
+        "abs": 0.25,
+        "sign": 1.0,
+        "min": 0.25,
+        "max": 2.0,
+        "floor": 0.0,
+        "ceil": 1.0,
+        "sqrt": 0.5,
+        "exp": math.exp(0.25),
+        "log": math.log(0.25),
+        "log10": math.log10(0.25),
+        "sin": math.sin(0.25),
+        "cos": math.cos(0.25),
+        "tan": math.tan(0.25),
+        "asin": math.asin(0.25),
+        "acos": math.acos(0.25),
+        "atan": math.atan(0.25),
+        "atan2": math.atan2(0.25, 2.0),
+        "hypot": math.hypot(0.25, 2.0),
+    }
+
+
+@pytest.mark.parametrize("make", [Elapsed, Previous, Derivative])
+def test_there_is_no_value_at_the_first_sample(make: Callable[..., Memory]) -> None:
+    memory = make()
+    assert math.isnan(memory(1.0, 100.0))
+    assert math.isfinite(memory(1.0, 100.1))
+
+
+def test_integral_and_lowpass_begin_at_the_first_sample() -> None:
+    assert Integral()(5.0, 100.0) == 0.0
+    assert Lowpass()(5.0, 2.0, 100.0) == 5.0
+
+
+@exhaustive
+@given(values, values, starts, jitter)
+def test_derivative_of_a_ramp_is_its_slope_under_jitter(
+    offset: float, slope: float, start: float, steps: List[float]
+) -> None:
+    moments = times(start, steps)
+    results = run(Derivative(), lambda t: offset + slope * (t - start), moments)[1:]
+    for result, step in zip(results, steps):
+        assert result == pytest.approx(slope, abs=1e-6 * (1 + abs(offset) + abs(slope)) / step)
+
+
+@exhaustive
+@given(values, values, starts, jitter)
+def test_integral_of_a_ramp_is_exact_under_jitter(
+    offset: float, slope: float, start: float, steps: List[float]
+) -> None:
+    moments = times(start, steps)
+    results = run(Integral(), lambda t: offset + slope * (t - start), moments)
+    for moment, result in zip(moments, results):
+        length = moment - start
+        area = offset * length + 0.5 * slope * length**2
+        assert result == pytest.approx(area, rel=1e-6, abs=1e-4)
+
+
+@exhaustive
+@given(values, values, st.floats(min_value=0.01, max_value=10.0), starts, jitter)
+def test_lowpass_follows_a_step_exactly_under_jitter(
+    before: float, after: float, tau: float, start: float, steps: List[float]
+) -> None:
+    memory = Lowpass()
+    moments = times(start, steps)
+    memory(before, tau, moments[0])
+    for moment in moments[1:]:
+        result = memory(after, tau, moment)
+        exact = after + (before - after) * math.exp(-(moment - start) / tau)
+        assert result == pytest.approx(exact, rel=1e-6, abs=1e-6)
+
+
+@exhaustive
+@given(st.lists(st.tuples(values, st.floats(min_value=1e-3, max_value=0.5)), min_size=2))
+def test_previous_and_dt_tell_the_sample_before(samples: List[Tuple[float, float]]) -> None:
+    previous, elapsed = Previous(), Elapsed()
+    now, last_value, last_time = 50.0, None, None
+    for value, step in samples:
+        if last_value is not None:
+            assert previous(value, now) == last_value
+            assert elapsed(0.0, now) == now - last_time
+        else:
+            assert math.isnan(previous(value, now)) and math.isnan(elapsed(0.0, now))
+        last_value, last_time = value, now
+        now += step
+
+
+@exhaustive
+@given(values, st.integers(min_value=2, max_value=40))
+def test_integral_does_not_depend_on_how_often_it_is_sampled(value: float, parts: int) -> None:
+    whole, divided = Integral(), Integral()
+    whole(value, 0.0)
+    divided(value, 0.0)
+    for i in range(1, parts + 1):
+        result = divided(value, i / parts)
+    assert result == pytest.approx(whole(value, 1.0), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("make", [Elapsed, Previous, Derivative])
+def test_after_a_gap_it_starts_anew(make: Callable[..., Memory]) -> None:
+    memory = make(max_gap=0.5)
+    memory(1.0, 0.0)
+    assert math.isfinite(memory(2.0, 0.5))
+    assert math.isnan(memory(3.0, 1.0001))
+    assert math.isfinite(memory(4.0, 1.1))
+
+
+def test_what_happened_in_a_gap_is_not_added_to_the_integral() -> None:
+    integral = Integral(max_gap=0.5)
+    integral(2.0, 0.0)
+    assert integral(2.0, 0.5) == 1.0
+    assert integral(1000.0, 10.0) == 1.0
+    assert integral(1000.0, 10.5) == 501.0
+
+
+def test_lowpass_starts_at_the_sample_after_a_gap() -> None:
+    lowpass = Lowpass(max_gap=0.5)
+    lowpass(0.0, 1.0, 0.0)
+    assert 0.0 < lowpass(1.0, 1.0, 0.5) < 0.5
+    assert lowpass(7.0, 1.0, 1.1) == 7.0
+
+
+def test_the_gap_is_one_second_unless_told_otherwise() -> None:
+    assert MAX_GAP == 1.0
+    previous = Previous()
+    previous(1.0, 0.0)
+    assert previous(2.0, 1.0) == 1.0
+    assert math.isnan(previous(3.0, 2.001))
+
+
+@pytest.mark.parametrize("make", ALL)
+def test_when_time_runs_backwards_it_starts_anew(make: Callable[..., Memory]) -> None:
+    memory, fresh = make(), make()
+    memory(1.0, 10.0)
+    memory(2.0, 10.1)
+    before = memory(3.0, 9.0)
+    if make is Integral:
+        assert before == pytest.approx(0.15)
+        assert memory(3.0, 9.1) == pytest.approx(0.45)
+    else:
+        assert math.isnan(before)
+        fresh(3.0, 9.0)
+        assert memory(4.0, 9.2) == fresh(4.0, 9.2)
+
+
+@pytest.mark.parametrize("make", ALL)
+def test_the_same_sample_again_changes_nothing(make: Callable[..., Memory]) -> None:
+    memory, once = make(), make()
+    for now in (0.0, 0.1, 0.3):
+        first = memory(now * 7, now)
+        again = memory(99.0, now)
+        expected = once(now * 7, now)
+        for result in (first, again):
+            assert result == expected or math.isnan(result) and math.isnan(expected)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("make", ALL)
+def test_a_sample_that_is_not_finite_is_no_sample(make: Callable[..., Memory], bad: Any) -> None:
+    memory, without = make(), make()
+    memory(1.0, 0.0)
+    without(1.0, 0.0)
+    assert math.isnan(memory(bad, 0.1))
+    assert memory(3.0, 0.2) == without(3.0, 0.2)
+
+
+def test_lowpass_needs_a_positive_time_constant() -> None:
+    lowpass = Lowpass()
+    for tau in (0.0, -1.0, NAN):
+        assert math.isnan(lowpass(1.0, tau, 0.0))
+    assert lowpass(1.0, 0.1, 0.0) == 1.0
+    assert math.isnan(lowpass(2.0, 0.0, 0.1))
+    assert lowpass(2.0, 0.1, 0.2) == pytest.approx(2.0 - math.exp(-2.0))
+
+
+@pytest.mark.parametrize("make", ALL)
+def test_reset_forgets_everything(make: Callable[..., Memory]) -> None:
+    memory, fresh = make(), make()
+    for now in (0.0, 0.1, 0.2):
+        memory(now, now)
+    memory.reset()
+    for now in (0.3, 0.4):
+        result, expected = memory(now, now), fresh(now, now)
+        assert result == expected or math.isnan(result) and math.isnan(expected)
+
+
+def test_the_list_cannot_be_changed() -> None:
+    with pytest.raises(AttributeError):
+        setattr(FUNCTIONS["abs"], "most", 2)
+    with pytest.raises(AttributeError):
+        setattr(STATEFUL["previous"], "arguments", 2)
+
+
+def test_a_memory_must_say_what_comes_next() -> None:
+    memory = Memory()
+    assert math.isnan(memory(1.0, 0.0))
+    with pytest.raises(NotImplementedError):
+        memory(1.0, 0.1)

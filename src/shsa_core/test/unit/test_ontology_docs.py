@@ -1,0 +1,71 @@
+"""docs/ontology.md says what is true: its examples are run."""
+import pathlib
+import re
+from typing import Any
+
+import pytest
+
+from shsa_core.check import check_files
+from shsa_core.codegen import generate
+from shsa_core.errors import NoSubstitute
+from shsa_core.functions import FUNCTIONS, STATEFUL
+from shsa_core.ontology import Ontology
+from shsa_core.ontology_file import read_ontology
+from shsa_core.program import compile_program
+from shsa_core.search import find_substitute, iter_substitutes
+from shsa_core.som import Service, read_som
+
+TEXT = (pathlib.Path(__file__).resolve().parents[4] / "docs" / "ontology.md").read_text("utf-8")
+BLOCKS = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
+
+
+@pytest.fixture
+def ontology(tmp_path: pathlib.Path) -> Ontology:
+    (tmp_path / "o.yaml").write_text(BLOCKS[0])
+    return read_ontology(str(tmp_path / "o.yaml"))
+
+
+def service(name: str, topic: str, quality: float) -> Service:
+    return Service(
+        name, topic, "data", "std_msgs/Float64", "/node_of" + topic, 0.02, quality=quality
+    )
+
+
+RUNNING = [
+    service("battery_voltage", "/battery_voltage", 0.96),
+    service("battery_power", "/power", 0.9),
+    service("linear_velocity", "/odom", 0.99),
+    service("linear_acceleration", "/drivetrain/accel", 0.96),
+]
+
+
+def test_the_files_of_the_examples_are_valid(tmp_path: pathlib.Path) -> None:
+    (tmp_path / "o.yaml").write_text(BLOCKS[0])
+    (tmp_path / "s.yaml").write_text(BLOCKS[1])
+    findings = check_files(str(tmp_path / "o.yaml"), str(tmp_path / "s.yaml"))
+    assert [f for f in findings if f.level == "error"] == []
+    assert len(read_som(str(tmp_path / "s.yaml")).services) == 2
+
+
+def test_every_function_is_described() -> None:
+    for name in [*FUNCTIONS, *STATEFUL]:
+        assert f"`{name}(" in TEXT
+
+
+def test_the_worked_example(ontology: Any) -> None:
+    found: Any = list(iter_substitutes(ontology, RUNNING, "battery_current"))
+    assert [s.derivation.function.relation for s in found] == ["power", "f1"]
+    assert [round(s.quality, 3) for s in found] == [0.864, 0.821]
+    program = generate([(found[0].derivation, "/battery_current/data")], ontology.constants)
+    assert program.code.replace("\n", "\n    ").strip() in TEXT
+    step = compile_program(program.code, 2, 1).step
+    assert step((148.8, 12.4), 0.0) == pytest.approx((12.0,))
+    assert step((148.8, 0.0), 0.0) is None
+
+    without = [s for s in RUNNING if s.property != "battery_power"]
+    left: Any = find_substitute(ontology, without, "battery_current")
+    assert left.derivation.function.relation == "f1"
+    without = [s for s in RUNNING if s.property not in ("battery_power", "battery_voltage")]
+    with pytest.raises(NoSubstitute) as caught:
+        find_substitute(ontology, without, "battery_current")
+    assert f"*{caught.value}*" in TEXT
