@@ -1,0 +1,103 @@
+"""Small and random ontologies for the tests of the search, and the rule for best, spelled out."""
+from fractions import Fraction
+from itertools import product
+from random import Random
+from typing import Iterator, List, Sequence, Tuple
+
+from hypothesis import strategies as st
+
+from shsa_core.expression import parse_expression
+from shsa_core.ontology import Ontology, Property, TransferFunction
+from shsa_core.search import Derivation
+from shsa_core.som import Service
+
+# 0.81 is 0.9 squared, and 0.45 is 0.9 times 0.5: products that tie only if they are compared exactly.
+QUALITIES = [1.0, 0.9, 0.81, 0.5, 0.25, 0.45]
+
+
+def service(
+    name: str, topic: str = "", node: str = "", quality: float = 1.0, needed: bool = False
+) -> Service:
+    """A service of the property `name`; its topic and node are called after it unless given."""
+    topic = topic or "/" + name
+    node = node or "/node_of" + topic.replace("/", "_")
+    return Service(name, topic, name, "std_msgs/Float64", node, 0.1, quality=quality, needed=needed)
+
+
+def law(relation: str, output: str, *inputs: str, quality: float = 1.0) -> TransferFunction:
+    """A function that adds up its inputs."""
+    text = " + ".join(inputs) or "1"
+    return TransferFunction(relation, output, inputs, parse_expression(text), quality, text=text)
+
+
+def ontology(*functions: TransferFunction) -> Ontology:
+    """The ontology of these functions."""
+    names = {name for f in functions for name in (f.output, *f.inputs)}
+    return Ontology({name: Property(name) for name in sorted(names)}, {}, functions)
+
+
+Rank = Tuple[Fraction, int, int, List[Tuple[str, str]]]
+
+
+def rank(derivation: Derivation) -> Rank:
+    """How good a derivation is, exactly: minus quality, relations, inputs, names; the least is the best."""
+    if derivation.service is not None:
+        own = derivation.service
+        return -Fraction(str(own.quality)), 0, 1, [(own.path, own.node)]
+    assert derivation.function is not None
+    quality = -Fraction(str(derivation.function.quality))
+    relations, inputs, names = 1, 0, [(derivation.function.relation, "")]
+    for part in map(rank, derivation.inputs):
+        quality *= -part[0]
+        relations += part[1]
+        inputs += part[2]
+        names += part[3]
+    return quality, relations, inputs, names
+
+
+def every_derivation(
+    model: Ontology, services: Sequence[Service], name: str, path: Tuple[str, ...] = ()
+) -> Iterator[Derivation]:
+    """Every derivation in which no property is derived from itself, by plain recursion."""
+    for own in dict.fromkeys(services):
+        if own.property == name:
+            yield Derivation(name, own, None)
+    for function in model.functions_for(name):
+        if not {*path, name}.intersection(function.inputs):
+            choices = [
+                list(every_derivation(model, services, i, (*path, name))) for i in function.inputs
+            ]
+            for inputs in product(*choices):
+                yield Derivation(name, None, function, inputs)
+
+
+def usable(services: Sequence[Service], excluded: Sequence[str]) -> List[Service]:
+    """The services on none of the excluded nodes and topics."""
+    return [s for s in services if s.node not in excluded and s.topic not in excluded]
+
+
+def random_model(seed: int) -> Tuple[Ontology, List[Service], List[str]]:
+    """A random ontology, its services, and which nodes and topics are excluded.
+
+    Its laws have one or more directions, some are constant, many lie on cycles. Properties have none, one or more
+    services, some of them on the same topic or node.
+    """
+    random = Random(seed)
+    names = "abcdef"[: random.randint(2, 6)]
+    functions = []
+    for number in range(random.randint(1, 7)):
+        used = random.sample(names, random.randint(1, min(3, len(names))))
+        quality = random.choice(QUALITIES)
+        for output in used[: random.randint(1, len(used))]:
+            inputs = [name for name in used if name != output]
+            functions.append(law("r%d" % number, output, *inputs, quality=quality))
+    services = []
+    for name in names:
+        for _ in range(random.choice([0, 1, 1, 2, 3])):
+            topic, node = random.choice(["/s", "/t", ""]), random.choice(["/m", "/n", ""])
+            services.append(service(name, topic, node, random.choice(QUALITIES)))
+    excluded = random.sample(["/m", "/s", "/a", "/b"], random.randint(0, 2))
+    return ontology(*functions), services, excluded
+
+
+models = st.builds(random_model, st.integers(0, 2**64))

@@ -1,0 +1,91 @@
+"""What the search touches: only what the target can be derived from, and of that only what may be better."""
+from typing import Any, List, Sequence
+
+from search_models import law, ontology, service
+
+from shsa_core.best import BestDerivations
+from shsa_core.derivation import LOST, UNRATED, ServiceTable
+from shsa_core.ontology import Ontology
+from shsa_core.som import Service
+
+
+def reached(robot: Ontology, services: Sequence[Service], **options: Any) -> List[str]:
+    """The properties that were rated in a search for `a`, each visited once."""
+    visits: List[int] = []
+    network = robot.network
+    best = BestDerivations(
+        network, ServiceTable(network, services), tick=lambda: visits.append(1), **options
+    )
+    best.settle(network.number("a"))
+    found = [name for n, name in enumerate(network.names) if best.ratings[n] != UNRATED]
+    assert best.cycles or len(visits) == len(found)
+    return found
+
+
+CHAIN = [law("ab", "a", "b", quality=0.9), law("bc", "b", "c", quality=0.9), law("xa", "x", "a")]
+
+
+def test_only_what_the_target_depends_on_is_touched() -> None:
+    assert reached(ontology(*CHAIN), [service("c")]) == ["a", "b", "c"]
+
+
+def test_nothing_is_followed_that_cannot_be_better_than_a_service() -> None:
+    assert reached(ontology(*CHAIN), [service("c"), service("b", quality=0.9)]) == ["a", "b"]
+    assert reached(ontology(*CHAIN), [service("c"), service("b", quality=0.89)]) == ["a", "b", "c"]
+    assert reached(ontology(*CHAIN), [service("a")]) == ["a"]
+    everything = reached(ontology(*CHAIN), [service("c"), service("a")], prune=False)
+    assert everything == ["a", "b", "c"]
+
+
+def test_functions_that_are_not_usable_are_not_followed() -> None:
+    robot = ontology(*CHAIN, law("ay", "a", "y"))
+    unusable = [f.relation for f in robot.network.functions].index("bc")
+    assert reached(robot, [service("c")], usable=lambda f: f != unusable) == ["a", "b", "y"]
+
+
+def test_a_cycle_is_settled_together_and_known() -> None:
+    robot = ontology(
+        law("ab", "a", "b"),
+        law("bc", "b", "c"),
+        law("ca", "c", "a"),
+        law("cd", "c", "d"),
+        law("de", "d", "e"),
+    )
+    network = robot.network
+    best = BestDerivations(network, ServiceTable(network, [service("e")]))
+    assert best.settle(network.number("a"))
+    names = {
+        network.names[n]: {network.names[m] for m in cycle} for n, cycle in best.cycles.items()
+    }
+    assert names == dict.fromkeys("abc", {"a", "b", "c"})
+    assert reached(robot, [service("e")]) == ["a", "b", "c", "d", "e"]
+
+
+def test_two_cycles_are_kept_apart() -> None:
+    robot = ontology(
+        law("ab", "a", "b"),
+        law("ba", "b", "a"),
+        law("bc", "b", "c"),
+        law("cd", "c", "d"),
+        law("dc", "d", "c"),
+    )
+    network = robot.network
+    best = BestDerivations(network, ServiceTable(network, []))
+    assert not best.settle(network.number("a"))
+    cycles = {frozenset(network.names[m] for m in cycle) for cycle in best.cycles.values()}
+    assert cycles == {frozenset("ab"), frozenset("cd")}
+    assert all(best.ratings[n] == LOST for n in range(4))
+
+
+def test_several_targets_share_what_they_depend_on() -> None:
+    visits: List[int] = []
+    robot = ontology(*CHAIN, law("yb", "y", "b"))
+    network = robot.network
+    best = BestDerivations(
+        network, ServiceTable(network, [service("c")]), tick=lambda: visits.append(1)
+    )
+    for name in ("a", "y", "a"):
+        assert best.settle(network.number(name))
+    assert len(visits) == 4
+    first, second = (best.ratings.derivation(network.number(name)) for name in "ay")
+    assert first.inputs[0] is second.inputs[0]
