@@ -1,0 +1,370 @@
+"""The reconfigurator's decisions: events in, commands out (Section IV-C of the paper)."""
+from dataclasses import replace
+from typing import Collection, Dict, List, Optional, Set, Tuple
+
+from shsa_core.codegen import Program
+from shsa_core.errors import ShsaError
+from shsa_core.events import (
+    AssignSubstitute,
+    Command,
+    Event,
+    FailureSeen,
+    HealthSeen,
+    KillNode,
+    NodeKilled,
+    ProcessExited,
+    PublisherHealth,
+    Say,
+    ServiceState,
+    ShowIncident,
+    ShowSom,
+    ShowSubstitutions,
+    SomChanged,
+    StartSubstitute,
+    SubstituteRequested,
+    SubstituteStarted,
+    Substitution,
+    Tick,
+)
+from shsa_core.healing import Healing
+from shsa_core.ontology import Ontology
+from shsa_core.plans import PlanTable, TopicPlan, plan_topic
+from shsa_core.som import Service, Som
+from shsa_core.world import Settings
+
+REQUESTED = "requested"
+SUBSTITUTE_PREFIX = "/substitute_"
+REFILL_DELAY = 1.0  # s
+
+
+class Reconfigurator:
+    """Heals every needed topic of a SOM.
+
+    Args:
+        ontology: the relations to search.
+        som: the services; may change later by SomChanged.
+        settings: times and limits.
+        first_substitute: the number of the first substitute's name; names are never used twice.
+    """
+
+    def __init__(
+        self,
+        ontology: Ontology,
+        som: Som,
+        settings: Settings = Settings(),
+        first_substitute: int = 1,
+    ) -> None:
+        self.settings = settings
+        self._ontology = ontology
+        self._som = som
+        self._plans = PlanTable(ontology, som, settings.method)
+        self._health: Dict[Tuple[str, str], PublisherHealth] = {}
+        self._health_made = float("-inf")
+        self._healings: Dict[str, Healing] = {t: Healing(t, self) for t in som.topics()}
+        self._killing: Set[str] = set()
+        self._killed: Dict[str, float] = {}
+        self._substitutes: Set[str] = set()
+        self._incidents = 0
+        self._next_substitute = first_substitute
+        self._idle: List[str] = []
+        self._listened: Set[str] = set()
+        self._refill_at = self._now = float("-inf")
+        self._shown_table: Optional[Tuple[Substitution, ...]] = None
+        self._shown_som: Optional[ShowSom] = None
+
+    def handle(self, event: Event) -> List[Command]:
+        """What is to be done about `event`."""
+        self._now = event.time
+        commands = self._dispatch(event)
+        commands += self._refill(event.time)
+        self._plans.update(self.available())
+        working = tuple(h.substitution for h in self._healings.values() if h.substitution)
+        table = (*working, *self._listeners())
+        if table != self._shown_table:
+            self._shown_table = table
+            # First: it decides who speaks.
+            commands.insert(0, ShowSubstitutions(table))
+        som = ShowSom(self._som, tuple(self._service_states()))
+        if som != self._shown_som:
+            self._shown_som = som
+            commands.append(som)
+        return commands
+
+    @property
+    def plans_ahead(self) -> bool:
+        """Whether there are plans to make before they are needed."""
+        return bool(self._plans.stale)
+
+    def prepare(self) -> None:
+        """Make one plan ahead, while there is nothing else to do."""
+        self._plans.step()
+
+    @property
+    def deadline(self) -> Optional[float]:
+        """When a Tick is due, in s; None: none is."""
+        due = [h.deadline for h in self._healings.values() if h.deadline is not None]
+        if self._idle_wanted():
+            due.append(self._refill_at)
+        return min(due, default=None)
+
+    @property
+    def substitutes(self) -> Tuple[str, ...]:
+        """The node names of the substitutes that run now."""
+        return (*(h.node for h in self._healings.values() if h.node), *self._idle)
+
+    def needed(self) -> Tuple[str, ...]:
+        """The topics that are healed when they fail."""
+        return tuple(dict.fromkeys(s.topic for s in self._som if s.needed))
+
+    def available(self) -> Tuple[Service, ...]:
+        """The services that are published by a healthy original, with the node that does."""
+        states = self._service_states()
+        return tuple(
+            replace(service, node=state.node)
+            for service, state in zip(self._som, states)
+            if state.available
+        )
+
+    def explain(self, topic: str, without: Collection[str] = (), method: str = "") -> TopicPlan:
+        """What would be done if the node that publishes `topic` failed. Acts on nothing.
+
+        Raises NoSubstitute.
+        """
+        excluded = {*self._excluded(), *without}
+        excluded.update(row.publisher for row in self.originals(topic))
+        excluded.add(self.provider(topic))
+        excluded.discard("")
+        return plan_topic(
+            self._ontology,
+            self._som,
+            self.available(),
+            topic,
+            excluded=excluded,
+            method=method or self.settings.method,
+        )
+
+    def _dispatch(self, event: Event) -> List[Command]:
+        if isinstance(event, FailureSeen):
+            return self._failed(event)
+        if isinstance(event, HealthSeen):
+            return self._health_seen(event)
+        if isinstance(event, SomChanged):
+            return self._som_changed(event)
+        if isinstance(event, NodeKilled):
+            return self._node_killed(event)
+        if isinstance(event, SubstituteRequested):
+            return self._requested(event)
+        if isinstance(event, ProcessExited) and event.node in self._idle:
+            self._idle.remove(event.node)
+            self._refill_at = event.time + self.settings.retry
+            return [Say("warn", f"An idle substitute's process died ({event.detail}).")]
+        commands: List[Command] = []
+        for healing in list(self._healings.values()):
+            if isinstance(event, SubstituteStarted):
+                commands += healing.started(event)
+            elif isinstance(event, ProcessExited):
+                commands += healing.exited(event.time, event.node, event.detail)
+            elif isinstance(event, Tick):
+                commands += healing.tick(event.time)
+        return commands
+
+    def _failed(self, event: FailureSeen) -> List[Command]:
+        healing = self._healings.get(event.topic)
+        if healing is None or self._is_old_substitute(event.publisher, healing):
+            return []
+        if event.topic not in self.needed():
+            return [Say("warn", f"{event.topic} failed: {event.detail}. Nobody needs it.")]
+        key = (event.topic, event.publisher)
+        row = self._health.get(key)
+        if row is None or row.since < event.time:
+            self._health[key] = PublisherHealth(
+                event.topic, event.publisher, "failed", event.time, last_good=event.last_good
+            )
+        return healing.failed(event)
+
+    def _ready_plan(self, topic: str) -> Optional[TopicPlan]:
+        try:
+            return self._plans.lookup(topic)
+        except ShsaError:
+            return None
+
+    def _idle_wanted(self) -> bool:
+        """Whether the pool of idle processes, shared by the warm topics, wants one more."""
+        warm = any(s.needed and s.standby == "warm" for s in self._som)
+        return warm and len(self._idle) < self.settings.pool
+
+    def _listeners(self) -> List[Substitution]:
+        """The rows of the idle processes: they listen to what the plans of the warm topics read."""
+        if not self._plans.stale:  # else the plans are not known for a moment
+            topics = dict.fromkeys(s.topic for s in self._som if s.needed and s.standby == "warm")
+            plans = [self._ready_plan(topic) for topic in topics]
+            self._listened = {path for plan in plans if plan for path in plan.program.inputs}
+        listening = Program(tuple(sorted(self._listened)), "", ())
+        return [Substitution(node, "", listening, (), 0.0, False) for node in self._idle]
+
+    def _refill(self, time: float) -> List[Command]:
+        commands: List[Command] = []
+        while time >= self._refill_at and self._idle_wanted():
+            name = self._new_name("standby")
+            self._idle.append(name)
+            commands.append(StartSubstitute(name, None))
+        return commands
+
+    def _is_old_substitute(self, publisher: str, healing: Healing) -> bool:
+        return publisher in self._substitutes and publisher != healing.node
+
+    def _health_seen(self, event: HealthSeen) -> List[Command]:
+        if event.made < self._health_made:
+            return []
+        self._health_made = event.made
+        self._health = {(row.topic, row.publisher): row for row in event.publishers}
+        for row in event.publishers:
+            if row.state == "healthy" and row.since > self._killed.get(row.publisher, row.since):
+                del self._killed[row.publisher]
+        commands: List[Command] = []
+        for row in event.publishers:
+            commands += self._missed_failure(event.time, row)
+        return commands + self._world_changed(event.time)
+
+    def _missed_failure(self, time: float, row: PublisherHealth) -> List[Command]:
+        """The table tells of a failure whose trigger was never heard, as when we start late."""
+        healing = self._healings.get(row.topic)
+        if healing is None or healing.open or row.state != "failed":
+            return []
+        if row.topic not in self.needed() or row.publisher in self._excluded():
+            return []
+        if any(other.state == "healthy" for other in self.originals(row.topic)):
+            return []
+        return self._failed(
+            FailureSeen(time, row.topic, row.publisher, row.kind, row.detail, row.last_good)
+        )
+
+    def _som_changed(self, event: SomChanged) -> List[Command]:
+        self._som = event.som
+        self._plans = PlanTable(self._ontology, event.som, self.settings.method)
+        commands: List[Command] = []
+        for topic in set(self._healings) - set(event.som.topics()):
+            commands += self._healings.pop(topic).close(
+                event.time, f"{topic} is no longer in the SOM."
+            )
+        for topic in event.som.topics():
+            self._healings.setdefault(topic, Healing(topic, self))
+        return commands + self._world_changed(event.time)
+
+    def _node_killed(self, event: NodeKilled) -> List[Command]:
+        self._killing.discard(event.node)
+        self._killed[event.node] = event.time
+        commands: List[Command] = []
+        for healing in self._healings.values():
+            commands += healing.killed(event)
+        return commands
+
+    def _requested(self, event: SubstituteRequested) -> List[Command]:
+        healing = self._healings.get(event.topic)
+        if healing is not None and healing.incident is not None:
+            return [ShowIncident(healing.incident)]
+        healthy = [row for row in self.originals(event.topic) if row.state == "healthy"]
+        node = healthy[0].publisher if healthy else self.provider(event.topic)
+        last_good = healthy[0].last_good if healthy else None
+        detail = "somebody asked for a substitute"
+        return self._failed(
+            FailureSeen(event.time, event.topic, node, REQUESTED, detail, last_good)
+        )
+
+    def _world_changed(self, time: float) -> List[Command]:
+        self._plans.update(self.available())
+        commands: List[Command] = []
+        for healing in self._healings.values():
+            commands += healing.world_changed(time)
+        return commands
+
+    def _excluded(self) -> Set[str]:
+        return self._killing | set(self._killed)
+
+    def _service_states(self) -> List[ServiceState]:
+        excluded = self._excluded()
+        return [
+            self._service_state(index, service, excluded) for index, service in enumerate(self._som)
+        ]
+
+    def _service_state(self, index: int, service: Service, excluded: Set[str]) -> ServiceState:
+        rows = [r for r in self.originals(service.topic) if r.publisher not in excluded]
+        healthy = [row for row in rows if row.state == "healthy"]
+        if self._healings[service.topic].open:
+            return ServiceState(index, service.node, False, "failed")
+        if healthy:
+            return ServiceState(index, healthy[0].publisher, True, "")
+        detail = next((row.detail for row in rows if row.detail), "not published")
+        return ServiceState(index, service.node, False, detail)
+
+    def plan(self, topic: str, tried: Collection[TopicPlan]) -> TopicPlan:
+        available = self.available()
+        excluded = self._excluded()
+        ready = self._plans.lookup(topic, frozenset(available), excluded)
+        if ready is not None and ready not in tried:
+            return ready
+        return plan_topic(
+            self._ontology,
+            self._som,
+            available,
+            topic,
+            excluded=excluded,
+            method=self.settings.method,
+            tried=tried,
+        )
+
+    def usable(self, plan: TopicPlan) -> bool:
+        return {s.path for s in plan.services} <= {s.path for s in self.available()}
+
+    def originals(self, topic: str) -> Tuple[PublisherHealth, ...]:
+        return tuple(
+            row
+            for row in self._health.values()
+            if row.topic == topic and row.publisher and row.publisher not in self._substitutes
+        )
+
+    def publisher(self, topic: str, node: str) -> Optional[PublisherHealth]:
+        return self._health.get((topic, node))
+
+    def provider(self, topic: str) -> str:
+        services = self._som.of_topic(topic)
+        return services[0].node if services else ""
+
+    def properties(self, topic: str) -> Tuple[str, ...]:
+        return tuple(s.property for s in self._som.of_topic(topic))
+
+    def kill(self, node: str, urgent: bool) -> List[Command]:
+        if not node or node in self._killing:
+            return []
+        self._killing.add(node)
+        return [KillNode(node, urgent)]
+
+    def dying(self, node: str) -> bool:
+        return node in self._killing
+
+    def new_incident(self) -> int:
+        self._incidents += 1
+        return self._incidents
+
+    def hot(self, topic: str) -> bool:
+        return any(s.needed and s.standby == "hot" for s in self._som.of_topic(topic))
+
+    def plan_ahead(self, topic: str) -> TopicPlan:
+        return self._plans.lookup(topic, frozenset(self.available())) or self.explain(topic)
+
+    def process(self, topic: str, program: Program) -> Tuple[str, Command]:
+        warm = any(s.needed and s.standby == "warm" for s in self._som.of_topic(topic))
+        if warm and self._idle:
+            # The next idle process is not started beside the takeover: it would take its processor time.
+            self._refill_at = self._now + REFILL_DELAY
+            node = self._idle.pop(0)
+            return node, AssignSubstitute(node)
+        node = self._new_name(topic.strip("/").replace("/", "_"))
+        return node, StartSubstitute(node, program)
+
+    def _new_name(self, of: str) -> str:
+        """A node name that was never used before."""
+        name = f"{SUBSTITUTE_PREFIX}{of}_{self._next_substitute}"
+        self._next_substitute += 1
+        self._substitutes.add(name)
+        return name

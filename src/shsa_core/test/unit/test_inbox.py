@@ -1,0 +1,62 @@
+"""The inbox: items come in order, and wake the reader; so do sockets."""
+import os
+import threading
+import time
+from typing import Any, List
+
+from shsa_core.ros.inbox import Inbox
+
+
+def waited(inbox: Inbox, timeout: float) -> float:
+    begin = time.monotonic()
+    inbox.wait(timeout)
+    return time.monotonic() - begin
+
+
+def test_items_come_in_order() -> None:
+    inbox = Inbox()
+    for item in range(3):
+        inbox.put(item)
+    assert (inbox.take(), inbox.take()) == ([0, 1, 2], [])
+
+
+def test_an_item_wakes_the_reader_until_it_has_looked() -> None:
+    inbox = Inbox()
+    threading.Timer(0.05, inbox.put, [1]).start()
+    assert waited(inbox, 10.0) < 5.0
+    assert inbox.ready() == set()
+    assert inbox.take() == [1]
+    assert waited(inbox, 0.02) >= 0.02
+
+
+def test_a_readable_descriptor_wakes_the_reader_until_it_is_closed() -> None:
+    inbox = Inbox()
+    reader, writer = os.pipe()
+    inbox.watch(reader)
+    assert waited(inbox, 0.02) >= 0.02
+    os.write(writer, b"?")
+    assert waited(inbox, 10.0) < 5.0
+    assert inbox.ready() == {reader}
+    os.close(reader)
+    assert waited(inbox, 0.02) >= 0.02
+    os.close(writer)
+
+
+def test_nothing_is_lost_between_threads() -> None:
+    inbox = Inbox()
+    count, names = 5000, ("a", "b", "c")
+
+    def work(name: str) -> None:
+        for number in range(count):
+            inbox.put((name, number))
+
+    threads = [threading.Thread(target=work, args=(name,)) for name in names]
+    for thread in threads:
+        thread.start()
+    got: List[Any] = []
+    while len(got) < count * len(names):
+        assert waited(inbox, 10.0) < 5.0
+        inbox.ready()
+        got.extend(inbox.take())
+    for name in names:
+        assert [number for who, number in got if who == name] == list(range(count))

@@ -1,0 +1,545 @@
+"""The reconfigurator's decisions: events in, commands out."""
+from typing import List, Optional, Sequence, Tuple, Type, TypeVar
+
+from shsa_core import events
+from shsa_core.codegen import Program
+from shsa_core.expression import parse_expression
+from shsa_core.incident import Incident, State
+from shsa_core.ontology import Ontology, Property, TransferFunction
+from shsa_core.reconfiguration import Reconfigurator
+from shsa_core.som import Service, Som
+from shsa_core.world import Settings
+
+A, B, C = "/a_node", "/b_node", "/c_node"
+C_ = TypeVar("C_")
+
+
+def function(relation: str, output: str, text: str, quality: float) -> TransferFunction:
+    expression = parse_expression(text)
+    return TransferFunction(relation, output, expression.names, expression, quality, text=text)
+
+
+def service(name: str, node: str, needed: bool = False, topic: str = "") -> Service:
+    return Service(name, topic or "/" + name, "data", "std_msgs/Float64", node, 0.02, needed=needed)
+
+
+ONTOLOGY = Ontology(
+    properties={name: Property(name) for name in "abc"},
+    constants={},
+    functions=[function("good", "a", "b + 1", 0.9), function("poor", "a", "2 * c", 0.5)],
+)
+SOM = Som([service("a", A, needed=True), service("b", B), service("c", C)])
+
+
+class Robot:
+    """A reconfigurator with a monitor's table that the test writes."""
+
+    def __init__(self, som: Som = SOM, ontology: Ontology = ONTOLOGY) -> None:
+        self.core = Reconfigurator(ontology, som, Settings(hold_off=2.0, start_timeout=5.0, pool=1))
+        self.rows = {}
+        self.said: List[events.Command] = []
+        for each in som:
+            self.row(each.topic, each.node, "healthy", 0.0)
+        self.table(1.0)
+
+    def row(
+        self, topic: str, node: str, state: str, since: float, first: Optional[float] = None
+    ) -> None:
+        self.rows[topic, node] = events.PublisherHealth(topic, node, state, since, first, since)
+
+    def table(self, time: float) -> List[events.Command]:
+        return self.handle(events.HealthSeen(time, time, tuple(self.rows.values())))
+
+    def fail(self, topic: str, node: str, time: float, kind: str = "node_gone") -> list:
+        self.rows.pop((topic, node), None)
+        return self.handle(events.FailureSeen(time, topic, node, kind, "it died.", time - 0.02))
+
+    def handle(self, event: events.Event) -> List[events.Command]:
+        commands = self.core.handle(event)
+        self.said += commands
+        return commands
+
+    def heal(self, time: float) -> str:
+        """A fails, is killed, and its substitute speaks."""
+        start = only(self.fail("/a", A, time), events.StartSubstitute)
+        self.handle(events.NodeKilled(time + 0.01, A, True))
+        self.handle(events.SubstituteStarted(time + 0.02, start.node, time + 0.001))
+        self.row("/a", start.node, "healthy", time + 0.5, first=time + 0.5)
+        self.table(time + 0.51)
+        return start.node
+
+
+def only(commands: Sequence[events.Command], kind: Type[C_]) -> C_:
+    found = [command for command in commands if isinstance(command, kind)]
+    assert len(found) == 1, commands
+    return found[0]
+
+
+def has(commands: Sequence[events.Command], kind: type) -> bool:
+    return any(isinstance(command, kind) for command in commands)
+
+
+def last_incident(commands: Sequence[events.Command]) -> Incident:
+    return [c.incident for c in commands if isinstance(c, events.ShowIncident)][-1]
+
+
+def speaking(robot: Robot) -> Tuple[bool, ...]:
+    tables = [c for c in robot.said if isinstance(c, events.ShowSubstitutions)]
+    return tuple(row.speaking for row in tables[-1].substitutions)
+
+
+def test_a_failure_kills_the_node_and_starts_the_best_substitute() -> None:
+    robot = Robot()
+    commands = robot.fail("/a", A, 10.0)
+    assert only(commands, events.KillNode) == events.KillNode(A, urgent=False)
+    start = only(commands, events.StartSubstitute)
+    assert start.program.inputs == ("/b/data",)
+    assert start.program.outputs == ("/a/data",)
+    incident = last_incident(commands)
+    assert incident.state is State.HEALING
+    assert (incident.topic, incident.faulty_node, incident.last_good) == ("/a", A, 9.98)
+    assert incident.relations == ("good",) and incident.quality == 0.9
+
+
+def test_a_substitute_is_mute_until_the_faulty_node_is_gone() -> None:
+    robot = Robot()
+    robot.fail("/a", A, 10.0, "silent")
+    assert speaking(robot) == (False,)
+    commands = robot.handle(events.NodeKilled(10.05, A, True))
+    assert speaking(robot) == (True,)
+    assert isinstance(commands[0], events.ShowSubstitutions)
+    assert commands[0].substitutions[0].original == A
+    assert last_incident(commands).killed == 10.05
+
+
+def test_a_substitute_speaks_at_once_if_the_node_is_certainly_gone() -> None:
+    robot = Robot()
+    robot.fail("/a", A, 10.0, "node_gone")
+    assert speaking(robot) == (True,)
+
+
+def test_the_incident_records_every_step() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    incident = last_incident(robot.said)
+    assert incident.state is State.HEALED and incident.substitute == node
+    steps = (incident.last_good, incident.detected, incident.found, incident.killed)
+    assert steps == (9.98, 10.0, 10.001, 10.01)
+    assert (incident.spawned, incident.first_message) == (10.02, 10.5)
+    assert incident.outage is not None and abs(incident.outage - 0.52) < 1e-9
+
+
+def test_the_original_returns_and_the_substitute_stops_after_the_hold_off() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    robot.row("/a", A, "healthy", 20.0)
+    commands = robot.table(20.01)
+    assert last_incident(commands).state is State.RETURNING
+    assert speaking(robot) == (False,)
+    assert robot.core.deadline == 22.01
+    assert not has(robot.handle(events.Tick(22.0)), events.StopSubstitute)
+    commands = robot.handle(events.Tick(22.02))
+    assert only(commands, events.StopSubstitute).node == node
+    assert last_incident(commands).state is State.ENDED
+    assert speaking(robot) == ()
+    assert robot.core.substitutes == ()
+
+
+def test_an_original_that_fails_again_in_the_hold_off_gives_the_voice_back() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    robot.row("/a", A, "healthy", 20.0)
+    robot.table(20.01)
+    commands = robot.fail("/a", A, 21.0, "silent")
+    assert only(commands, events.KillNode).node == A
+    assert speaking(robot) == (False,)
+    robot.handle(events.NodeKilled(21.01, A, True))
+    assert speaking(robot) == (True,)
+    assert robot.core.substitutes == (node,)
+    assert last_incident(robot.said).state is State.HEALED
+    assert not has(robot.handle(events.Tick(30.0)), events.StopSubstitute)
+
+
+def test_an_old_table_is_not_taken_for_a_return() -> None:
+    robot = Robot()
+    robot.fail("/a", A, 10.0)
+    robot.handle(events.NodeKilled(10.01, A, True))
+    robot.row("/a", A, "healthy", 0.0)
+    robot.table(10.02)
+    assert last_incident(robot.said).state is State.HEALING
+
+
+def test_a_substitute_that_fails_is_replaced_by_the_next_best() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    failure = events.FailureSeen(15.0, "/a", node, "out_of_range", "it is too high.", 14.9)
+    commands = robot.handle(failure)
+    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+    assert not has(commands, events.KillNode)
+
+
+def test_a_substitute_whose_process_dies_is_started_again_under_another_name() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    start = only(
+        robot.handle(events.ProcessExited(15.0, node, "status -9")), events.StartSubstitute
+    )
+    assert start.program.inputs == ("/b/data",)
+    assert start.node != node
+
+
+def test_a_substitute_that_keeps_dying_makes_room_for_the_next_best() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    for time in (15.0, 16.0):
+        node = only(
+            robot.handle(events.ProcessExited(time, node, "status 1")), events.StartSubstitute
+        ).node
+    commands = robot.handle(events.ProcessExited(17.0, node, "status 1"))
+    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+
+
+def test_a_substitute_without_a_first_message_makes_room_for_the_next_best() -> None:
+    robot = Robot()
+    first = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
+    robot.handle(events.NodeKilled(10.01, A, True))
+    assert not has(robot.handle(events.Tick(14.9)), events.StartSubstitute)
+    commands = robot.handle(events.Tick(15.1))
+    assert only(commands, events.StopSubstitute).node == first.node
+    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+
+
+def test_a_lost_input_is_replaced_before_the_substitute_falls_silent() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    robot.row("/b", B, "failed", 15.0)
+    commands = robot.table(15.01)
+    assert only(commands, events.AssignSubstitute).node == node
+    assert only(commands, events.ShowSubstitutions).substitutions[0].program.inputs == ("/c/data",)
+    assert last_incident(commands).state is State.HEALED
+
+
+def test_silence_while_the_program_changes_is_no_failure_of_the_substitute() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    robot.row("/b", B, "failed", 15.0)
+    robot.table(15.01)
+    silent = events.FailureSeen(15.1, "/a", node, "silent", "no message.", 14.99)
+    assert not has(robot.handle(silent), events.StopSubstitute)
+    assert last_incident(robot.said).state is State.HEALING
+    robot.row("/a", node, "healthy", 15.3, first=10.5)
+    incident = last_incident(robot.table(15.3))
+    assert incident.state is State.HEALED
+    assert (incident.last_good, incident.first_message) == (14.99, 15.3)
+
+
+def test_a_program_that_yields_nothing_after_the_change_makes_room() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    robot.row("/b", B, "failed", 15.0)
+    robot.table(15.01)
+    robot.handle(events.FailureSeen(15.1, "/a", node, "silent", "no message.", 14.99))
+    commands = robot.handle(events.Tick(20.1))
+    assert only(commands, events.StopSubstitute).node == node
+    assert last_incident(commands).state is State.UNHEALED
+
+
+def test_without_a_substitute_it_says_what_is_missing_and_tries_when_one_appears() -> None:
+    robot = Robot()
+    del robot.rows["/b", B], robot.rows["/c", C]
+    robot.table(9.0)
+    commands = robot.fail("/a", A, 10.0)
+    robot.handle(events.NodeKilled(10.01, A, True))
+    incident = last_incident(commands)
+    assert incident.state is State.UNHEALED and incident.missing == ("b", "c")
+    robot.row("/c", C, "healthy", 12.0)
+    commands = robot.table(12.0)
+    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+    assert last_incident(commands).state is State.HEALING
+
+
+def test_an_unhealed_topic_is_tried_again_with_growing_pauses() -> None:
+    robot = Robot()
+    robot.rows.clear()
+    robot.table(9.0)
+    robot.fail("/a", A, 10.0)
+    assert robot.core.deadline == 12.0
+    robot.table(11.0)
+    assert robot.core.deadline == 12.0
+    robot.handle(events.Tick(12.0))
+    assert robot.core.deadline == 16.0
+
+
+def test_an_unhealed_topic_whose_original_returns_ends() -> None:
+    robot = Robot()
+    robot.rows.clear()
+    robot.table(9.0)
+    robot.fail("/a", A, 10.0)
+    robot.handle(events.NodeKilled(10.01, A, True))
+    robot.row("/a", A, "healthy", 11.0)
+    assert last_incident(robot.table(11.0)).state is State.RETURNING
+    assert last_incident(robot.handle(events.Tick(13.0))).state is State.ENDED
+
+
+def test_another_healthy_publisher_of_the_topic_is_not_replaced() -> None:
+    robot = Robot()
+    robot.row("/a", "/spare", "healthy", 2.0)
+    robot.table(3.0)
+    commands = robot.fail("/a", A, 10.0, "out_of_range")
+    assert only(commands, events.KillNode).node == A
+    assert not has(commands, events.StartSubstitute)
+
+
+def test_what_the_failed_node_also_provides_is_not_used() -> None:
+    som = Som([service("a", A, needed=True), service("b", A), service("c", C)])
+    robot = Robot(som)
+    commands = robot.fail("/a", A, 10.0)
+    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+
+
+def test_two_topics_of_one_node_are_killed_once_and_healed_both() -> None:
+    ontology = Ontology(
+        properties={name: Property(name) for name in "abc"},
+        constants={},
+        functions=[function("ac", "a", "c", 0.9), function("bc", "b", "-c", 0.9)],
+    )
+    som = Som([service("a", A, True), service("b", A, True), service("c", C)])
+    robot = Robot(som, ontology)
+    robot.fail("/a", A, 10.0)
+    robot.fail("/b", A, 10.001)
+    assert len([c for c in robot.said if isinstance(c, events.KillNode)]) == 1
+    assert len([c for c in robot.said if isinstance(c, events.StartSubstitute)]) == 2
+    robot.handle(events.NodeKilled(10.05, A, True))
+    assert speaking(robot) == (True, True)
+
+
+def test_one_substitute_fills_every_field_of_the_topic() -> None:
+    ontology = Ontology(
+        properties={name: Property(name) for name in "abc"},
+        constants={},
+        functions=[function("ac", "a", "c", 0.9), function("bc", "b", "-c", 0.9)],
+    )
+    two = [service("a", A, True, "/ab"), service("b", A, True, "/ab")]
+    two = [two[0], Service("b", "/ab", "other", "pkg/Type", A, 0.02, needed=True)]
+    robot = Robot(Som(two + [service("c", C)]), ontology)
+    start = only(robot.fail("/ab", A, 10.0), events.StartSubstitute)
+    assert start.program.outputs == ("/ab/data", "/ab/other")
+
+
+def test_a_failure_that_was_only_in_the_table_is_healed() -> None:
+    robot = Robot()
+    robot.row("/a", A, "failed", 10.0)
+    assert has(robot.table(10.5), events.StartSubstitute)
+    assert not has(robot.table(10.6), events.StartSubstitute)
+
+
+def test_a_topic_that_nobody_needs_is_left_alone() -> None:
+    robot = Robot()
+    commands = robot.fail("/b", B, 10.0)
+    assert not has(commands, events.KillNode) and not has(commands, events.StartSubstitute)
+
+
+def test_a_topic_that_never_came_up_is_healed() -> None:
+    robot = Robot()
+    del robot.rows["/a", A]
+    robot.table(2.0)
+    commands = robot.handle(
+        events.FailureSeen(10.0, "/a", "", "never_published", "nothing came.", None)
+    )
+    assert only(commands, events.KillNode).node == A
+    assert has(commands, events.StartSubstitute)
+
+
+def test_the_running_som_follows_health() -> None:
+    robot = Robot()
+    assert [s.path for s in robot.core.available()] == ["/a/data", "/b/data", "/c/data"]
+    robot.row("/b", B, "failed", 5.0)
+    shown = only(robot.table(5.0), events.ShowSom)
+    assert [state.available for state in shown.states] == [True, False, True]
+    robot.row("/b", "/b_again", "healthy", 6.0)
+    shown = only(robot.table(6.0), events.ShowSom)
+    assert (shown.states[1].available, shown.states[1].node) == (True, "/b_again")
+
+
+def test_a_service_that_appears_in_the_som_is_used() -> None:
+    robot = Robot()
+    extra = Service("a", "/spare", "data", "std_msgs/Float64", "/spare_node", 0.02)
+    robot.handle(events.SomChanged(2.0, Som([*SOM, extra])))
+    robot.row("/spare", "/spare_node", "healthy", 3.0)
+    robot.table(3.0)
+    start = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
+    assert start.program.inputs == ("/spare/data",)
+
+
+def test_a_topic_that_leaves_the_som_ends_its_incident() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    commands = robot.handle(events.SomChanged(12.0, Som([*SOM][1:])))
+    assert only(commands, events.StopSubstitute).node == node
+    assert last_incident(commands).state is State.ENDED
+
+
+def test_a_changed_period_leaves_the_substitute_alone() -> None:
+    robot = Robot()
+    robot.heal(10.0)
+    slower = [Service(**{**vars(each), "period": 0.1}) for each in SOM]
+    assert not has(robot.handle(events.SomChanged(12.0, Som(slower))), events.StopSubstitute)
+
+
+def test_a_request_substitutes_a_healthy_topic() -> None:
+    robot = Robot()
+    commands = robot.handle(events.SubstituteRequested(10.0, "/a"))
+    assert only(commands, events.KillNode).node == A
+    assert last_incident(commands).kind == "requested"
+
+
+def test_an_explanation_acts_on_nothing() -> None:
+    robot = Robot()
+    plan = robot.core.explain("/a")
+    assert plan.program.inputs == ("/b/data",)
+    assert robot.core.explain("/a", without=[B]).program.inputs == ("/c/data",)
+    assert not has(robot.said, events.KillNode)
+
+
+def test_an_uncertain_kill_is_said_and_the_substitute_speaks() -> None:
+    robot = Robot()
+    robot.fail("/a", A, 10.0)
+    commands = robot.handle(events.NodeKilled(11.0, A, False, "it is on another computer"))
+    assert any(isinstance(c, events.Say) and c.level == "error" for c in commands)
+    assert speaking(robot) == (True,)
+
+
+def test_the_same_topic_heals_any_number_of_times() -> None:
+    robot = Robot()
+    names = set()
+    for round_ in range(20):
+        start = 100.0 * (round_ + 1)
+        names.add(robot.heal(start))
+        robot.row("/a", A, "healthy", start + 10)
+        robot.table(start + 10)
+        robot.rows = {key: row for key, row in robot.rows.items() if key[1] not in names}
+        assert last_incident(robot.handle(events.Tick(start + 13))).id == round_ + 1
+        assert not robot.core.substitutes
+    assert len(names) == 20
+
+
+def standby(mode: str) -> Som:
+    first = Service(**{**vars(service("a", A, needed=True)), "standby": mode})
+    return Som([first, service("b", B), service("c", C)])
+
+
+def test_a_warm_topic_takes_an_idle_process_and_the_pool_is_refilled() -> None:
+    robot = Robot(standby("warm"))
+    idle = only(robot.said, events.StartSubstitute)
+    assert idle.program is None
+    commands = robot.fail("/a", A, 10.0)
+    assert only(commands, events.AssignSubstitute).node == idle.node
+    (row,) = only(commands, events.ShowSubstitutions).substitutions
+    assert (row.node, row.topic, row.speaking) == (idle.node, "/a", True)
+    assert robot.core.deadline == 11.0
+    commands = robot.handle(events.Tick(11.0))
+    refill = only(commands, events.StartSubstitute)
+    assert refill.program is None and refill.node != idle.node
+    row, listener = only(commands, events.ShowSubstitutions).substitutions
+    assert (listener.node, listener.topic, listener.speaking) == (refill.node, "", False)
+
+
+def test_an_idle_process_listens_to_what_the_plans_read() -> None:
+    robot = Robot(standby("warm"))
+    while robot.core.plans_ahead:
+        robot.core.prepare()
+    (row,) = only(robot.handle(events.Tick(5.0)), events.ShowSubstitutions).substitutions
+    assert row.program == Program(("/b/data",), "", ())
+
+
+def test_an_idle_process_that_dies_is_replaced_after_a_pause() -> None:
+    robot = Robot(standby("warm"))
+    idle = only(robot.said, events.StartSubstitute)
+    assert not has(
+        robot.handle(events.ProcessExited(5.0, idle.node, "status 1")), events.StartSubstitute
+    )
+    assert robot.core.deadline == 7.0
+    assert has(robot.handle(events.Tick(7.0)), events.StartSubstitute)
+
+
+def test_a_hot_topic_has_a_mute_substitute_that_speaks_at_once() -> None:
+    robot = Robot(standby("hot"))
+    start = only(robot.said, events.StartSubstitute)
+    assert start.program is not None and start.program.inputs == ("/b/data",)
+    assert speaking(robot) == (False,)
+    commands = robot.fail("/a", A, 10.0)
+    assert only(commands, events.AssignSubstitute).node == start.node
+    assert not has(commands, events.StartSubstitute)
+    assert isinstance(commands[0], events.ShowSubstitutions)
+    assert speaking(robot) == (True,)
+
+
+def test_a_hot_substitute_follows_the_plan_in_the_same_process() -> None:
+    robot = Robot(standby("hot"))
+    node = only(robot.said, events.StartSubstitute).node
+    robot.row("/b", B, "failed", 5.0)
+    commands = robot.table(5.0)
+    assert only(commands, events.AssignSubstitute).node == node
+    row = only(commands, events.ShowSubstitutions).substitutions[0]
+    assert row.program.inputs == ("/c/data",) and not row.speaking
+
+
+def test_a_hot_substitute_whose_input_died_with_the_original_is_not_used_as_it_is() -> None:
+    robot = Robot(standby("hot"))
+    robot.rows.pop(("/b", B))
+    robot.row("/b", B, "failed", 10.0)
+    robot.handle(events.HealthSeen(10.0, 10.0, tuple(robot.rows.values())))
+    commands = robot.fail("/a", A, 10.001)
+    table = [c for c in commands if isinstance(c, events.ShowSubstitutions)][-1]
+    assert table.substitutions[0].program.inputs == ("/c/data",)
+
+
+def test_a_hot_substitute_stays_mute_after_the_original_returned() -> None:
+    robot = Robot(standby("hot"))
+    node = only(robot.said, events.StartSubstitute).node
+    robot.fail("/a", A, 10.0)
+    robot.handle(events.NodeKilled(10.01, A, True))
+    robot.row("/a", node, "healthy", 10.02, first=10.02)
+    robot.table(10.03)
+    robot.row("/a", A, "healthy", 20.0)
+    robot.table(20.0)
+    commands = robot.handle(events.Tick(22.5))
+    assert last_incident(commands).state is State.ENDED
+    assert not has(commands, events.StopSubstitute)
+    assert robot.core.substitutes == (node,) and speaking(robot) == (False,)
+
+
+def test_a_hot_substitute_that_dies_unused_is_started_again_after_a_pause() -> None:
+    robot = Robot(standby("hot"))
+    node = only(robot.said, events.StartSubstitute).node
+    commands = robot.handle(events.ProcessExited(5.0, node, "status 1"))
+    assert not has(commands, events.StartSubstitute)
+    assert has(robot.handle(events.Tick(7.0)), events.StartSubstitute)
+
+
+def test_plans_are_made_ahead_and_a_stale_one_is_never_used() -> None:
+    robot = Robot()
+    assert robot.core.plans_ahead
+    while robot.core.plans_ahead:
+        robot.core.prepare()
+    assert robot.core.plan("/a", ()).program.inputs == ("/b/data",)
+    robot.row("/b", B, "failed", 9.0)
+    robot.handle(events.HealthSeen(9.0, 9.0, tuple(robot.rows.values())))
+    start = only(robot.fail("/a", A, 9.001), events.StartSubstitute)
+    assert start.program.inputs == ("/c/data",)
+
+
+def test_a_plan_ahead_whose_input_dies_with_the_same_failure_is_not_used() -> None:
+    som = Som([service("a", A, needed=True), service("b", B), service("c", C)])
+    robot = Robot(som)
+    while robot.core.plans_ahead:
+        robot.core.prepare()
+    # The node of the input fails first; its kill is under way, and the table does not tell of it yet.
+    needed = Som([service("a", A, needed=True), service("b", B, needed=True), service("c", C)])
+    robot.handle(events.SomChanged(8.0, needed))
+    while robot.core.plans_ahead:
+        robot.core.prepare()
+    robot.fail("/b", B, 9.0, "silent")
+    start = only(robot.fail("/a", A, 9.001), events.StartSubstitute)
+    assert start.program.inputs == ("/c/data",)
