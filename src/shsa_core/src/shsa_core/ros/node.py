@@ -1,0 +1,58 @@
+"""Runs a node so that it ends when it is told to."""
+import sys
+import threading
+from typing import Callable
+
+import genpy
+import rospy
+
+from shsa_core.errors import ShsaError
+
+POLL = 0.05
+SWITCH_INTERVAL = (
+    0.0005  # s; Python's own 5 ms, at each step between threads, would be most of a takeover
+)
+JOIN_TIMEOUT = 5.0
+
+
+def run(name: str, work: Callable[[], None]) -> None:
+    """Initialise the node `name` and run `work`, in a thread of its own; exit status 1 if that fails.
+
+    rospy shuts down inside the signal handler, in the main thread. If that thread published or called the master
+    itself, it could wait there for a lock that it holds, for good.
+    """
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    rospy.init_node(name)
+    done = threading.Event()
+
+    def guarded() -> None:
+        try:
+            work()
+            done.set()
+        except ShsaError as error:
+            rospy.logfatal("%s", error)
+        except rospy.ROSException:
+            # At shutdown rospy closes the topics under the feet of whoever publishes.
+            if not rospy.core.is_shutdown_requested():
+                raise
+            done.set()
+
+    thread = threading.Thread(target=guarded, name="work", daemon=True)
+    thread.start()
+    while thread.is_alive() and not rospy.is_shutdown():
+        rospy.rostime.wallsleep(POLL)
+    rospy.signal_shutdown("the work is done")
+    with rospy.core._shutdown_lock:
+        pass  # whoever shuts down, in whichever thread, has unregistered the node by now
+    thread.join(JOIN_TIMEOUT)
+    if not done.is_set():
+        sys.exit(1)
+
+
+def publish(publisher: rospy.Publisher, message: genpy.Message) -> None:
+    """Publish from a callback, unless ROS is shutting down and has closed the topic already."""
+    try:
+        publisher.publish(message)
+    except rospy.ROSException:
+        if not rospy.core.is_shutdown_requested():
+            raise

@@ -1,0 +1,82 @@
+"""The substitutes' processes, each started by rosrun."""
+import os
+import signal
+import subprocess
+import threading
+from typing import Callable, Dict, List, Optional, Set
+
+from shsa_core.codegen import Program
+
+STOP_TIMEOUT = 2.0
+
+
+class Processes:
+    """Starts and stops substitutes.
+
+    `ended(node, detail)` is called, in a thread of its own, whenever a process has ended that nobody stopped;
+    `cleared(node)` after each end, to clear what the node left registered.
+    """
+
+    def __init__(self, ended: Callable[[str, str], None], cleared: Callable[[str], None]) -> None:
+        self._ended = ended
+        self._cleared = cleared
+        self._running: Dict[str, "subprocess.Popen[bytes]"] = {}
+        self._stopped: Set[str] = set()
+        self._lock = threading.Lock()
+
+    def start(self, node: str, program: Optional[Program]) -> None:
+        """Start a mute substitute, idle without a program; raises OSError if the process cannot be made."""
+        command = ["rosrun", "shsa_core", "standby"]
+        if program is not None:
+            strings = (",".join(program.inputs), program.code, ",".join(program.outputs))
+            command = ["rosrun", "shsa_core", "substitute", *strings, "_muted:=true"]
+        command.append(f"__name:={node.lstrip('/')}")
+        environment = {k: v for k, v in os.environ.items() if k != "ROS_NAMESPACE"}
+        process = subprocess.Popen(
+            command, env=environment, stdin=subprocess.DEVNULL, start_new_session=True
+        )
+        with self._lock:
+            self._running[node] = process
+        threading.Thread(target=self._wait, args=(node, process), daemon=True).start()
+
+    def stop(self, node: str) -> None:
+        """Ask a substitute to leave; kill it if it does not. Returns at once."""
+        with self._lock:
+            process = self._running.get(node)
+            self._stopped.add(node)
+        if process is not None:
+            threading.Thread(target=_end, args=(process,), daemon=True).start()
+
+    def stop_all(self) -> None:
+        """Stop every substitute, and wait until they are gone."""
+        with self._lock:
+            processes: List["subprocess.Popen[bytes]"] = list(self._running.values())
+            self._stopped.update(self._running)
+        threads = [threading.Thread(target=_end, args=(process,)) for process in processes]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+
+    def _wait(self, node: str, process: "subprocess.Popen[bytes]") -> None:
+        status = process.wait()
+        with self._lock:
+            del self._running[node]
+            planned = node in self._stopped
+            self._stopped.discard(node)
+        self._cleared(node)
+        if not planned:
+            self._ended(node, f"exit status {status}")
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    """End a process and all that it started."""
+    for number in (signal.SIGINT, signal.SIGKILL):
+        try:
+            os.killpg(process.pid, number)
+            process.wait(STOP_TIMEOUT)
+            return
+        except ProcessLookupError:
+            return
+        except subprocess.TimeoutExpired:
+            continue

@@ -1,0 +1,152 @@
+"""What the monitor's tests share: real publishers that fail on command, and what the monitor says of them."""
+import itertools
+import os
+import subprocess
+import sys
+import time
+import unittest
+from typing import Callable, Dict, List, Optional, Tuple
+
+import rospy
+from shsa_msgs.msg import Failure, Health, PublisherHealth
+from std_msgs.msg import String
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+PERIOD = 0.02
+MARKER = "/som_version_"
+
+
+def entry(topic: str, node: str, **changes: object) -> Dict[str, object]:
+    """A service of the SOM as it lies on the parameter server."""
+    values: Dict[str, object] = {
+        "topic": topic,
+        "field": "data",
+        "type": "shsa_msgs/Float64Stamped",
+        "node": node,
+        "period": PERIOD,
+        "range": [-5.0, 60.0],
+    }
+    values.update(changes)
+    return values
+
+
+class Process:
+    """A `faulty_publisher` of its own process."""
+
+    def __init__(self, name: str, topic: str, **parameters: object) -> None:
+        given = [f"_{key}:={value}" for key, value in parameters.items()]
+        command = [sys.executable, os.path.join(HERE, "faulty_publisher")]
+        self.name = name
+        self.process = subprocess.Popen(
+            command + [f"__name:={name[1:]}", f"_topic:={topic}"] + given
+        )
+        self._fault = rospy.Publisher(name + "/fault", String, queue_size=10)
+
+    def fault(self, command: str) -> float:
+        """Make it fail as `command` says; when that was sent, in s of the monotonic clock."""
+        if not wait_until(lambda: self._fault.get_num_connections() > 0):
+            raise RuntimeError(f"{self.name} does not listen")
+        sent = time.monotonic()
+        self._fault.publish(command)
+        return sent
+
+    def end(self) -> None:
+        """Kill it for certain."""
+        self.process.kill()
+        self.process.wait()
+        self._fault.unregister()
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 10.0) -> bool:
+    """Wait for a condition; whether it came true in time."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if condition():
+            return True
+        time.sleep(0.002)
+    return condition()
+
+
+class MonitorCase(unittest.TestCase):
+    """Sets the SOM, starts publishers, and collects what the monitor publishes."""
+
+    failures: List[Tuple[float, Failure]] = []
+    table: Dict[Tuple[str, str], PublisherHealth] = {}
+    _versions = itertools.count()
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        failed = rospy.Subscriber("/shsa/failures", Failure, cls._failed, tcp_nodelay=True)
+        rospy.Subscriber("/shsa/health", Health, cls._health, tcp_nodelay=True)
+        if not wait_until(lambda: failed.get_num_connections() > 0):
+            raise RuntimeError("the monitor did not come up")
+
+    def setUp(self) -> None:
+        self.processes: List[Process] = []
+        self.failures.clear()
+
+    def tearDown(self) -> None:
+        for process in self.processes:
+            process.end()
+
+    @classmethod
+    def _failed(cls, failure: Failure) -> None:
+        if not failure.topic.startswith(MARKER):
+            cls.failures.append((time.monotonic(), failure))
+
+    @classmethod
+    def _health(cls, health: Health) -> None:
+        cls.table = {(row.topic, row.publisher): row for row in health.publishers}
+
+    def watch(self, *entries: Dict[str, object]) -> None:
+        """Put a SOM of these services onto the parameter server and wait until it counts.
+
+        A topic of its own, that nobody publishes, shows in the monitor's table which SOM that is.
+        """
+        marker = f"{MARKER}{next(self._versions)}"
+        som = {f"p{i}": [each] for i, each in enumerate(entries)}
+        rospy.set_param("/shsa/som", {**som, "marker": [entry(marker, "/nobody")]})
+        self.until(lambda: (marker, "") in self.table, "the SOM counts")
+
+    def start(self, name: str, topic: str, **parameters: object) -> Process:
+        """Start a publisher."""
+        process = Process(name, topic, **parameters)
+        self.processes.append(process)
+        return process
+
+    def start_healthy(self, name: str, topic: str, **parameters: object) -> Process:
+        """Start a publisher and wait until the monitor calls it healthy."""
+        process = self.start(name, topic, **parameters)
+        self.until_state(topic, name, "healthy")
+        return process
+
+    def state(self, topic: str, node: str) -> Optional[str]:
+        """The state of a publisher in the monitor's table."""
+        row = self.table.get((topic, node))
+        return row.state if row else None
+
+    def until(self, condition: Callable[[], bool], what: str, seconds: float = 10.0) -> None:
+        """Wait for a condition; the test fails if it does not come true."""
+        if not wait_until(condition, seconds):
+            rows = {key: (row.state, row.kind) for key, row in self.table.items()}
+            told = [(f.publisher, f.kind) for _, f in self.failures]
+            self.fail(f"waited {seconds} s in vain: {what}; table {rows}; failures {told}")
+
+    def until_state(self, topic: str, node: str, state: str, seconds: float = 10.0) -> None:
+        """Wait until a publisher has a state."""
+        what = f"{node} on {topic} is {state}"
+        self.until(lambda: self.state(topic, node) == state, what, seconds)
+
+    def until_failure(self, topic: str, node: str, kind: str, seconds: float = 10.0) -> float:
+        """Wait for a failure; when it was heard, in s of the monotonic clock."""
+
+        def heard() -> List[float]:
+            wanted = (topic, node, kind)
+            return [at for at, f in self.failures if (f.topic, f.publisher, f.kind) == wanted]
+
+        self.until(lambda: bool(heard()), f"{kind} of {node} on {topic}", seconds)
+        return heard()[0]
+
+    def kinds(self) -> List[Tuple[str, str]]:
+        """Publisher and kind of every failure of this test."""
+        return [(failure.publisher, failure.kind) for _, failure in self.failures]

@@ -1,0 +1,65 @@
+"""A robot of plain `rostopic pub` topics, for tests of healing alone."""
+import subprocess
+import unittest
+from typing import Dict, List
+
+from shsa_msgs.msg import Incident
+from std_msgs.msg import Float64
+
+from shsa_core.ros import testing
+
+TOPICS = {
+    "/voltage_sensor": ("/voltage", 12.0),
+    "/current_sensor": ("/current", 2.0),
+    "/power_meter": ("/power", 24.0),
+    "/thermometer": ("/temperature", 341.0),
+}
+
+
+class PlainRobot(unittest.TestCase):
+    """Every test begins with all four publishers up and healthy, and no incident open."""
+
+    robot: testing.HealedRobot
+    voices: Dict[str, testing.Voices]
+    processes: Dict[str, List["subprocess.Popen[bytes]"]]
+
+    def incident(self, topic: str) -> Incident:
+        """The newest incident of a topic."""
+        newest = self.robot.latest(topic)
+        self.assertIsNotNone(newest)
+        return newest
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        cls.robot = testing.HealedRobot()
+        cls.voices = {topic: testing.Voices(topic, Float64) for topic, _ in TOPICS.values()}
+        cls.processes = {}
+
+    @classmethod
+    def tearDownClass(cls) -> None:
+        for processes in cls.processes.values():
+            for process in processes:
+                testing.end(process)
+
+    def setUp(self) -> None:
+        for node in TOPICS:
+            if testing.node_process(node) is None:
+                self.start(node)
+        self.robot.await_available(*self.voices, seconds=40.0)
+        testing.wait_until(lambda: not self.robot.substitutions.substitutions, 10.0, "peace")
+
+    def start(self, node: str, value: float = float("nan")) -> "subprocess.Popen[bytes]":
+        """Start a publisher as a person would: `rostopic pub -r 20`."""
+        topic, usual = TOPICS[node]
+        text = str(usual if value != value else value)
+        command = ["rostopic", "pub", "-r", "20", topic, "std_msgs/Float64", text]
+        process = subprocess.Popen([*command, f"__name:={node[1:]}"], stdout=subprocess.DEVNULL)
+        self.processes.setdefault(node, []).append(process)
+        return process
+
+    def value(self, topic: str) -> float:
+        """The next value on a topic."""
+        voices = self.voices[topic]
+        count = len(voices.heard)
+        testing.wait_until(lambda: len(voices.heard) > count, 10.0, f"a message on {topic}")
+        return float(voices.last.data)
