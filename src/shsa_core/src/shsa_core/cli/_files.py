@@ -1,0 +1,48 @@
+"""The options that name the ontology and the SOM, and what they name."""
+import argparse
+import difflib
+import sys
+from typing import Iterable, Tuple
+
+from shsa_core.errors import ModelError
+from shsa_core.ontology import Ontology
+from shsa_core.ontology_file import read_ontology
+from shsa_core.som import Som, read_som
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds --ontology and --som."""
+    parser.add_argument("--ontology", metavar="FILE", required=True, help="the ontology")
+    parser.add_argument(
+        "--som", metavar="FILE", required=True, help="the service-to-ontology mapping"
+    )
+
+
+def read_models(args: argparse.Namespace) -> Tuple[Ontology, Som]:
+    """The models that the options name. Raises ModelError."""
+    return read_ontology(args.ontology), read_som(args.som)
+
+
+def check_property(name: str, ontology: Ontology, som: Som) -> None:
+    """Raises ModelError, with the nearest names, if neither model has a property of this name."""
+    known = {*ontology.properties, *(service.property for service in som)}
+    if name not in known:
+        raise ModelError(name, f"no such property{_nearest(name, known)}")
+
+
+def warn_of_unknown(names: Iterable[str], som: Som) -> None:
+    """Says on stderr which names are neither a node nor a topic of the SOM."""
+    known = {name for service in som for name in (service.node, service.topic)}
+    for name in names:
+        if name not in known:
+            text = f"no service in the SOM has the node or topic {name}{_nearest(name, known)}"
+            print(f"shsa: {text}", file=sys.stderr)
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    near = difflib.get_close_matches(name, sorted(known), n=3)
+    return (
+        f"; did you mean {' or '.join(near)}?"
+        if near
+        else f"; known are {', '.join(sorted(known))}"
+    )

@@ -1,0 +1,75 @@
+"""`shsa import`: a knowledge base of the predecessor library as an ontology and a draft of a SOM."""
+import argparse
+import json
+import os
+from typing import Any, List, Sequence
+
+from shsa_core.errors import ModelError
+from shsa_core.knowledge_base import Provision, read_knowledge_base
+from shsa_core.saving import save_ontology
+
+
+def add_parser(subparsers: Any) -> None:
+    """Adds the command."""
+    parser = subparsers.add_parser(
+        "import",
+        help="convert a knowledge base of the predecessor library",
+        description="Converts a knowledge base of the predecessor library to an ontology. "
+        "Says what could not be taken over. Existing files are not written to.",
+    )
+    parser.add_argument("file", metavar="FILE", help="the knowledge base (YAML)")
+    parser.add_argument("--ontology", metavar="FILE", required=True, help="the ontology to write")
+    parser.add_argument(
+        "--som", metavar="FILE", help="the draft of a SOM to write, with blanks to fill in"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON document")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Writes the files and prints the notes. Returns 0."""
+    for path in [args.ontology] + ([args.som] if args.som else []):
+        if os.path.exists(path):
+            raise ModelError(path, "is there already; give the name of a new file")
+    base = read_knowledge_base(args.file)
+    save_ontology(base.ontology, args.ontology)
+    if args.som:
+        with open(args.som, "w", encoding="utf-8") as stream:
+            stream.write(som_draft(base.provisions))
+    if args.json:
+        print(
+            json.dumps({"ontology": args.ontology, "som": args.som, "notes": base.notes}, indent=2)
+        )
+        return 0
+    for note in base.notes:
+        print(note)
+    ontology = base.ontology
+    print(
+        f"{args.ontology}: {len(ontology.properties)} properties, {len(ontology.constants)} "
+        f"constants, {len(ontology.functions)} functions"
+    )
+    if args.som:
+        print(
+            f"{args.som}: {len(base.provisions)} services with blanks; fill them in, then: "
+            f"shsa check {args.ontology} --som {args.som}"
+        )
+    return 0
+
+
+def som_draft(provisions: Sequence[Provision]) -> str:
+    """The text of a SOM file in which only what the knowledge base says is filled in."""
+    lines: List[str] = [
+        "# A draft: fill in the blanks. A topic may still have its field at the end: split it",
+        "# (/odom/twist/twist/linear/x is the field twist.twist.linear.x of the topic /odom).",
+    ]
+    for name in dict.fromkeys(provision.property for provision in provisions):
+        lines.append(f"{name}:")
+        for provision in provisions:
+            if provision.property == name:
+                period = "" if provision.period is None else repr(provision.period)
+                entry = f"topic: {json.dumps(provision.path)}, field: , type: , node: , period: {period}"
+                if provision.quality is not None:
+                    entry += f", quality: {provision.quality!r}"
+                if provision.needed:
+                    entry += ", needed: true"
+                lines.append(f"  - {{{entry}}}")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,169 @@
+"""`shsa report`: how resilient a robot is."""
+import argparse
+import json
+from dataclasses import asdict
+from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
+
+from rich.console import Console
+from rich.table import Table as RichTable
+
+from shsa_core.cli._files import add_options, read_models
+from shsa_core.errors import ModelError
+from shsa_core.resilience import analyse
+from shsa_core.resilience_report import Report, Suggestion, Survival, TopicReport
+
+
+class Table(NamedTuple):
+    """A title, the names of the columns, and rows of text; `nothing` is said instead of an empty table."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    nothing: str
+
+
+def add_parser(subparsers: Any) -> None:
+    """Adds the command."""
+    parser = subparsers.add_parser(
+        "report",
+        help="say how resilient a robot is",
+        description="Says what replaces each needed topic, what the loss of each node costs, which "
+        "nodes must not fail, alone or together, and what would help most.",
+    )
+    add_options(parser)
+    parser.add_argument(
+        "--size",
+        type=int,
+        default=2,
+        metavar="N",
+        help="how many nodes may fail together (2); more takes longer",
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON document")
+    parser.add_argument("--html", metavar="FILE", help="write one page that needs nothing else")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Prints the report, and writes the page. Returns 0."""
+    if args.size < 1:
+        raise ModelError("--size", f"{args.size} nodes cannot fail; at least 1")
+    ontology, som = read_models(args)
+    report = analyse(ontology, som, args.size)
+    if args.html:
+        from shsa_core.cli._page import page  # matplotlib takes a second
+
+        with open(args.html, "w", encoding="utf-8") as stream:
+            stream.write(page(ontology, som, summary(report), tables(report)))
+    if args.json:
+        print(json.dumps(asdict(report), indent=2))
+        return 0
+    console = Console(highlight=False, markup=False)
+    for table in tables(report):
+        _print(console, table)
+    for line in summary(report):
+        console.print(line)
+    return 0
+
+
+def summary(report: Report) -> List[str]:
+    """The report in a few sentences."""
+    lost = [topic for topic in report.topics if topic.quality is None]
+    lines = [
+        f"{len(report.topics) - len(lost)} of {len(report.topics)} needed topics can be replaced "
+        "when their node fails.",
+        f"Failures of one node survived: {_share(report.survival.single)}; of two nodes at once: "
+        f"{_share(report.survival.double)}.",
+    ]
+    for kind, suggestion in (("sensor", report.sensor), ("relation", report.relation)):
+        lines.append(_suggestion(kind, suggestion))
+    return lines
+
+
+def _suggestion(kind: str, suggestion: Optional[Suggestion]) -> str:
+    if suggestion is None:
+        return f"No single new {kind} would raise that."
+    what = f"of {suggestion.property} on a node of its own"
+    if suggestion.source is not None:
+        what = f"that yields {suggestion.property} from {suggestion.source}, if there is one"
+    return (
+        f"The new {kind} that would raise it most: one {what}, to {_survival(suggestion.survival)}."
+    )
+
+
+def _survival(survival: Survival) -> str:
+    if survival.double is None:
+        return _share(survival.single)
+    return f"{_share(survival.single)} and {_share(survival.double)}"
+
+
+def _share(share: Optional[float]) -> str:
+    return "not worked out" if share is None else f"{100 * share:.1f} %"
+
+
+def tables(report: Report) -> List[Table]:
+    """The report as tables."""
+    return [
+        Table(
+            "Needed topics",
+            ("topic", "node", "quality", "alternatives, best first", "fatal with it"),
+            [_topic(topic) for topic in report.topics],
+            "The SOM marks no topic as needed.",
+        ),
+        Table(
+            "What the loss of a node costs",
+            ("node", "lost", "replaced (quality)", "best substitute lost of"),
+            [
+                (
+                    node.node,
+                    ", ".join(node.lost),
+                    ", ".join(f"{topic} ({quality:.3g})" for topic, quality in node.healed),
+                    ", ".join(node.leaned_on),
+                )
+                for node in report.nodes
+            ],
+            "The SOM has no nodes.",
+        ),
+        Table(
+            "Single points of failure",
+            ("node", "topics lost"),
+            [(c.nodes[0], ", ".join(c.topics)) for c in report.cuts if len(c.nodes) == 1],
+            "No node alone is fatal.",
+        ),
+        Table(
+            "Nodes that must not fail together",
+            ("nodes", "topics lost"),
+            [(" + ".join(c.nodes), ", ".join(c.topics)) for c in report.cuts if len(c.nodes) > 1],
+            "No such nodes.",
+        ),
+    ]
+
+
+def _topic(topic: TopicReport) -> Tuple[str, ...]:
+    several = len(topic.properties) > 1
+    alternatives = [
+        f"{a.property + ' ' if several else ''}by {a.by} ({a.quality:.3g})"
+        for a in topic.alternatives
+    ]
+    if topic.quality is None:
+        lacking = ", ".join(topic.missing) or "any relation that yields it"
+        alternatives.append(f"missing: {lacking}")
+    others = (" + ".join(n for n in cut if n != topic.node) for cut in topic.cuts if len(cut) > 1)
+    return (
+        topic.topic,
+        topic.node,
+        "lost" if topic.quality is None else f"{topic.quality:.3g}",
+        "\n".join(alternatives),
+        "\n".join(others),
+    )
+
+
+def _print(console: Console, table: Table) -> None:
+    if not table.rows:
+        console.print(f"{table.title}: {table.nothing}\n")
+        return
+    shown = RichTable(title=table.title, title_justify="left", show_lines=True)
+    for column in table.columns:
+        shown.add_column(column, overflow="fold")
+    for row in table.rows:
+        shown.add_row(*row)
+    console.print(shown)
+    console.print()
