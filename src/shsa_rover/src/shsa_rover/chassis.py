@@ -1,0 +1,138 @@
+"""How a skid-steered rover moves, and the forces that this takes."""
+import math
+from dataclasses import dataclass
+from typing import Tuple
+
+GRAVITY = 9.81  # m/s^2
+
+
+@dataclass(frozen=True)
+class ChassisParameters:
+    """A Pioneer 3-AT with its three batteries and the paper's computers on board.
+
+    Data sheet, as commonly quoted (docs/rover.md): 12 kg without batteries, 0.7 m/s, 140 deg/s.
+    Body of 0.626 m by 0.505 m: the robot's parameters in its maker's library ARIA (p3at-sh).
+    Estimates: batteries of 2.4 kg each; 4.8 kg of payload; the moment of inertia of a homogeneous box; track and
+    wheel spacing as in common simulation models of this robot; the friction figures, chosen so that a drive with
+    many turns draws 5 to 6 A on average (2 to 4 h with three batteries, as quoted, means 5 to 11 A).
+    """
+
+    mass: float = 24.0  # kg
+    inertia: float = 24.0 * (0.626**2 + 0.505**2) / 12.0  # kg m^2, about the vertical axis
+    rotating_mass: float = 5.7  # kg at the wheels' rims: motors seen through their gears (estimate)
+    track: float = 0.39  # m, between left and right wheels
+    wheel_spacing: float = 0.268  # m, between front and rear wheels
+    rolling_friction: float = 0.08  # of the weight: soft tyres, belts and gears
+    viscous_friction: float = 8.0  # N s/m
+    scrub_friction: float = 0.8  # of the weight: tyres dragged sideways on a hard floor
+    slip_angle: float = (
+        0.15  # rad, at which a rolling tyre's sideways force approaches its full size
+    )
+    roughness: float = 0.12  # standard deviation of the floor, as a share of the rolling friction
+    roughness_time: float = 0.3  # s
+    top_speed: float = 0.7  # m/s
+    top_turn_rate: float = math.radians(140.0)  # rad/s
+    acceleration_limit: float = 0.8  # m/s^2, set in the motor controller
+    turn_acceleration_limit: float = 2.5  # rad/s^2, set in the motor controller
+    velocity_time: float = 0.25  # s, the motor controller's velocity loop
+    acceleration_time: float = 0.06  # s, its torque loop
+    watchdog: float = 2.0  # s without a command until it stops (ARCOS default)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What one side's wheels do: `force` (N) on the ground at `speed` (m/s), forwards positive."""
+
+    force: float
+    speed: float
+
+
+class Axis:
+    """One degree of freedom under the motor controller's command: `velocity` and `acceleration`."""
+
+    def __init__(self, limit: float, velocity_time: float, acceleration_time: float) -> None:
+        self.velocity = 0.0
+        self.acceleration = 0.0
+        self._limit = limit
+        self._velocity_time = velocity_time
+        self._acceleration_time = acceleration_time
+
+    def step(self, target: float, dt: float) -> None:
+        """Follows `target`: a velocity loop with limited acceleration around a torque loop, each of first order."""
+        wanted = (target - self.velocity) / self._velocity_time
+        wanted = min(self._limit, max(-self._limit, wanted))
+        before = self.acceleration
+        self.acceleration += (wanted - before) * -math.expm1(-dt / self._acceleration_time)
+        self.velocity += 0.5 * (before + self.acceleration) * dt
+        if target == 0.0 and abs(self.velocity) < 1e-4 and abs(self.acceleration) < 1e-3:
+            self.velocity = self.acceleration = 0.0
+
+
+class Chassis:
+    """The rover's motion on a flat floor; SI units throughout."""
+
+    def __init__(self, parameters: ChassisParameters = ChassisParameters()) -> None:
+        p = self.parameters = parameters
+        self.forward = Axis(p.acceleration_limit, p.velocity_time, p.acceleration_time)
+        self.turn = Axis(p.turn_acceleration_limit, p.velocity_time, p.acceleration_time)
+        self.floor = 1.0
+        self._target = (0.0, 0.0)
+        self._silence = 0.0
+
+    def command(self, velocity: float, turn_rate: float) -> None:
+        """Sets the wanted velocity (m/s) and turn rate (rad/s), limited to what the robot can do."""
+        p = self.parameters
+        self._target = (
+            min(p.top_speed, max(-p.top_speed, velocity)),
+            min(p.top_turn_rate, max(-p.top_turn_rate, turn_rate)),
+        )
+        self._silence = 0.0
+
+    def step(self, dt: float, disturbance: float = 0.0) -> None:
+        """Moves on by `dt` seconds; `disturbance` is a standard normal number that makes the floor uneven."""
+        p = self.parameters
+        self._silence += dt
+        velocity, turn_rate = self._target if self._silence <= p.watchdog else (0.0, 0.0)
+        self.forward.step(velocity, dt)
+        self.turn.step(turn_rate, dt)
+        keep = math.exp(-dt / p.roughness_time)
+        spread = p.roughness * math.sqrt(1.0 - keep * keep)
+        self.floor = 1.0 + (self.floor - 1.0) * keep + spread * disturbance
+
+    def friction(self, speed: float) -> float:
+        """The force (N) that one side's wheels need at a constant `speed` (m/s)."""
+        p = self.parameters
+        rolling = 0.5 * p.rolling_friction * p.mass * GRAVITY * self.floor
+        return rolling * math.tanh(speed / 0.01) + 0.5 * p.viscous_friction * speed
+
+    def scrub(self, velocity: float, turn_rate: float) -> float:
+        """The torque (N m) that drags four tyres sideways at `velocity` (m/s) and `turn_rate` (rad/s).
+
+        In a wide bend the tyres mostly roll: their slip angle, and with it the drag, grows as the bend narrows.
+        """
+        p = self.parameters
+        drag = p.scrub_friction * p.mass * GRAVITY * 0.5 * p.wheel_spacing
+        sideways = 0.5 * p.wheel_spacing * turn_rate
+        return drag * math.tanh(sideways / (p.slip_angle * abs(velocity) + 0.007))
+
+    def kinetic_energy(self) -> float:
+        """J, of the body and of everything that turns with the wheels."""
+        p = self.parameters
+        v, w = self.forward.velocity, self.turn.velocity
+        inertia = p.inertia + p.rotating_mass * (0.5 * p.track) ** 2
+        return 0.5 * (p.mass + p.rotating_mass) * v * v + 0.5 * inertia * w * w
+
+    def efforts(self) -> Tuple[Effort, Effort]:
+        """What the left and the right wheels do now (Newton's law for force and torque)."""
+        p = self.parameters
+        half = 0.5 * p.track
+        left = self.forward.velocity - half * self.turn.velocity
+        right = self.forward.velocity + half * self.turn.velocity
+        push = 0.5 * (p.mass + p.rotating_mass) * self.forward.acceleration
+        inertia = p.inertia + p.rotating_mass * half * half
+        twist = inertia * self.turn.acceleration
+        twist += self.scrub(self.forward.velocity, self.turn.velocity)
+        return (
+            Effort(push - twist / p.track + self.friction(left), left),
+            Effort(push + twist / p.track + self.friction(right), right),
+        )

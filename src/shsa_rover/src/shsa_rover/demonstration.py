@@ -1,0 +1,97 @@
+"""The demonstration of Section V-B1: runs it, draws it, sums it up."""
+import argparse
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+from bisect import bisect_left
+from pathlib import Path
+from typing import List, Optional
+
+from rich.console import Console
+from rich.table import Table
+
+from shsa_rover.figure import draw
+from shsa_rover.recording import Recording, Series, read_recording
+
+TIMEOUT = 180.0  # s; the run itself takes about 45 s
+
+
+def main(arguments: Optional[List[str]] = None) -> int:
+    """Run the demonstration; 0 if the topic was healed and the original returned."""
+    parser = argparse.ArgumentParser(description="Run the demonstration of the paper, headless.")
+    parser.add_argument("--results", type=Path, default=Path("results/demo"), help="folder")
+    results = parser.parse_args(arguments).results.resolve()
+    results.mkdir(parents=True, exist_ok=True)
+    for stale in ("run.bag", "run.bag.active", "incidents.jsonl", "figure.png"):
+        if (results / stale).exists():
+            (results / stale).unlink()
+    status = _launch(results)
+    if status != 0:
+        print(f"roslaunch ended with exit status {status}", file=sys.stderr)
+        return 1
+    recording = read_recording(results / "run.bag", results / "incidents.jsonl")
+    draw(recording, results / "figure.png")
+    return _report(recording, results)
+
+
+def _launch(results: Path) -> int:
+    """Run demo.launch with a master of its own, so that nothing that runs already is disturbed."""
+    with socket.socket() as probe:
+        probe.bind(("", 0))
+        port = probe.getsockname()[1]
+    environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}")
+    command = ["roslaunch", "-p", str(port), "shsa_rover", "demo.launch", f"results:={results}"]
+    with subprocess.Popen(command, env=environment) as roslaunch:
+        try:
+            return roslaunch.wait(TIMEOUT)
+        except subprocess.TimeoutExpired:
+            roslaunch.send_signal(signal.SIGINT)
+            return roslaunch.wait()
+
+
+def _report(recording: Recording, results: Path) -> int:
+    table = Table(title="The demonstration", show_header=False)
+    healed = [i for i in recording.incidents if i["first_message"] is not None]
+    for incident in recording.incidents:
+        table.add_row(
+            "failed", f"{incident['topic']}, {incident['kind']} ({incident['faulty_node']})"
+        )
+        table.add_row(
+            "substitute", f"{incident['substitute']} of quality {incident['quality']:.2f}"
+        )
+        table.add_row("relations", ", ".join(map(str, incident["relations"])))  # type: ignore
+        outage = incident["outage"]
+        table.add_row("outage", "not healed" if outage is None else f"{1000 * float(outage):.0f} ms")  # type: ignore
+        table.add_row("ended", "original is back" if incident["state"] == "ended" else "still open")
+    for node, series in recording.current.items():
+        if node.startswith("/substitute"):
+            text = f"{rms_error(series, recording.true_current):.2f} A (RMS) against the truth"
+            table.add_row("substitute's error", text)
+    if recording.soc and recording.true_soc:
+        worst = 100 * max_error(recording.soc, recording.true_soc)
+        table.add_row("state of charge", f"at most {worst:.2f} percentage points off the truth")
+    table.add_row("figure", str(results / "figure.png"))
+    Console().print(table)
+    good = len(healed) == 1 and all(i["state"] == "ended" for i in recording.incidents)
+    if not good:
+        print("The demonstration did not go as planned.", file=sys.stderr)
+    return 0 if good else 1
+
+
+def rms_error(series: Series, truth: Series) -> float:
+    """The root mean square of a series against the truth at the same times."""
+    squares = [(value - _at(truth, time)) ** 2 for time, value in series]
+    return math.sqrt(sum(squares) / len(squares)) if squares else math.nan
+
+
+def max_error(series: Series, truth: Series) -> float:
+    """The largest distance of a series from the truth at the same times."""
+    return max((abs(value - _at(truth, time)) for time, value in series), default=math.nan)
+
+
+def _at(series: Series, time: float) -> float:
+    index = bisect_left(series, (time, -math.inf))
+    return series[min(index, len(series) - 1)][1] if series else math.nan

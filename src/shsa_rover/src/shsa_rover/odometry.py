@@ -1,0 +1,40 @@
+"""Pose and accelerations from the wheels' velocities."""
+import math
+
+ACCELERATION_TIME = 0.04  # s, smooths the difference quotient
+LONGEST_GAP = 0.5  # s, after which differences mean nothing
+
+
+class Odometry:
+    """Integrates the pose (`x`, `y` in m, `heading` in rad) and differentiates the velocities."""
+
+    def __init__(self) -> None:
+        self.x = self.y = self.heading = 0.0
+        self.velocity = self.turn_rate = 0.0
+        self.acceleration = self.turn_acceleration = 0.0
+        self._time = math.nan
+
+    def update(self, time: float, velocity: float, turn_rate: float) -> None:
+        """Takes velocity (m/s) and turn rate (rad/s) at `time` (s).
+
+        The first sample, and one after a jump back or a gap, only starts anew from the last pose.
+        """
+        dt = time - self._time
+        if 0.0 < dt <= LONGEST_GAP:
+            middle = self.heading + 0.25 * dt * (self.turn_rate + turn_rate)
+            distance = 0.5 * dt * (self.velocity + velocity)
+            self.x += distance * math.cos(middle)
+            self.y += distance * math.sin(middle)
+            self.heading = math.remainder(
+                self.heading + 0.5 * dt * (self.turn_rate + turn_rate), math.tau
+            )
+            share = -math.expm1(-dt / ACCELERATION_TIME)
+            self.acceleration += share * ((velocity - self.velocity) / dt - self.acceleration)
+            self.turn_acceleration += share * (
+                (turn_rate - self.turn_rate) / dt - self.turn_acceleration
+            )
+        elif dt != 0.0:
+            self.acceleration = self.turn_acceleration = 0.0
+        self._time = time
+        self.velocity = velocity
+        self.turn_rate = turn_rate

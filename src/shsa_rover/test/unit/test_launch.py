@@ -1,0 +1,64 @@
+"""The launch files load, for the simulated and the real rover, with and without healing."""
+from pathlib import Path
+from typing import Dict, List, Set
+
+import pytest
+import roslaunch
+
+LAUNCH = Path(__file__).resolve().parents[4] / "launch" / "rover.launch"
+DRIVERS = {"amperemeter", "imu", "drivetrain", "voltmeter"}
+SIMULATED = DRIVERS | {"rover_simulator", "soc_estimator", "driver"}
+
+
+def load(*arguments: str) -> roslaunch.ROSLaunchConfig:
+    """The configuration that `roslaunch shsa_rover rover.launch ARGUMENTS` would start."""
+    return roslaunch.config.load_config_default([(str(LAUNCH), list(arguments))], None)
+
+
+def names(config: roslaunch.ROSLaunchConfig) -> Set[str]:
+    """The names of its nodes."""
+    return {node.name for node in config.nodes}
+
+
+def parameters(config: roslaunch.ROSLaunchConfig) -> Dict[str, object]:
+    """Its parameters."""
+    return {name: parameter.value for name, parameter in config.params.items()}
+
+
+def test_the_simulated_rover_has_one_port_of_its_own() -> None:
+    config = load("healing:=false")
+    assert names(config) == SIMULATED
+    values = parameters(config)
+    assert values["/amperemeter/port"] == values["/rover_simulator/port"]
+    assert str(values["/amperemeter/port"]).startswith("/tmp/")
+    assert parameters(load("healing:=false"))["/amperemeter/port"] != values["/amperemeter/port"]
+
+
+def test_the_real_rover_has_the_same_nodes_without_the_simulator() -> None:
+    config = load("sim:=false", "port:=/dev/ttyAMA0", "healing:=false")
+    assert names(config) == SIMULATED - {"rover_simulator"}
+    assert parameters(config)["/amperemeter/port"] == "/dev/ttyAMA0"
+
+
+def test_healing_is_there_unless_it_is_switched_off() -> None:
+    assert names(load()) == SIMULATED | {"monitor", "reconfigurator"}
+
+
+@pytest.mark.parametrize(
+    "here, expected",
+    [
+        ("raspberry_pi", {"amperemeter", "imu"}),
+        ("mainboard", {"drivetrain", "voltmeter"}),
+        ("notebook", {"soc_estimator", "driver"}),
+    ],
+)
+def test_each_computer_can_start_its_own_nodes(here: str, expected: Set[str]) -> None:
+    others: List[str] = [
+        f"{name}:=false" for name in ("raspberry_pi", "mainboard", "notebook") if name != here
+    ]
+    assert names(load("sim:=false", "port:=/x", "healing:=false", *others)) == expected
+
+
+def test_keys_drive_instead_of_the_script() -> None:
+    assert "teleop" in names(load("drive:=false", "healing:=false"))
+    assert "driver" not in names(load("drive:=false", "healing:=false"))
