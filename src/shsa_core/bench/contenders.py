@@ -1,0 +1,216 @@
+"""What can be done about a failed node, each ready to be measured: healing, respawn, and starting it by hand."""
+import os
+import signal
+import time
+from typing import Callable, Dict, Protocol, TypeVar
+
+import rospy
+
+from report import CONSOLE
+from robot import (
+    NODE,
+    PATIENCE,
+    TOPIC,
+    Bench,
+    Consumers,
+    HealthyRobot,
+    ask_to_leave,
+    shut_down,
+    talker,
+)
+from shsa_core.ros.testing import node_pid, node_process, publishers, wait_until
+from takeover import Takeover, gap, healed
+
+MISSES = 5
+LAUNCH = """
+<launch>
+  <node pkg="shsa_core" type="{executable}" name="{name}" args="{arguments}" respawn="true" />
+</launch>
+"""
+
+
+class Endable(Protocol):
+    """Something that was started."""
+
+    def end(self) -> None:
+        """Stop everything."""
+
+
+class Contender(Endable, Protocol):
+    """Something that brings a failed topic back."""
+
+    period: float
+
+    def await_well(self) -> None:
+        """Wait until it is ready for the next failure. Raises AssertionError if it does not become so."""
+
+    def fail(self) -> Takeover:
+        """Fail once. Raises AssertionError if the topic does not come back."""
+
+
+Subject = TypeVar("Subject", bound=Endable)
+
+
+def repeat(
+    bench: Bench,
+    make: Callable[[], Subject],
+    once: Callable[[Subject], None],
+    enough: Callable[[], bool],
+) -> int:
+    """Measure until it is enough; a new subject after each miss, an AssertionError. The number of misses."""
+    misses = 0
+    subject = make()
+    while not enough() and misses < MISSES:
+        try:
+            once(subject)
+        except AssertionError as error:
+            misses += 1
+            CONSOLE.print(f"[red]missed: {error}[/red]")
+            CONSOLE.print(bench.last_words(), markup=False, highlight=False)
+            subject.end()
+            subject = make()
+    subject.end()
+    return misses
+
+
+def kill_hard(robot: HealthyRobot) -> None:
+    """`kill -9`."""
+    robot.failing.kill()
+
+
+def stop(robot: HealthyRobot) -> None:
+    """Hang."""
+    robot.failing.send_signal(signal.SIGSTOP)
+
+
+def leave(robot: HealthyRobot) -> None:
+    """`rosnode kill`."""
+    shut_down(NODE)
+
+
+def leave_range(robot: HealthyRobot) -> None:
+    """Send nonsense."""
+    robot.fault.publish("value 1000")
+
+
+FAULTS: Dict[str, Callable[[HealthyRobot], None]] = {
+    "kill -9": kill_hard,
+    "rosnode kill": leave,
+    "SIGSTOP": stop,
+    "out of range": leave_range,
+}
+
+
+class Healed:
+    """The small robot, healed."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        consumers: Consumers,
+        standby: str,
+        period: float,
+        fault: Callable[[HealthyRobot], None],
+    ) -> None:
+        self.period = period
+        self._consumers = consumers
+        self._robot = HealthyRobot(bench, consumers, standby, period)
+        self._fault = fault
+
+    def await_well(self) -> None:
+        self._robot.await_well()
+        wait_until(
+            lambda: self._robot.fault.get_num_connections() == 1, PATIENCE, "obedience of the node"
+        )
+
+    def fail(self) -> Takeover:
+        takeover = self.take_over()
+        self.bring_back()
+        return takeover
+
+    def take_over(self) -> Takeover:
+        """Fail once, without coming back. Raises AssertionError if the topic is not healed."""
+        before = self._robot.healing.latest(TOPIC)
+        number = 0 if before is None else before.id
+        failed_at = time.monotonic()
+        self._fault(self._robot)
+
+        def is_healed() -> bool:
+            incident = self._robot.healing.latest(TOPIC)
+            return incident is not None and incident.id > number and incident.state == "healed"
+
+        wait_until(is_healed, PATIENCE, "the topic is healed")
+        incident = self._robot.healing.latest(TOPIC)
+        assert incident is not None
+        self._consumers.await_node(incident.substitute, failed_at)
+        return healed(self._consumers, failed_at, incident)
+
+    def bring_back(self) -> None:
+        """Start the node again."""
+        self._robot.bring_back()
+
+    def end(self) -> None:
+        self._robot.end()
+
+
+class Respawned:
+    """A node under roslaunch's `respawn="true"`, and no healing."""
+
+    period = 0.02
+
+    def __init__(self, bench: Bench, consumers: Consumers, executable: str) -> None:
+        self._consumers = consumers
+        arguments = f"{TOPIC} {self.period}"
+        if executable == "faulty_publisher":
+            arguments = " ".join(talker(NODE, TOPIC, 1.0, self.period)[:-1])
+        path = bench.folder / "respawn.launch"
+        text = LAUNCH.format(executable=executable, name=NODE[1:], arguments=arguments)
+        path.write_text(text)
+        self._launch = bench.start("roslaunch", str(path))
+
+    def await_well(self) -> None:
+        wait_until(lambda: node_process(NODE) is not None, PATIENCE, "the node is up")
+        self._consumers.await_node(NODE, time.monotonic())
+        for consumer in self._consumers:
+            consumer.forget()
+
+    def fail(self) -> Takeover:
+        pid = node_pid(NODE)
+        failed_at = time.monotonic()
+        os.kill(pid, signal.SIGKILL)
+        wait_until(lambda: node_process(NODE) is not None, PATIENCE, "the node is up again")
+        for consumer in self._consumers:
+            wait_until(
+                lambda: len(consumer.since(failed_at)) > 5, PATIENCE, f"{consumer.node} hears it"
+            )
+        return Takeover(*(gap(consumer, failed_at) for consumer in self._consumers))
+
+    def end(self) -> None:
+        ask_to_leave(self._launch, 30.0)
+
+
+class ByHand:
+    """`rosrun` of a rospy node: from the command to the first message. The yardstick for cold."""
+
+    period = 0.02
+
+    def __init__(self, bench: Bench, consumers: Consumers) -> None:
+        self._bench = bench
+        self._consumers = consumers
+
+    def await_well(self) -> None:
+        wait_until(lambda: not publishers(TOPIC), PATIENCE, "nobody publishes")
+
+    def fail(self) -> Takeover:
+        started = time.monotonic()
+        process = self._bench.start(
+            *("rosrun", "shsa_core", "faulty_publisher"), *talker(NODE, TOPIC, 1.0, self.period)
+        )
+        self._consumers.await_node(NODE, started)
+        first = [consumer.since(started)[0].at for consumer in self._consumers]
+        shut_down(NODE)
+        process.wait(PATIENCE)
+        return Takeover(*(1e3 * (at - started) for at in first))
+
+    def end(self) -> None:
+        pass

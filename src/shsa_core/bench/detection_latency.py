@@ -1,0 +1,146 @@
+"""How long the monitor takes from a fault to the message on /shsa/failures: topics at 50 Hz, one rospy node each.
+
+`heard`: from causing the fault to a subscriber's hearing of it. `after_last_good`: from the last good message to the
+decision, as the monitor tells it. Writes results/bench/detection_latency.csv.
+"""
+import argparse
+import csv
+import signal
+import time
+import xmlrpc.client
+from pathlib import Path
+from typing import Callable, Dict, List, Tuple
+
+import numpy as np
+import rosgraph
+import rospy
+from rich.console import Console
+from rich.table import Table
+from shsa_msgs.msg import Failure, Health
+from std_msgs.msg import String
+
+from graph import FAULTY_PUBLISHER, MONITOR, Graph, service, wait_until
+
+PERIOD = 0.02
+TOGETHER = 5
+COLUMNS = ("fault", "kind", "heard_ms", "after_last_good_ms")
+
+
+class Target:
+    """One faulty publisher on a topic of its own."""
+
+    def __init__(self, graph: Graph, name: str) -> None:
+        self.name, self.topic = "/" + name, f"/topic_{name}"
+        self.process = graph.python(
+            FAULTY_PUBLISHER, f"__name:={name}", f"_topic:={self.topic}", f"_period:={PERIOD}"
+        )
+        self.command = rospy.Publisher(self.name + "/fault", String, queue_size=1)
+
+    def kill(self) -> None:
+        self.process.kill()
+
+    def stop(self) -> None:
+        self.process.send_signal(signal.SIGSTOP)
+
+    def shut_down(self) -> None:
+        uri = rosgraph.Master("/bench").lookupNode(self.name)
+        try:
+            xmlrpc.client.ServerProxy(uri).shutdown("/bench", "fault injection")
+        except OSError:
+            pass  # it was gone before it could answer
+
+    def unadvertise(self) -> None:
+        self.command.publish("unadvertise")
+
+    def leave_range(self) -> None:
+        self.command.publish("value 1000")
+
+    def say_nan(self) -> None:
+        self.command.publish("value nan")
+
+
+FAULTS: Dict[str, Callable[[Target], None]] = {
+    "kill -9": Target.kill,
+    "rosnode kill": Target.shut_down,
+    "unadvertise": Target.unadvertise,
+    "SIGSTOP": Target.stop,
+    "out of range": Target.leave_range,
+    "not a number": Target.say_nan,
+}
+
+
+class Witness:
+    """What the monitor says."""
+
+    def __init__(self) -> None:
+        self.healthy: Dict[str, bool] = {}
+        self.failures: Dict[str, Tuple[float, Failure]] = {}
+        rospy.Subscriber("/shsa/failures", Failure, self._failure, tcp_nodelay=True)
+        rospy.Subscriber("/shsa/health", Health, self._health, tcp_nodelay=True)
+
+    def _failure(self, failure: Failure) -> None:
+        self.failures.setdefault(failure.topic, (time.monotonic(), failure))
+
+    def _health(self, table: Health) -> None:
+        self.healthy = {row.topic: row.state == "healthy" for row in table.publishers}
+
+
+def measure(
+    graph: Graph, witness: Witness, fault: str, number: int
+) -> List[Tuple[str, str, float, float]]:
+    """One fault in TOGETHER nodes, one after the other; the rows of figures."""
+    word = "".join(letter for letter in fault if letter.isalnum())
+    targets = [Target(graph, f"{word}_{number}_{i}") for i in range(TOGETHER)]
+    som = {
+        f"p{i}": [service(t.topic, t.name, PERIOD, range=[-5.0, 60.0])]
+        for i, t in enumerate(targets)
+    }
+    rosgraph.Master("/bench").setParam("/shsa/som", som)
+    rows = []
+    for target in targets:
+        ready = lambda: target.command.get_num_connections() > 0
+        if not wait_until(lambda: ready() and witness.healthy.get(target.topic, False), 20.0):
+            raise RuntimeError(f"{target.name} does not become healthy")
+        rospy.rostime.wallsleep(0.1 + PERIOD * np.random.random())
+        caused = time.monotonic()
+        FAULTS[fault](target)
+        if not wait_until(lambda: target.topic in witness.failures, 10.0):
+            raise RuntimeError(f"{fault} of {target.name} was missed")
+        heard, failure = witness.failures[target.topic]
+        after = (failure.header.stamp - failure.last_good).to_sec()
+        rows.append((fault, failure.kind, 1e3 * (heard - caused), 1e3 * after))
+    for target in targets:
+        target.process.kill()
+        target.command.unregister()
+    return rows
+
+
+def main() -> None:
+    """Measure, print a table, write the CSV file."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=50, help="injections of each fault")
+    parser.add_argument("--results", type=Path, default=Path("results/bench"))
+    options = parser.parse_args()
+    options.results.mkdir(parents=True, exist_ok=True)
+    table = Table("fault", "kind", "n", "median", "p95", "max", "median after last good, ms")
+    with Graph() as graph, open(options.results / "detection_latency.csv", "w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        rospy.init_node("detection_latency", disable_signals=True)
+        witness = Witness()
+        graph.python(MONITOR)
+        for fault in FAULTS:
+            rows: List[Tuple[str, str, float, float]] = []
+            for number in range(-(-options.count // TOGETHER)):
+                rows += measure(graph, witness, fault, number)
+            writer.writerows(rows)
+            heard = [row[2] for row in rows]
+            figures = (np.median(heard), np.percentile(heard, 95), max(heard))
+            after = np.median([row[3] for row in rows])
+            words = [f"{figure:.1f}" for figure in (*figures, after)]
+            table.add_row(fault, rows[0][1], str(len(rows)), *words)
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,214 @@
+"""What one evaluation of a substitute costs, side by side with the same arithmetic as a hand-written function.
+
+Both get the same inputs in turn, in many short rounds, so that other work on the machine hits both; the time is that of
+the processor. Prints the ratio (median and 95th percentile over the rounds) and writes results/bench/evaluate.csv.
+"""
+import argparse
+import csv
+import math
+import statistics
+import sys
+import time
+import timeit
+from pathlib import Path
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+from shsa_core.codegen import generate
+from shsa_core.derivation import Derivation
+from shsa_core.expression import parse_constraint, parse_expression
+from shsa_core.ontology import Constant, TransferFunction
+from shsa_core.program import compile_program
+from shsa_core.som import Service
+
+ROOT = Path(__file__).resolve().parents[3]
+GOAL = 2.0
+
+Hand = Callable[[Sequence[float], float], Optional[float]]
+
+
+class Case(NamedTuple):
+    """A substitute: the laws of its relations in order, and the same by hand."""
+
+    name: str
+    laws: Sequence[Tuple[str, str, Optional[str]]]
+    inputs: Sequence[str]
+    hand: Hand
+    x: Tuple[float, ...]
+    has_goal: bool = True
+
+
+def f1_by_hand(x: Sequence[float], now: float) -> Optional[float]:
+    """The published terms of relation f1 of the paper."""
+    return 48.67 - 0.03 * abs(x[0]) - 1.17 * abs(x[1])
+
+
+def current_by_hand(x: Sequence[float], now: float) -> Optional[float]:
+    """Current from power and voltage, with a constraint."""
+    if not x[1] > 10:
+        return None
+    return x[0] / x[1]
+
+
+def chain_by_hand(x: Sequence[float], now: float) -> Optional[float]:
+    """Wheels to velocity to power to current."""
+    velocity = (x[0] + x[1]) / 2
+    power = 29.7 * velocity * x[2] + 18.8 * abs(velocity) + 8.0 * velocity**2 + 30.57
+    return power / x[3]
+
+
+def polynomial_by_hand(x: Sequence[float], now: float) -> Optional[float]:
+    """Twelve terms of three inputs."""
+    a, b, c = x
+    return (
+        1.5
+        + 0.1 * a
+        - 0.2 * b
+        + 0.3 * c
+        + 0.4 * a * b
+        - 0.5 * b * c
+        + 0.6 * a * c
+        + 0.7 * a**2
+        - 0.8 * b**2
+        + 0.9 * c**2
+        + math.sin(a)
+        - math.sqrt(c)
+    )
+
+
+class FilterByHand:
+    """The derivative of a first-order low-pass, with the same care for gaps."""
+
+    def __init__(self) -> None:
+        self.time = math.nan
+        self.filtered = math.nan
+
+    def __call__(self, x: Sequence[float], now: float) -> Optional[float]:
+        elapsed = now - self.time
+        before = self.filtered
+        self.time = now
+        if not 0.0 < elapsed <= 1.0 or not math.isfinite(x[0]):
+            self.filtered = x[0]
+            return None
+        self.filtered = before + (x[0] - before) * -math.expm1(-elapsed / 0.5)
+        return (self.filtered - before) / elapsed
+
+
+POLYNOMIAL = (
+    "1.5 + 0.1*a - 0.2*b + 0.3*c + 0.4*a*b - 0.5*b*c + 0.6*a*c "
+    "+ 0.7*a**2 - 0.8*b**2 + 0.9*c**2 + sin(a) - sqrt(c)"
+)
+CASES = (
+    Case("passed on", (), ("a",), lambda x, now: x[0], (1.5,), has_goal=False),
+    Case(
+        "f1 of the paper (published terms)",
+        (("i", "48.67 - 0.03*abs(v) - 1.17*abs(a)", None),),
+        ("v", "a"),
+        f1_by_hand,
+        (0.8, -0.3),
+    ),
+    Case(
+        "one division with a constraint",
+        (("i", "p/u", "u > 10"),),
+        ("p", "u"),
+        current_by_hand,
+        (120.0, 12.4),
+    ),
+    Case(
+        "three relations in a row",
+        (
+            ("v", "(l + r)/2", None),
+            ("p", "mass*v*a + 18.8*abs(v) + 8.0*v**2 + 30.57", None),
+            ("i", "p/u", None),
+        ),
+        ("l", "r", "a", "u"),
+        chain_by_hand,
+        (0.7, 0.9, 0.2, 12.4),
+    ),
+    Case(
+        "twelve terms",
+        (("z", POLYNOMIAL, None),),
+        ("a", "b", "c"),
+        polynomial_by_hand,
+        (0.5, 2.0, 3.0),
+    ),
+    Case(
+        "derivative(lowpass(v, 0.5))",
+        (("a", "derivative(lowpass(v, 0.5))", None),),
+        ("v",),
+        FilterByHand(),
+        (0.8,),
+        has_goal=False,
+    ),
+)
+CONSTANTS = {"mass": Constant("mass", 29.7, "kg")}
+
+
+def compiled(case: Case) -> Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]:
+    """The case as a substitute evaluates it."""
+    known: Dict[str, Derivation] = {
+        name: Derivation(name, Service(name, "/" + name, "data", "p/T", "/n", 0.02), None)
+        for name in case.inputs
+    }
+    inputs = [known[name] for name in case.inputs]
+    result = inputs[0]
+    for number, (output, law, condition) in enumerate(case.laws, 1):
+        expression = parse_expression(law)
+        constraint = parse_constraint(condition) if condition else None
+        names = [*expression.names, *(constraint.names if constraint else ())]
+        used = tuple(dict.fromkeys(name for name in names if name not in CONSTANTS))
+        function = TransferFunction(f"r{number}", output, used, expression, 1.0, constraint, law)
+        result = Derivation(output, None, function, tuple(known[name] for name in used))
+        known[output] = result
+    program = generate([(result, "/output/data")], CONSTANTS)
+    assert program.inputs == tuple(
+        derivation.service.path for derivation in inputs if derivation.service
+    )
+    return compile_program(program.code, len(program.inputs), 1).step
+
+
+def measure(case: Case, rounds: int, calls: int) -> List[Tuple[float, float]]:
+    """Seconds of one call, by the substitute and by hand, in each round."""
+    step, hand, x = compiled(case), case.hand, case.x
+    for moment in (0.0, 0.02):
+        result, expected = step(x, moment), hand(x, moment)
+    assert result is not None and expected is not None and math.isclose(result[0], expected)
+    moments = [0.04 + 0.02 * i for i in range(calls)]
+
+    def run(function: Callable[[Sequence[float], float], object]) -> float:
+        def loop() -> None:
+            for now in moments:
+                function(x, now)
+
+        return timeit.timeit(loop, number=1, timer=time.process_time) / calls
+
+    return [(run(step), run(hand)) for _ in range(rounds)]
+
+
+def main() -> int:
+    """Measures every case. Returns 1 if the goal is missed."""
+    parser = argparse.ArgumentParser(description="Cost of evaluating a substitute once.")
+    parser.add_argument("--rounds", type=int, default=200)
+    parser.add_argument("--calls", type=int, default=2000, help="calls in each round")
+    parser.add_argument("--results", type=Path, default=ROOT / "results" / "bench")
+    args = parser.parse_args()
+    args.results.mkdir(parents=True, exist_ok=True)
+    missed = False
+    print(f"{'substitute':36} {'ns':>7} {'by hand':>8} {'ratio':>6} {'p95':>6}   goal")
+    with open(args.results / "evaluate.csv", "w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(["case", "round", "substitute_s", "hand_s"])
+        for case in CASES:
+            times = measure(case, args.rounds, args.calls)
+            writer.writerows([case.name, i, *pair] for i, pair in enumerate(times))
+            ratios = sorted(mine / hand for mine, hand in times)
+            median, p95 = statistics.median(ratios), ratios[int(0.95 * (len(ratios) - 1))]
+            mine, hand = (statistics.median(pair[i] for pair in times) * 1e9 for i in (0, 1))
+            verdict = "none" if not case.has_goal else "met" if median <= GOAL else "missed"
+            missed = missed or verdict == "missed"
+            print(f"{case.name:36} {mine:7.0f} {hand:8.0f} {median:6.2f} {p95:6.2f}   {verdict}")
+    print(f"goal: at most {GOAL:g} times the same arithmetic by hand (median)")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,99 @@
+"""False alarms: healthy topics at 50 Hz, watched while the CPU is saturated by other work.
+
+Many topics in parallel stand for a long time: 50 topics for 72 s are an hour. Appends to
+results/bench/false_alarms.csv; ends with status 1 if there was a false alarm.
+"""
+import argparse
+import csv
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import List
+
+import numpy as np
+import rosgraph
+import rospy
+from rich.console import Console
+from rich.progress import track
+from shsa_msgs.msg import Failure, Health
+
+from graph import BENCH, MONITOR, Graph, service, wait_until
+
+TOPICS = 50
+NODES = 5
+PERIOD = 0.02
+LOAD = 4  # busy processes a core
+BUSY = "while True: pass"
+COLUMNS = ("topic_hours", "busy_processes", "cores", "messages", "largest_gap_ms", "false_alarms")
+
+
+def main() -> int:
+    """Measure, print the verdict, write the CSV file."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--hours", type=float, default=1.0, help="topic hours to watch")
+    parser.add_argument("--results", type=Path, default=Path("results/bench"))
+    options = parser.parse_args()
+    options.results.mkdir(parents=True, exist_ok=True)
+    seconds = options.hours * 3600.0 / TOPICS
+    alarms: List[str] = []
+    healthy: List[bool] = []
+
+    def look(table: Health) -> None:
+        healthy[:] = [row.state == "healthy" for row in table.publishers]
+
+    with Graph() as graph, tempfile.TemporaryDirectory() as folder:
+        rospy.init_node("false_alarms", disable_signals=True)
+        rospy.Subscriber("/shsa/health", Health, look)
+        share = TOPICS // NODES
+        som = {}
+        for node in range(NODES):
+            arguments = [str(share), str(PERIOD), str(node * share), f"__name:=source_{node}"]
+            graph.python(BENCH / "stream_source.py", *arguments)
+            for i in range(node * share, (node + 1) * share):
+                som[f"p{i}"] = [service(f"/stream_{i}", f"/source_{node}", PERIOD)]
+        rosgraph.Master("/bench").setParam("/shsa/som", som)
+        graph.python(MONITOR)
+        path = Path(folder) / "rows.npy"
+        if not wait_until(lambda: len(healthy) == TOPICS and all(healthy), 30.0):
+            raise RuntimeError("the topics do not become healthy")
+        rospy.Subscriber(
+            "/shsa/failures", Failure, lambda f: alarms.append(f"{f.topic}: {f.kind}: {f.detail}")
+        )
+        probe = graph.python(BENCH / "stream_probe.py", str(path), str(share), str(seconds))
+        cores = os.cpu_count() or 1
+        for _ in range(LOAD * cores):
+            graph.start([sys.executable, "-c", BUSY])
+        end = time.monotonic() + seconds
+        for _ in track(range(round(seconds)), description="watching"):
+            rospy.rostime.wallsleep(min(1.0, max(0.0, end - time.monotonic())))
+        probe.wait(60.0)
+        rows = np.load(path)
+        alarms = list(alarms)  # what comes from here on is the end of the nodes
+    gaps = [np.max(np.diff(rows[rows[:, 0] == topic][:, 2])) for topic in range(share)]
+    row = (
+        options.hours,
+        LOAD * cores,
+        cores,
+        round(len(rows) / share * TOPICS),
+        round(1e3 * max(gaps), 1),
+        len(alarms),
+    )
+    file = options.results / "false_alarms.csv"
+    new = not file.exists()
+    with open(file, "a", newline="") as stream:
+        writer = csv.writer(stream)
+        if new:
+            writer.writerow(COLUMNS)
+        writer.writerow(row)
+    console = Console()
+    for name, value in zip(COLUMNS, row):
+        console.print(f"{name}: {value}")
+    for alarm in alarms:
+        console.print(alarm)
+    return 1 if alarms else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,109 @@
+"""The monitor's price: its share of a CPU, and what it does to the streams that it watches (the probe effect).
+
+50 topics at 1,000 and at 10,000 messages/s together; a consumer beside the monitor listens to 5 of them. Without the
+monitor; with it, values not checked; with it, values checked: taken in turns.
+Writes results/bench/monitor_price.csv.
+"""
+import argparse
+import csv
+import tempfile
+from pathlib import Path
+from typing import Dict, List, Optional
+
+import numpy as np
+import psutil
+import rosgraph
+from rich.console import Console
+from rich.table import Table
+
+from graph import BENCH, MONITOR, Graph, service
+
+TOPICS = 50
+PROBED = 5
+SETTLE = 3.0
+MODES = ("no monitor", "values not checked", "values checked")
+COLUMNS = (
+    "messages_per_s",
+    "mode",
+    "round",
+    "monitor_cpu_percent",
+    "jitter_p50_us",
+    "jitter_p99_us",
+    "jitter_max_us",
+    "latency_p50_us",
+    "latency_p99_us",
+)
+
+
+def measure(graph: Graph, rate: float, mode: str, seconds: float) -> Dict[str, object]:
+    """One run: the row of figures, times in us."""
+    period = TOPICS / rate
+    checks = {"not_a_number": mode == "values checked"}
+    som = {
+        f"p{i}": [service(f"/stream_{i}", "/stream_source", period, checks=checks)]
+        for i in range(TOPICS)
+    }
+    rosgraph.Master("/bench").setParam("/shsa/som", som)
+    source = graph.python(BENCH / "stream_source.py", str(TOPICS), str(period))
+    monitor = None if mode == "no monitor" else graph.python(MONITOR)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "rows.npy"
+        wanted = SETTLE + seconds
+        probe = graph.python(BENCH / "stream_probe.py", str(path), str(PROBED), str(wanted))
+        share = _cpu_share(monitor.pid if monitor else None, seconds)
+        probe.wait(wanted + 30.0)
+        rows = np.load(path)
+    for process in (monitor, source):
+        if process is not None:
+            graph.end(process)
+    return {"messages_per_s": rate, "mode": mode, **_figures(rows, seconds, period), **share}
+
+
+def _cpu_share(process: Optional[int], seconds: float) -> Dict[str, object]:
+    psutil.cpu_percent(interval=SETTLE)
+    if process is None:
+        return {"monitor_cpu_percent": 0.0}
+    return {"monitor_cpu_percent": psutil.Process(process).cpu_percent(interval=seconds)}
+
+
+def _figures(rows: np.ndarray, seconds: float, period: float) -> Dict[str, object]:
+    rows = rows[rows[:, 2] > rows[-1, 2] - seconds]
+    jitter: List[float] = []
+    for topic in range(PROBED):
+        received = rows[rows[:, 0] == topic][:, 2]
+        jitter.extend(np.abs(np.diff(received) - period) * 1e6)
+    latency = (rows[:, 2] - rows[:, 1]) * 1e6
+    return {
+        "jitter_p50_us": round(float(np.percentile(jitter, 50)), 1),
+        "jitter_p99_us": round(float(np.percentile(jitter, 99)), 1),
+        "jitter_max_us": round(float(np.max(jitter)), 1),
+        "latency_p50_us": round(float(np.percentile(latency, 50)), 1),
+        "latency_p99_us": round(float(np.percentile(latency, 99)), 1),
+    }
+
+
+def main() -> None:
+    """Measure, print a table, write the CSV file."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--seconds", type=float, default=10.0, help="of each run")
+    parser.add_argument("--results", type=Path, default=Path("results/bench"))
+    options = parser.parse_args()
+    options.results.mkdir(parents=True, exist_ok=True)
+    table = Table(*COLUMNS, title="The monitor's price")
+    with Graph() as graph, open(options.results / "monitor_price.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        for rate in (1000.0, 10000.0):
+            for number in range(options.rounds):
+                for mode in MODES:
+                    row = measure(graph, rate, mode, options.seconds)
+                    row["round"] = number + 1
+                    writer.writerow(row)
+                    file.flush()
+                    table.add_row(*(str(row[column]) for column in COLUMNS))
+    Console(width=160).print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,379 @@
+"""A small robot to measure healing on: a ROS master of its own, nodes, consumers, and an end to all of them."""
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import uuid
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Type
+
+import psutil
+import rosgraph
+import rospy
+from roslib.packages import find_node
+from std_msgs.msg import String
+
+from graph import BENCH, FAULTY_PUBLISHER
+from shsa_core.ros.slave import slave
+from shsa_core.ros.testing import HealedRobot, node_pid, registered_nodes, running, wait_until
+
+MARK = "SHSA_BENCH"
+TOPIC, NODE = "/lost", "/failing"
+KEPT_TOPIC, KEPT_NODE = "/kept", "/steady"
+LIMIT = 10.0  # of the good values of TOPIC
+HOLD_OFF = 1.0  # s; until then a substitute has handed over all consumers
+POOL = 2
+# The same node fails again and again here: that is not to be taken for a node that flaps.
+TIRELESS = {"hold_off_limit": HOLD_OFF, "switches": 0, "healings": 0}
+PATIENCE = 30.0  # s; with hundreds of nodes up, everything takes longer
+
+ONTOLOGY = """
+properties:
+  lost: {unit: m}
+  kept: {unit: m}
+relations:
+  half:
+    lost: 0.5 * kept
+"""
+SOM = """
+lost:
+  - {{topic: {topic}, field: data, type: shsa_msgs/Float64Stamped, node: {node}, period: {period},
+     range: [-{limit}, {limit}], needed: true, standby: {standby}}}
+kept:
+  - {{topic: {kept_topic}, field: data, type: shsa_msgs/Float64Stamped, node: {kept_node}, period: {period}}}
+"""
+
+
+class Bench:
+    """`with Bench() as bench:` has a master on a free port; this process is a node of it.
+
+    Whatever was started inside has ended after it, however it ends: every process that inherits the mark.
+    """
+
+    def __init__(self) -> None:
+        self.folder = Path(tempfile.mkdtemp(prefix="shsa_bench_"))
+        self._mark = uuid.uuid4().hex
+        self._output = self.folder / "output"
+
+    def __enter__(self) -> "Bench":
+        signal.signal(signal.SIGTERM, _leave)
+        with socket.socket() as free:
+            free.bind(("", 0))
+            port = free.getsockname()[1]
+        os.environ.update(
+            {
+                "ROS_MASTER_URI": f"http://localhost:{port}",
+                "ROS_LOG_DIR": str(self.folder),
+                MARK: self._mark,
+            }
+        )
+        self.start("rosmaster", "--core", "-p", str(port))
+        wait_until(rosgraph.is_master_online, PATIENCE, "the master")
+        rospy.init_node("bench", disable_signals=True)
+        self.healing = HealedRobot()
+        return self
+
+    def __exit__(
+        self,
+        kind: Optional[Type[BaseException]],
+        error: Optional[BaseException],
+        trace: Optional[TracebackType],
+    ) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        for process in self._started():
+            try:
+                process.kill()
+            except psutil.NoSuchProcess:
+                continue
+        shutil.rmtree(str(self.folder), ignore_errors=True)
+
+    def start(self, *command: str, heard: bool = False) -> "subprocess.Popen[str]":
+        """Start a process; its output goes to a file, or is read by whoever wants it `heard`."""
+        with open(self._output, "a") as output:
+            return subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE if heard else output,
+                stderr=output,
+                start_new_session=True,
+                universal_newlines=True,
+            )
+
+    def last_words(self, count: int = 15) -> str:
+        """The last lines of what the processes said."""
+        return "".join(self._output.read_text(errors="replace").splitlines(True)[-count:])
+
+    def python(self, script: Path, *arguments: str, heard: bool = False) -> "subprocess.Popen[str]":
+        """Start a Python node."""
+        return self.start(sys.executable, str(script), *arguments, heard=heard)
+
+    def cpp(self, name: str, *arguments: str, heard: bool = False) -> "subprocess.Popen[str]":
+        """Start a C++ node of this folder."""
+        found = find_node("shsa_core", f"bench_{name}")
+        if not found:
+            raise RuntimeError(f"bench_{name} is not built; run make build")
+        return self.start(found[0], *arguments, heard=heard)
+
+    def _started(self) -> Iterator[psutil.Process]:
+        """Every process with our mark, until there is none."""
+        while True:
+            ours = [process for process in psutil.process_iter() if self._is_ours(process)]
+            if not ours:
+                return
+            yield from ours
+            psutil.wait_procs(ours, timeout=1.0)
+
+    def _is_ours(self, process: psutil.Process) -> bool:
+        try:
+            ours = process.environ().get(MARK) == self._mark
+            return ours and process.pid != os.getpid() and running(process)
+        except (psutil.NoSuchProcess, psutil.AccessDenied, OSError):
+            return False
+
+
+def _leave(number: int, frame: Any) -> None:
+    raise SystemExit(f"ended by signal {number}")
+
+
+def ask_to_leave(process: "subprocess.Popen[str]", seconds: float = 10.0) -> None:
+    """Interrupt a process; kill it if it does not leave."""
+    process.send_signal(signal.SIGINT)
+    try:
+        process.wait(seconds)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def uri_of(node: str) -> str:
+    """The URI of a node; empty if the master does not know it."""
+    try:
+        uri: str = rosgraph.Master(rospy.get_name()).lookupNode(node)
+    except rosgraph.MasterException:
+        return ""
+    return uri.rstrip("/")
+
+
+def shut_down(node: str) -> None:
+    """What `rosnode kill` does, without the start of a command."""
+    try:
+        slave(uri_of(node)).shutdown(rospy.get_name(), "the benchmark says so")
+    except OSError:
+        pass  # it was gone before it could answer
+
+
+class Applications:
+    """Application nodes, as many as wanted; `rate` in Hz at which each publishes."""
+
+    def __init__(self, bench: Bench, rate: float) -> None:
+        self._bench = bench
+        self._rate = rate
+        self._processes: List["subprocess.Popen[str]"] = []
+
+    def grow(self, count: int) -> None:
+        """Start nodes until there are `count`, and wait until all have registered."""
+        for number in range(len(self._processes), count):
+            name = f"__name:=application_{number}"
+            self._processes.append(
+                self._bench.cpp("application", str(number), str(self._rate), name)
+            )
+        wait_until(lambda: _applications() >= count, PATIENCE, f"{count} application nodes")
+
+
+def _applications() -> int:
+    try:
+        publishers = rosgraph.Master(rospy.get_name()).getSystemState()[0]
+    except OSError:
+        return 0  # the master is too busy to answer now
+    return sum(topic.startswith("/application_") for topic, _ in publishers)
+
+
+class Heard(NamedTuple):
+    """A message as a consumer heard it; `at` is monotonic, in s."""
+
+    at: float
+    topic: str
+    node: str
+    value: float
+
+    @property
+    def good(self) -> bool:
+        """Whether the value is in range."""
+        return abs(self.value) <= LIMIT
+
+
+class Consumer:
+    """A consumer's process, and what it heard."""
+
+    def __init__(self, process: "subprocess.Popen[str]", node: str) -> None:
+        self.node = node
+        self.messages: List[Heard] = []
+        self.contacts: Dict[str, float] = {}  # when it learned of the publisher at a URI
+        self._process = process
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def forget(self) -> None:
+        """Forget what was heard before the last second or so."""
+        del self.messages[:-100]
+
+    def since(self, moment: float) -> List[Heard]:
+        """What came after a moment."""
+        return [each for each in list(self.messages) if each.at > moment]
+
+    def until(self, moment: float) -> Heard:
+        """The last good message up to a moment."""
+        return [each for each in list(self.messages) if each.at <= moment and each.good][-1]
+
+    def links(self, topic: str) -> List[str]:
+        """The URIs of the publishers that it is connected to."""
+        links: Any = slave(uri_of(self.node)).getBusInfo(rospy.get_name())[2]  # type: ignore[index]
+        return [link[1].rstrip("/") for link in links if link[2] == "i" and link[4] == topic]
+
+    def end(self) -> None:
+        """End the process."""
+        ask_to_leave(self._process)
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            word, at, topic, node, *value = line.split()
+            if word == "message":
+                self.messages.append(Heard(float(at), topic, node, float(value[0])))
+            else:
+                self.contacts[node.rstrip("/")] = float(at)
+
+
+class Consumers:
+    """Two consumers of the same topics, side by side: one in rospy, one in roscpp."""
+
+    def __init__(self, bench: Bench, *topics: str, name: str = "consumer") -> None:
+        names = (f"rospy_{name}", f"roscpp_{name}")
+        python = bench.python(BENCH / "consumer.py", *topics, f"__name:={names[0]}", heard=True)
+        cpp = bench.cpp("consumer", *topics, f"__name:={names[1]}", heard=True)
+        self.rospy = Consumer(python, "/" + names[0])
+        self.roscpp = Consumer(cpp, "/" + names[1])
+
+    def __iter__(self) -> Iterator[Consumer]:
+        return iter((self.rospy, self.roscpp))
+
+    def end(self) -> None:
+        """End both."""
+        for consumer in self:
+            consumer.end()
+
+    def await_node(self, node: str, since: float) -> None:
+        """Wait until both hear `node` after a moment."""
+        for consumer in self:
+            wait_until(
+                lambda: any(each.node == node for each in consumer.since(since)[-20:]),
+                PATIENCE,
+                f"{consumer.node} hears {node}",
+            )
+
+
+class HealthyRobot:
+    """`/failing` publishes `/lost`, `/steady` publishes `/kept`, and healing watches over both."""
+
+    def __init__(self, bench: Bench, consumers: Consumers, standby: str, period: float) -> None:
+        self.standby = standby
+        self.period = period
+        self.healing = bench.healing
+        self.fault = rospy.Publisher(NODE + "/fault", String, queue_size=1)
+        self._bench = bench
+        self._consumers = consumers
+        self._steady = self._talker(KEPT_NODE, KEPT_TOPIC, 2.0)
+        self.failing = self._talker(NODE, TOPIC, 1.0)
+        paths = write_model(bench.folder, standby, period)
+        for name, value in TIRELESS.items():
+            rospy.set_param(f"/reconfigurator/{name}", value)
+        self._launch = bench.start(
+            *("roslaunch", "shsa_core", "shsa.launch"),
+            *(f"ontology:={paths[0]}", f"som:={paths[1]}", f"hold_off:={HOLD_OFF}"),
+            *(f"pool:={POOL}", f"incident_log:={bench.folder / 'incidents.jsonl'}"),
+        )
+
+    def await_well(self) -> None:
+        """Wait until no incident is open, the original is heard, and what stands by is ready."""
+        consumers, healing = self._consumers, self.healing
+        wait_until(lambda: not self._open(), PATIENCE, "the incident's end")
+        healing.await_available(TOPIC, KEPT_TOPIC, seconds=PATIENCE)
+        consumers.await_node(NODE, time.monotonic())
+        hot = self.standby == "hot"
+        rows = lambda: [r for r in healing.substitutions.substitutions if r.topic == TOPIC]
+        wait_until(lambda: len(rows()) == hot, PATIENCE, "what stands by is as it should be")
+        if hot:
+            served = lambda: any(self._served_by(row.node) for row in rows())
+            wait_until(served, PATIENCE, "all are connected")
+        if self.standby == "warm":
+            wait_until(self._pool_ready, PATIENCE, "the pool is full")
+        for each in consumers:
+            each.forget()
+
+    def _served_by(self, node: str) -> bool:
+        """Whether every consumer is connected to a node."""
+        uri = uri_of(node)
+        return bool(uri) and all(uri in each.links(TOPIC) for each in self._consumers)
+
+    def _open(self) -> bool:
+        incident = self.healing.latest(TOPIC)
+        return incident is not None and incident.state != "ended"
+
+    def _pool_ready(self) -> bool:
+        """Whether the pool's processes are up and have nothing more to do."""
+        idle = [name for name in registered_nodes() if name.startswith("/substitute_standby")]
+        if len(idle) != POOL:
+            return False
+        busy = []
+        for name in idle:
+            try:
+                busy.append(psutil.Process(node_pid(name)).cpu_percent(0.2))
+            except (OSError, rosgraph.MasterException, psutil.NoSuchProcess):
+                return False
+        return max(busy) < 20.0
+
+    def bring_back(self) -> None:
+        """Start the node that failed again, as somebody would."""
+        self.failing.kill()
+        self.failing.wait()
+        self.failing = self._talker(NODE, TOPIC, 1.0)
+
+    def end(self) -> None:
+        """Stop healing, then the nodes."""
+        ask_to_leave(self._launch, 30.0)
+        for process in (self.failing, self._steady):
+            ask_to_leave(process)
+        self.fault.unregister()
+        self.healing.incidents.clear()
+
+    def _talker(self, node: str, topic: str, value: float) -> "subprocess.Popen[str]":
+        return self._bench.python(FAULTY_PUBLISHER, *talker(node, topic, value, self.period))
+
+
+def talker(node: str, topic: str, value: float, period: float) -> Sequence[str]:
+    """The arguments of the rospy node that can fail on command."""
+    name = f"__name:={node[1:]}"
+    return (f"_topic:={topic}", f"_value:={value}", f"_period:={period}", name)
+
+
+def write_model(folder: Path, standby: str, period: float) -> Sequence[Path]:
+    """The small robot's ontology and SOM, as files."""
+    ontology, som = folder / "ontology.yaml", folder / "som.yaml"
+    ontology.write_text(ONTOLOGY)
+    som.write_text(
+        SOM.format(
+            topic=TOPIC,
+            node=NODE,
+            kept_topic=KEPT_TOPIC,
+            kept_node=KEPT_NODE,
+            limit=LIMIT,
+            period=period,
+            standby=standby,
+        )
+    )
+    return ontology, som

@@ -1,0 +1,356 @@
+"""What the search costs: by size and shape of the ontology, in memory, ready beforehand, and for the report.
+
+    python3 search_cost.py [--largest N] [--results DIR]
+
+Prints the growth exponents and the goals; leaves search_cost.csv, .txt, .png and search_cost_goals.csv. Times are processor time, the
+least of several runs, without garbage collection, as timeit takes them.
+"""
+import argparse
+import csv
+import dataclasses
+import gc
+import multiprocessing
+import random
+import re
+from pathlib import Path
+from time import perf_counter, process_time
+from typing import Callable, Dict, Iterable, List, NamedTuple, Sequence, Tuple
+
+import numpy as np
+from matplotlib import pyplot
+from report import Goals
+
+from shsa_core.expression import parse_expression
+from shsa_core.ontology import Ontology, TransferFunction
+from shsa_core.plans import PlanTable
+from shsa_core.resilience import analyse
+from shsa_core.search import find_first, find_substitute, improving_substitutes
+from shsa_core.som import Service, Som
+
+QUALITIES = [1.0, 0.99, 0.95, 0.9, 0.8]
+TARGET = "p0"
+ROUNDS = 4
+ANY = parse_expression("1")  # the functions' contents do not matter to the search
+
+Say = Callable[[str], None]
+Model = Tuple[List[TransferFunction], List[Service]]
+
+
+def law(relation: int, output: int, inputs: Iterable[int], quality: float) -> TransferFunction:
+    names = tuple(f"p{number}" for number in dict.fromkeys(inputs))
+    return TransferFunction(f"r{relation}", f"p{output}", names, ANY, quality)
+
+
+def service(number: int, node: str = "", needed: bool = False, quality: float = 1.0) -> Service:
+    name = f"p{number}"
+    node = node or f"/n{number}"
+    return Service(name, f"/{name}", "data", "std_msgs/Float64", node, 0.1, None, quality, needed)
+
+
+def chain(size: int) -> Model:
+    """Each property from the next; the last one is measured."""
+    return [law(i, i, [i + 1], 0.9) for i in range(size)], [service(size)]
+
+
+def tree(size: int) -> Model:
+    """A balanced binary tree; the leaves are measured."""
+    functions = [law(i, i, [2 * i + 1, 2 * i + 2], 0.9) for i in range(size)]
+    return functions, [service(i) for i in range(size, 2 * size + 1)]
+
+
+def dense(size: int) -> Model:
+    """Four relations for each property, each from two random later ones."""
+    draw = random.Random(size)
+    last = size // 4
+    functions = [
+        law(4 * i + k, i, [i + 1, draw.randint(i + 1, last)], draw.choice(QUALITIES))
+        for i in range(last)
+        for k in range(4)
+    ]
+    return functions, [service(last)]
+
+
+def cycles(size: int) -> Model:
+    """Laws in all three directions between neighbours, so that all depends on all; every fifth is measured."""
+    draw = random.Random(size)
+    functions = []
+    for i in range(size // 3):
+        used = [i, i + 1, i + draw.randint(2, 5)]
+        quality = draw.choice(QUALITIES)
+        functions += [law(i, output, [x for x in used if x != output], quality) for output in used]
+    return functions, [service(i, quality=0.99) for i in range(5, size // 3, 5)]
+
+
+def knot(size: int) -> Model:
+    """Four relations for each property from random ones: one cycle without any order, the worst case."""
+    draw = random.Random(size)
+    count = size // 4
+    functions = [
+        law(4 * i + k, i, draw.sample(range(count), 2 if k else 1), draw.choice(QUALITIES))
+        for i in range(count)
+        for k in range(4)
+    ]
+    measured = draw.sample(range(1, count), count // 10)
+    return functions, [service(i, quality=0.9) for i in measured]
+
+
+SHAPES: Dict[str, Callable[[int], Model]] = {
+    "chain": chain,
+    "tree": tree,
+    "dense": dense,
+    "cycles": cycles,
+    "knot": knot,
+}
+
+
+class Row(NamedTuple):
+    """One measurement; times in s, memory in bytes."""
+
+    shape: str
+    relations: int
+    best: float
+    first_found: float
+    make: float
+    memory: int
+
+
+def least(action: Callable[[], object], seconds: float = 1.0) -> float:
+    """The least time of one run, in s; repeated for some time."""
+    times: List[float] = []
+    gc.collect()
+    gc.disable()
+    while len(times) < 2 or (sum(times) < seconds and len(times) < 100):
+        start = process_time()
+        action()
+        times.append(process_time() - start)
+    gc.enable()
+    return min(times)
+
+
+def peak(shape: str, size: int) -> int:
+    """By how many bytes the memory of a new process grows during a search, at most."""
+    spawn = multiprocessing.get_context("spawn")
+    with spawn.Pool(1) as pool:
+        return pool.apply(grown, (shape, size))
+
+
+def grown(shape: str, size: int) -> int:
+    functions, services = SHAPES[shape](size)
+    ontology = Ontology({}, {}, functions)
+    before = memory("VmRSS")
+    found = find_substitute(ontology, services, TARGET, [f"/{TARGET}"])
+    assert found.proven_best
+    return memory("VmHWM") - before
+
+
+def memory(key: str) -> int:
+    with open("/proc/self/status", encoding="ascii") as stream:
+        found = re.search(key + r":\s+(\d+) kB", stream.read())
+    assert found is not None
+    return 1024 * int(found.group(1))
+
+
+def growth(rows: Iterable[Row], value: Callable[[Row], float]) -> float:
+    """The exponent b of the fit value = a * relations ** b."""
+    points = np.log([(row.relations, value(row)) for row in rows])
+    return float(np.polyfit(points[:, 0], points[:, 1], 1)[0])
+
+
+def by_size(sizes: Sequence[int], say: Say, goals: Goals) -> List[Row]:
+    """Every shape in every size."""
+    rows = []
+    for name, shape in SHAPES.items():
+        models = []
+        for size in sizes:
+            functions, services = shape(size)
+            start = process_time()
+            models.append((Ontology({}, {}, functions), services, process_time() - start))
+        # Round and round, so that a slow moment of the computer does not meet one size alone.
+        best: Dict[int, float] = {}
+        first: Dict[int, float] = {}
+        for turn in range(ROUNDS * len(models)):
+            i = turn % len(models)
+            ontology, services, _ = models[i]
+            times = [
+                least(lambda: find(ontology, services, TARGET, [f"/{TARGET}"]), 0.3)
+                for find in (find_substitute, find_first)
+            ]
+            best[i] = min(best.get(i, times[0]), times[0])
+            first[i] = min(first.get(i, times[1]), times[1])
+        for i, (ontology, _, make) in enumerate(models):
+            size = len(ontology.functions)
+            row = Row(name, size, best[i], first[i], make, peak(name, sizes[i]))
+            rows.append(row)
+            say(
+                f"{name:7} {row.relations:8} relations: best {1e3 * row.best:10.2f} ms "
+                f"({1e6 * row.best / row.relations:.2f} us each), first found "
+                f"{1e3 * row.first_found:10.2f} ms, {row.memory / row.relations:6.0f} bytes each"
+            )
+    for name in SHAPES:
+        own = [row for row in rows if row.shape == name]
+        exponent = growth(own, lambda row: row.best)
+        other = growth(own, lambda row: row.first_found)
+        say(f"growth exponent, {name:7}: best {exponent:.3f}, first found {other:.3f}")
+        if name != "knot":
+            goals.at_most(f"growth exponent of the search, {name}", "", 1.1, exponent, "")
+    return rows
+
+
+def small_tree(say: Say, goals: Goals) -> None:
+    """A balanced binary tree of a few nodes."""
+    for nodes in (127, 511):
+        functions, services = tree(nodes // 2)
+        ontology = Ontology({}, {}, functions)
+        best = least(lambda: find_substitute(ontology, services, TARGET))
+        first = least(lambda: find_first(ontology, services, TARGET))
+        say(f"tree of {nodes} nodes: best {1e3 * best:.3f} ms, first found {1e3 * first:.3f} ms")
+    goals.at_most("best substitute in a tree of 511 nodes", "", 1.0, 1e3 * best, "ms")
+
+
+def small_in_huge(size: int, say: Say, goals: Goals) -> None:
+    """A chain of 20 relations, alone and beside a huge ontology."""
+    small = [law(i, i, [i + 1], 0.9) for i in range(20)]
+    others, _ = cycles(size)
+    moved = [
+        TransferFunction("s" + f.relation, "q" + f.output, tuple("q" + i for i in f.inputs), ANY)
+        for f in others
+    ]
+    alone, beside = (
+        least(lambda: find_substitute(ontology, [service(20)], TARGET))
+        for ontology in (Ontology({}, {}, small), Ontology({}, {}, moved + small))
+    )
+    say(
+        f"a chain of 20 relations: alone {1e6 * alone:.0f} us, beside {len(moved)} others "
+        f"{1e6 * beside:.0f} us"
+    )
+    goals.at_most(
+        "a small robot in a huge ontology, times the small one", "", 1.5, beside / alone, ""
+    )
+
+
+def anytime(size: int, say: Say) -> None:
+    """When the improving search has found what."""
+    functions, services = cycles(size)
+    ontology = Ontology({}, {}, functions)
+    start = perf_counter()
+    for found in improving_substitutes(ontology, services, TARGET, [f"/{TARGET}"]):
+        word = "best, proven" if found.proven_best else "so far"
+        passed = 1e3 * (perf_counter() - start)
+        say(
+            f"cycles of {size} relations after {passed:8.2f} ms: quality {found.quality:.3g} {word}"
+        )
+
+
+def ready_plans(size: int, say: Say, goals: Goals) -> None:
+    """Chains side by side, short enough for code to be generated; a hundred of their ends are needed."""
+    length = 50
+    count = size // length
+    functions: List[TransferFunction] = []
+    for number in range(count):
+        for i in range(length):
+            output = number * (length + 1) + i
+            one = law(len(functions), output, [output + 1], 0.99)
+            text = parse_expression(f"2*{one.inputs[0]}")
+            functions.append(dataclasses.replace(one, expression=text))
+    tops = [service(c * (length + 1), needed=c < 100) for c in range(count)]
+    bottoms = [service(c * (length + 1) + length, quality=0.99) for c in range(count)]
+    som = Som(tops + bottoms)
+    table = PlanTable(Ontology({}, {}, functions), som)
+    start = perf_counter()
+    table.update(som)
+    updated = perf_counter() - start
+    steps = 0
+    while table.step() is not None:
+        steps += 1
+    made = (perf_counter() - start - updated) / steps
+    lookup = least(lambda: table.lookup("/p0"), 0.1)
+    checked = least(lambda: table.lookup("/p0", available=table.available), 0.1)
+    left = [s for s in som if s.topic != f"/p{length}"]
+    start = perf_counter()
+    table.update(left)
+    changed = perf_counter() - start
+    assert table.lookup("/p0") is None
+    say(
+        f"{len(functions)} relations, {len(som.services)} services, {steps} plans: lookup "
+        f"{1e6 * lookup:.1f} us, with a check of its services {1e6 * checked:.1f} us; made in "
+        f"{1e3 * made:.1f} ms each; a change of the services {1e3 * changed:.1f} ms"
+    )
+    goals.at_most(f"lookup of a plan at {len(functions)} relations", "", 0.1, 1e3 * checked, "ms")
+
+
+def resilience(say: Say, goals: Goals) -> None:
+    """A robot of 1,000 nodes and 10,000 functions, a fifth of its topics needed; and all of them."""
+    functions, _ = cycles(10000)
+    ontology = Ontology({}, {}, functions)
+    for share in (0.2, 1.0):
+        draw = random.Random(1)
+        som = Som(
+            service(3 * i, f"/n{i}", draw.random() < share, draw.choice([1.0, 0.99, 0.98]))
+            for i in range(1000)
+        )
+        start = perf_counter()
+        found = analyse(ontology, som)
+        passed = perf_counter() - start
+        say(
+            f"resilience of 1000 nodes, {len(functions)} functions, {len(found.topics)} needed "
+            f"topics: {passed:.1f} s, {len(found.cuts)} cuts"
+        )
+        goals.at_most(
+            f"resilience report, {len(found.topics)} needed topics", "", 60.0, passed, "s"
+        )
+
+
+def plot(rows: List[Row], path: Path) -> None:
+    figure, (time, space) = pyplot.subplots(1, 2, figsize=(11, 4.5))
+    for name in SHAPES:
+        own = [row for row in rows if row.shape == name]
+        sizes = [row.relations for row in own]
+        exponent = growth(own, lambda row: row.best)
+        time.loglog(
+            sizes, [row.best for row in own], "o-", label=f"{name}: exponent {exponent:.2f}"
+        )
+        space.loglog(sizes, [row.memory for row in own], "o-", label=name)
+    sizes = sorted({row.relations for row in rows})
+    time.loglog(sizes, [3e-6 * size for size in sizes], "k:", label="3 us for each relation")
+    time.set_ylabel("best substitute found after (s)")
+    space.set_ylabel("memory taken (bytes)")
+    for axes in (time, space):
+        axes.set_xlabel("relations in reach")
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+    figure.tight_layout()
+    figure.savefig(str(path), dpi=130)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Measures what the search costs.")
+    parser.add_argument("--largest", type=int, default=10**6, help="most relations (1000000)")
+    parser.add_argument(
+        "--results", type=Path, default=Path("results/bench"), help="where to write"
+    )
+    options = parser.parse_args()
+    options.results.mkdir(parents=True, exist_ok=True)
+    lines: List[str] = []
+    goals = Goals()
+
+    def say(line: str) -> None:
+        print(line, flush=True)
+        lines.append(line)
+
+    rows = by_size([10**k for k in range(3, 7) if 10**k <= options.largest], say, goals)
+    small_tree(say, goals)
+    small_in_huge(options.largest, say, goals)
+    anytime(min(options.largest, 10**5), say)
+    ready_plans(min(options.largest, 10**5), say, goals)
+    resilience(say, goals)
+    with open(options.results / "search_cost.csv", "w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(Row._fields)
+        writer.writerows(rows)
+    (options.results / "search_cost.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    plot(rows, options.results / "search_cost.png")
+    goals.show(options.results / "search_cost_goals.csv")
+
+
+if __name__ == "__main__":
+    main()

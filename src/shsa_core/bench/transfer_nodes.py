@@ -1,0 +1,226 @@
+"""The paper's second experiment (Section V-B2, Fig. 11): a transfer node's times over the number of application nodes.
+
+A transfer node is a substitute, started by rosrun with its three strings. Of each, in ms:
+    start: from the command until the master knows the node.   up: from the command to its first message at a consumer.
+    shut: from asking it to leave until the master has forgotten it.   down: from asking until its process is gone.
+Then takeovers of warm and hot topics: from the last good message before a kill -9 to the first one after it.
+
+Rows are appended to transfer_nodes.csv and counted: a measurement that was interrupted goes on where it was. Draws
+transfer_nodes.png.
+"""
+import argparse
+import csv
+import itertools
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Dict, List, Tuple
+
+import matplotlib.pyplot as plt
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from contenders import Healed, kill_hard, repeat
+from graph import FAULTY_PUBLISHER
+from report import CONSOLE, in_words
+from robot import (
+    KEPT_NODE,
+    KEPT_TOPIC,
+    PATIENCE,
+    TOPIC,
+    Applications,
+    Bench,
+    Consumers,
+    ask_to_leave,
+    shut_down,
+    talker,
+    uri_of,
+    write_model,
+)
+from shsa_core.ontology_file import read_ontology
+from shsa_core.plans import plan_topic
+from shsa_core.ros.som_parameter import put_som
+from shsa_core.ros.testing import wait_until
+from shsa_core.som import read_som
+
+PERIOD = 0.02
+NUMBERS = itertools.count(1)
+RATE = 1.0  # Hz, of each application node
+COLUMNS = ("measure", "nodes", "repetition", "ms")
+TRANSFER = ("start", "up", "shut", "down")
+TAKEOVERS = ("warm", "hot")
+
+
+class Results:
+    """The rows of the CSV file, those of earlier runs included."""
+
+    def __init__(self, path: Path) -> None:
+        self.values: Dict[Tuple[str, int], List[float]] = {}
+        self._path = path
+        if path.exists():
+            with open(path, newline="") as file:
+                for row in csv.DictReader(file):
+                    key = (row["measure"], int(row["nodes"]))
+                    self.values.setdefault(key, []).append(float(row["ms"]))
+        else:
+            self._write(COLUMNS)
+
+    def add(self, measure: str, nodes: int, value: float) -> None:
+        """Append a row."""
+        values = self.values.setdefault((measure, nodes), [])
+        values.append(value)
+        self._write((measure, nodes, len(values), f"{value:.3f}"))
+
+    def count(self, measure: str, nodes: int) -> int:
+        """How many rows there are."""
+        return len(self.values.get((measure, nodes), ()))
+
+    def _write(self, row: Tuple[object, ...]) -> None:
+        with open(self._path, "a", newline="") as file:
+            csv.writer(file).writerow(row)
+
+
+class TransferNode:
+    """Starts and stops transfer nodes beside a node that publishes their input."""
+
+    def __init__(self, bench: Bench, consumers: Consumers) -> None:
+        self._bench = bench
+        self._consumer = consumers.rospy
+        ontology, path = write_model(bench.folder, "cold", PERIOD)
+        som = read_som(str(path))
+        put_som(som)
+        services = som.of_topic(KEPT_TOPIC)
+        self._program = plan_topic(read_ontology(str(ontology)), som, services, TOPIC).program
+        arguments = talker(KEPT_NODE, KEPT_TOPIC, 2.0, PERIOD)
+        self._steady = bench.python(FAULTY_PUBLISHER, *arguments)
+
+    def measure(self) -> Tuple[float, ...]:
+        """Start one and stop it; its times in ms, in the order of TRANSFER."""
+        node = f"/transfer_{next(NUMBERS)}"
+        wait_until(lambda: uri_of(KEPT_NODE) != "", PATIENCE, f"{KEPT_NODE} is up")
+        self._consumer.forget()
+        program = self._program
+        strings = (",".join(program.inputs), program.code, ",".join(program.outputs))
+        begun = time.monotonic()
+        process = self._bench.start(
+            "rosrun", "shsa_core", "substitute", *strings, f"__name:={node[1:]}"
+        )
+        heard = lambda: [m.at for m in self._consumer.since(begun) if m.node == node]
+        wait_until(lambda: uri_of(node) != "", PATIENCE, f"{node} registers")
+        start = time.monotonic() - begun
+        wait_until(lambda: bool(heard()), PATIENCE, f"{node} speaks")
+        up = heard()[0] - begun
+        asked = time.monotonic()
+        # The node does not answer: the call lasts until its process is gone.
+        threading.Thread(target=shut_down, args=(node,)).start()
+        wait_until(lambda: uri_of(node) == "", PATIENCE, f"{node} unregisters")
+        shut = time.monotonic() - asked
+        wait_until(lambda: process.poll() is not None, PATIENCE, f"the process of {node} ends")
+        down = time.monotonic() - asked
+        return tuple(1e3 * each for each in (start, up, shut, down))
+
+    def end(self) -> None:
+        """Stop the node that publishes the input."""
+        ask_to_leave(self._steady)
+
+
+def plot(results: Results, path: Path) -> None:
+    """Box plots over the number of application nodes, one panel a measure."""
+    figure, axes = plt.subplots(2, 3, figsize=(13, 7), constrained_layout=True)
+    for axis, measure in zip(axes.T.flat, (*TRANSFER, *TAKEOVERS)):
+        steps = sorted(nodes for name, nodes in results.values if name == measure)
+        axis.boxplot(
+            [results.values[measure, nodes] for nodes in steps],
+            labels=[str(nodes) for nodes in steps],
+            flierprops={"markersize": 3},
+        )
+        taken = " takeover" if measure in TAKEOVERS else ""
+        axis.set_title(f"{measure}{taken}")
+        axis.set_ylabel("ms")
+        axis.set_ylim(bottom=0.0)
+        axis.grid(True, axis="y", alpha=0.3)
+    for axis in axes[1]:
+        axis.set_xlabel("application nodes")
+    figure.savefig(str(path), dpi=120)
+    plt.close(figure)
+
+
+def show(results: Results) -> None:
+    """Print the table."""
+    table = Table(title="Times in ms over the number of application nodes: median / p95 / max")
+    table.add_column("nodes", justify="right")
+    table.add_column("n", justify="right")
+    for measure in (*TRANSFER, *(f"{word} takeover" for word in TAKEOVERS)):
+        table.add_column(measure, justify="right")
+    for nodes in sorted({nodes for _, nodes in results.values}):
+        counts = {m: results.count(m, nodes) for m in (*TRANSFER, *TAKEOVERS)}
+        least, most = min(counts.values()), max(counts.values())
+        figures = [in_words(results.values.get((m, nodes), ()), 0) for m in counts]
+        table.add_row(str(nodes), str(most) if least == most else f"{least}-{most}", *figures)
+    CONSOLE.print(table)
+
+
+def main() -> int:
+    """Measure what is still missing; 1 if something did not come up or was not healed in time."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repetitions", type=int, default=100)
+    parser.add_argument("--nodes", type=int, nargs="+", default=list(range(0, 501, 100)))
+    parser.add_argument("--fresh", action="store_true", help="forget what was measured before")
+    parser.add_argument("--short", action="store_true", help="once with 0 and 5 nodes, as a check")
+    parser.add_argument("--results", type=Path, default=Path("results/bench"))
+    options = parser.parse_args()
+    options.results.mkdir(parents=True, exist_ok=True)
+    repetitions = 1 if options.short else options.repetitions
+    levels = [0, 5] if options.short else sorted(options.nodes)
+    path = options.results / "transfer_nodes.csv"
+    if options.fresh and path.exists():
+        path.unlink()
+    results = Results(path)
+    misses = 0
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed}/{task.total}"),
+    )
+    parts = ("down", *TAKEOVERS)
+    total = len(parts) * len(levels) * repetitions
+    done = sum(min(repetitions, results.count(part, nodes)) for part in parts for nodes in levels)
+    if done:
+        CONSOLE.print(f"{done} repetitions are there already; --fresh forgets them.")
+    with Bench() as bench, Progress(*columns, TimeRemainingColumn(), console=CONSOLE) as progress:
+        task = progress.add_task("", total=total, completed=done)
+        consumers = Consumers(bench, TOPIC)
+        applications = Applications(bench, RATE)
+        for nodes in levels:
+            if all(results.count(m, nodes) >= repetitions for m in parts):
+                continue
+            progress.update(task, description=f"{nodes} nodes")
+            applications.grow(nodes)
+
+            def transfer(node: TransferNode) -> None:
+                for measure, value in zip(TRANSFER, node.measure()):
+                    results.add(measure, nodes, value)
+                progress.advance(task)
+
+            enough = lambda: results.count("down", nodes) >= repetitions
+            misses += repeat(bench, lambda: TransferNode(bench, consumers), transfer, enough)
+            for standby in TAKEOVERS:
+                if results.count(standby, nodes) >= repetitions:
+                    continue
+
+                def take_over(robot: Healed) -> None:
+                    robot.await_well()
+                    results.add(standby, nodes, robot.fail().rospy_ms)
+                    progress.advance(task)
+
+                make = lambda: Healed(bench, consumers, standby, PERIOD, kill_hard)
+                enough = lambda: results.count(standby, nodes) >= repetitions
+                misses += repeat(bench, make, take_over, enough)
+    show(results)
+    plot(results, options.results / "transfer_nodes.png")
+    return 1 if misses else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
