@@ -1,0 +1,91 @@
+"""Each benchmark of healing runs, in its short form."""
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Dict
+
+import psutil
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+TIMEOUT = 120.0
+ROWS = {
+    "failover": {"hot", "rosrun by hand, rospy"},
+    "interference": {"hot"},
+    "transfer_nodes": {"start", "up", "shut", "down", "warm", "hot"},
+}
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_short_form(name: str, tmp_path: Path) -> None:
+    mark = f"test_{os.getpid()}_{name}"
+    done = subprocess.run(
+        [
+            sys.executable,
+            str(ROOT / "tools" / "bench"),
+            name,
+            "--short",
+            "--results",
+            str(tmp_path),
+        ],
+        env=dict(os.environ, SHSA_TEST=mark),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        universal_newlines=True,
+        timeout=TIMEOUT,
+    )
+    assert done.returncode == 0, done.stdout[-8000:]
+    with open(str(tmp_path / f"{name}.csv"), newline="") as file:
+        rows = list(csv.reader(file))
+    assert {row[0] for row in rows[1:]} == ROWS[name]
+    assert all(len(row) == len(rows[0]) for row in rows)
+    assert (tmp_path / f"{name}.png").stat().st_size > 10000
+    left = [p.cmdline() for p in psutil.process_iter() if environment(p).get("SHSA_TEST") == mark]
+    assert not left
+
+
+def environment(process: psutil.Process) -> Dict[str, str]:
+    try:
+        return dict(process.environ())
+    except (psutil.Error, OSError):
+        return {}
+
+
+def test_a_measurement_goes_on_where_it_was(tmp_path: Path) -> None:
+    script = ROOT / "src" / "shsa_core" / "bench" / "transfer_nodes.py"
+    measures = ("start", "up", "shut", "down", "warm", "hot")
+    lines = ["measure,nodes,repetition,ms", *(f"{m},{n},1,10" for m in measures for n in (0, 5))]
+    path = tmp_path / "transfer_nodes.csv"
+    path.write_text("\n".join(lines) + "\n")
+    done = subprocess.run(
+        [sys.executable, str(script), "--short", "--results", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        universal_newlines=True,
+        timeout=TIMEOUT,
+    )
+    assert done.returncode == 0
+    assert "6 repetitions are there already" in done.stdout
+    assert path.read_text().splitlines() == lines
+
+
+def test_a_missing_or_failing_benchmark_is_said(tmp_path: Path) -> None:
+    tool = ROOT / "tools" / "bench"
+    done = subprocess.run(
+        [sys.executable, str(tool), "nonsense"], stderr=subprocess.PIPE, universal_newlines=True
+    )
+    assert done.returncode == 2 and "nonsense" in done.stderr
+    folder = tmp_path / "src" / "shsa_core" / "bench"
+    folder.mkdir(parents=True)
+    (folder / "evaluate.py").write_text("raise SystemExit(3)\n")
+    copy = tmp_path / "tools" / "bench"
+    copy.parent.mkdir()
+    copy.write_text(tool.read_text())
+    done = subprocess.run(
+        [sys.executable, str(copy), "evaluate", "failover"],
+        stdout=subprocess.PIPE,
+        universal_newlines=True,
+    )
+    assert done.returncode == 1
+    assert "failed with exit status 3" in done.stdout and "missing" in done.stdout

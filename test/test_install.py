@@ -1,0 +1,102 @@
+"""The install space runs the rover, and heals it."""
+import os
+import signal
+import socket
+import subprocess
+import time
+from pathlib import Path
+from typing import Any, Dict, Iterator
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+OURS = ("ROS_PACKAGE_PATH", "CMAKE_PREFIX_PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "PKG_CONFIG_PATH")
+
+
+def build(folder: Path) -> Path:
+    """Build and install the workspace into `folder`; the install space."""
+    install = folder / "install"
+    configure = ["cmake", "-S", str(ROOT), "-B", str(folder / "build")]
+    configure += ["-DPYTHON_EXECUTABLE=/usr/bin/python3", "-DCMAKE_BUILD_TYPE=Release"]
+    configure += [f"-DCMAKE_INSTALL_PREFIX={install}", f"-DCATKIN_DEVEL_PREFIX={folder / 'devel'}"]
+    for command in (configure, ["make", "-C", str(folder / "build"), "install"]):
+        done = subprocess.run(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True
+        )
+        assert done.returncode == 0, done.stdout[-4000:]
+    return install
+
+
+def environment_of(install: Path, port: int) -> Dict[str, str]:
+    """What `source install/setup.bash` makes of an environment that does not know the devel space."""
+    devel = str(ROOT / "devel")
+    clean = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}")
+    for name in OURS:
+        parts = [part for part in clean.get(name, "").split(":") if part and devel not in part]
+        clean[name] = ":".join(part for part in parts if not part.startswith(str(ROOT)))
+    told = subprocess.run(
+        ["bash", "-c", f"source {install}/setup.bash && env -0"],
+        env=clean,
+        stdout=subprocess.PIPE,
+        check=True,
+    ).stdout.decode()
+    return dict(item.split("=", 1) for item in told.split("\0") if "=" in item)
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: Any) -> Dict[str, str]:
+    with socket.socket() as probe:
+        probe.bind(("", 0))
+        port = probe.getsockname()[1]
+    return environment_of(build(tmp_path_factory.mktemp("installed")), port)
+
+
+@pytest.fixture
+def rover(environment: Dict[str, str]) -> Iterator[None]:
+    port = environment["ROS_MASTER_URI"].rsplit(":", 1)[1]
+    command = ["roslaunch", "-p", port, "shsa_rover", "rover.launch"]
+    with subprocess.Popen(command, env=environment) as roslaunch:
+        yield
+        roslaunch.send_signal(signal.SIGINT)
+
+
+def ask(environment: Dict[str, str], wanted: str, *command: str) -> None:
+    """Repeat a command of ROS until it prints what is wanted."""
+    deadline = time.monotonic() + 60.0
+    printed = ""
+    while wanted not in printed:
+        assert time.monotonic() < deadline, f"{command} printed: {printed}"
+        try:
+            printed = subprocess.run(
+                command,
+                env=environment,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                universal_newlines=True,
+                timeout=15.0,
+            ).stdout
+        except subprocess.TimeoutExpired:
+            printed = "nothing"
+
+
+def test_packages_are_found_where_they_are_installed(environment: Dict[str, str]) -> None:
+    found = subprocess.run(
+        ["rospack", "find", "shsa_core"], env=environment, stdout=subprocess.PIPE, check=True
+    ).stdout.decode()
+    assert found.strip().endswith("/install/share/shsa_core"), found
+
+
+def test_the_rover_is_healed(environment: Dict[str, str], rover: None) -> None:
+    ask(environment, "percentage", "rostopic", "echo", "-n1", "/battery_state")
+    ask(environment, "/amperemeter", "rostopic", "info", "/battery_current")
+    ask(
+        environment,
+        "True",
+        "rosservice",
+        "call",
+        "/shsa/find_substitute",
+        "topic: /battery_current",
+    )
+    ask(environment, "killed", "rosnode", "kill", "/amperemeter")
+    ask(environment, "/substitute_", "rostopic", "info", "/battery_current")
+    ask(environment, "data:", "rostopic", "echo", "-n1", "/battery_current")
