@@ -74,6 +74,23 @@ class SubstituteRequested:
 
 
 @dataclass(frozen=True)
+class RestartFailed:
+    """The faulty node could not be started again."""
+
+    time: float
+    node: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class Released:
+    """Somebody lets the nodes that `topic` keeps out return."""
+
+    time: float
+    topic: str
+
+
+@dataclass(frozen=True)
 class Tick:
     """Time passes."""
 
@@ -88,6 +105,8 @@ Event = Union[
     SubstituteStarted,
     ProcessExited,
     SubstituteRequested,
+    RestartFailed,
+    Released,
     Tick,
 ]
 
@@ -123,6 +142,21 @@ class StopSubstitute:
     """End a substitute's process."""
 
     node: str
+
+
+@dataclass(frozen=True)
+class RestartNode:
+    """Start a faulty node again, as it was started before."""
+
+    node: str
+
+
+@dataclass(frozen=True)
+class RunCommand:
+    """Run the command of a topic that nothing can substitute: a program and its arguments."""
+
+    topic: str
+    words: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -183,6 +217,8 @@ Command = Union[
     StartSubstitute,
     AssignSubstitute,
     StopSubstitute,
+    RestartNode,
+    RunCommand,
     ShowSubstitutions,
     ShowIncident,
     ShowSom,

@@ -1,24 +1,29 @@
 """The healing of one topic: a state machine, fed by the reconfigurator."""
 from dataclasses import replace
-from typing import List, Optional, Set
+from typing import List, Optional
 
 from shsa_core.checks import NODE_GONE, SILENT
+from shsa_core.codegen import Program
 from shsa_core.errors import NoSubstitute, ShsaError
 from shsa_core.events import (
-    AssignSubstitute,
     Command,
     FailureSeen,
     NodeKilled,
+    RunCommand,
     Say,
     ShowIncident,
-    StopSubstitute,
     SubstituteStarted,
     Substitution,
 )
 from shsa_core.incident import Incident, State
-from shsa_core.plans import TopicPlan
+from shsa_core.policies import RESTART, Intensity
+from shsa_core.revival import Revival
+from shsa_core.stand_in import StandIn
 from shsa_core.world import World
 
+SUBSTITUTED = (State.HEALING, State.HEALED)
+STUCK = (State.UNHEALED, State.SAFE)
+NOTHING = Program((), "", ())
 CHANGEOVER = 1.0  # s after a change of program in which silence is no failure yet
 
 
@@ -31,15 +36,18 @@ class Healing:
     def __init__(self, topic: str, world: World) -> None:
         self.topic = topic
         self.incident: Optional[Incident] = None
-        self.node = ""
-        self.plan: Optional[TopicPlan] = None
         self._world = world
+        self._stand_in = StandIn(topic, world)
         self._certainly_gone = False
-        self._assigned = 0.0
-        self._tried: Set[TopicPlan] = set()
-        self._deaths = 0
         self._pauses = 0
         self._deadline: Optional[float] = None
+        self._revival = Revival(topic, world)
+        self._intensity = Intensity(world.settings.healings)
+
+    @property
+    def node(self) -> str:
+        """The substitute's node name; empty without one."""
+        return self._stand_in.node
 
     @property
     def open(self) -> bool:
@@ -49,7 +57,8 @@ class Healing:
     @property
     def deadline(self) -> Optional[float]:
         """When `tick` has something to do, in s; None: nothing is due."""
-        return self._deadline
+        dues = (self._deadline, self._revival.deadline)
+        return min((due for due in dues if due is not None), default=None)
 
     @property
     def substitution(self) -> Optional[Substitution]:
@@ -57,20 +66,17 @@ class Healing:
 
         A substitute speaks only when the faulty node is gone and the original is not back: one voice.
         """
-        if self.plan is None:
-            return None
-        return Substitution(
-            self.node,
-            self.topic,
-            self.plan.program,
-            self.plan.relations,
-            self.plan.quality,
-            speaking=self._speaking(self.incident),
-            original=self.incident.faulty_node if self.incident and self.incident.killed else "",
-        )
+        incident = self.incident
+        original = incident.faulty_node if incident and incident.killed else ""
+        return self._stand_in.row(self._speaking(incident), original)
+
+    @property
+    def _kept_out(self) -> bool:
+        """Whether the original may not return."""
+        return self._revival.kept_out or self._intensity.exceeded
 
     def _speaking(self, incident: Optional[Incident]) -> bool:
-        if incident is None or incident.state not in (State.HEALING, State.HEALED):
+        if incident is None or incident.state not in (*SUBSTITUTED, State.SAFE):
             return False
         return self._certainly_gone or not self._world.dying(incident.faulty_node)
 
@@ -97,21 +103,28 @@ class Healing:
             return commands
         self._certainly_gone = event.kind == NODE_GONE
         self._deadline = None
+        self._revival.failed_again()
+        if self._revival.kept_out:
+            text = f"{self.topic}: {node} keeps failing. It is kept out until it is released."
+            commands.append(Say("error", text))
+        healed = self._stand_in.substitutes
         commands += self._step(
-            state=State.HEALED if self.plan else State.HEALING,
+            state=State.HEALED if healed else State.HEALING,
             faulty_node=node,
             killed=None,
             returned=None,
             detail=text,
         )
-        return commands if self.plan else commands + self._heal(event.time)
+        return commands if healed else commands + self._heal(event.time)
 
     def _own_failed(self, event: FailureSeen) -> List[Command]:
         """Our substitute failed, or fell silent while it changes its program."""
         if self.incident is not None and event.last_good is not None:
             self.incident = replace(self.incident, last_good=event.last_good)
-        if event.kind == SILENT and event.time < self._assigned + CHANGEOVER:
-            self._deadline = self._assigned + self._world.settings.start_timeout
+        if event.kind == SILENT and event.time < self._stand_in.assigned + CHANGEOVER:
+            if self.incident is not None and self.incident.state is State.SAFE:
+                return []
+            self._deadline = self._stand_in.assigned + self._world.settings.start_timeout
             return self._step(state=State.HEALING, first_message=None) if self.incident else []
         return self._substitute_failed(event.time, event.detail, event.kind != NODE_GONE)
 
@@ -120,9 +133,30 @@ class Healing:
         if self.incident is None or self.incident.faulty_node != event.node:
             return []
         if event.certain:
-            return self._step(killed=event.time)
+            if self.incident.state is not State.RETURNING and not self._kept_out:
+                self._revival.gone(event.time)
+            return [*self._step(killed=event.time), *self._notice_exhaustion(event.time)]
+        self._revival.give_up()  # two nodes of one name would end each other
         text = f"{self.topic}: {event.node} may still be running: {event.detail}."
-        return [Say("error", text), *self._step(detail=text)]
+        commands = [Say("error", text), *self._step(detail=text)]
+        return commands + self._notice_exhaustion(event.time)
+
+    def restart_failed(self, time: float, node: str, detail: str) -> List[Command]:
+        """The faulty node could not be started again."""
+        if self.incident is None or self.incident.faulty_node != node:
+            return []
+        self._revival.gone(time)
+        text = f"{self.topic}: {node} cannot be started again: {detail}."
+        return [Say("error", text), *self._notice_exhaustion(time)]
+
+    def released(self, time: float) -> List[Command]:
+        """What is kept out may return, and what was given up is tried again."""
+        self._revival.trust()
+        self._intensity.forget()
+        if self.incident is None:
+            return []
+        commands = self._step()
+        return commands + (self._heal(time) if self.incident.state in STUCK else [])
 
     def started(self, event: SubstituteStarted) -> List[Command]:
         """The substitute was set to work."""
@@ -141,37 +175,44 @@ class Healing:
         if self.incident is None:
             return self._prepare(time)
         commands = self._notice_first_message() + self._notice_return(time)
-        if self.incident.state in (State.HEALING, State.HEALED):
-            if self.plan is not None and not self._world.usable(self.plan):
+        if self.incident.state in SUBSTITUTED:
+            if not self._stand_in.usable:
                 commands.append(Say("warn", f"{self.topic}: the substitute lost an input."))
                 commands += self._heal(time)
-        elif self.incident.state is State.UNHEALED:
+        elif self.incident.state in STUCK:
             commands += self._heal(time)
         return commands
 
     def tick(self, time: float) -> List[Command]:
         """Time passed: the substitute is late, the hold-off is over, or a new try is due."""
-        if self._deadline is None or time < self._deadline:
-            return []
-        self._deadline = None
+        commands = self._revival.tick(time, self.incident.faulty_node) if self.incident else []
+        if self._deadline is not None and time >= self._deadline:
+            self._deadline = None
+            commands += self._overdue(time)
+        return commands
+
+    def _overdue(self, time: float) -> List[Command]:
         if self.incident is None:
             return self._prepare(time)
         if self.incident.state is State.RETURNING:
-            return self._end(time, f"{self.incident.detail} The substitute has stopped.")
-        if self.incident.state is State.UNHEALED:
-            self._tried.clear()
+            stopped = " The substitute has stopped." if self.node else ""
+            return self._end(time, self.incident.detail + stopped)
+        if self.incident.state in STUCK:
+            self._stand_in.forget()
             return self._heal(time)
         limit = self._world.settings.start_timeout
         return self._substitute_failed(time, f"no message within {limit:g} s", True)
 
     def close(self, time: float, why: str) -> List[Command]:
         """The topic is no longer healed: stop the substitute and end the incident."""
-        commands = self._drop_substitute()
+        self._deadline = None
+        commands = self._stand_in.drop()
         return commands + self._end(time, why) if self.incident else commands
 
     def _open(self, event: FailureSeen, node: str) -> List[Command]:
-        self._tried.clear()
-        self._deaths = self._pauses = 0
+        self._stand_in.forget()
+        self._pauses = 0
+        self._revival.failed(event.time)
         self.incident = Incident(
             id=self._world.new_incident(),
             topic=self.topic,
@@ -188,21 +229,31 @@ class Healing:
     def _heal(self, time: float) -> List[Command]:
         """Find a plan, and set a process to work on it: the one at hand, else another."""
         assert self.incident is not None
+        if self._world.policy(self.topic) == RESTART:
+            return self._notice_exhaustion(time)
         try:
-            plan = self._prepared_plan() or self._world.plan(self.topic, self._tried)
+            self._refuse_too_often()
+            plan = self._stand_in.find()
+            self._intensity.healed(time)
+            self._refuse_too_often()
         except ShsaError as none:
             return self._give_up(time, none)
-        switched = bool(self.node) and self.incident.state is State.HEALED
+        speaks = bool(self.node) and self.incident.state in (State.HEALED, State.SAFE)
         using = ", ".join(plan.relations) or "the same property elsewhere"
         text = (
             f"{self.topic}: found a substitute of quality {plan.quality:.2g} "
             f"by {using} from {', '.join(plan.program.inputs)}."
         )
-        commands = [*self._use(time, plan), Say("info", text)]
-        if not switched:
+        commands = [*self._stand_in.use(time, plan), Say("info", text)]
+        if speaks:
+            self._deadline = None
+            state, first_message = State.HEALED, self.incident.first_message
+        else:
             self._deadline = time + self._world.settings.start_timeout
-            commands += self._step(state=State.HEALING, first_message=None)
+            state, first_message = State.HEALING, None
         return commands + self._step(
+            state=state,
+            first_message=first_message,
             detail=text,
             substitute=self.node,
             inputs=plan.program.inputs,
@@ -213,72 +264,73 @@ class Healing:
             missing=(),
         )
 
-    def _prepared_plan(self) -> Optional[TopicPlan]:
-        """The plan that the substitute computes already, if it still holds."""
-        if self.plan is None or self.plan in self._tried or not self._world.usable(self.plan):
-            return None
-        return self.plan
-
-    def _use(self, time: float, plan: TopicPlan) -> List[Command]:
-        self.plan = plan
-        self._assigned = time
-        if self.node:
-            return [AssignSubstitute(self.node)]
-        self.node, command = self._world.process(self.topic, plan.program)
-        return [command]
-
     def _prepare(self, time: float) -> List[Command]:
         """Without an incident: keep the substitute of a hot topic on the best plan."""
         if not self._world.hot(self.topic) or self._deadline is not None:
             return []
-        try:
-            plan = self._world.plan_ahead(self.topic)
-        except ShsaError:
-            return self._drop_substitute()
-        return [] if plan == self.plan else self._use(time, plan)
+        return self._stand_in.prepare(time)
 
     def _substitute_failed(self, time: float, why: str, tried: bool) -> List[Command]:
-        """Stop the substitute, and heal with the next best.
-
-        Its plan counts as tried at once if `tried`; else after it died more than `restarts` times.
-        """
-        if self.plan is None:
+        """Stop the substitute, and heal with the next best; its plan is not tried again if `tried`."""
+        if not self.node:
             return []
-        self._deaths += 1
-        if tried or self._deaths > self._world.settings.restarts:
-            self._tried.add(self.plan)
-            self._deaths = 0
-        commands = self._drop_substitute()
+        commands = self._stand_in.failed(tried)
         commands.append(Say("warn", f"{self.topic}: the substitute failed: {why}."))
         if self.incident is None:
             self._deadline = time + self._pause()
             return commands
         if self.incident.state is State.RETURNING:
             return commands + self._step(substitute="")
+        self._deadline = None
         return commands + self._heal(time)
 
     def _give_up(self, time: float, none: ShsaError) -> List[Command]:
         """Nothing can substitute: say what is missing, and try again later."""
         assert self.incident is not None
-        due = self._deadline if self.incident.state is State.UNHEALED else None
-        commands = self._drop_substitute()
+        stuck = self.incident.state in STUCK
+        due = self._deadline if stuck else None
+        commands = self._stand_in.use_safe_values(time)
         self._deadline = time + self._pause() if due is None else due
+        self._revival.trust()  # a node that keeps failing is better than none
         missing = none.missing if isinstance(none, NoSubstitute) else ()
-        if self.incident.state is State.UNHEALED and self.incident.missing == missing:
+        words = self._world.command(self.topic)
+        plan = self._stand_in.plan
+        state = State.SAFE if plan or words else State.UNHEALED
+        told = (self.incident.state, self.incident.missing, self.incident.substitute)
+        if told == (state, missing, self.node):
             return commands
         text = f"{self.topic} cannot be healed now: {none}."
+        if plan:
+            text += " Its safe value is published."
+        if words and not stuck:
+            commands.append(RunCommand(self.topic, words))
+        program = plan.program if plan else NOTHING
         commands.append(Say("error", text))
         return commands + self._step(
-            state=State.UNHEALED,
+            state=state,
             detail=text,
             missing=missing,
-            substitute="",
+            substitute=self.node,
             inputs=(),
-            code="",
-            outputs=(),
+            code=program.code,
+            outputs=program.outputs,
             relations=(),
             quality=0.0,
         )
+
+    def _refuse_too_often(self) -> None:
+        """Raises ShsaError if the topic was healed too often lately."""
+        if self._intensity.exceeded:
+            most = self._intensity.most
+            raise ShsaError(f"it was healed {most} times within a minute, and must be released")
+
+    def _notice_exhaustion(self, time: float) -> List[Command]:
+        """If the node's start is all that could heal the topic and was tried in vain, give up."""
+        if self._world.policy(self.topic) != RESTART or not self._revival.exhausted:
+            return []
+        assert self.incident is not None
+        node, count = self.incident.faulty_node, self._revival.restarts
+        return self._give_up(time, ShsaError(f"{node} was started again {count} times in vain"))
 
     def _pause(self) -> float:
         """How long to wait before the next try, in s."""
@@ -293,7 +345,7 @@ class Healing:
             return []
         # A process that only changed its program spoke before: then it has recovered since.
         moments = (row.first_message, row.since)
-        first = next((t for t in moments if t is not None and t >= self._assigned), None)
+        first = next((t for t in moments if t is not None and t >= self._stand_in.assigned), None)
         if first is None:
             return []
         self._deadline = None
@@ -310,7 +362,11 @@ class Healing:
         failed_at = incident.detected if incident.killed is None else incident.killed
         for row in self._world.originals(self.topic):
             if row.state == "healthy" and row.since > failed_at:
-                hold_off = self._world.settings.hold_off
+                if self._kept_out and row.publisher == incident.faulty_node:
+                    self._certainly_gone = False
+                    return self._world.kill(row.publisher, urgent=True)
+                self._revival.cancel()
+                hold_off = self._revival.hold_off
                 self._deadline = time + hold_off
                 text = f"{self.topic}: {row.publisher} is back."
                 said = Say("info", f"{text} It must stay healthy for {hold_off:g} s.")
@@ -321,21 +377,16 @@ class Healing:
         return []
 
     def _end(self, time: float, why: str) -> List[Command]:
-        commands = [] if self._world.hot(self.topic) else self._drop_substitute()
+        commands = [] if self._world.hot(self.topic) else self._stand_in.drop()
         commands += self._step(state=State.ENDED, ended=time, detail=why)
         self.incident = None
         self._deadline = None
         self._pauses = 0
+        self._revival.well(time)
         return [*commands, Say("info", why), *self._prepare(time)]
-
-    def _drop_substitute(self) -> List[Command]:
-        commands: List[Command] = [StopSubstitute(self.node)] if self.node else []
-        self.node = ""
-        self.plan = None
-        self._deadline = None
-        return commands
 
     def _step(self, **changes: object) -> List[Command]:
         assert self.incident is not None
+        changes.update(restarts=self._revival.restarts, kept_out=self._kept_out)
         self.incident = replace(self.incident, **changes)  # type: ignore[arg-type]
         return [ShowIncident(self.incident)]

@@ -11,6 +11,7 @@ class State(str, Enum):
     HEALED = "healed"
     RETURNING = "returning"
     UNHEALED = "unhealed"
+    SAFE = "safe"
     ENDED = "ended"
 
 
@@ -18,7 +19,8 @@ class State(str, Enum):
 class Incident:
     """The record of a failure and its repair. All times in s on one clock; None: has not happened.
 
-    `last_good` is the last good message on the topic before the latest outage.
+    `last_good` is the last good message on the topic before the latest outage. `restarts`: how often the faulty
+    node was started again. `kept_out`: it may not return until somebody releases the topic.
     """
 
     id: int
@@ -43,6 +45,8 @@ class Incident:
     relations: Tuple[str, ...] = ()
     quality: float = 0.0
     missing: Tuple[str, ...] = ()
+    restarts: int = 0
+    kept_out: bool = False
 
     @property
     def outage(self) -> Optional[float]:

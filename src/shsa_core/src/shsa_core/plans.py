@@ -8,8 +8,9 @@ from shsa_core.best import BestDerivations
 from shsa_core.codegen import Program, generate
 from shsa_core.derivation import Derivation, Rated, ServiceTable, joint, rate_function
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, ShsaError
+from shsa_core.expression import parse_expression
 from shsa_core.network import Network
-from shsa_core.ontology import Ontology
+from shsa_core.ontology import Ontology, TransferFunction
 from shsa_core.orr import first_found
 from shsa_core.ranking import Ranking
 from shsa_core.search import SMALLEST_QUALITY
@@ -25,7 +26,7 @@ class TopicPlan:
     """How a topic is taken over: the substitute's program, and where it comes from.
 
     Plans are equal if they do the same: the same topic and program. `quality`, in (0, 1], is the product over all
-    fields. `derivations` follow `program.outputs`; `services` are the inputs. `proven_best`: no plan that was
+    fields; 0 for safe values, which promise nothing. `derivations` follow `program.outputs`; `services` are the inputs. `proven_best`: no plan that was
     asked for is better.
     """
 
@@ -36,6 +37,11 @@ class TopicPlan:
     proven_best: bool = field(compare=False)
     derivations: Tuple[Derivation, ...] = field(compare=False, repr=False)
     services: Tuple[Service, ...] = field(compare=False, repr=False)
+
+    @property
+    def safe(self) -> bool:
+        """Whether it publishes safe values."""
+        return self.quality == 0.0
 
 
 def plan_topic(
@@ -58,6 +64,22 @@ def plan_topic(
         raise ModelError(topic, f"the SOM has no such topic; it has {', '.join(som.topics())}")
     services = ServiceTable(ontology.network, available, [*excluded, topic])
     return plan_fields(ontology, services, topic, fields, method, tried)
+
+
+def safe_plan(som: Som, topic: str) -> Optional[TopicPlan]:
+    """The plan that publishes the safe values of a topic; None if the SOM gives none. Its quality is 0."""
+    parts = []
+    for service in som.of_topic(topic):
+        if service.last_resort.value is not None:
+            text = repr(service.last_resort.value)
+            constant = TransferFunction(
+                "safe value", service.property, (), parse_expression(text), text=text
+            )
+            parts.append((Derivation(service.property, None, constant), service.path))
+    if not parts:
+        return None
+    derivations = tuple(derivation for derivation, _ in parts)
+    return TopicPlan(topic, generate(parts, {}), 0.0, ("safe value",), True, derivations, ())
 
 
 def plan_fields(

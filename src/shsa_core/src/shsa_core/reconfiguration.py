@@ -14,6 +14,9 @@ from shsa_core.events import (
     NodeKilled,
     ProcessExited,
     PublisherHealth,
+    Released,
+    RestartFailed,
+    RestartNode,
     Say,
     ServiceState,
     ShowIncident,
@@ -28,9 +31,10 @@ from shsa_core.events import (
 )
 from shsa_core.healing import Healing
 from shsa_core.ontology import Ontology
-from shsa_core.plans import PlanTable, TopicPlan, plan_topic
+from shsa_core.plans import PlanTable, TopicPlan, plan_topic, safe_plan
+from shsa_core.policies import RESTART
+from shsa_core.settings import Settings
 from shsa_core.som import Service, Som
-from shsa_core.world import Settings
 
 REQUESTED = "requested"
 SUBSTITUTE_PREFIX = "/substitute_"
@@ -63,6 +67,7 @@ class Reconfigurator:
         self._healings: Dict[str, Healing] = {t: Healing(t, self) for t in som.topics()}
         self._killing: Set[str] = set()
         self._killed: Dict[str, float] = {}
+        self._restarting: Set[str] = set()
         self._substitutes: Set[str] = set()
         self._incidents = 0
         self._next_substitute = first_substitute
@@ -158,12 +163,18 @@ class Reconfigurator:
             self._idle.remove(event.node)
             self._refill_at = event.time + self.settings.retry
             return [Say("warn", f"An idle substitute's process died ({event.detail}).")]
+        if isinstance(event, RestartFailed):
+            self._restarting.discard(event.node)
         commands: List[Command] = []
         for healing in list(self._healings.values()):
             if isinstance(event, SubstituteStarted):
                 commands += healing.started(event)
             elif isinstance(event, ProcessExited):
                 commands += healing.exited(event.time, event.node, event.detail)
+            elif isinstance(event, RestartFailed):
+                commands += healing.restart_failed(event.time, event.node, event.detail)
+            elif isinstance(event, Released) and healing.topic == event.topic:
+                commands += healing.released(event.time)
             elif isinstance(event, Tick):
                 commands += healing.tick(event.time)
         return commands
@@ -190,7 +201,7 @@ class Reconfigurator:
 
     def _idle_wanted(self) -> bool:
         """Whether the pool of idle processes, shared by the warm topics, wants one more."""
-        warm = any(s.needed and s.standby == "warm" for s in self._som)
+        warm = any(s.needed and s.standby == "warm" and s.policy != RESTART for s in self._som)
         return warm and len(self._idle) < self.settings.pool
 
     def _listeners(self) -> List[Substitution]:
@@ -221,6 +232,7 @@ class Reconfigurator:
         for row in event.publishers:
             if row.state == "healthy" and row.since > self._killed.get(row.publisher, row.since):
                 del self._killed[row.publisher]
+                self._restarting.discard(row.publisher)
         commands: List[Command] = []
         for row in event.publishers:
             commands += self._missed_failure(event.time, row)
@@ -253,6 +265,7 @@ class Reconfigurator:
 
     def _node_killed(self, event: NodeKilled) -> List[Command]:
         self._killing.discard(event.node)
+        self._restarting.discard(event.node)
         self._killed[event.node] = event.time
         commands: List[Command] = []
         for healing in self._healings.values():
@@ -333,11 +346,26 @@ class Reconfigurator:
     def properties(self, topic: str) -> Tuple[str, ...]:
         return tuple(s.property for s in self._som.of_topic(topic))
 
+    def policy(self, topic: str) -> str:
+        return self._som.policy(topic)
+
+    def safe_plan(self, topic: str) -> Optional[TopicPlan]:
+        return safe_plan(self._som, topic)
+
+    def command(self, topic: str) -> Tuple[str, ...]:
+        return self._som.command(topic)
+
     def kill(self, node: str, urgent: bool) -> List[Command]:
         if not node or node in self._killing:
             return []
         self._killing.add(node)
         return [KillNode(node, urgent)]
+
+    def restart(self, node: str) -> List[Command]:
+        if node in self._restarting:
+            return []
+        self._restarting.add(node)
+        return [RestartNode(node)]
 
     def dying(self, node: str) -> bool:
         return node in self._killing
@@ -347,7 +375,8 @@ class Reconfigurator:
         return self._incidents
 
     def hot(self, topic: str) -> bool:
-        return any(s.needed and s.standby == "hot" for s in self._som.of_topic(topic))
+        services = self._som.of_topic(topic)
+        return any(s.needed and s.standby == "hot" and s.policy != RESTART for s in services)
 
     def plan_ahead(self, topic: str) -> TopicPlan:
         return self._plans.lookup(topic, frozenset(self.available())) or self.explain(topic)

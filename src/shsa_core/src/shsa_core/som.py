@@ -21,6 +21,7 @@ from shsa_core.checks import Checks, read_checks
 from shsa_core.document import Value, from_parameters, read_yaml
 from shsa_core.errors import ModelError
 from shsa_core.expression import is_name
+from shsa_core.policies import POLICIES, SUBSTITUTE, LastResort, read_last_resort
 
 PARAMETER = "/shsa/som"
 
@@ -90,7 +91,8 @@ class Service:
 
     `period` in s; `range` (lowest, highest) in the property's unit, None for no limit; `quality` in (0, 1];
     `needed`: somebody relies on it; `standby`: `cold`, `warm` or `hot`; `deadline`: periods without a message after
-    which a publisher is silent, None as usual; `checks`: what else is a failure; `where`: file and line, or parameter.
+    which a publisher is silent, None as usual; `checks`: what else is a failure; `policy`: what is done about a failure;
+    `last_resort`: what is done when nothing can substitute; `where`: file and line, or parameter.
     A new key of the SOM is a new line here: its name, its default, and the function that reads it.
     """
 
@@ -106,6 +108,8 @@ class Service:
     standby: str = key(default="cold", metadata=_by(_one_of("cold", "warm", "hot")))
     deadline: Optional[float] = key(default=None, metadata=_by(_positive))
     checks: Checks = key(default=Checks(), metadata=_by(read_checks))
+    policy: str = key(default=SUBSTITUTE, metadata=_by(_one_of(*POLICIES)))
+    last_resort: LastResort = key(default=LastResort(), metadata=_by(read_last_resort))
     where: str = key(default="", compare=False, repr=False)
 
     @builtins.property
@@ -141,6 +145,16 @@ class Som:
         """The topics, each once, in the order of the SOM."""
         return tuple(dict.fromkeys(s.topic for s in self.services))
 
+    def policy(self, topic: str) -> str:
+        """What is done about a failure of `topic`: the first of its services that asks for more than a substitute."""
+        asked = (s.policy for s in self.of_topic(topic) if s.policy != SUBSTITUTE)
+        return next(asked, SUBSTITUTE)
+
+    def command(self, topic: str) -> Tuple[str, ...]:
+        """The command that is run when nothing can substitute `topic`; empty if there is none."""
+        commands = (s.last_resort.command for s in self.of_topic(topic) if s.last_resort.command)
+        return next(commands, ())
+
     def parameters(self) -> Dict[str, object]:
         """The SOM as it lies on the parameter server at `/shsa/som`: plain mappings, lists and values."""
         tree: Dict[str, object] = {}
@@ -164,7 +178,7 @@ def load_som(path: str) -> Tuple[Som, List[ModelError]]:
 
     Raises ModelError if the file as a whole cannot be read.
     """
-    return _collect(read_yaml(path), Som())
+    return _collect(read_yaml(path), Som(), from_file=True)
 
 
 def som_from_parameters(value: object, where: str = PARAMETER) -> Som:
@@ -193,7 +207,7 @@ def _entry(service: Service) -> Dict[str, object]:
     for attribute in dataclasses.fields(Service):
         if "read" in attribute.metadata:
             value = getattr(service, attribute.name)
-            if isinstance(value, Checks):
+            if isinstance(value, (Checks, LastResort)):
                 value = value.parameters() or None
             if isinstance(value, tuple):
                 entry[attribute.name] = list(value)
@@ -202,7 +216,7 @@ def _entry(service: Service) -> Dict[str, object]:
     return entry
 
 
-def _collect(tree: Value, current: Som) -> Tuple[Som, List[ModelError]]:
+def _collect(tree: Value, current: Som, from_file: bool = False) -> Tuple[Som, List[ModelError]]:
     collector = _Collector()
     for name, entries in tree.mapping("the SOM").items():
         olds = current.of_property(name)
@@ -216,7 +230,8 @@ def _collect(tree: Value, current: Som) -> Tuple[Som, List[ModelError]]:
             continue
         for index, value in enumerate(values):
             try:
-                collector.add(_service(name, value))
+                service = _service(name, value)
+                collector.add(service if from_file else _with_command(service, olds))
             except ModelError as error:
                 collector.errors.append(error)
                 collector.keep(_replaced(olds, index, value))
@@ -236,7 +251,29 @@ def _service(name: str, value: Value) -> Service:
     ]
     entry = value.entry(f"a service of {name}", readers, required)
     given = {key: readers[key](item, key) for key, item in entry.items()}
-    return Service(property=name, where=value.where, **given)
+    service = Service(property=name, where=value.where, **given)
+    safe, limits = service.last_resort.value, service.range
+    if safe is not None and limits is not None and not limits[0] <= safe <= limits[1]:
+        raise entry["last_resort"].error(
+            f"the value {safe:g} is outside the range [{limits[0]:g}, {limits[1]:g}]"
+        )
+    return service
+
+
+def _with_command(service: Service, olds: Sequence[Service]) -> Service:
+    """A service from the parameter server with the command that its file gave it.
+
+    Anyone may write a parameter, so none may name a command. Raises ModelError if this one does.
+    """
+    if service.last_resort.command:
+        raise ModelError(
+            service.where, "a command can stand in the SOM file only, not on the parameter server"
+        )
+    for old in olds:
+        if old.path == service.path and old.last_resort.command:
+            resort = dataclasses.replace(service.last_resort, command=old.last_resort.command)
+            return dataclasses.replace(service, last_resort=resort)
+    return service
 
 
 def _replaced(olds: Sequence[Service], index: int, value: Value) -> Sequence[Service]:

@@ -1,31 +1,10 @@
 """What the healing of one topic may ask about the rest of the robot."""
-from dataclasses import dataclass
 from typing import Collection, List, Protocol, Tuple, Optional
 
 from shsa_core.codegen import Program
 from shsa_core.events import Command, PublisherHealth
 from shsa_core.plans import TopicPlan
-
-
-@dataclass(frozen=True)
-class Settings:
-    """The reconfigurator's settings; times in s.
-
-    `hold_off`: how long a returned original must stay healthy before the substitute is stopped.
-    `start_timeout`: how long a substitute may take from its start to its first message.
-    `restarts`: how often a substitute that died is started again with the same plan.
-    `retry`: after how long a topic that could not be healed is tried anew; doubles up to `retry_limit`.
-    `method`: the search, `best` or `orr`.
-    `pool`: how many idle processes the warm topics share.
-    """
-
-    hold_off: float = 2.0
-    start_timeout: float = 5.0
-    restarts: int = 2
-    retry: float = 2.0
-    retry_limit: float = 60.0
-    method: str = "best"
-    pool: int = 2
+from shsa_core.settings import Settings
 
 
 class World(Protocol):
@@ -51,8 +30,20 @@ class World(Protocol):
     def properties(self, topic: str) -> Tuple[str, ...]:
         """The properties that `topic` provides."""
 
+    def policy(self, topic: str) -> str:
+        """What is done about a failure of `topic`; see shsa_core.policies."""
+
+    def safe_plan(self, topic: str) -> Optional[TopicPlan]:
+        """The plan that publishes the safe values of `topic`; None if it has none."""
+
+    def command(self, topic: str) -> Tuple[str, ...]:
+        """The command that is run when nothing can substitute `topic`; empty if it has none."""
+
     def kill(self, node: str, urgent: bool) -> List[Command]:
         """The command that kills `node`; none if that is under way."""
+
+    def restart(self, node: str) -> List[Command]:
+        """The command that starts `node` again; none if that is under way for another of its topics."""
 
     def dying(self, node: str) -> bool:
         """Whether the kill of `node` is under way."""

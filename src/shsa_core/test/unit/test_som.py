@@ -94,6 +94,7 @@ def test_parameters_are_plain_and_give_the_same_som(good: Any) -> None:
             "quality": 0.9,
             "needed": True,
             "standby": "warm",
+            "policy": "substitute",
         }
     ]
     assert "range" not in tree["linear_velocity"][0] and "where" not in tree["linear_velocity"][0]

@@ -118,6 +118,8 @@ def incident(record: Incident) -> msg.Incident:
         relations=list(record.relations),
         quality=record.quality,
         missing=list(record.missing),
+        restarts=record.restarts,
+        kept_out=record.kept_out,
         **{name: clock.to_stamp(getattr(record, name)) for name in MOMENTS},
     )
 

@@ -35,15 +35,19 @@ class Fence:
         self._known: Dict[str, _Known] = {}
         self._lock = threading.Lock()
 
-    def learn(self, node: str) -> None:
-        """Remember the process of a healthy node: a hung one no longer tells."""
+    def learn(self, node: str) -> Optional[psutil.Process]:
+        """Remember the process of a healthy node: a hung one no longer tells.
+
+        Returns the process if it is on this computer and really is the node: it listens where the node does.
+        """
         try:
             uri = rosgraph.Master(self._caller_id).lookupNode(node)
             known = _Known(uri, self._ask_process(uri))
         except (rosgraph.MasterException, OSError, xmlrpc.client.Error):
-            return
+            return None
         with self._lock:
             self._known[node] = known
+        return known.process if known.process and _listens(known.process, uri) else None
 
     def kill(self, node: str, urgent: bool = True) -> Tuple[bool, str]:
         """Kill `node` and clear its registrations; whether it is gone for certain, and how it went.
@@ -153,6 +157,18 @@ class Fence:
 def _is_local(uri: str) -> bool:
     host = urllib.parse.urlparse(uri).hostname or ""
     return rosgraph.network.is_local_address(host)
+
+
+def _listens(process: psutil.Process, uri: str) -> bool:
+    """Whether a process is the one behind a node's URI."""
+    port = urllib.parse.urlparse(uri).port
+    try:
+        return any(
+            each.status == psutil.CONN_LISTEN and each.laddr.port == port
+            for each in process.connections(kind="tcp")
+        )
+    except psutil.Error:
+        return False
 
 
 def _listening_process(uri: str) -> Optional[psutil.Process]:

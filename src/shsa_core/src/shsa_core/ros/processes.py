@@ -3,7 +3,7 @@ import os
 import signal
 import subprocess
 import threading
-from typing import Callable, Dict, List, Optional, Set
+from typing import Callable, Dict, List, Optional, Sequence, Set
 
 from shsa_core.codegen import Program
 
@@ -45,14 +45,14 @@ class Processes:
             process = self._running.get(node)
             self._stopped.add(node)
         if process is not None:
-            threading.Thread(target=_end, args=(process,), daemon=True).start()
+            threading.Thread(target=end, args=(process,), daemon=True).start()
 
     def stop_all(self) -> None:
         """Stop every substitute, and wait until they are gone."""
         with self._lock:
             processes: List["subprocess.Popen[bytes]"] = list(self._running.values())
             self._stopped.update(self._running)
-        threads = [threading.Thread(target=_end, args=(process,)) for process in processes]
+        threads = [threading.Thread(target=end, args=(process,)) for process in processes]
         for thread in threads:
             thread.start()
         for thread in threads:
@@ -69,7 +69,21 @@ class Processes:
             self._ended(node, f"exit status {status}")
 
 
-def _end(process: "subprocess.Popen[bytes]") -> None:
+def run_command(words: Sequence[str], ended: Callable[[str], None]) -> None:
+    """Run a program, given as a list and through no shell; `ended(detail)` is called when it has ended, in a thread."""
+
+    def work() -> None:
+        try:
+            process = subprocess.Popen(words, stdin=subprocess.DEVNULL, start_new_session=True)
+        except OSError as error:
+            ended(str(error))
+            return
+        ended(f"exit status {process.wait()}")
+
+    threading.Thread(target=work, daemon=True).start()
+
+
+def end(process: "subprocess.Popen[bytes]") -> None:
     """End a process and all that it started."""
     for number in (signal.SIGINT, signal.SIGKILL):
         try:

@@ -21,35 +21,33 @@ from shsa_core.reconfiguration import SUBSTITUTE_PREFIX, Reconfigurator
 from shsa_core.ros import clock, convert
 from shsa_core.ros.fence import Fence
 from shsa_core.ros.node import run
-from shsa_core.ros.processes import Processes
+from shsa_core.ros.processes import Processes, run_command
+from shsa_core.ros.restarts import Restarts
 from shsa_core.ros.som_parameter import SomWatch, put_som
+from shsa_core.settings import read_settings
 from shsa_core.som import Som, read_som
-from shsa_core.world import Settings
 
 SAY: Dict[str, Callable[[str], None]] = {
     "info": rospy.loginfo,
     "warn": rospy.logwarn,
     "error": rospy.logerr,
 }
-SETTLED = (State.HEALED, State.UNHEALED, State.ENDED)
+SETTLED = (State.HEALED, State.UNHEALED, State.SAFE, State.ENDED)
 
 
 class ReconfiguratorNode:
     """Hears failures and health, kills, searches, starts and stops substitutes.
 
-    Parameters: `~ontology` and `~som` (files), `~hold_off`, `~start_timeout`, `~kill_patience` (s), `~method`
-    (best or orr), `~pool` (idle processes for warm topics), `~incident_log` (file, one JSON line an incident).
+    Parameters: `~ontology` and `~som` (files), `~kill_patience` (s), `~incident_log` (file, one JSON line an
+    incident), and those of shsa_core.settings.
     """
 
     def __init__(self) -> None:
         ontology = read_ontology(_required("~ontology"))
         som = read_som(_required("~som"))
-        settings = Settings(
-            hold_off=rospy.get_param("~hold_off", Settings.hold_off),
-            start_timeout=rospy.get_param("~start_timeout", Settings.start_timeout),
-            method=rospy.get_param("~method", Settings.method),
-            pool=rospy.get_param("~pool", Settings.pool),
-        )
+        settings, errors = read_settings(rospy.get_param("~"), rospy.get_name())
+        for error in errors:
+            rospy.logerr("Refused: %s. The default is used.", error)
         self._log_file = rospy.get_param("~incident_log", "") or os.path.join(
             rospkg.get_log_dir(), "shsa_incidents.jsonl"
         )
@@ -61,6 +59,7 @@ class ReconfiguratorNode:
             rospy.logwarn("%s was left behind; it is stopped.", node)
             self._fence.kill(node)
         self._processes = Processes(self._process_ended, self._fence.clear)
+        self._restarts = Restarts()
         self._open: Dict[str, Incident] = {}
         self._incident_changed = threading.Condition()
         self._known: Set[Tuple[str, rospy.Time]] = set()
@@ -77,6 +76,7 @@ class ReconfiguratorNode:
         rospy.Subscriber("/shsa/failures", msg.Failure, self._failure, tcp_nodelay=True)
         rospy.Subscriber("/shsa/health", msg.Health, self._health, tcp_nodelay=True)
         rospy.Service("/shsa/find_substitute", srv.FindSubstitute, self._find_substitute)
+        rospy.Service("/shsa/release", srv.Release, self._release)
         self._action = actionlib.SimpleActionServer(
             "/shsa/substitute", msg.SubstituteAction, self._substitute, auto_start=False
         )
@@ -94,6 +94,7 @@ class ReconfiguratorNode:
                 if not rospy.core.is_shutdown_requested():
                     rospy.logerr("The reconfigurator could not handle an event: %r", error)
         self._processes.stop_all()
+        self._restarts.stop()
         for incident in self._open.values():
             self._log(incident)
 
@@ -132,6 +133,10 @@ class ReconfiguratorNode:
             self._enqueue(events.SubstituteStarted(clock.now(), command.node, decided))
         elif isinstance(command, events.StopSubstitute):
             self._processes.stop(command.node)
+        elif isinstance(command, events.RestartNode):
+            self._restart(command.node)
+        elif isinstance(command, events.RunCommand):
+            self._run(command)
         elif isinstance(command, events.ShowSubstitutions):
             self._substitutions.publish(convert.substitutions(command.substitutions))
         elif isinstance(command, events.ShowSom):
@@ -152,6 +157,21 @@ class ReconfiguratorNode:
             self._enqueue(events.ProcessExited(clock.now(), command.node, str(error)))
             return
         self._enqueue(events.SubstituteStarted(clock.now(), command.node, decided))
+
+    def _restart(self, node: str) -> None:
+        try:
+            self._restarts.start(node)
+        except (ShsaError, OSError) as error:
+            self._enqueue(events.RestartFailed(clock.now(), node, str(error)))
+
+    def _run(self, command: events.RunCommand) -> None:
+        program = command.words[0]
+        rospy.logwarn("%s: running %s.", command.topic, program)
+
+        def report(detail: str) -> None:
+            rospy.logwarn("%s: %s has ended: %s.", command.topic, program, detail)
+
+        run_command(command.words, report)
 
     def _process_ended(self, node: str, detail: str) -> None:
         self._enqueue(events.ProcessExited(clock.now(), node, detail))
@@ -180,10 +200,22 @@ class ReconfiguratorNode:
         for row in health.publishers:
             if row.state == row.HEALTHY and (row.publisher, row.since) not in self._known:
                 self._known.add((row.publisher, row.since))
-                threading.Thread(
-                    target=self._fence.learn, args=(row.publisher,), daemon=True
-                ).start()
+                threading.Thread(target=self._learn, args=(row.publisher,), daemon=True).start()
         self._enqueue(convert.health_seen(health))
+
+    def _learn(self, node: str) -> None:
+        process = self._fence.learn(node)
+        if process is not None:
+            self._restarts.learn(node, process)
+
+    def _release(self, request: srv.ReleaseRequest) -> srv.ReleaseResponse:
+        if request.topic not in self._core.needed():
+            known = ", ".join(self._core.needed())
+            text = f"{request.topic} is not a needed topic; these are: {known}"
+            return srv.ReleaseResponse(success=False, detail=text)
+        self._enqueue(events.Released(clock.now(), request.topic))
+        text = f"whatever publishes {request.topic} may return"
+        return srv.ReleaseResponse(success=True, detail=text)
 
     def _som_changed(self, som: Som) -> None:
         self._enqueue(events.SomChanged(clock.now(), som))
