@@ -27,6 +27,7 @@ MARK = "SHSA_BENCH"
 TOPIC, NODE = "/lost", "/failing"
 KEPT_TOPIC, KEPT_NODE = "/kept", "/steady"
 LIMIT = 10.0  # of the good values of TOPIC
+SILENCE = 0.1  # s; the monitor's deadline for a topic at 50 Hz: five periods
 HOLD_OFF = 1.0  # s; until then a substitute has handed over all consumers
 POOL = 2
 # The same node fails again and again here: that is not to be taken for a node that flaps.
@@ -295,6 +296,7 @@ class HealthyRobot:
         self._launch = bench.start(
             *("roslaunch", "shsa_core", "shsa.launch"),
             *(f"ontology:={paths[0]}", f"som:={paths[1]}", f"hold_off:={HOLD_OFF}"),
+            f"minimum_deadline:={SILENCE}",
             *(f"pool:={POOL}", f"incident_log:={bench.folder / 'incidents.jsonl'}"),
         )
 

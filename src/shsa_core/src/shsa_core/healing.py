@@ -85,6 +85,7 @@ class Healing:
         if self.node and event.publisher == self.node:
             return self._own_failed(event)
         node = event.publisher or self._world.provider(self.topic)
+        leaving = event.kind == NODE_GONE and self._world.dying(node)
         commands = self._world.kill(node, urgent=event.kind != NODE_GONE)
         if self.incident is None:
             healthy = [
@@ -97,6 +98,9 @@ class Healing:
                 return [*commands, Say("warn", text)]
             self._certainly_gone = event.kind == NODE_GONE
             return commands + self._open(event, node)
+        if leaving and node == self.incident.faulty_node:
+            self._certainly_gone = True  # its process may take a while longer, but has no voice
+            return commands
         text = f"{self.topic}: {node} failed again: {event.detail}."
         commands.append(Say("warn", text))
         if self.incident.state is not State.RETURNING:

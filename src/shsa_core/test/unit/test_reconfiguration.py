@@ -31,6 +31,15 @@ def test_a_substitute_is_mute_until_the_faulty_node_is_gone() -> None:
     assert last_incident(commands).killed == 10.05
 
 
+def test_a_substitute_speaks_as_soon_as_the_killed_node_has_closed_its_connection() -> None:
+    robot = Robot()
+    robot.fail("/a", A, 10.0, "out_of_range")
+    assert speaking(robot) == (False,)
+    commands = robot.fail("/a", A, 10.01, "node_gone")
+    assert speaking(robot) == (True,)
+    assert not has(commands, events.Say) and not has(commands, events.KillNode)
+
+
 def test_a_substitute_speaks_at_once_if_the_node_is_certainly_gone() -> None:
     robot = Robot()
     robot.fail("/a", A, 10.0, "node_gone")

@@ -1,6 +1,6 @@
 """A substitute's three strings at work: inputs, compiled code, output advertised."""
 import threading
-from typing import Optional, Sequence
+from typing import Callable, Optional, Sequence
 
 import genpy
 import rospy
@@ -19,13 +19,30 @@ GAP_PERIODS = 10.0  # after so many periods without a value, derivatives and the
 SHORTEST_GAP = 1.0  # s
 
 
+class _Joining(rospy.SubscribeListener):
+    def __init__(self, joined: Callable[[], None]) -> None:
+        super().__init__()
+        self._joined = joined
+
+    def peer_subscribe(self, *_: object) -> None:
+        self._joined()
+
+
 class Computation:
     """Computes the fields `outputs` of one topic from `inputs`, by generated code.
+
+    `joined` is called, from rospy's threads, when a consumer has connected.
 
     Raises ShsaError if the code is not valid, or if the outputs are not numbers of one topic.
     """
 
-    def __init__(self, inputs: Sequence[Input], code: str, outputs: Sequence[Service]) -> None:
+    def __init__(
+        self,
+        inputs: Sequence[Input],
+        code: str,
+        outputs: Sequence[Service],
+        joined: Callable[[], None],
+    ) -> None:
         self._inputs = inputs
         topics = sorted({service.topic for service in outputs})
         if len(topics) != 1:
@@ -36,7 +53,9 @@ class Computation:
         self._program = compile_program(code, len(inputs), len(outputs), max_gap=gap)
         self._class = message_class(kind)
         self._outputs = [Field(self._class, service.field) for service in outputs]
-        self._publisher = rospy.Publisher(topic, self._class, queue_size=10, tcp_nodelay=True)
+        self._publisher = rospy.Publisher(
+            topic, self._class, _Joining(joined), queue_size=10, tcp_nodelay=True
+        )
         threading.Thread(target=announce, args=(topic, kind), daemon=True).start()
         self._handover = Handover(topic, self.period)
 

@@ -13,6 +13,7 @@ from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.node import run
 from shsa_core.ros.services import Directory
 
+EARLY = 0.25  # of the period; but no sooner after a message, however many consumers connect
 HANDOVER = 1.0  # s; so long it serves those whom the original, that is back, does not serve yet
 REFRESH = 1.0  # s between two looks of an idle substitute at the SOM
 USAGE = "usage: rosrun shsa_core substitute INPUTS CODE OUTPUT"
@@ -38,7 +39,7 @@ class Substitute:
         self._directory = Directory()
         self._inputs = Inputs(self._arrived)
         self._computation: Optional[Computation] = None
-        self._due = 0.0
+        self._due = self._spoke = 0.0
         if strings is not None:
             self._switch(strings)
         rospy.Subscriber("/shsa/substitutions", Substitutions, self._heed, tcp_nodelay=True)
@@ -77,6 +78,7 @@ class Substitute:
         computation.stand_in_for(self._original if self._speaking or yielding else "")
         if message is not None and (self._speaking or yielding):
             computation.publish(message)
+            self._spoke = now
         self._due += computation.period
         if self._due < now:
             self._due = now + computation.period
@@ -90,7 +92,8 @@ class Substitute:
         services = self._directory.find([*inputs, *outputs])
         heard = self._inputs.listen(services[: len(inputs)])
         old = self._computation
-        self._computation = Computation(heard, code, services[len(inputs) :]) if code else None
+        fields = services[len(inputs) :]
+        self._computation = Computation(heard, code, fields, self._joined) if code else None
         self._strings = strings
         if old is not None:
             old.close()
@@ -99,6 +102,14 @@ class Substitute:
         """The first message goes out as soon as all inputs are there."""
         if self._due == 0.0:
             with self._wake:
+                self._wake.notify_all()
+
+    def _joined(self) -> None:
+        """A consumer has connected: it has waited for long, and hears the next message early."""
+        with self._wake:
+            if self._speaking and self._computation is not None:
+                early = self._spoke + EARLY * self._computation.period
+                self._due = min(self._due, early)
                 self._wake.notify_all()
 
     def _heed(self, table: Substitutions) -> None:
