@@ -1,4 +1,5 @@
-"""docs/ontology.md says what is true: its examples are run."""
+"""docs/ontology.md and docs/som.md say what is true: their examples are run."""
+import dataclasses
 import pathlib
 import re
 from typing import Any
@@ -6,6 +7,7 @@ from typing import Any
 import pytest
 
 from shsa_core.check import check_files
+from shsa_core.checks import Checks
 from shsa_core.codegen import generate
 from shsa_core.errors import NoSubstitute
 from shsa_core.functions import FUNCTIONS, STATEFUL
@@ -13,10 +15,14 @@ from shsa_core.ontology import Ontology
 from shsa_core.ontology_file import read_ontology
 from shsa_core.program import compile_program
 from shsa_core.search import find_substitute, iter_substitutes
+from shsa_core.settings import Settings
 from shsa_core.som import Service, read_som
 
-TEXT = (pathlib.Path(__file__).resolve().parents[4] / "docs" / "ontology.md").read_text("utf-8")
+DOCS = pathlib.Path(__file__).resolve().parents[4] / "docs"
+TEXT = (DOCS / "ontology.md").read_text("utf-8")
+SOM_TEXT = (DOCS / "som.md").read_text("utf-8")
 BLOCKS = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
+SOM_BLOCKS = re.findall(r"```yaml\n(.*?)```", SOM_TEXT, re.DOTALL)
 
 
 @pytest.fixture
@@ -41,10 +47,26 @@ RUNNING = [
 
 def test_the_files_of_the_examples_are_valid(tmp_path: pathlib.Path) -> None:
     (tmp_path / "o.yaml").write_text(BLOCKS[0])
-    (tmp_path / "s.yaml").write_text(BLOCKS[1])
+    (tmp_path / "s.yaml").write_text(SOM_BLOCKS[0])
     findings = check_files(str(tmp_path / "o.yaml"), str(tmp_path / "s.yaml"))
     assert [f for f in findings if f.level == "error"] == []
     assert len(read_som(str(tmp_path / "s.yaml")).services) == 2
+
+
+@pytest.mark.parametrize("block", SOM_BLOCKS)
+def test_the_soms_of_the_examples_are_valid(tmp_path: pathlib.Path, block: str) -> None:
+    (tmp_path / "s.yaml").write_text(block)
+    assert read_som(str(tmp_path / "s.yaml")).services
+
+
+def test_every_key_check_and_setting_is_described() -> None:
+    keys = [
+        each.name for each in dataclasses.fields(Service) if each.name not in ("property", "where")
+    ]
+    checks = [each.name for each in dataclasses.fields(Checks)]
+    settings = ["~" + each.name for each in dataclasses.fields(Settings)]
+    for name in [*keys, *checks, *settings]:
+        assert f"`{name}`" in SOM_TEXT
 
 
 def test_every_function_is_described() -> None:
