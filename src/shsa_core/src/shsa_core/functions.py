@@ -60,98 +60,116 @@ FUNCTIONS: Mapping[str, Function] = {
 }
 
 
-class Memory:
-    """A stateful function at one place of a program: called with its arguments and the time `now` (s).
+Memory = Callable[..., float]
+"""A stateful function at one place of a program: called with its arguments and the time `now` (s).
 
-    It returns a float, or NaN for "no value". A sample that is not finite is no sample. A sample at the time of the
-    one before is the same sample: the result is the same and nothing changes. After a gap of more than `max_gap` (s),
-    or when time runs backwards, the function starts anew.
-    """
+It returns a float, or NaN for "no value". A sample that is not finite is no sample. A sample at the time of the one
+before is the same sample: the result is the same and nothing changes. After a gap of more than `max_gap` (s), or when
+time runs backwards, the function starts anew. Each is one flat function: a call inside would double its cost.
+"""
 
-    def __init__(self, max_gap: float = MAX_GAP) -> None:
-        self.max_gap = max_gap
-        self.reset()
 
-    def reset(self) -> None:
-        """Forgets every sample."""
-        self._time = NO_VALUE
-        self._value = NO_VALUE
-        self._result = NO_VALUE
+def elapsed(max_gap: float = MAX_GAP) -> Memory:
+    """`dt`: seconds since the last evaluation; its argument is not used."""
+    last = result = NO_VALUE
 
-    def __call__(self, value: float, now: float) -> float:
-        if value - value != 0.0:  # not finite
+    def sample(value: float, now: float) -> float:
+        nonlocal last, result
+        if value - value != 0.0:
             return NO_VALUE
-        elapsed = now - self._time
-        if elapsed != 0.0:
-            if 0.0 < elapsed <= self.max_gap:
-                self._result = self._next(value, elapsed)
-            else:
-                self._result = self._first(value)
-            self._time = now
-            self._value = value
-        return self._result
+        passed = now - last
+        if passed != 0.0:
+            result = passed if 0.0 < passed <= max_gap else NO_VALUE
+            last = now
+        return result
 
-    def _first(self, value: float) -> float:
-        return NO_VALUE
-
-    def _next(self, value: float, elapsed: float) -> float:
-        raise NotImplementedError
+    return sample
 
 
-class Elapsed(Memory):
-    """`dt`: seconds since the last evaluation."""
-
-    def _next(self, value: float, elapsed: float) -> float:
-        return elapsed
-
-
-class Previous(Memory):
+def previous(max_gap: float = MAX_GAP) -> Memory:
     """`previous(x)`: the sample before."""
+    last = before = result = NO_VALUE
 
-    def _next(self, value: float, elapsed: float) -> float:
-        return self._value
+    def sample(value: float, now: float) -> float:
+        nonlocal last, before, result
+        if value - value != 0.0:
+            return NO_VALUE
+        passed = now - last
+        if passed != 0.0:
+            result = before if 0.0 < passed <= max_gap else NO_VALUE
+            last = now
+            before = value
+        return result
+
+    return sample
 
 
-class Derivative(Memory):
+def derivative(max_gap: float = MAX_GAP) -> Memory:
     """`derivative(x)`: the change since the sample before, per second."""
+    last = before = result = NO_VALUE
 
-    def _next(self, value: float, elapsed: float) -> float:
-        return (value - self._value) / elapsed
+    def sample(value: float, now: float) -> float:
+        nonlocal last, before, result
+        if value - value != 0.0:
+            return NO_VALUE
+        passed = now - last
+        if passed != 0.0:
+            result = (value - before) / passed if 0.0 < passed <= max_gap else NO_VALUE
+            last = now
+            before = value
+        return result
+
+    return sample
 
 
-class Integral(Memory):
+def integral(max_gap: float = MAX_GAP) -> Memory:
     """`integral(x)`: the area under the samples (trapezoidal rule) since the start, in seconds times x.
 
-    It starts at 0. What happened during a gap is not known and is not added.
+    It starts at 0. What happened during a gap is not known and is not added. A sum that has overflowed starts anew
+    with it.
     """
+    last = before = NO_VALUE
+    result = 0.0
 
-    def _first(self, value: float) -> float:
-        return self._result if math.isfinite(self._result) else 0.0
+    def sample(value: float, now: float) -> float:
+        nonlocal last, before, result
+        if value - value != 0.0:
+            return NO_VALUE
+        passed = now - last
+        if passed != 0.0:
+            if 0.0 < passed <= max_gap:
+                result += 0.5 * (before + value) * passed
+            elif result - result != 0.0:
+                result = 0.0
+            last = now
+            before = value
+        return result
 
-    def _next(self, value: float, elapsed: float) -> float:
-        return self._result + 0.5 * (self._value + value) * elapsed
+    return sample
 
 
-class Lowpass(Memory):
+def lowpass(max_gap: float = MAX_GAP) -> Memory:
     """`lowpass(x, tau)`: x behind a filter of first order with the time constant `tau` (s, positive).
 
     It starts at the first sample. Between two samples x is taken to hold the later one, which the filter follows
     exactly, whatever the time between them.
     """
+    last = result = NO_VALUE
 
-    _tau = NO_VALUE
-
-    def __call__(self, value: float, tau: float, now: float) -> float:  # type: ignore[override]
-        if not tau > 0.0:
+    def sample(value: float, tau: float, now: float) -> float:
+        nonlocal last, result
+        if value - value != 0.0 or not tau > 0.0:
             return NO_VALUE
-        self._tau = tau
-        return super().__call__(value, now)
+        passed = now - last
+        if passed != 0.0:
+            if 0.0 < passed <= max_gap:
+                result += (value - result) * -math.expm1(-passed / tau)
+            else:
+                result = value
+            last = now
+        return result
 
-    def _first(self, value: float) -> float:
-        return value
-
-    def _next(self, value: float, elapsed: float) -> float:
-        return self._result + (value - self._result) * -math.expm1(-elapsed / self._tau)
+    return sample
 
 
 @dataclass(frozen=True)
@@ -163,10 +181,10 @@ class Stateful:
 
 
 STATEFUL: Mapping[str, Stateful] = {
-    "derivative": Stateful(Derivative),
-    "integral": Stateful(Integral),
-    "previous": Stateful(Previous),
-    "lowpass": Stateful(Lowpass, 2),
+    "derivative": Stateful(derivative),
+    "integral": Stateful(integral),
+    "previous": Stateful(previous),
+    "lowpass": Stateful(lowpass, 2),
 }
 
 RESERVED = frozenset([*CONSTANTS, ELAPSED, *FUNCTIONS, *STATEFUL, "require"])

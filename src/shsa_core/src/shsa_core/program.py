@@ -1,6 +1,7 @@
 """Compiles a substitute's code, once it is checked, so that it can be evaluated at every step."""
 import ast
 import math
+from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, List, Mapping, NoReturn, Optional, Sequence, Tuple
 
 from shsa_core.checked_code import CheckedCode, CheckedRelation, check_code
@@ -11,13 +12,17 @@ from shsa_core.functions import (
     MAX_GAP,
     RESERVED,
     STATEFUL,
-    Elapsed,
     Memory,
+    elapsed,
     namespace,
     power,
 )
 
 
+Step = Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]
+
+
+@dataclass(frozen=True)
 class CompiledProgram:
     """A substitute that can be evaluated.
 
@@ -26,20 +31,7 @@ class CompiledProgram:
     the root of a negative number, an overflow), or a stateful function needs more samples.
     """
 
-    step: Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]
-
-    def __init__(
-        self,
-        step: Callable[[Sequence[float], float], Optional[Tuple[float, ...]]],
-        memories: Sequence[Memory],
-    ) -> None:
-        self.step = step
-        self._memories = memories
-
-    def reset(self) -> None:
-        """Forgets every sample."""
-        for memory in self._memories:
-            memory.reset()
+    step: Step
 
 
 def compile_program(
@@ -61,7 +53,7 @@ class _Compiler:
 
     def __init__(self, max_gap: float) -> None:
         self._max_gap = max_gap
-        self._memories: List[Memory] = []
+        self._memories = 0
         self._parts: Dict[str, ast.expr] = {}
         self._names: Dict[str, Any] = {"__builtins__": {}, "power": power, "nan": math.nan}
         self._names.update(namespace())
@@ -81,7 +73,7 @@ class _Compiler:
             for n in ast.walk(tree)
         )
         if uses_time:
-            lines.append(f"  {ELAPSED} = {self._remember(Elapsed(self._max_gap))}(0.0, now)")
+            lines.append(f"  {ELAPSED} = {self._remember(elapsed(self._max_gap))}(0.0, now)")
         for relation in code.relations:
             lines += ["  " + line for line in self._relation(relation)]
         lines.append(f"  if {_finite(code.outputs)}: return ({', '.join(code.outputs)},)")
@@ -89,7 +81,7 @@ class _Compiler:
         tree = _Fill(self._parts).visit(ast.parse("\n".join(lines)))
         ast.fix_missing_locations(tree)
         exec(compile(tree, "<substitute>", "exec"), self._names)  # code from checked parts alone
-        return CompiledProgram(self._names["step"], self._memories)
+        return CompiledProgram(self._names["step"])
 
     def _relation(self, relation: CheckedRelation) -> List[str]:
         inline = _Inline(relation.arguments, self)
@@ -116,8 +108,8 @@ class _Compiler:
         return name
 
     def _remember(self, memory: Memory) -> str:
-        name = f"_memory{len(self._memories)}"
-        self._memories.append(memory)
+        name = f"_memory{self._memories}"
+        self._memories += 1
         self._names[name] = memory
         return name
 

@@ -5,7 +5,8 @@ import re
 import audit
 import pytest
 from expressions import Sample, samples
-from hostile import EXPRESSIONS, PROGRAMS
+from hostile_expressions import EXPRESSIONS
+from hostile_programs import PROGRAMS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

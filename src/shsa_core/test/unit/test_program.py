@@ -265,14 +265,6 @@ def test_lowpass_with_an_argument_of_its_own() -> None:
     assert step((3.0, -1.0), 0.7) is None
 
 
-def test_reset_begins_anew() -> None:
-    machine = program("integral(i1) + previous(i1) + dt")
-    first = [machine.step((1.0,), 0.1 * i) for i in range(4)]
-    machine.reset()
-    assert [machine.step((1.0,), 0.1 * i) for i in range(4)] == first
-    assert first[0] is None and first[1] is not None
-
-
 def test_a_relation_without_inputs() -> None:
     code = "def _tf1(): # r: a\n  require(dt > 0.05)\n  return 2*pi\nt0=_tf1()\ny=t0\n"
     step = compile_program(code, 0, 1).step
