@@ -56,7 +56,7 @@ class Computation:
         self._publisher = rospy.Publisher(
             topic, self._class, _Joining(joined), queue_size=10, tcp_nodelay=True
         )
-        threading.Thread(target=announce, args=(topic, kind), daemon=True).start()
+        threading.Thread(target=announce, args=(self._publisher,), daemon=True).start()
         self._handover = Handover(topic, self.period)
 
     @property
