@@ -128,7 +128,7 @@ class Healing:
         if event.kind == SILENT and event.time < self._stand_in.assigned + CHANGEOVER:
             if self.incident is not None and self.incident.state is State.SAFE:
                 return []
-            self._deadline = self._stand_in.assigned + self._world.settings.start_timeout
+            self._deadline = self._stand_in.assigned + self._stand_in.patience
             return self._step(state=State.HEALING, first_message=None) if self.incident else []
         return self._substitute_failed(event.time, event.detail, event.kind != NODE_GONE)
 
@@ -204,8 +204,8 @@ class Healing:
         if self.incident.state in STUCK:
             self._stand_in.forget()
             return self._heal(time)
-        limit = self._world.settings.start_timeout
-        return self._substitute_failed(time, f"no message within {limit:g} s", True)
+        why = f"no message within {self._stand_in.patience:g} s"
+        return self._substitute_failed(time, why, self._stand_in.plan_to_blame)
 
     def close(self, time: float, why: str) -> List[Command]:
         """The topic is no longer healed: stop the substitute and end the incident."""
@@ -248,12 +248,12 @@ class Healing:
             f"{self.topic}: found a substitute of quality {plan.quality:.2g} "
             f"by {using} from {', '.join(plan.program.inputs)}."
         )
-        commands = [*self._stand_in.use(time, plan), Say("info", text)]
+        commands = [*self._stand_in.use(time, plan, speaks), Say("info", text)]
         if speaks:
             self._deadline = None
             state, first_message = State.HEALED, self.incident.first_message
         else:
-            self._deadline = time + self._world.settings.start_timeout
+            self._deadline = time + self._stand_in.patience
             state, first_message = State.HEALING, None
         return commands + self._step(
             state=state,

@@ -17,6 +17,7 @@ class Settings:
     `switches`: after how many such failures in one incident it is kept out; 0: never.
     `healings`: how often a topic may be healed in a minute before it is given up; 0: any number will do.
     `start_timeout`: how long a substitute may take from its start to its first message.
+    `takeover_timeout`: the same for a process that runs already; then another one gets its work.
     `restarts`: how often a substitute that died is started again with the same plan.
     `node_restarts`, `restart_pause`: how often a node is started again, and the first pause, which doubles.
     `restart_timeout`: how long a node that was started again may take to its first message.
@@ -31,6 +32,7 @@ class Settings:
     switches: int = 3
     healings: int = 0
     start_timeout: float = 5.0
+    takeover_timeout: float = 2.0
     restarts: int = 2
     node_restarts: int = 3
     restart_pause: float = 0.5

@@ -2,7 +2,13 @@
 from typing import List, Optional, Set
 
 from shsa_core.errors import ShsaError
-from shsa_core.events import AssignSubstitute, Command, StopSubstitute, Substitution
+from shsa_core.events import (
+    AssignSubstitute,
+    Command,
+    StartSubstitute,
+    StopSubstitute,
+    Substitution,
+)
 from shsa_core.plans import TopicPlan
 from shsa_core.world import World
 
@@ -10,7 +16,8 @@ from shsa_core.world import World
 class StandIn:
     """At most one process that stands in for the publisher of `topic`, and its plan.
 
-    `node` is its name, empty without a process; `assigned` is when it got its plan, in s.
+    `node` is its name, empty without a process; `assigned` is when it got its plan, and `patience` how long its first
+    message may take, in s. If that does not come, `plan_to_blame`, or else the process is.
     """
 
     def __init__(self, topic: str, world: World) -> None:
@@ -18,6 +25,8 @@ class StandIn:
         self.node = ""
         self.plan: Optional[TopicPlan] = None
         self.assigned = 0.0
+        self.patience = 0.0
+        self.plan_to_blame = True
         self._world = world
         self._tried: Set[TopicPlan] = set()
         self._deaths = 0
@@ -48,13 +57,17 @@ class StandIn:
             return self._world.plan(self.topic, self._tried)
         return plan
 
-    def use(self, time: float, plan: TopicPlan) -> List[Command]:
-        """Set the process at hand to work on a plan, else another one."""
+    def use(self, time: float, plan: TopicPlan, speaks: bool = False) -> List[Command]:
+        """Set the process at hand, which may have been speaking, to work on a plan; else another one."""
         self.plan = plan
         self.assigned = time
-        if self.node:
-            return [AssignSubstitute(self.node)]
-        self.node, command = self._world.process(self.topic, plan.program)
+        command: Command = AssignSubstitute(self.node)
+        if not self.node:
+            self.node, command = self._world.process(self.topic, plan.program)
+        fresh = isinstance(command, StartSubstitute)
+        settings = self._world.settings
+        self.patience = settings.start_timeout if fresh else settings.takeover_timeout
+        self.plan_to_blame = fresh or speaks
         return [command]
 
     def use_safe_values(self, time: float) -> List[Command]:

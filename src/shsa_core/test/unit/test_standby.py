@@ -27,6 +27,20 @@ def test_a_warm_topic_takes_an_idle_process_and_the_pool_is_refilled() -> None:
     assert (listener.node, listener.topic, listener.speaking) == (refill.node, "", False)
 
 
+def test_a_warm_process_that_does_not_speak_soon_makes_room_for_another_with_the_same_plan() -> (
+    None
+):
+    robot = Robot(standby("warm"))
+    silent = only(robot.said, events.StartSubstitute).node
+    assert only(robot.fail("/a", A, 10.0), events.AssignSubstitute).node == silent
+    robot.handle(events.NodeKilled(10.01, A, True))
+    assert not has(robot.handle(events.Tick(11.9)), events.StopSubstitute)
+    commands = robot.handle(events.Tick(12.0))
+    assert events.StopSubstitute(silent) in commands
+    assert last_incident(commands).state is State.HEALING
+    assert last_incident(commands).relations == ("good",)
+
+
 def test_an_idle_process_listens_to_what_the_plans_read() -> None:
     robot = Robot(standby("warm"))
     while robot.core.plans_ahead:

@@ -5,6 +5,7 @@ stands, and whoever calls `read` gets the messages straight from the sockets: wh
 handled before anybody is judged, and a connection that ends is seen after its last message, when it ends.
 """
 import struct
+import weakref
 from dataclasses import dataclass, field
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Set, Union
 
@@ -107,9 +108,12 @@ class _Implementation(_SubscriberImpl):
 
     def add_connection(self, transport: Any) -> bool:
         """Called by rospy for every new connection; it may replace one to the same publisher."""
-        topic = self._topic
-        transport.receive_loop = lambda callback: self._inbox.put(Made(topic, transport))
-        transport.set_cleanup_callback(lambda closing: self._inbox.put(Closed(topic, transport)))
+        topic, inbox = self._topic, self._inbox
+        # What rospy drops while it connects must be freed, and so closed, at once: a connection that stays without
+        # a header keeps a rospy publisher from serving anybody else. So it may not hold itself.
+        weak = weakref.ref(transport)
+        transport.receive_loop = lambda callback: inbox.put(Made(topic, weak()))
+        transport.set_cleanup_callback(lambda closing: inbox.put(Closed(topic, closing)))
         return bool(super().add_connection(transport))
 
     def has_successor(self, transport: Any) -> bool:
