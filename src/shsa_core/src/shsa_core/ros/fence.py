@@ -100,7 +100,7 @@ class Fence:
             return None
 
     def _kill_local(self, node: str, process: psutil.Process, patience: float) -> Tuple[bool, str]:
-        if _gone(process):
+        if gone(process):
             return True, f"{node} had died"
         how = f"{node} was shut down"
         if not self._left_when_asked(node, process, patience):
@@ -182,7 +182,8 @@ def _listening_process(uri: str) -> Optional[psutil.Process]:
     return None
 
 
-def _gone(process: psutil.Process) -> bool:
+def gone(process: psutil.Process) -> bool:
+    """Whether a process has ended, though nobody may have asked for its exit status yet."""
     try:
         return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
@@ -191,7 +192,7 @@ def _gone(process: psutil.Process) -> bool:
 
 def _wait_gone(process: psutil.Process, timeout: float) -> bool:
     deadline = time.monotonic() + timeout
-    while not _gone(process):
+    while not gone(process):
         if time.monotonic() > deadline:
             return False
         time.sleep(POLL)

@@ -9,6 +9,7 @@ import psutil
 import rospy
 
 from shsa_core.errors import ShsaError
+from shsa_core.ros.fence import gone
 from shsa_core.ros.processes import end
 
 POLL = 1.0  # s between two looks whether the process that started the node first is still there
@@ -67,12 +68,13 @@ class Restarts:
         threading.Thread(target=self._wait, args=(node, process, start), daemon=True).start()
 
     def stop(self) -> None:
-        """End the nodes that were started first by who is about to end us as well."""
+        """End the nodes whose first starter has ended, or is about to end us as well."""
         ours = os.getppid()
         with self._lock:
             running = list(self._running.values())
         for process, start in running:
-            if start.starter is None or start.starter.pid == ours:
+            starter = start.starter
+            if starter is not None and (starter.pid == ours or gone(starter)):
                 end(process)
 
     def _wait(self, node: str, process: "subprocess.Popen[bytes]", start: _Start) -> None:
@@ -81,7 +83,7 @@ class Restarts:
                 process.wait(POLL)
                 break
             except subprocess.TimeoutExpired:
-                if start.starter is not None and not start.starter.is_running():
+                if start.starter is not None and gone(start.starter):
                     end(process)
         with self._lock:
             if self._running.get(node) == (process, start):
