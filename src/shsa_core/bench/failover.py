@@ -112,7 +112,9 @@ def main() -> int:
     """Measure every row; 1 if a failure was not healed in time."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--failures", type=int, default=50, help="failures of each row")
-    parser.add_argument("--only", default="", help="only rows whose name contains this")
+    parser.add_argument(
+        "--only", nargs="+", default=[""], help="only rows whose name contains one of these"
+    )
     parser.add_argument("--short", action="store_true", help="once hot and by hand, as a check")
     parser.add_argument("--results", type=Path, default=Path("results/bench"))
     options = parser.parse_args()
@@ -141,7 +143,7 @@ def main() -> int:
             )
         contenders[BY_HAND] = lambda: ByHand(bench, consumers)
         others = {row.name: row.applications for row in HEALED}
-        wanted = [name for name in contenders if options.only in name]
+        wanted = [name for name in contenders if any(part in name for part in options.only)]
         if options.short:
             wanted = ["hot", BY_HAND]
         for name in sorted(wanted, key=lambda each: others.get(each, 0)):

@@ -228,8 +228,10 @@ class Consumer:
         return [each for each in list(self.messages) if each.at > moment]
 
     def until(self, moment: float) -> Heard:
-        """The last good message up to a moment."""
-        return [each for each in list(self.messages) if each.at <= moment and each.good][-1]
+        """The last good message up to a moment. Raises AssertionError if there is none."""
+        good = [each for each in list(self.messages) if each.at <= moment and each.good]
+        assert good, f"{self.node} heard nothing good before the failure"
+        return good[-1]
 
     def links(self, topic: str) -> List[str]:
         """The URIs of the publishers that it is connected to."""
