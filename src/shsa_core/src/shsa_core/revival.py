@@ -51,7 +51,9 @@ class Revival:
         self._unstable += 1
 
     def gone(self, time: float) -> None:
-        """The node was killed: it is started again if that is its policy."""
+        """The node is gone: it is started again if that is its policy. It may be told so twice."""
+        if self._start_at is not None:
+            return
         self.cancel()
         if self._world.policy(self.topic) == SUBSTITUTE or self.kept_out:
             return

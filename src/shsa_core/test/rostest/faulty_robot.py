@@ -23,6 +23,7 @@ class FaultyRobot(unittest.TestCase):
     voices: Dict[str, testing.Voices]
     processes: List["subprocess.Popen[bytes]"]
     began: float
+    incidents_before: Dict[str, int]
 
     @classmethod
     def setUpClass(cls) -> None:
@@ -37,6 +38,11 @@ class FaultyRobot(unittest.TestCase):
 
     def setUp(self) -> None:
         self.began = time.monotonic()
+        self.incidents_before = {
+            topic: incident.id
+            for topic, incident in ((t, self.robot.latest(t)) for t in self.topics)
+            if incident is not None
+        }
         for node in self.nodes:
             if testing.node_process(node) is None:
                 self.start(node)

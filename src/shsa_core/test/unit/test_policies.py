@@ -72,6 +72,16 @@ def test_restarts_are_forgotten_once_the_node_was_well_for_long() -> None:
         robot.handle(events.Tick(time + 5.0))
 
 
+def test_a_node_that_is_told_gone_twice_has_failed_once() -> None:
+    robot = Robot(som("restart"), restart_pause=1.0)
+    robot.fail("/a", A, 10.0, "silent")
+    robot.handle(events.NodeKilled(10.1, A, True))
+    assert has(robot.fail("/a", A, 10.11), events.KillNode)
+    robot.handle(events.NodeKilled(10.2, A, True))
+    assert last_incident(robot.said).restarts == 1
+    assert has(robot.handle(events.Tick(11.1)), events.RestartNode)
+
+
 def test_a_substitute_bridges_while_the_node_is_started_again() -> None:
     robot = Robot(som("restart_and_substitute"), restart_pause=1.0)
     node = robot.heal(10.0)

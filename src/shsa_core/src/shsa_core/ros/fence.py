@@ -36,18 +36,22 @@ class Fence:
         self._lock = threading.Lock()
 
     def learn(self, node: str) -> Optional[psutil.Process]:
-        """Remember the process of a healthy node: a hung one no longer tells.
+        """Remember the process of a node, and return it if it is on this computer.
 
-        Returns the process if it is on this computer and really is the node: it listens where the node does.
+        A healthy node tells its process, and is believed if that listens where the node does. A hung one is found
+        by that address.
         """
-        try:
-            uri = rosgraph.Master(self._caller_id).lookupNode(node)
-            known = _Known(uri, self._ask_process(uri))
-        except (rosgraph.MasterException, OSError, xmlrpc.client.Error):
-            return None
+        known = self._look(node)
+        if known is None or (known.process is None and _is_local(known.uri)):
+            return None  # it has died meanwhile
         with self._lock:
             self._known[node] = known
-        return known.process if known.process and _listens(known.process, uri) else None
+        return known.process
+
+    def knows(self, node: str) -> bool:
+        """Whether the node's process is remembered, dead or alive."""
+        with self._lock:
+            return node in self._known
 
     def kill(self, node: str, urgent: bool = True) -> Tuple[bool, str]:
         """Kill `node` and clear its registrations; whether it is gone for certain, and how it went.
@@ -77,18 +81,28 @@ class Fence:
         self._forget(node, uri)
 
     def _find(self, node: str) -> Optional[_Known]:
+        """What is known of a node: the living process, its successor of the same name, or the dead one."""
         with self._lock:
             known = self._known.get(node)
-        if known is not None:
+        if known is not None and (known.process is None or not gone(known.process)):
             return known
+        current = self._look(node)
+        if known is None or (current is not None and current.uri != known.uri):
+            return current
+        return known  # not called again: its address may be an innocent one's by now
+
+    def _look(self, node: str) -> Optional[_Known]:
         try:
             uri = rosgraph.Master(self._caller_id).lookupNode(node)
         except (rosgraph.MasterException, OSError):
             return None
         try:
-            return _Known(uri, self._ask_process(uri))
+            process = self._ask_process(uri)
         except (OSError, xmlrpc.client.Error):
-            return _Known(uri, _listening_process(uri))
+            process = None
+        if process is None or not _listens(process, uri):
+            process = _listening_process(uri)
+        return _Known(uri, process)
 
     def _ask_process(self, uri: str) -> Optional[psutil.Process]:
         if not _is_local(uri):

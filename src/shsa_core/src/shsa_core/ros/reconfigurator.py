@@ -147,6 +147,8 @@ class ReconfiguratorNode:
             SAY[command.level]("%s" % command.text)
 
     def _kill(self, command: events.KillNode) -> None:
+        if not self._fence.knows(command.node):
+            self._learn(command.node)  # it failed as soon as it was there
         certain, how = self._fence.kill(command.node, command.urgent)
         self._enqueue(events.NodeKilled(clock.now(), command.node, certain, how))
 

@@ -41,6 +41,8 @@ class Restarts:
             if starter is not None and starter.pid == 1:
                 starter = None  # nobody waits for it
             start = _Start(process.cmdline(), process.cwd(), process.environ(), starter)
+        except psutil.NoSuchProcess:
+            return
         except (psutil.Error, OSError) as error:
             rospy.logwarn("%s could not be started again: %s", node, error)
             return
