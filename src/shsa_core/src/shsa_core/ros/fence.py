@@ -98,6 +98,8 @@ class Fence:
             return None
         try:
             process = self._ask_process(uri)
+        except ConnectionRefusedError:
+            return _Known(uri, None)  # nobody is there
         except (OSError, xmlrpc.client.Error):
             process = None
         if process is None or not _listens(process, uri):
