@@ -8,8 +8,11 @@ import unittest
 from typing import Callable, Dict, List, Optional, Tuple
 
 import rospy
+from rosgraph_msgs.msg import Log
 from shsa_msgs.msg import Failure, Health, PublisherHealth
 from std_msgs.msg import String
+
+from shsa_core.ros.testing import publishers
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 PERIOD = 0.02
@@ -124,6 +127,13 @@ class MonitorCase(unittest.TestCase):
         """The state of a publisher in the monitor's table."""
         row = self.table.get((topic, node))
         return row.state if row else None
+
+    def hear_log(self, said: List[str]) -> rospy.Subscriber:
+        """Collect whatever any node logs from now on."""
+        subscriber = rospy.Subscriber("/rosout", Log, lambda log: said.append(log.msg))
+        all_heard = lambda: subscriber.get_num_connections() >= len(publishers("/rosout"))
+        self.until(all_heard, "every log is heard")
+        return subscriber
 
     def until(self, condition: Callable[[], bool], what: str, seconds: float = 10.0) -> None:
         """Wait for a condition; the test fails if it does not come true."""
