@@ -329,9 +329,9 @@ class HealthyRobot:
         return incident is not None and incident.state != "ended"
 
     def _pool_ready(self) -> bool:
-        """Whether the pool's processes are up and have nothing more to do."""
+        """Whether the pool's processes are up, connected, and have nothing more to do."""
         idle = [name for name in registered_nodes() if name.startswith("/substitute_standby")]
-        if len(idle) != POOL:
+        if len(idle) != POOL or not all(self._served_by(name) for name in idle):
             return False
         busy = []
         for name in idle:

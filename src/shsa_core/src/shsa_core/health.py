@@ -232,9 +232,13 @@ class HealthMonitor:
         publisher.evidence = Evidence(topic.checks)
 
     def _excused(self, topic: WatchedTopic, publisher: Publisher) -> bool:
-        """Whether silence is no fault: a substitute that is to be mute, or that is being stopped."""
+        """Whether silence is no fault: a substitute that is to be mute here, or that is being stopped."""
         key = (topic.name, publisher.name)
-        return key in self._retired or self._substitutes.get(key) is False
+        if key in self._retired:
+            return True
+        # An idle one, or one that speaks elsewhere, may have advertised this topic as well.
+        substitutes = {node for _, node in self._substitutes}
+        return publisher.name in substitutes and not self._substitutes.get(key, False)
 
     def _intrusion(
         self, topic: WatchedTopic, publisher: Publisher, time: float

@@ -36,7 +36,7 @@ class SomChanged:
 
 @dataclass(frozen=True)
 class SubstitutionsChanged:
-    """The substitutes that run now: topic and node, and whether it speaks."""
+    """The substitutes that run now: topic, empty for an idle one, and node, and whether it speaks."""
 
     time: float
     speaking: Tuple[Tuple[Key, bool], ...]

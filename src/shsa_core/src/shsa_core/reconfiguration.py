@@ -201,17 +201,25 @@ class Reconfigurator:
 
     def _idle_wanted(self) -> bool:
         """Whether the pool of idle processes, shared by the warm topics, wants one more."""
-        warm = any(s.needed and s.standby == "warm" and s.policy != RESTART for s in self._som)
-        return warm and len(self._idle) < self.settings.pool
+        return bool(self._warm()) and len(self._idle) < self.settings.pool
+
+    def _warm(self) -> Dict[str, str]:
+        """The warm topics, and a path on each."""
+        warm = [s for s in self._som if s.needed and s.standby == "warm" and s.policy != RESTART]
+        return {service.topic: service.path for service in warm}
 
     def _listeners(self) -> List[Substitution]:
-        """The rows of the idle processes: they listen to what the plans of the warm topics read."""
+        """The rows of the idle processes.
+
+        They listen to what the plans of the warm topics read, and advertise these topics, so that the consumers are
+        connected already: a roscpp consumer takes 0.2 s for that.
+        """
+        warm = self._warm()
         if not self._plans.stale:  # else the plans are not known for a moment
-            topics = dict.fromkeys(s.topic for s in self._som if s.needed and s.standby == "warm")
-            plans = [self._ready_plan(topic) for topic in topics]
+            plans = [self._ready_plan(topic) for topic in warm]
             self._listened = {path for plan in plans if plan for path in plan.program.inputs}
-        listening = Program(tuple(sorted(self._listened)), "", ())
-        return [Substitution(node, "", listening, (), 0.0, False) for node in self._idle]
+        ready = Program(tuple(sorted(self._listened)), "", tuple(warm.values()))
+        return [Substitution(node, "", ready, (), 0.0, False) for node in self._idle]
 
     def _refill(self, time: float) -> List[Command]:
         commands: List[Command] = []
@@ -382,8 +390,7 @@ class Reconfigurator:
         return self._plans.lookup(topic, frozenset(self.available())) or self.explain(topic)
 
     def process(self, topic: str, program: Program) -> Tuple[str, Command]:
-        warm = any(s.needed and s.standby == "warm" for s in self._som.of_topic(topic))
-        if warm and self._idle:
+        if topic in self._warm() and self._idle:
             # The next idle process is not started beside the takeover: it would take its processor time.
             self._refill_at = self._now + REFILL_DELAY
             node = self._idle.pop(0)

@@ -249,6 +249,17 @@ def test_a_mute_substitute_is_never_silent(bench: Bench) -> None:
     assert bench.failures == [] and bench.state("/substitute_1") is None
 
 
+def test_an_idle_process_that_advertised_a_topic_is_not_to_blame_for_it() -> None:
+    bench = Bench()
+    bench.substitutes(("/substitute_standby_1", False), topic="")
+    bench.connect("/substitute_standby_1")
+    bench.wait(16.0)
+    assert bench.kinds() == [("", "never_published")]
+    bench.substitutes(("/substitute_standby_1", True), topic="/elsewhere")
+    bench.disconnect("/substitute_standby_1")
+    assert bench.kinds() == [("", "never_published")]
+
+
 def test_a_substitute_that_speaks_is_judged(bench: Bench) -> None:
     bench.disconnect()
     bench.connect("/substitute_1")

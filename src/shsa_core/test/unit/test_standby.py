@@ -46,7 +46,17 @@ def test_an_idle_process_listens_to_what_the_plans_read() -> None:
     while robot.core.plans_ahead:
         robot.core.prepare()
     (row,) = only(robot.handle(events.Tick(5.0)), events.ShowSubstitutions).substitutions
-    assert row.program == Program(("/b/data",), "", ())
+    assert row.program == Program(("/b/data",), "", ("/a/data",))
+
+
+def test_an_idle_process_advertises_the_warm_topics() -> None:
+    first, *others = standby("warm")
+    second = Service(**{**vars(first), "property": "b", "topic": "/b", "node": B})
+    hot = Service(**{**vars(others[1]), "needed": True, "standby": "hot"})
+    robot = Robot(Som([first, second, hot]))
+    table = [c for c in robot.said if isinstance(c, events.ShowSubstitutions)][-1]
+    (row,) = [row for row in table.substitutions if row.topic == ""]
+    assert (row.program.code, row.program.outputs) == ("", ("/a/data", "/b/data"))
 
 
 def test_an_idle_process_that_dies_is_replaced_after_a_pause() -> None:

@@ -1,6 +1,5 @@
 """A substitute's three strings at work: inputs, compiled code, output advertised."""
-import threading
-from typing import Callable, Optional, Sequence
+from typing import Optional, Sequence
 
 import genpy
 import rospy
@@ -8,56 +7,37 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.program import compile_program
 from shsa_core.ros import clock
-from shsa_core.ros.announce import announce
 from shsa_core.ros.fields import Field, unknown_message
 from shsa_core.ros.handover import Handover, publish_to_others
 from shsa_core.ros.inputs import Input
 from shsa_core.ros.messages import message_class
+from shsa_core.ros.outputs import Outputs
 from shsa_core.som import Service
 
 GAP_PERIODS = 10.0  # after so many periods without a value, derivatives and the like start anew
 SHORTEST_GAP = 1.0  # s
 
 
-class _Joining(rospy.SubscribeListener):
-    def __init__(self, joined: Callable[[], None]) -> None:
-        super().__init__()
-        self._joined = joined
-
-    def peer_subscribe(self, *_: object) -> None:
-        self._joined()
-
-
 class Computation:
-    """Computes the fields `outputs` of one topic from `inputs`, by generated code.
+    """Computes the fields `services` of one topic from `inputs`, by generated code, and publishes through `outputs`.
 
-    `joined` is called, from rospy's threads, when a consumer has connected.
-
-    Raises ShsaError if the code is not valid, or if the outputs are not numbers of one topic.
+    Raises ShsaError if the code is not valid, or if the services are not numbers of one topic.
     """
 
     def __init__(
-        self,
-        inputs: Sequence[Input],
-        code: str,
-        outputs: Sequence[Service],
-        joined: Callable[[], None],
+        self, inputs: Sequence[Input], code: str, services: Sequence[Service], outputs: Outputs
     ) -> None:
         self._inputs = inputs
-        topics = sorted({service.topic for service in outputs})
+        topics = sorted({service.topic for service in services})
         if len(topics) != 1:
             raise ShsaError(f"OUTPUT must name fields of one topic, not of {', '.join(topics)}")
-        topic, kind = topics[0], outputs[0].type
-        self.period = min(service.period for service in outputs)
+        self.period = min(service.period for service in services)
         gap = max(SHORTEST_GAP, GAP_PERIODS * self.period)
-        self._program = compile_program(code, len(inputs), len(outputs), max_gap=gap)
-        self._class = message_class(kind)
-        self._outputs = [Field(self._class, service.field) for service in outputs]
-        self._publisher = rospy.Publisher(
-            topic, self._class, _Joining(joined), queue_size=10, tcp_nodelay=True
-        )
-        threading.Thread(target=announce, args=(self._publisher,), daemon=True).start()
-        self._handover = Handover(topic, self.period)
+        self._program = compile_program(code, len(inputs), len(services), max_gap=gap)
+        self._class = message_class(services[0].type)
+        self._fields = [Field(self._class, service.field) for service in services]
+        self._publisher = outputs.take(services[0])
+        self._handover = Handover(topics[0], self.period)
 
     @property
     def complete(self) -> bool:
@@ -74,7 +54,7 @@ class Computation:
         if result is None:
             return None
         message = unknown_message(self._class)
-        for field, value in zip(self._outputs, result):
+        for field, value in zip(self._fields, result):
             field.set(message, value)
         if message._has_header:
             message.header.stamp = rospy.Time.now()
@@ -89,6 +69,5 @@ class Computation:
         self._handover.follow(original)
 
     def close(self) -> None:
-        """End the publication."""
+        """Compute no more."""
         self._handover.close()
-        self._publisher.unregister()

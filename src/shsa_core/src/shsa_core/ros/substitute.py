@@ -11,6 +11,7 @@ from shsa_core.ros import clock
 from shsa_core.ros.computation import Computation
 from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.node import run
+from shsa_core.ros.outputs import Outputs
 from shsa_core.ros.services import Directory
 
 EARLY = 0.25  # of the period; but no sooner after a message, however many consumers connect
@@ -38,6 +39,7 @@ class Substitute:
         self._strings: Optional[Strings] = None
         self._directory = Directory()
         self._inputs = Inputs(self._arrived)
+        self._outputs = Outputs(self._joined)
         self._computation: Optional[Computation] = None
         self._due = self._spoke = 0.0
         if strings is not None:
@@ -86,14 +88,19 @@ class Substitute:
     def _switch(self, strings: Strings) -> None:
         """Compute another program from now on; the old one goes on until the new one is made.
 
-        Without code there is nothing to compute yet: it only listens to the inputs, so as to have them at once.
+        Without code there is nothing to compute yet: it only listens to the inputs and connects to the consumers of the
+        outputs, so as to have both at once.
         """
         inputs, code, outputs = strings
         services = self._directory.find([*inputs, *outputs])
         heard = self._inputs.listen(services[: len(inputs)])
         old = self._computation
-        fields = services[len(inputs) :]
-        self._computation = Computation(heard, code, fields, self._joined) if code else None
+        wanted = services[len(inputs) :]
+        if code:
+            self._computation = Computation(heard, code, wanted, self._outputs)
+        else:
+            self._computation = None
+            self._outputs.prepare(wanted)
         self._strings = strings
         if old is not None:
             old.close()
@@ -105,7 +112,7 @@ class Substitute:
                 self._wake.notify_all()
 
     def _joined(self) -> None:
-        """A consumer has connected: it has waited for long, and hears the next message early."""
+        """A consumer has connected: it may have waited for long, and hears the next message early."""
         with self._wake:
             if self._speaking and self._computation is not None:
                 early = self._spoke + EARLY * self._computation.period

@@ -85,6 +85,11 @@ class HealedRobot:
             known = [i for i in self.incidents.values() if i.topic == topic]
         return max(known, key=lambda each: int(each.id)) if known else None
 
+    def publishers(self, topic: str) -> List[str]:
+        """The nodes registered as publishers of a topic, save the pool's idle processes."""
+        idle = {row.node for row in self.substitutions.substitutions if row.topic == ""}
+        return [node for node in publishers(topic) if node not in idle]
+
     def await_state(self, topic: str, state: str, seconds: float = 20.0) -> Incident:
         """Wait until the newest incident of a topic is in a state."""
 
