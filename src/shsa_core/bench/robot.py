@@ -21,7 +21,14 @@ from std_msgs.msg import String
 
 from graph import BENCH, FAULTY_PUBLISHER
 from shsa_core.ros.slave import slave
-from shsa_core.ros.testing import HealedRobot, node_pid, registered_nodes, running, wait_until
+from shsa_core.ros.testing import (
+    HealedRobot,
+    is_connected,
+    node_pid,
+    registered_nodes,
+    running,
+    wait_until,
+)
 
 MARK = "SHSA_BENCH"
 TOPIC, NODE = "/lost", "/failing"
@@ -233,11 +240,6 @@ class Consumer:
         assert good, f"{self.node} heard nothing good before the failure"
         return good[-1]
 
-    def links(self, topic: str) -> List[str]:
-        """The URIs of the publishers that it is connected to."""
-        links: Any = slave(uri_of(self.node)).getBusInfo(rospy.get_name())[2]  # type: ignore[index]
-        return [link[1].rstrip("/") for link in links if link[2] == "i" and link[4] == topic]
-
     def end(self) -> None:
         """End the process."""
         ask_to_leave(self._process)
@@ -321,8 +323,7 @@ class HealthyRobot:
 
     def _served_by(self, node: str) -> bool:
         """Whether every consumer is connected to a node."""
-        uri = uri_of(node)
-        return bool(uri) and all(uri in each.links(TOPIC) for each in self._consumers)
+        return all(is_connected(each.node, TOPIC, node) for each in self._consumers)
 
     def _open(self) -> bool:
         incident = self.healing.latest(TOPIC)

@@ -124,6 +124,18 @@ def publishers(topic: str) -> List[str]:
     return [node for name, nodes in state[0] if name == topic for node in nodes]
 
 
+def is_connected(node: str, topic: str, publisher: str) -> bool:
+    """Whether a node is connected to a publisher of a topic; one that is not registered is not."""
+    master = rosgraph.Master(rospy.get_name())
+    try:
+        uri, wanted = master.lookupNode(node), master.lookupNode(publisher)
+    except rosgraph.MasterException:
+        return False
+    rows: Any = slave(uri).getBusInfo(rospy.get_name())[2]  # type: ignore[index]
+    links = {row[1].rstrip("/") for row in rows if row[2] == "i" and row[4] == topic}
+    return wanted.rstrip("/") in links
+
+
 def registered_nodes() -> List[str]:
     """Every node that the master knows."""
     state = rosgraph.Master(rospy.get_name()).getSystemState()
