@@ -30,15 +30,16 @@ from shsa_core.events import (
     Tick,
 )
 from shsa_core.healing import Healing
+from shsa_core.nodes import Nodes
 from shsa_core.ontology import Ontology
 from shsa_core.plans import PlanTable, TopicPlan, plan_topic, safe_plan
 from shsa_core.policies import RESTART
+from shsa_core.pool import Pool
 from shsa_core.settings import Settings
 from shsa_core.som import Service, Som
 
 REQUESTED = "requested"
 SUBSTITUTE_PREFIX = "/substitute_"
-REFILL_DELAY = 1.0  # s
 
 
 class Reconfigurator:
@@ -62,18 +63,12 @@ class Reconfigurator:
         self._ontology = ontology
         self._som = som
         self._plans = PlanTable(ontology, som, settings.method)
-        self._health: Dict[Tuple[str, str], PublisherHealth] = {}
-        self._health_made = float("-inf")
+        self._nodes = Nodes()
         self._healings: Dict[str, Healing] = {t: Healing(t, self) for t in som.topics()}
-        self._killing: Set[str] = set()
-        self._killed: Dict[str, float] = {}
-        self._restarting: Set[str] = set()
-        self._substitutes: Set[str] = set()
         self._incidents = 0
         self._next_substitute = first_substitute
-        self._idle: List[str] = []
-        self._listened: Set[str] = set()
-        self._refill_at = self._now = float("-inf")
+        self._pool = Pool(som, settings, lambda: self._new_name("standby"))
+        self._now = float("-inf")
         self._shown_table: Optional[Tuple[Substitution, ...]] = None
         self._shown_som: Optional[ShowSom] = None
 
@@ -81,10 +76,12 @@ class Reconfigurator:
         """What is to be done about `event`."""
         self._now = event.time
         commands = self._dispatch(event)
-        commands += self._refill(event.time)
+        commands += self._pool.refill(event.time)
         self._plans.update(self.available())
+        if not self._plans.stale:  # else the plans are not known for a moment
+            self._pool.listen(self._warm_inputs())
         working = tuple(h.substitution for h in self._healings.values() if h.substitution)
-        table = (*working, *self._listeners())
+        table = (*working, *self._pool.rows())
         if table != self._shown_table:
             self._shown_table = table
             # First: it decides who speaks.
@@ -108,14 +105,14 @@ class Reconfigurator:
     def deadline(self) -> Optional[float]:
         """When a Tick is due, in s; None: none is."""
         due = [h.deadline for h in self._healings.values() if h.deadline is not None]
-        if self._idle_wanted():
-            due.append(self._refill_at)
+        if self._pool.deadline is not None:
+            due.append(self._pool.deadline)
         return min(due, default=None)
 
     @property
     def substitutes(self) -> Tuple[str, ...]:
         """The node names of the substitutes that run now."""
-        return (*(h.node for h in self._healings.values() if h.node), *self._idle)
+        return (*(h.node for h in self._healings.values() if h.node), *self._pool.nodes)
 
     def needed(self) -> Tuple[str, ...]:
         """The topics that are healed when they fail."""
@@ -135,7 +132,7 @@ class Reconfigurator:
 
         Raises NoSubstitute.
         """
-        excluded = {*self._excluded(), *without}
+        excluded = {*self._nodes.excluded, *without}
         excluded.update(row.publisher for row in self.originals(topic))
         excluded.add(self.provider(topic))
         excluded.discard("")
@@ -159,12 +156,10 @@ class Reconfigurator:
             return self._node_killed(event)
         if isinstance(event, SubstituteRequested):
             return self._requested(event)
-        if isinstance(event, ProcessExited) and event.node in self._idle:
-            self._idle.remove(event.node)
-            self._refill_at = event.time + self.settings.retry
-            return [Say("warn", f"An idle substitute's process died ({event.detail}).")]
+        if isinstance(event, ProcessExited) and event.node in self._pool.nodes:
+            return self._pool.died(event.time, event.node, event.detail)
         if isinstance(event, RestartFailed):
-            self._restarting.discard(event.node)
+            self._nodes.end_restart(event.node)
         commands: List[Command] = []
         for healing in list(self._healings.values()):
             if isinstance(event, SubstituteStarted):
@@ -185,12 +180,7 @@ class Reconfigurator:
             return []
         if event.topic not in self.needed():
             return [Say("warn", f"{event.topic} failed: {event.detail}. Nobody needs it.")]
-        key = (event.topic, event.publisher)
-        row = self._health.get(key)
-        if row is None or row.since < event.time:
-            self._health[key] = PublisherHealth(
-                event.topic, event.publisher, "failed", event.time, last_good=event.last_good
-            )
+        self._nodes.note(event)
         return healing.failed(event)
 
     def _ready_plan(self, topic: str) -> Optional[TopicPlan]:
@@ -199,48 +189,17 @@ class Reconfigurator:
         except ShsaError:
             return None
 
-    def _idle_wanted(self) -> bool:
-        """Whether the pool of idle processes, shared by the warm topics, wants one more."""
-        return bool(self._warm()) and len(self._idle) < self.settings.pool
-
-    def _warm(self) -> Dict[str, str]:
-        """The warm topics, and a path on each."""
-        warm = [s for s in self._som if s.needed and s.standby == "warm" and s.policy != RESTART]
-        return {service.topic: service.path for service in warm}
-
-    def _listeners(self) -> List[Substitution]:
-        """The rows of the idle processes.
-
-        They listen to what the plans of the warm topics read, and advertise these topics, so that the consumers are
-        connected already: a roscpp consumer takes 0.2 s for that.
-        """
-        warm = self._warm()
-        if not self._plans.stale:  # else the plans are not known for a moment
-            plans = [self._ready_plan(topic) for topic in warm]
-            self._listened = {path for plan in plans if plan for path in plan.program.inputs}
-        ready = Program(tuple(sorted(self._listened)), "", tuple(warm.values()))
-        return [Substitution(node, "", ready, (), 0.0, False) for node in self._idle]
-
-    def _refill(self, time: float) -> List[Command]:
-        commands: List[Command] = []
-        while time >= self._refill_at and self._idle_wanted():
-            name = self._new_name("standby")
-            self._idle.append(name)
-            commands.append(StartSubstitute(name, None))
-        return commands
+    def _warm_inputs(self) -> List[str]:
+        """What the plans of the warm topics read."""
+        plans = [self._ready_plan(topic) for topic in self._pool.topics]
+        return [path for plan in plans if plan for path in plan.program.inputs]
 
     def _is_old_substitute(self, publisher: str, healing: Healing) -> bool:
-        return publisher in self._substitutes and publisher != healing.node
+        return publisher in self._nodes.substitutes and publisher != healing.node
 
     def _health_seen(self, event: HealthSeen) -> List[Command]:
-        if event.made < self._health_made:
+        if not self._nodes.heed(event):
             return []
-        self._health_made = event.made
-        self._health = {(row.topic, row.publisher): row for row in event.publishers}
-        for row in event.publishers:
-            if row.state == "healthy" and row.since > self._killed.get(row.publisher, row.since):
-                del self._killed[row.publisher]
-                self._restarting.discard(row.publisher)
         commands: List[Command] = []
         for row in event.publishers:
             commands += self._missed_failure(event.time, row)
@@ -251,7 +210,7 @@ class Reconfigurator:
         healing = self._healings.get(row.topic)
         if healing is None or healing.open or row.state != "failed":
             return []
-        if row.topic not in self.needed() or row.publisher in self._excluded():
+        if row.topic not in self.needed() or row.publisher in self._nodes.excluded:
             return []
         if any(other.state == "healthy" for other in self.originals(row.topic)):
             return []
@@ -262,6 +221,7 @@ class Reconfigurator:
     def _som_changed(self, event: SomChanged) -> List[Command]:
         self._som = event.som
         self._plans = PlanTable(self._ontology, event.som, self.settings.method)
+        self._pool.serve(event.som)
         commands: List[Command] = []
         for topic in set(self._healings) - set(event.som.topics()):
             commands += self._healings.pop(topic).close(
@@ -272,9 +232,7 @@ class Reconfigurator:
         return commands + self._world_changed(event.time)
 
     def _node_killed(self, event: NodeKilled) -> List[Command]:
-        self._killing.discard(event.node)
-        self._restarting.discard(event.node)
-        self._killed[event.node] = event.time
+        self._nodes.end_kill(event.node, event.time)
         commands: List[Command] = []
         for healing in self._healings.values():
             commands += healing.killed(event)
@@ -299,11 +257,8 @@ class Reconfigurator:
             commands += healing.world_changed(time)
         return commands
 
-    def _excluded(self) -> Set[str]:
-        return self._killing | set(self._killed)
-
     def _service_states(self) -> List[ServiceState]:
-        excluded = self._excluded()
+        excluded = self._nodes.excluded
         return [
             self._service_state(index, service, excluded) for index, service in enumerate(self._som)
         ]
@@ -320,7 +275,7 @@ class Reconfigurator:
 
     def plan(self, topic: str, tried: Collection[TopicPlan]) -> TopicPlan:
         available = self.available()
-        excluded = self._excluded()
+        excluded = self._nodes.excluded
         ready = self._plans.lookup(topic, frozenset(available), excluded)
         if ready is not None and ready not in tried:
             return ready
@@ -338,14 +293,10 @@ class Reconfigurator:
         return {s.path for s in plan.services} <= {s.path for s in self.available()}
 
     def originals(self, topic: str) -> Tuple[PublisherHealth, ...]:
-        return tuple(
-            row
-            for row in self._health.values()
-            if row.topic == topic and row.publisher and row.publisher not in self._substitutes
-        )
+        return self._nodes.originals(topic)
 
     def publisher(self, topic: str, node: str) -> Optional[PublisherHealth]:
-        return self._health.get((topic, node))
+        return self._nodes.health(topic, node)
 
     def provider(self, topic: str) -> str:
         services = self._som.of_topic(topic)
@@ -364,19 +315,13 @@ class Reconfigurator:
         return self._som.command(topic)
 
     def kill(self, node: str, urgent: bool) -> List[Command]:
-        if not node or node in self._killing:
-            return []
-        self._killing.add(node)
-        return [KillNode(node, urgent)]
+        return [KillNode(node, urgent)] if self._nodes.begin_kill(node) else []
 
     def restart(self, node: str) -> List[Command]:
-        if node in self._restarting:
-            return []
-        self._restarting.add(node)
-        return [RestartNode(node)]
+        return [RestartNode(node)] if self._nodes.begin_restart(node) else []
 
     def dying(self, node: str) -> bool:
-        return node in self._killing
+        return self._nodes.dying(node)
 
     def new_incident(self) -> int:
         self._incidents += 1
@@ -390,10 +335,8 @@ class Reconfigurator:
         return self._plans.lookup(topic, frozenset(self.available())) or self.explain(topic)
 
     def process(self, topic: str, program: Program) -> Tuple[str, Command]:
-        if topic in self._warm() and self._idle:
-            # The next idle process is not started beside the takeover: it would take its processor time.
-            self._refill_at = self._now + REFILL_DELAY
-            node = self._idle.pop(0)
+        node = self._pool.take(self._now, topic)
+        if node is not None:
             return node, AssignSubstitute(node)
         node = self._new_name(topic.strip("/").replace("/", "_"))
         return node, StartSubstitute(node, program)
@@ -402,5 +345,5 @@ class Reconfigurator:
         """A node name that was never used before."""
         name = f"{SUBSTITUTE_PREFIX}{of}_{self._next_substitute}"
         self._next_substitute += 1
-        self._substitutes.add(name)
+        self._nodes.substitutes.add(name)
         return name
