@@ -4,9 +4,11 @@ from typing import Callable, Dict, Iterable, List
 
 import rospy
 
-from shsa_core.ros.announce import announce
+from shsa_core.ros.announce import announce, assure
 from shsa_core.ros.messages import message_class
 from shsa_core.som import Service
+
+UNHURRIED = (0.5, 1.0, 2.0)  # s; by then the master has told everybody, if it can
 
 
 class _Joining(rospy.SubscribeListener):
@@ -26,10 +28,11 @@ class Outputs:
         self._publishers: Dict[str, rospy.Publisher] = {}
 
     def prepare(self, services: Iterable[Service]) -> None:
-        """Advertise the topics of `services`, and no others; there is no hurry: the master tells the consumers."""
+        """Advertise the topics of `services`, and no others; there is no hurry: the master tells the consumers first."""
         wanted = {service.topic: service for service in services}
-        for topic in wanted.keys() - self._publishers.keys():
-            self._advertise(wanted[topic])
+        missing = wanted.keys() - self._publishers.keys()
+        new = [self._advertise(wanted[topic]) for topic in missing]
+        threading.Thread(target=assure, args=(new, UNHURRIED), daemon=True).start()
         _withdraw([self._publishers.pop(t) for t in self._publishers.keys() - wanted.keys()])
 
     def take(self, service: Service) -> rospy.Publisher:
@@ -38,6 +41,8 @@ class Outputs:
         if publisher is None:
             publisher = self._advertise(service)
             threading.Thread(target=announce, args=(publisher,), daemon=True).start()
+        else:
+            threading.Thread(target=assure, args=([publisher],), daemon=True).start()
         others = [self._publishers.pop(t) for t in self._publishers.keys() - {service.topic}]
         # Taking them back takes a call to the master each, for which nobody should wait now.
         threading.Thread(target=_withdraw, args=(others,), daemon=True).start()

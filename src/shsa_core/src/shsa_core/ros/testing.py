@@ -124,6 +124,12 @@ def publishers(topic: str) -> List[str]:
     return [node for name, nodes in state[0] if name == topic for node in nodes]
 
 
+def subscribers(topic: str) -> List[str]:
+    """The nodes registered as subscribers of a topic."""
+    state = rosgraph.Master(rospy.get_name()).getSystemState()
+    return [node for name, nodes in state[1] if name == topic for node in nodes]
+
+
 def is_connected(node: str, topic: str, publisher: str) -> bool:
     """Whether a node is connected to a publisher of a topic; one that is not registered is not."""
     master = rosgraph.Master(rospy.get_name())
