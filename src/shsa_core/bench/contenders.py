@@ -7,17 +7,8 @@ from typing import Callable, Dict, Protocol, TypeVar
 import rospy
 
 from report import CONSOLE
-from robot import (
-    NODE,
-    PATIENCE,
-    TOPIC,
-    Bench,
-    Consumers,
-    HealthyRobot,
-    ask_to_leave,
-    shut_down,
-    talker,
-)
+from graph import PATIENCE, Graph, ask_to_leave, shut_down
+from robot import NODE, TOPIC, Consumers, HealthyRobot, talker
 from shsa_core.ros.testing import node_pid, node_process, publishers, wait_until
 from takeover import Takeover, gap, healed
 
@@ -52,7 +43,7 @@ Subject = TypeVar("Subject", bound=Endable)
 
 
 def repeat(
-    bench: Bench,
+    graph: Graph,
     make: Callable[[], Subject],
     once: Callable[[Subject], None],
     enough: Callable[[], bool],
@@ -66,7 +57,7 @@ def repeat(
         except AssertionError as error:
             misses += 1
             CONSOLE.print(f"[red]missed: {error}[/red]")
-            CONSOLE.print(bench.last_words(), markup=False, highlight=False)
+            CONSOLE.print(graph.last_words(), markup=False, highlight=False)
             subject.end()
             subject = make()
     subject.end()
@@ -106,7 +97,7 @@ class Healed:
 
     def __init__(
         self,
-        bench: Bench,
+        graph: Graph,
         consumers: Consumers,
         standby: str,
         period: float,
@@ -114,7 +105,7 @@ class Healed:
     ) -> None:
         self.period = period
         self._consumers = consumers
-        self._robot = HealthyRobot(bench, consumers, standby, period)
+        self._robot = HealthyRobot(graph, consumers, standby, period)
         self._fault = fault
 
     def await_well(self) -> None:
@@ -158,15 +149,15 @@ class Respawned:
 
     period = 0.02
 
-    def __init__(self, bench: Bench, consumers: Consumers, executable: str) -> None:
+    def __init__(self, graph: Graph, consumers: Consumers, executable: str) -> None:
         self._consumers = consumers
         arguments = f"{TOPIC} {self.period}"
         if executable == "faulty_publisher":
             arguments = " ".join(talker(NODE, TOPIC, 1.0, self.period)[:-1])
-        path = bench.folder / "respawn.launch"
+        path = graph.folder / "respawn.launch"
         text = LAUNCH.format(executable=executable, name=NODE[1:], arguments=arguments)
         path.write_text(text)
-        self._launch = bench.start("roslaunch", str(path))
+        self._launch = graph.start("roslaunch", str(path))
 
     def await_well(self) -> None:
         wait_until(lambda: node_process(NODE) is not None, PATIENCE, "the node is up")
@@ -194,8 +185,8 @@ class ByHand:
 
     period = 0.02
 
-    def __init__(self, bench: Bench, consumers: Consumers) -> None:
-        self._bench = bench
+    def __init__(self, graph: Graph, consumers: Consumers) -> None:
+        self._graph = graph
         self._consumers = consumers
 
     def await_well(self) -> None:
@@ -203,7 +194,7 @@ class ByHand:
 
     def fail(self) -> Takeover:
         started = time.monotonic()
-        process = self._bench.start(
+        process = self._graph.start(
             *("rosrun", "shsa_core", "faulty_publisher"), *talker(NODE, TOPIC, 1.0, self.period)
         )
         self._consumers.await_node(NODE, started)

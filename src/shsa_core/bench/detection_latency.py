@@ -7,19 +7,19 @@ import argparse
 import csv
 import signal
 import time
-import xmlrpc.client
 from pathlib import Path
 from typing import Callable, Dict, List, Tuple
 
 import numpy as np
-import rosgraph
 import rospy
 from rich.console import Console
 from rich.table import Table
 from shsa_msgs.msg import Failure, Health
 from std_msgs.msg import String
 
-from graph import FAULTY_PUBLISHER, MONITOR, Graph, service, wait_until
+from graph import FAULTY_PUBLISHER, MONITOR, PATIENCE, Graph, service, shut_down
+from shsa_core.ros.som_parameter import SOM_PARAMETER
+from shsa_core.ros.testing import wait_until
 
 PERIOD = 0.02
 TOGETHER = 5
@@ -43,11 +43,7 @@ class Target:
         self.process.send_signal(signal.SIGSTOP)
 
     def shut_down(self) -> None:
-        uri = rosgraph.Master("/bench").lookupNode(self.name)
-        try:
-            xmlrpc.client.ServerProxy(uri).shutdown("/bench", "fault injection")
-        except OSError:
-            pass  # it was gone before it could answer
+        shut_down(self.name)
 
     def unadvertise(self) -> None:
         self.command.publish("unadvertise")
@@ -95,17 +91,16 @@ def measure(
         f"p{i}": [service(t.topic, t.name, PERIOD, range=[-5.0, 60.0])]
         for i, t in enumerate(targets)
     }
-    rosgraph.Master("/bench").setParam("/shsa/som", som)
+    rospy.set_param(SOM_PARAMETER, som)
     rows = []
     for target in targets:
-        ready = lambda: target.command.get_num_connections() > 0
-        if not wait_until(lambda: ready() and witness.healthy.get(target.topic, False), 20.0):
-            raise RuntimeError(f"{target.name} does not become healthy")
+        listens = lambda: target.command.get_num_connections() > 0
+        healthy = lambda: witness.healthy.get(target.topic, False)
+        wait_until(lambda: listens() and healthy(), PATIENCE, f"{target.name} is healthy")
         rospy.rostime.wallsleep(0.1 + PERIOD * np.random.random())
         caused = time.monotonic()
         FAULTS[fault](target)
-        if not wait_until(lambda: target.topic in witness.failures, 10.0):
-            raise RuntimeError(f"{fault} of {target.name} was missed")
+        wait_until(lambda: target.topic in witness.failures, 10.0, f"{fault} is seen")
         heard, failure = witness.failures[target.topic]
         after = (failure.header.stamp - failure.last_good).to_sec()
         rows.append((fault, failure.kind, 1e3 * (heard - caused), 1e3 * after))
@@ -126,7 +121,6 @@ def main() -> None:
     with Graph() as graph, open(options.results / "detection_latency.csv", "w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
-        rospy.init_node("detection_latency", disable_signals=True)
         witness = Witness()
         graph.python(MONITOR)
         for fault in FAULTS:

@@ -17,8 +17,9 @@ from rich.table import Table
 
 from contenders import FAULTS, ByHand, Contender, Healed, Respawned, repeat
 from failover_plot import plot
+from graph import Graph
 from report import CONSOLE, Goals, in_words, summary
-from robot import SILENCE, TOPIC, Applications, Bench, Consumers
+from robot import SILENCE, TOPIC, Applications, Consumers
 from takeover import STEPS, Takeover
 
 COLUMNS = ("row", "number", *Takeover._fields)
@@ -124,24 +125,24 @@ def main() -> int:
     misses = 0
     rows: Dict[str, List[Takeover]] = {}
     path = options.results / "failover.csv"
-    with Bench() as bench, open(path, "w", newline="") as file, Progress(
+    with Graph() as graph, open(path, "w", newline="") as file, Progress(
         console=CONSOLE
     ) as progress:
-        consumers = Consumers(bench, TOPIC)
-        applications = Applications(bench, rate=0.0)
+        consumers = Consumers(graph, TOPIC)
+        applications = Applications(graph, rate=0.0)
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
 
         def healed(row: Row) -> Contender:
-            return Healed(bench, consumers, row.standby, row.period, FAULTS[row.fault])
+            return Healed(graph, consumers, row.standby, row.period, FAULTS[row.fault])
 
         for row in HEALED:
             contenders[row.name] = lambda row=row: healed(row)  # type: ignore[misc]
         for name, executable in RESPAWNED.items():
             contenders[name] = lambda executable=executable: Respawned(  # type: ignore[misc]
-                bench, consumers, executable
+                graph, consumers, executable
             )
-        contenders[BY_HAND] = lambda: ByHand(bench, consumers)
+        contenders[BY_HAND] = lambda: ByHand(graph, consumers)
         others = {row.name: row.applications for row in HEALED}
         wanted = [name for name in contenders if any(part in name for part in options.only)]
         if options.short:
@@ -158,7 +159,7 @@ def main() -> int:
                 progress.advance(task)
 
             enough = lambda: len(rows[name]) >= failures
-            misses += repeat(bench, contenders[name], once, enough)
+            misses += repeat(graph, contenders[name], once, enough)
     show(rows)
     plot(rows, options.results / "failover.png")
     goals = judge(rows)

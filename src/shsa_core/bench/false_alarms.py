@@ -7,19 +7,19 @@ import argparse
 import csv
 import os
 import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import List
 
 import numpy as np
-import rosgraph
 import rospy
 from rich.console import Console
 from rich.progress import track
 from shsa_msgs.msg import Failure, Health
 
-from graph import BENCH, MONITOR, Graph, service, wait_until
+from graph import BENCH, MONITOR, PATIENCE, Graph, service
+from shsa_core.ros.som_parameter import SOM_PARAMETER
+from shsa_core.ros.testing import wait_until
 
 TOPICS = 50
 NODES = 5
@@ -43,8 +43,7 @@ def main() -> int:
     def look(table: Health) -> None:
         healthy[:] = [row.state == "healthy" for row in table.publishers]
 
-    with Graph() as graph, tempfile.TemporaryDirectory() as folder:
-        rospy.init_node("false_alarms", disable_signals=True)
+    with Graph() as graph:
         rospy.Subscriber("/shsa/health", Health, look)
         share = TOPICS // NODES
         som = {}
@@ -53,18 +52,18 @@ def main() -> int:
             graph.python(BENCH / "stream_source.py", *arguments)
             for i in range(node * share, (node + 1) * share):
                 som[f"p{i}"] = [service(f"/stream_{i}", f"/source_{node}", PERIOD)]
-        rosgraph.Master("/bench").setParam("/shsa/som", som)
+        rospy.set_param(SOM_PARAMETER, som)
         graph.python(MONITOR)
-        path = Path(folder) / "rows.npy"
-        if not wait_until(lambda: len(healthy) == TOPICS and all(healthy), 30.0):
-            raise RuntimeError("the topics do not become healthy")
+        path = graph.folder / "rows.npy"
+        well = lambda: len(healthy) == TOPICS and all(healthy)
+        wait_until(well, PATIENCE, "all topics are healthy")
         rospy.Subscriber(
             "/shsa/failures", Failure, lambda f: alarms.append(f"{f.topic}: {f.kind}: {f.detail}")
         )
         probe = graph.python(BENCH / "stream_probe.py", str(path), str(share), str(seconds))
         cores = os.cpu_count() or 1
         for _ in range(LOAD * cores):
-            graph.start([sys.executable, "-c", BUSY])
+            graph.start(sys.executable, "-c", BUSY)
         end = time.monotonic() + seconds
         for _ in track(range(round(seconds)), description="watching"):
             rospy.rostime.wallsleep(min(1.0, max(0.0, end - time.monotonic())))

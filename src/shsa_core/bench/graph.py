@@ -1,35 +1,59 @@
-"""A ROS graph of its own for a measurement: a master on a free port, and nodes that end with it."""
+"""A ROS graph of its own for a measurement: a master on a free port, nodes, and an end to all of them."""
 import os
+import shutil
+import signal
 import socket
 import subprocess
 import sys
-import time
+import tempfile
+import uuid
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Callable, Dict, List, Optional, Sequence, Type
+from typing import Any, Dict, Iterator, Optional, Type
 
+import psutil
 import rosgraph
+import rospy
+from roslib.packages import find_node
+
+from shsa_core.ros.slave import slave
+from shsa_core.ros.testing import HealedRobot, running, wait_until
 
 PACKAGE = Path(__file__).resolve().parent.parent
 BENCH = PACKAGE / "bench"
 FAULTY_PUBLISHER = PACKAGE / "test" / "rostest" / "faulty_publisher"
 MONITOR = PACKAGE / "nodes" / "monitor"
+MARK = "SHSA_BENCH"
+PATIENCE = 30.0  # s; with hundreds of nodes up, everything takes longer
 
 
 class Graph:
-    """`with Graph() as graph:` has a master; the environment of this process points at it."""
+    """`with Graph() as graph:` has a master on a free port; this process is a node of it.
+
+    Whatever was started inside has ended after it, however it ends: every process that inherits the mark.
+    """
 
     def __init__(self) -> None:
-        self._processes: List[subprocess.Popen] = []
+        self.folder = Path(tempfile.mkdtemp(prefix="shsa_bench_"))
+        self._mark = uuid.uuid4().hex
+        self._output = self.folder / "output"
 
     def __enter__(self) -> "Graph":
+        signal.signal(signal.SIGTERM, _leave)
         with socket.socket() as free:
-            free.bind(("localhost", 0))
+            free.bind(("", 0))
             port = free.getsockname()[1]
-        os.environ["ROS_MASTER_URI"] = f"http://localhost:{port}"
-        self.start(["rosmaster", "--core", "-p", str(port)])
-        if not wait_until(lambda: rosgraph.is_master_online(), 20.0):
-            raise RuntimeError("the master does not come up")
+        os.environ.update(
+            {
+                "ROS_MASTER_URI": f"http://localhost:{port}",
+                "ROS_LOG_DIR": str(self.folder),
+                MARK: self._mark,
+            }
+        )
+        self.start("rosmaster", "--core", "-p", str(port))
+        wait_until(rosgraph.is_master_online, PATIENCE, "the master")
+        rospy.init_node("bench", disable_signals=True)
         return self
 
     def __exit__(
@@ -38,30 +62,92 @@ class Graph:
         error: Optional[BaseException],
         trace: Optional[TracebackType],
     ) -> None:
-        for process in reversed(self._processes):
-            self.end(process)
-
-    def python(self, script: Path, *arguments: str) -> subprocess.Popen:
-        """Start a Python node."""
-        return self.start([sys.executable, str(script), *arguments])
-
-    def end(self, process: subprocess.Popen) -> None:
-        """End a process for certain."""
-        if process.poll() is None:
-            process.terminate()
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        for process in self._started():
             try:
-                process.wait(3.0)
-            except subprocess.TimeoutExpired:
                 process.kill()
-                process.wait()
+            except psutil.NoSuchProcess:
+                continue
+        shutil.rmtree(str(self.folder), ignore_errors=True)
 
-    def start(self, command: Sequence[str]) -> subprocess.Popen:
-        """Start a process; its output is dropped."""
-        process = subprocess.Popen(
-            list(command), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        self._processes.append(process)
-        return process
+    @cached_property
+    def healing(self) -> HealedRobot:
+        """What healing publishes in this graph."""
+        return HealedRobot()
+
+    def start(self, *command: str, heard: bool = False) -> "subprocess.Popen[str]":
+        """Start a process; its output goes to a file, or is read by whoever wants it `heard`."""
+        with open(self._output, "a") as output:
+            return subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE if heard else output,
+                stderr=output,
+                start_new_session=True,
+                universal_newlines=True,
+            )
+
+    def last_words(self, count: int = 15) -> str:
+        """The last lines of what the processes said."""
+        return "".join(self._output.read_text(errors="replace").splitlines(True)[-count:])
+
+    def python(self, script: Path, *arguments: str, heard: bool = False) -> "subprocess.Popen[str]":
+        """Start a Python node."""
+        return self.start(sys.executable, str(script), *arguments, heard=heard)
+
+    def cpp(self, name: str, *arguments: str, heard: bool = False) -> "subprocess.Popen[str]":
+        """Start a C++ node of this folder."""
+        found = find_node("shsa_core", f"bench_{name}")
+        if not found:
+            raise RuntimeError(f"bench_{name} is not built; run make build")
+        return self.start(found[0], *arguments, heard=heard)
+
+    def _started(self) -> Iterator[psutil.Process]:
+        """Every process with our mark, until there is none."""
+        while True:
+            ours = [process for process in psutil.process_iter() if self._is_ours(process)]
+            if not ours:
+                return
+            yield from ours
+            psutil.wait_procs(ours, timeout=1.0)
+
+    def _is_ours(self, process: psutil.Process) -> bool:
+        try:
+            ours = process.environ().get(MARK) == self._mark
+            return ours and process.pid != os.getpid() and running(process)
+        except (psutil.NoSuchProcess, psutil.AccessDenied, OSError):
+            return False
+
+
+def _leave(number: int, frame: Any) -> None:
+    raise SystemExit(f"ended by signal {number}")
+
+
+def ask_to_leave(process: "subprocess.Popen[str]", seconds: float = 10.0) -> None:
+    """Interrupt a process; kill it if it does not leave."""
+    process.send_signal(signal.SIGINT)
+    try:
+        process.wait(seconds)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def uri_of(node: str) -> str:
+    """The URI of a node; empty if the master does not know it."""
+    try:
+        uri: str = rosgraph.Master(rospy.get_name()).lookupNode(node)
+    except rosgraph.MasterException:
+        return ""
+    return uri.rstrip("/")
+
+
+def shut_down(node: str) -> None:
+    """What `rosnode kill` does, without the start of a command."""
+    try:
+        slave(uri_of(node)).shutdown(rospy.get_name(), "the benchmark says so")
+    except OSError:
+        pass  # it was gone before it could answer
 
 
 def service(topic: str, node: str, period: float, **more: object) -> Dict[str, object]:
@@ -70,13 +156,3 @@ def service(topic: str, node: str, period: float, **more: object) -> Dict[str, o
     entry["type"] = "shsa_msgs/Float64Stamped"
     entry.update(more)
     return entry
-
-
-def wait_until(condition: Callable[[], bool], seconds: float) -> bool:
-    """Wait for a condition; whether it came true in time."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.002)
-    return condition()

@@ -21,8 +21,9 @@ from rich.progress import Progress
 from rich.table import Table
 
 from contenders import Healed, kill_hard, repeat
+from graph import PATIENCE, Graph
 from report import CONSOLE, Goals
-from robot import PATIENCE, TOPIC, Bench, Consumer, Consumers
+from robot import TOPIC, Consumer, Consumers
 from shsa_core.ros.testing import wait_until
 
 PERIOD = 0.02
@@ -150,14 +151,14 @@ def main() -> int:
     seconds = 2.0 if options.short else options.seconds
     found: List[Interval] = []
     misses = 0
-    with Bench() as bench, Progress(console=CONSOLE) as progress:
-        consumers = Consumers(bench, TOPIC)
+    with Graph() as graph, Progress(console=CONSOLE) as progress:
+        consumers = Consumers(graph, TOPIC)
         for topic in TOPICS:
-            bench.cpp("talker", topic, str(PERIOD), f"__name:={topic[1:]}")
+            graph.cpp("talker", topic, str(PERIOD), f"__name:={topic[1:]}")
         for standby in ("hot",) if options.short else STANDBYS:
             task = progress.add_task(standby, total=count)
-            make = lambda: Healed(bench, consumers, standby, PERIOD, kill_hard)
-            process = bench.cpp("consumer", *TOPICS, "__name:=listener", heard=True)
+            make = lambda: Healed(graph, consumers, standby, PERIOD, kill_hard)
+            process = graph.cpp("consumer", *TOPICS, "__name:=listener", heard=True)
             listener = Consumer(process, "/listener")
             wait_until(lambda: len(_heard(listener)) == len(TOPICS), PATIENCE, "all topics")
             windows: Windows = {phase: [] for phase in PHASES}
@@ -172,7 +173,7 @@ def main() -> int:
                     windows["after"].append(pause(seconds))
 
             enough = lambda: len(windows["return"]) >= count
-            misses += repeat(bench, make, once, enough)
+            misses += repeat(graph, make, once, enough)
             listener.end()
             found += intervals(standby, listener, windows)
     with open(options.results / "interference.csv", "w", newline="") as file:

@@ -6,17 +6,17 @@ Writes results/bench/monitor_price.csv.
 """
 import argparse
 import csv
-import tempfile
 from pathlib import Path
 from typing import Dict, List, Optional
 
 import numpy as np
 import psutil
-import rosgraph
+import rospy
 from rich.console import Console
 from rich.table import Table
 
-from graph import BENCH, MONITOR, Graph, service
+from graph import BENCH, MONITOR, Graph, ask_to_leave, service
+from shsa_core.ros.som_parameter import SOM_PARAMETER
 
 TOPICS = 50
 PROBED = 5
@@ -43,19 +43,19 @@ def measure(graph: Graph, rate: float, mode: str, seconds: float) -> Dict[str, o
         f"p{i}": [service(f"/stream_{i}", "/stream_source", period, checks=checks)]
         for i in range(TOPICS)
     }
-    rosgraph.Master("/bench").setParam("/shsa/som", som)
+    rospy.set_param(SOM_PARAMETER, som)
     source = graph.python(BENCH / "stream_source.py", str(TOPICS), str(period))
     monitor = None if mode == "no monitor" else graph.python(MONITOR)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "rows.npy"
-        wanted = SETTLE + seconds
-        probe = graph.python(BENCH / "stream_probe.py", str(path), str(PROBED), str(wanted))
-        share = _cpu_share(monitor.pid if monitor else None, seconds)
-        probe.wait(wanted + 30.0)
-        rows = np.load(path)
+    path = graph.folder / "rows.npy"
+    wanted = SETTLE + seconds
+    probe = graph.python(BENCH / "stream_probe.py", str(path), str(PROBED), str(wanted))
+    share = _cpu_share(monitor.pid if monitor else None, seconds)
+    probe.wait(wanted + 30.0)
+    rows = np.load(path)
+    path.unlink()
     for process in (monitor, source):
         if process is not None:
-            graph.end(process)
+            ask_to_leave(process)
     return {"messages_per_s": rate, "mode": mode, **_figures(rows, seconds, period), **share}
 
 

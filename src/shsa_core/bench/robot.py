@@ -1,36 +1,18 @@
-"""A small robot to measure healing on: a ROS master of its own, nodes, consumers, and an end to all of them."""
-import os
-import shutil
-import signal
-import socket
+"""A small robot to measure healing on: two nodes, healing that watches over them, and two consumers."""
 import subprocess
-import sys
-import tempfile
 import threading
 import time
-import uuid
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Type
+from typing import Dict, Iterator, List, NamedTuple, Sequence
 
 import psutil
 import rosgraph
 import rospy
-from roslib.packages import find_node
 from std_msgs.msg import String
 
-from graph import BENCH, FAULTY_PUBLISHER
-from shsa_core.ros.slave import slave
-from shsa_core.ros.testing import (
-    HealedRobot,
-    is_connected,
-    node_pid,
-    registered_nodes,
-    running,
-    wait_until,
-)
+from graph import BENCH, FAULTY_PUBLISHER, PATIENCE, Graph, ask_to_leave
+from shsa_core.ros.testing import is_connected, node_pid, registered_nodes, wait_until
 
-MARK = "SHSA_BENCH"
 TOPIC, NODE = "/lost", "/failing"
 KEPT_TOPIC, KEPT_NODE = "/kept", "/steady"
 LIMIT = 10.0  # of the good values of TOPIC
@@ -39,7 +21,6 @@ HOLD_OFF = 1.0  # s; until then a substitute has handed over all consumers
 POOL = 2
 # The same node fails again and again here: that is not to be taken for a node that flaps.
 TIRELESS = {"hold_off_limit": HOLD_OFF, "switches": 0, "healings": 0}
-PATIENCE = 30.0  # s; with hundreds of nodes up, everything takes longer
 
 ONTOLOGY = """
 properties:
@@ -58,129 +39,11 @@ kept:
 """
 
 
-class Bench:
-    """`with Bench() as bench:` has a master on a free port; this process is a node of it.
-
-    Whatever was started inside has ended after it, however it ends: every process that inherits the mark.
-    """
-
-    def __init__(self) -> None:
-        self.folder = Path(tempfile.mkdtemp(prefix="shsa_bench_"))
-        self._mark = uuid.uuid4().hex
-        self._output = self.folder / "output"
-
-    def __enter__(self) -> "Bench":
-        signal.signal(signal.SIGTERM, _leave)
-        with socket.socket() as free:
-            free.bind(("", 0))
-            port = free.getsockname()[1]
-        os.environ.update(
-            {
-                "ROS_MASTER_URI": f"http://localhost:{port}",
-                "ROS_LOG_DIR": str(self.folder),
-                MARK: self._mark,
-            }
-        )
-        self.start("rosmaster", "--core", "-p", str(port))
-        wait_until(rosgraph.is_master_online, PATIENCE, "the master")
-        rospy.init_node("bench", disable_signals=True)
-        self.healing = HealedRobot()
-        return self
-
-    def __exit__(
-        self,
-        kind: Optional[Type[BaseException]],
-        error: Optional[BaseException],
-        trace: Optional[TracebackType],
-    ) -> None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        for process in self._started():
-            try:
-                process.kill()
-            except psutil.NoSuchProcess:
-                continue
-        shutil.rmtree(str(self.folder), ignore_errors=True)
-
-    def start(self, *command: str, heard: bool = False) -> "subprocess.Popen[str]":
-        """Start a process; its output goes to a file, or is read by whoever wants it `heard`."""
-        with open(self._output, "a") as output:
-            return subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE if heard else output,
-                stderr=output,
-                start_new_session=True,
-                universal_newlines=True,
-            )
-
-    def last_words(self, count: int = 15) -> str:
-        """The last lines of what the processes said."""
-        return "".join(self._output.read_text(errors="replace").splitlines(True)[-count:])
-
-    def python(self, script: Path, *arguments: str, heard: bool = False) -> "subprocess.Popen[str]":
-        """Start a Python node."""
-        return self.start(sys.executable, str(script), *arguments, heard=heard)
-
-    def cpp(self, name: str, *arguments: str, heard: bool = False) -> "subprocess.Popen[str]":
-        """Start a C++ node of this folder."""
-        found = find_node("shsa_core", f"bench_{name}")
-        if not found:
-            raise RuntimeError(f"bench_{name} is not built; run make build")
-        return self.start(found[0], *arguments, heard=heard)
-
-    def _started(self) -> Iterator[psutil.Process]:
-        """Every process with our mark, until there is none."""
-        while True:
-            ours = [process for process in psutil.process_iter() if self._is_ours(process)]
-            if not ours:
-                return
-            yield from ours
-            psutil.wait_procs(ours, timeout=1.0)
-
-    def _is_ours(self, process: psutil.Process) -> bool:
-        try:
-            ours = process.environ().get(MARK) == self._mark
-            return ours and process.pid != os.getpid() and running(process)
-        except (psutil.NoSuchProcess, psutil.AccessDenied, OSError):
-            return False
-
-
-def _leave(number: int, frame: Any) -> None:
-    raise SystemExit(f"ended by signal {number}")
-
-
-def ask_to_leave(process: "subprocess.Popen[str]", seconds: float = 10.0) -> None:
-    """Interrupt a process; kill it if it does not leave."""
-    process.send_signal(signal.SIGINT)
-    try:
-        process.wait(seconds)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-
-
-def uri_of(node: str) -> str:
-    """The URI of a node; empty if the master does not know it."""
-    try:
-        uri: str = rosgraph.Master(rospy.get_name()).lookupNode(node)
-    except rosgraph.MasterException:
-        return ""
-    return uri.rstrip("/")
-
-
-def shut_down(node: str) -> None:
-    """What `rosnode kill` does, without the start of a command."""
-    try:
-        slave(uri_of(node)).shutdown(rospy.get_name(), "the benchmark says so")
-    except OSError:
-        pass  # it was gone before it could answer
-
-
 class Applications:
     """Application nodes, as many as wanted; `rate` in Hz at which each publishes."""
 
-    def __init__(self, bench: Bench, rate: float) -> None:
-        self._bench = bench
+    def __init__(self, graph: Graph, rate: float) -> None:
+        self._graph = graph
         self._rate = rate
         self._processes: List["subprocess.Popen[str]"] = []
 
@@ -189,7 +52,7 @@ class Applications:
         for number in range(len(self._processes), count):
             name = f"__name:=application_{number}"
             self._processes.append(
-                self._bench.cpp("application", str(number), str(self._rate), name)
+                self._graph.cpp("application", str(number), str(self._rate), name)
             )
         wait_until(lambda: _applications() >= count, PATIENCE, f"{count} application nodes")
 
@@ -257,10 +120,10 @@ class Consumer:
 class Consumers:
     """Two consumers of the same topics, side by side: one in rospy, one in roscpp."""
 
-    def __init__(self, bench: Bench, *topics: str, name: str = "consumer") -> None:
+    def __init__(self, graph: Graph, *topics: str, name: str = "consumer") -> None:
         names = (f"rospy_{name}", f"roscpp_{name}")
-        python = bench.python(BENCH / "consumer.py", *topics, f"__name:={names[0]}", heard=True)
-        cpp = bench.cpp("consumer", *topics, f"__name:={names[1]}", heard=True)
+        python = graph.python(BENCH / "consumer.py", *topics, f"__name:={names[0]}", heard=True)
+        cpp = graph.cpp("consumer", *topics, f"__name:={names[1]}", heard=True)
         self.rospy = Consumer(python, "/" + names[0])
         self.roscpp = Consumer(cpp, "/" + names[1])
 
@@ -285,23 +148,23 @@ class Consumers:
 class HealthyRobot:
     """`/failing` publishes `/lost`, `/steady` publishes `/kept`, and healing watches over both."""
 
-    def __init__(self, bench: Bench, consumers: Consumers, standby: str, period: float) -> None:
+    def __init__(self, graph: Graph, consumers: Consumers, standby: str, period: float) -> None:
         self.standby = standby
         self.period = period
-        self.healing = bench.healing
+        self.healing = graph.healing
         self.fault = rospy.Publisher(NODE + "/fault", String, queue_size=1)
-        self._bench = bench
+        self._graph = graph
         self._consumers = consumers
         self._steady = self._talker(KEPT_NODE, KEPT_TOPIC, 2.0)
         self.failing = self._talker(NODE, TOPIC, 1.0)
-        paths = write_model(bench.folder, standby, period)
+        paths = write_model(graph.folder, standby, period)
         for name, value in TIRELESS.items():
             rospy.set_param(f"/reconfigurator/{name}", value)
-        self._launch = bench.start(
+        self._launch = graph.start(
             *("roslaunch", "shsa_core", "shsa.launch"),
             *(f"ontology:={paths[0]}", f"som:={paths[1]}", f"hold_off:={HOLD_OFF}"),
             f"minimum_deadline:={SILENCE}",
-            *(f"pool:={POOL}", f"incident_log:={bench.folder / 'incidents.jsonl'}"),
+            *(f"pool:={POOL}", f"incident_log:={graph.folder / 'incidents.jsonl'}"),
         )
 
     def await_well(self) -> None:
@@ -357,7 +220,7 @@ class HealthyRobot:
         self.healing.incidents.clear()
 
     def _talker(self, node: str, topic: str, value: float) -> "subprocess.Popen[str]":
-        return self._bench.python(FAULTY_PUBLISHER, *talker(node, topic, value, self.period))
+        return self._graph.python(FAULTY_PUBLISHER, *talker(node, topic, value, self.period))
 
 
 def talker(node: str, topic: str, value: float, period: float) -> Sequence[str]:

@@ -3,7 +3,8 @@ from typing import List, NamedTuple, Tuple
 
 from shsa_msgs.msg import Incident
 
-from robot import NODE, Consumer, Consumers, uri_of
+from graph import uri_of
+from robot import NODE, Consumer, Consumers
 from shsa_core.ros import clock
 
 STEPS = ("waited", "detect", "decide", "start", "kill", "connect", "first")

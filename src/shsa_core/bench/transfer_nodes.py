@@ -22,22 +22,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from contenders import Healed, kill_hard, repeat
-from graph import FAULTY_PUBLISHER
+from graph import FAULTY_PUBLISHER, PATIENCE, Graph, ask_to_leave, shut_down, uri_of
 from report import CONSOLE, in_words
-from robot import (
-    KEPT_NODE,
-    KEPT_TOPIC,
-    PATIENCE,
-    TOPIC,
-    Applications,
-    Bench,
-    Consumers,
-    ask_to_leave,
-    shut_down,
-    talker,
-    uri_of,
-    write_model,
-)
+from robot import KEPT_NODE, KEPT_TOPIC, TOPIC, Applications, Consumers, talker, write_model
 from shsa_core.ontology_file import read_ontology
 from shsa_core.plans import plan_topic
 from shsa_core.ros.som_parameter import put_som
@@ -84,16 +71,16 @@ class Results:
 class TransferNode:
     """Starts and stops transfer nodes beside a node that publishes their input."""
 
-    def __init__(self, bench: Bench, consumers: Consumers) -> None:
-        self._bench = bench
+    def __init__(self, graph: Graph, consumers: Consumers) -> None:
+        self._graph = graph
         self._consumer = consumers.rospy
-        ontology, path = write_model(bench.folder, "cold", PERIOD)
+        ontology, path = write_model(graph.folder, "cold", PERIOD)
         som = read_som(str(path))
         put_som(som)
         services = som.of_topic(KEPT_TOPIC)
         self._program = plan_topic(read_ontology(str(ontology)), som, services, TOPIC).program
         arguments = talker(KEPT_NODE, KEPT_TOPIC, 2.0, PERIOD)
-        self._steady = bench.python(FAULTY_PUBLISHER, *arguments)
+        self._steady = graph.python(FAULTY_PUBLISHER, *arguments)
 
     def measure(self) -> Tuple[float, ...]:
         """Start one and stop it; its times in ms, in the order of TRANSFER."""
@@ -103,7 +90,7 @@ class TransferNode:
         program = self._program
         strings = (",".join(program.inputs), program.code, ",".join(program.outputs))
         begun = time.monotonic()
-        process = self._bench.start(
+        process = self._graph.start(
             "rosrun", "shsa_core", "substitute", *strings, f"__name:={node[1:]}"
         )
         heard = lambda: [m.at for m in self._consumer.since(begun) if m.node == node]
@@ -188,10 +175,10 @@ def main() -> int:
     done = sum(min(repetitions, results.count(part, nodes)) for part in parts for nodes in levels)
     if done:
         CONSOLE.print(f"{done} repetitions are there already; --fresh forgets them.")
-    with Bench() as bench, Progress(*columns, TimeRemainingColumn(), console=CONSOLE) as progress:
+    with Graph() as graph, Progress(*columns, TimeRemainingColumn(), console=CONSOLE) as progress:
         task = progress.add_task("", total=total, completed=done)
-        consumers = Consumers(bench, TOPIC)
-        applications = Applications(bench, RATE)
+        consumers = Consumers(graph, TOPIC)
+        applications = Applications(graph, RATE)
         for nodes in levels:
             if all(results.count(m, nodes) >= repetitions for m in parts):
                 continue
@@ -204,7 +191,7 @@ def main() -> int:
                 progress.advance(task)
 
             enough = lambda: results.count("down", nodes) >= repetitions
-            misses += repeat(bench, lambda: TransferNode(bench, consumers), transfer, enough)
+            misses += repeat(graph, lambda: TransferNode(graph, consumers), transfer, enough)
             for standby in TAKEOVERS:
                 if results.count(standby, nodes) >= repetitions:
                     continue
@@ -214,9 +201,9 @@ def main() -> int:
                     results.add(standby, nodes, robot.fail().rospy_ms)
                     progress.advance(task)
 
-                make = lambda: Healed(bench, consumers, standby, PERIOD, kill_hard)
+                make = lambda: Healed(graph, consumers, standby, PERIOD, kill_hard)
                 enough = lambda: results.count(standby, nodes) >= repetitions
-                misses += repeat(bench, make, take_over, enough)
+                misses += repeat(graph, make, take_over, enough)
     show(results)
     plot(results, options.results / "transfer_nodes.png")
     return 1 if misses else 0
