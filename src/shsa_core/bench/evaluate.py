@@ -15,12 +15,12 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 from report import CONSOLE, Goals, summary
 from rich.table import Table
 
-from shsa_core.codegen import generate
-from shsa_core.derivation import Derivation
-from shsa_core.expression import parse_constraint, parse_expression
-from shsa_core.ontology import Constant, TransferFunction
-from shsa_core.program import compile_program
-from shsa_core.som import Service
+from shsa_core.codegen.generator import generate
+from shsa_core.codegen.program import compile_program
+from shsa_core.model.expression import parse_constraint, parse_expression
+from shsa_core.model.ontology import Constant, TransferFunction
+from shsa_core.model.som import Service
+from shsa_core.search.derivation import Derivation
 
 ROOT = Path(__file__).resolve().parents[3]
 GOAL = 2.0

@@ -20,12 +20,12 @@ import numpy as np
 from matplotlib import pyplot
 from report import Goals
 
-from shsa_core.expression import parse_expression
-from shsa_core.ontology import Ontology, TransferFunction
-from shsa_core.plans import PlanTable
-from shsa_core.resilience import analyse
-from shsa_core.search import find_first, find_substitute, improving_substitutes
-from shsa_core.som import Service, Som
+from shsa_core.analysis.resilience import analyse
+from shsa_core.healing.plans import PlanTable
+from shsa_core.model.expression import parse_expression
+from shsa_core.model.ontology import Ontology, TransferFunction
+from shsa_core.model.som import Service, Som
+from shsa_core.search.substitutes import find_first, find_substitute, improving_substitutes
 
 QUALITIES = [1.0, 0.99, 0.95, 0.9, 0.8]
 TARGET = "p0"

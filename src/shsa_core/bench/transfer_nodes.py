@@ -25,11 +25,11 @@ from contenders import Healed, kill_hard, repeat
 from graph import FAULTY_PUBLISHER, PATIENCE, Graph, ask_to_leave, shut_down, uri_of
 from report import CONSOLE, in_words
 from robot import KEPT_NODE, KEPT_TOPIC, TOPIC, Applications, Consumers, talker, write_model
-from shsa_core.ontology_file import read_ontology
-from shsa_core.plans import plan_topic
+from shsa_core.healing.plans import plan_topic
+from shsa_core.model.ontology_file import read_ontology
+from shsa_core.model.som import read_som
 from shsa_core.ros.som_parameter import put_som
 from shsa_core.ros.testing import wait_until
-from shsa_core.som import read_som
 
 PERIOD = 0.02
 NUMBERS = itertools.count(1)

@@ -1,13 +1,13 @@
 """A reconfigurator between a monitor's table that the test writes and the commands that it gives."""
 from typing import Any, Dict, List, Optional, Sequence, Tuple, Type, TypeVar, Union
 
-from shsa_core import events
-from shsa_core.expression import parse_expression
-from shsa_core.incident import Incident
-from shsa_core.ontology import Ontology, Property, TransferFunction
-from shsa_core.reconfiguration import Reconfigurator
-from shsa_core.settings import Settings
-from shsa_core.som import Service, Som
+from shsa_core.healing import events
+from shsa_core.healing.incident import Incident
+from shsa_core.healing.reconfiguration import Reconfigurator
+from shsa_core.healing.settings import Settings
+from shsa_core.model.expression import parse_expression
+from shsa_core.model.ontology import Ontology, Property, TransferFunction
+from shsa_core.model.som import Service, Som
 
 A, B, C = "/a_node", "/b_node", "/c_node"
 C_ = TypeVar("C_")

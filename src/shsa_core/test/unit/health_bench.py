@@ -1,8 +1,7 @@
 """A monitor's core on the bench: time is moved by hand, messages and connections are made up."""
 from typing import Dict, List, Optional, Tuple
 
-from shsa_core.health import HealthMonitor, Settings
-from shsa_core.health_events import (
+from shsa_core.health.events import (
     Connected,
     Disconnected,
     FailureDetected,
@@ -13,7 +12,8 @@ from shsa_core.health_events import (
     SubstitutionsChanged,
     Tick,
 )
-from shsa_core.som import Service, Som
+from shsa_core.health.monitor import HealthMonitor, Settings
+from shsa_core.model.som import Service, Som
 
 TOPIC, NODE = "/battery_current", "/amperemeter"
 PERIOD = 0.02

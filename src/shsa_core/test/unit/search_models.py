@@ -6,10 +6,10 @@ from typing import Iterator, List, Sequence, Tuple
 
 from hypothesis import strategies as st
 
-from shsa_core.expression import parse_expression
-from shsa_core.ontology import Ontology, Property, TransferFunction
-from shsa_core.search import Derivation
-from shsa_core.som import Service
+from shsa_core.model.expression import parse_expression
+from shsa_core.model.ontology import Ontology, Property, TransferFunction
+from shsa_core.model.som import Service
+from shsa_core.search.substitutes import Derivation
 
 # 0.81 is 0.9 squared, and 0.45 is 0.9 times 0.5: products that tie only if they are compared exactly.
 QUALITIES = [1.0, 0.9, 0.81, 0.5, 0.25, 0.45]

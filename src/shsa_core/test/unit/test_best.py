@@ -3,10 +3,10 @@ from typing import Any, List, Sequence
 
 from search_models import law, ontology, service
 
-from shsa_core.best import BestDerivations
-from shsa_core.derivation import LOST, UNRATED, ServiceTable
-from shsa_core.ontology import Ontology
-from shsa_core.som import Service
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.som import Service
+from shsa_core.search.best import BestDerivations
+from shsa_core.search.derivation import LOST, UNRATED, ServiceTable
 
 
 def reached(robot: Ontology, services: Sequence[Service], **options: Any) -> List[str]:

@@ -5,7 +5,7 @@ from typing import Any, Callable, List, Optional, Tuple
 
 import pytest
 
-from shsa_core.check import Finding, check_files
+from shsa_core.analysis.check import Finding, check_files
 from shsa_core.cli.main import main
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]

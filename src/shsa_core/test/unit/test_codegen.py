@@ -4,13 +4,13 @@ from typing import Optional
 
 import pytest
 
-from shsa_core.codegen import Program, generate
-from shsa_core.derivation import Derivation
+from shsa_core.codegen.generator import Program, generate
+from shsa_core.codegen.program import compile_program
 from shsa_core.errors import GenerationError
-from shsa_core.expression import parse_constraint, parse_expression
-from shsa_core.ontology import Constant, TransferFunction
-from shsa_core.program import compile_program
-from shsa_core.som import Service
+from shsa_core.model.expression import parse_constraint, parse_expression
+from shsa_core.model.ontology import Constant, TransferFunction
+from shsa_core.model.som import Service
+from shsa_core.search.derivation import Derivation
 
 CONSTANTS = {
     "wheel_base": Constant("wheel_base", 0.39, "m"),

@@ -4,8 +4,7 @@ from math import inf, nan
 import pytest
 from health_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service
 
-from shsa_core.health import Settings
-from shsa_core.health_events import (
+from shsa_core.health.events import (
     Disconnected,
     FailureDetected,
     HealthChanged,
@@ -14,7 +13,8 @@ from shsa_core.health_events import (
     SomChanged,
     Tick,
 )
-from shsa_core.som import Som
+from shsa_core.health.monitor import Settings
+from shsa_core.model.som import Som
 
 
 @pytest.fixture

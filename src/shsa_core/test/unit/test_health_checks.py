@@ -5,12 +5,12 @@ from typing import Dict
 import pytest
 from health_bench import NODE, PERIOD, TOPIC, Bench, service
 
-from shsa_core.checks import Checks, read_checks
-from shsa_core.document import from_parameters
 from shsa_core.errors import ModelError
-from shsa_core.evidence import TopicChecks
-from shsa_core.health_events import Message, SomChanged
-from shsa_core.som import Som, som_from_parameters
+from shsa_core.health.events import Message, SomChanged
+from shsa_core.health.evidence import TopicChecks
+from shsa_core.model.checks import Checks, read_checks
+from shsa_core.model.document import from_parameters
+from shsa_core.model.som import Som, som_from_parameters
 
 OFF = Checks(False, False, None, None, None, None, None, None, None)
 

@@ -6,14 +6,14 @@ from typing import Any, Callable, List
 import pytest
 
 from shsa_core.cli.main import main
-from shsa_core.codegen import generate
-from shsa_core.derivation import Derivation
+from shsa_core.codegen.generator import generate
 from shsa_core.errors import GenerationError, ModelError
-from shsa_core.expression import Expression
-from shsa_core.knowledge_base import KnowledgeBase, Provision, read_knowledge_base
-from shsa_core.ontology_file import read_ontology
-from shsa_core.search import find_substitute
-from shsa_core.som import Service, read_som
+from shsa_core.model.expression import Expression
+from shsa_core.model.knowledge_base import KnowledgeBase, Provision, read_knowledge_base
+from shsa_core.model.ontology_file import read_ontology
+from shsa_core.model.som import Service, read_som
+from shsa_core.search.derivation import Derivation
+from shsa_core.search.substitutes import find_substitute
 
 Read = Callable[[str], KnowledgeBase]
 

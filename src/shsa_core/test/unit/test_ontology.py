@@ -1,8 +1,8 @@
 """The ontology as a graph."""
 from typing import Tuple
 
-from shsa_core.expression import parse_expression
-from shsa_core.ontology import Constant, Ontology, Property, TransferFunction
+from shsa_core.model.expression import parse_expression
+from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 
 
 def function(

@@ -6,17 +6,17 @@ from typing import Any
 
 import pytest
 
-from shsa_core.check import check_files
-from shsa_core.checks import Checks
-from shsa_core.codegen import generate
+from shsa_core.analysis.check import check_files
+from shsa_core.codegen.generator import generate
+from shsa_core.codegen.program import compile_program
 from shsa_core.errors import NoSubstitute
-from shsa_core.functions import FUNCTIONS, STATEFUL
-from shsa_core.ontology import Ontology
-from shsa_core.ontology_file import read_ontology
-from shsa_core.program import compile_program
-from shsa_core.search import find_substitute, iter_substitutes
-from shsa_core.settings import Settings
-from shsa_core.som import Service, read_som
+from shsa_core.healing.settings import Settings
+from shsa_core.model.checks import Checks
+from shsa_core.model.functions import FUNCTIONS, STATEFUL
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.ontology_file import read_ontology
+from shsa_core.model.som import Service, read_som
+from shsa_core.search.substitutes import find_substitute, iter_substitutes
 
 DOCS = pathlib.Path(__file__).resolve().parents[4] / "docs"
 TEXT = (DOCS / "ontology.md").read_text("utf-8")

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from shsa_core.errors import ModelError
-from shsa_core.ontology import Constant, Property
-from shsa_core.ontology_file import load_ontology, read_ontology
+from shsa_core.model.ontology import Constant, Property
+from shsa_core.model.ontology_file import load_ontology, read_ontology
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
 

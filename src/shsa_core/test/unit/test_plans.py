@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from search_models import law, ontology, random_model, service
 
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute
-from shsa_core.ontology import Ontology
-from shsa_core.plans import PlanTable, TopicPlan, plan_topic
-from shsa_core.som import Service, Som
+from shsa_core.healing.plans import PlanTable, TopicPlan, plan_topic
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.som import Service, Som
 
 ROBOT = ontology(
     law("wheels", "speed", "left", "right", quality=0.9),

@@ -6,12 +6,12 @@ from typing import List
 import pytest
 
 from core_robot import A, SOM, Robot, has, last_incident, only, service, speaking
-from shsa_core import events
 from shsa_core.errors import ModelError
-from shsa_core.incident import State
-from shsa_core.policies import LastResort
-from shsa_core.settings import Settings, read_settings
-from shsa_core.som import Som, merge_parameters, read_som, som_from_parameters
+from shsa_core.healing import events
+from shsa_core.healing.incident import State
+from shsa_core.healing.settings import Settings, read_settings
+from shsa_core.model.policies import LastResort
+from shsa_core.model.som import Som, merge_parameters, read_som, som_from_parameters
 
 
 def som(policy: str = "substitute", last: LastResort = LastResort()) -> Som:

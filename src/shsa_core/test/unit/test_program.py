@@ -9,7 +9,7 @@ from expressions import NAMES, NoValue, Sample, samples
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from shsa_core.program import CompiledProgram, compile_program
+from shsa_core.codegen.program import CompiledProgram, compile_program
 
 finite = st.floats(min_value=-1e3, max_value=1e3)
 

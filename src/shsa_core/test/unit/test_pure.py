@@ -1,10 +1,29 @@
 """The core knows no ROS: every module of it can be imported where there is none."""
 import pathlib
+import re
 import subprocess
 import sys
 from typing import List, Tuple
 
 CORE = pathlib.Path(__file__).resolve().parents[2] / "src" / "shsa_core"
+MODULES = [path for path in sorted(CORE.rglob("[!_]*.py")) if path.parent.name != "ros"]
+MODEL = ("errors", "model")
+BENEATH = {
+    "errors": (),
+    "model": ("errors",),
+    "search": MODEL,
+    "codegen": (*MODEL, "search"),
+    "analysis": (*MODEL, "search", "codegen"),
+    "health": MODEL,
+    "healing": (*MODEL, "search", "codegen", "health"),
+    "cli": (*MODEL, "search", "codegen", "analysis", "healing"),
+}
+
+
+def module(path: pathlib.Path) -> Tuple[str, ...]:
+    """The names of a module within the package."""
+    return path.relative_to(CORE).with_suffix("").parts
+
 
 SCRIPT = """
 import importlib, sys
@@ -37,10 +56,16 @@ def run(names: List[str]) -> Tuple[int, str]:
 
 
 def test_every_module_of_the_core_can_be_imported_without_ros() -> None:
-    names = ["shsa_core." + path.stem for path in CORE.glob("*.py") if path.stem != "__init__"]
-    names += ["shsa_core.cli." + path.stem for path in (CORE / "cli").glob("[!_]*.py")]
-    assert "shsa_core.search" in names and "shsa_core.cli.check" in names
+    names = [".".join(("shsa_core", *module(path))) for path in MODULES]
+    assert "shsa_core.search.substitutes" in names and "shsa_core.cli.check" in names
     assert run(names) == (0, "")
+
+
+def test_each_part_of_the_core_uses_only_those_beneath_it() -> None:
+    for path in MODULES:
+        part = module(path)[0]
+        for used in re.findall(r"^from shsa_core\.(\w+)", path.read_text(), re.MULTILINE):
+            assert used in (part, *BENEATH[part]), f"{path} uses {used}"
 
 
 def test_the_block_works() -> None:

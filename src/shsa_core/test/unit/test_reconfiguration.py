@@ -1,9 +1,9 @@
 """The reconfigurator's decisions: events in, commands out."""
 from core_robot import A, B, C, SOM, Robot, function, has, last_incident, only, service, speaking
-from shsa_core import events
-from shsa_core.incident import State
-from shsa_core.ontology import Ontology, Property
-from shsa_core.som import Service, Som
+from shsa_core.healing import events
+from shsa_core.healing.incident import State
+from shsa_core.model.ontology import Ontology, Property
+from shsa_core.model.som import Service, Som
 
 
 def test_a_failure_kills_the_node_and_starts_the_best_substitute() -> None:

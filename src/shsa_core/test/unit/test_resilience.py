@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from search_models import every_derivation, law, ontology, random_model, service
 
+from shsa_core.analysis.report import Suggestion, Survival
+from shsa_core.analysis.resilience import analyse
 from shsa_core.errors import NoSubstitute
-from shsa_core.ontology import Ontology
-from shsa_core.resilience import analyse
-from shsa_core.resilience_report import Suggestion, Survival
-from shsa_core.search import find_substitute
-from shsa_core.som import Som
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.som import Som
+from shsa_core.search.substitutes import find_substitute
 
 RANDOM = settings(max_examples=300, deadline=None, derandomize=True)
 

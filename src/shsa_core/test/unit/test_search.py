@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from search_models import Rank, every_derivation, law, models, ontology, rank, service, usable
 
 from shsa_core.errors import NoSubstitute
-from shsa_core.ontology import Ontology, TransferFunction
-from shsa_core.search import Substitute, find_first, find_substitute
-from shsa_core.search import improving_substitutes, iter_substitutes
-from shsa_core.som import Service
+from shsa_core.model.ontology import Ontology, TransferFunction
+from shsa_core.model.som import Service
+from shsa_core.search.substitutes import Substitute, find_first, find_substitute
+from shsa_core.search.substitutes import improving_substitutes, iter_substitutes
 
 Model = Tuple[Ontology, List[Service], List[str]]
 MANY = 2000  # derivations, more than which a random model is left out

@@ -5,7 +5,14 @@ from typing import Any
 import pytest
 
 from shsa_core.errors import ModelError
-from shsa_core.som import Service, Som, load_som, merge_parameters, read_som, som_from_parameters
+from shsa_core.model.som import (
+    Service,
+    Som,
+    load_som,
+    merge_parameters,
+    read_som,
+    som_from_parameters,
+)
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
 

@@ -1,9 +1,9 @@
 """Warm and hot: what the reconfigurator has ready before a failure."""
 from core_robot import A, B, C, Robot, has, last_incident, only, service, speaking
-from shsa_core import events
-from shsa_core.codegen import Program
-from shsa_core.incident import State
-from shsa_core.som import Service, Som
+from shsa_core.codegen.generator import Program
+from shsa_core.healing import events
+from shsa_core.healing.incident import State
+from shsa_core.model.som import Service, Som
 
 
 def standby(mode: str) -> Som:

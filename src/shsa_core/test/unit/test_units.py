@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shsa_core.errors import UnitError
-from shsa_core.expression import parse_constraint, parse_expression
-from shsa_core.units import Unit, find_mismatches, parse_unit
+from shsa_core.model.expression import parse_constraint, parse_expression
+from shsa_core.model.units import Unit, find_mismatches, parse_unit
 
 UNITS = {
     name: parse_unit(text)
@@ -257,7 +257,7 @@ def test_everything_that_does_not_match_is_told_once() -> None:
 
 
 def test_who_does_not_check_units_does_not_pay_for_them() -> None:
-    code = "import sys, shsa_core.check; sys.exit('pint' in sys.modules)"
+    code = "import sys, shsa_core.analysis.check; sys.exit('pint' in sys.modules)"
     assert subprocess.call([sys.executable, "-c", code]) == 0
 
 

@@ -9,11 +9,11 @@ from typing import Callable, List
 
 import numpy as np
 
-from shsa_core.codegen import generate
-from shsa_core.ontology import Ontology, TransferFunction
-from shsa_core.program import compile_program
-from shsa_core.search import Derivation, find_substitute
-from shsa_core.som import Service, Som
+from shsa_core.codegen.generator import generate
+from shsa_core.codegen.program import compile_program
+from shsa_core.model.ontology import Ontology, TransferFunction
+from shsa_core.model.som import Service, Som
+from shsa_core.search.substitutes import Derivation, find_substitute
 from shsa_rover.dataset import Dataset
 
 FULL_SPAN = {"state_of_charge": 1.0}

@@ -5,10 +5,10 @@ from typing import Set
 import numpy as np
 import pytest
 
-from shsa_core.check import check_files
-from shsa_core.ontology_file import read_ontology
-from shsa_core.search import find_substitute
-from shsa_core.som import read_som
+from shsa_core.analysis.check import check_files
+from shsa_core.model.ontology_file import read_ontology
+from shsa_core.model.som import read_som
+from shsa_core.search.substitutes import find_substitute
 from shsa_rover.accuracy import relations, services, substitutes
 from shsa_rover.dataset import Dataset, random_drive, simulate
 from shsa_rover.drive import Drive

@@ -11,11 +11,11 @@ import networkx as nx  # noqa: E402
 from matplotlib import pyplot  # noqa: E402
 from matplotlib.lines import Line2D  # noqa: E402
 
-from shsa_core.best import BestDerivations  # noqa: E402
-from shsa_core.derivation import LOST, Derivation, ServiceTable  # noqa: E402
 from shsa_core.errors import ModelError  # noqa: E402
-from shsa_core.ontology import Ontology  # noqa: E402
-from shsa_core.som import Service  # noqa: E402
+from shsa_core.model.ontology import Ontology  # noqa: E402
+from shsa_core.model.som import Service  # noqa: E402
+from shsa_core.search.best import BestDerivations  # noqa: E402
+from shsa_core.search.derivation import LOST, Derivation, ServiceTable  # noqa: E402
 
 Node = Union[str, Tuple[str, str]]
 Position = Tuple[float, float]

@@ -5,9 +5,9 @@ import sys
 from typing import Iterable, Tuple
 
 from shsa_core.errors import ModelError
-from shsa_core.ontology import Ontology
-from shsa_core.ontology_file import read_ontology
-from shsa_core.som import Som, read_som
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.ontology_file import read_ontology
+from shsa_core.model.som import Som, read_som
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

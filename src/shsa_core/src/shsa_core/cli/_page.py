@@ -5,8 +5,8 @@ import tempfile
 from typing import Iterable, List, Sequence
 
 from shsa_core.cli._drawing import TooLarge, draw
-from shsa_core.ontology import Ontology
-from shsa_core.som import Som
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.som import Som
 
 STYLE = """
 body { font: 15px/1.5 sans-serif; margin: 2em auto; max-width: 75em; padding: 0 1em; color: #222 }

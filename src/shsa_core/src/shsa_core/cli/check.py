@@ -4,7 +4,7 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from shsa_core.check import check_files
+from shsa_core.analysis.check import check_files
 
 
 def add_parser(subparsers: Any) -> None:

@@ -4,15 +4,15 @@ import json
 from itertools import islice
 from typing import Any, Dict, FrozenSet, Iterator, Tuple
 
+from shsa_core.analysis.loss import Loss, dead_branches, lose
 from shsa_core.cli._files import add_options, check_property, read_models, warn_of_unknown
-from shsa_core.codegen import generate
-from shsa_core.derivation import Derivation, ServiceTable
+from shsa_core.codegen.generator import generate
 from shsa_core.errors import GenerationError, NoSubstitute
-from shsa_core.loss import Loss, dead_branches, lose
-from shsa_core.ontology import Ontology
-from shsa_core.plans import METHODS, plan_fields
-from shsa_core.search import Substitute, iter_substitutes
-from shsa_core.som import Service
+from shsa_core.healing.plans import METHODS, plan_fields
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.som import Service
+from shsa_core.search.derivation import Derivation, ServiceTable
+from shsa_core.search.substitutes import Substitute, iter_substitutes
 
 Answer = Dict[str, Any]
 ALTERNATIVES = 100  # that an explanation looks at

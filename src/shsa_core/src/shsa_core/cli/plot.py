@@ -2,11 +2,11 @@
 import argparse
 from typing import Any, Tuple
 
+from shsa_core.analysis.loss import lose
 from shsa_core.cli._files import add_options, check_property, read_models, warn_of_unknown
 from shsa_core.errors import ModelError, NoSubstitute
-from shsa_core.loss import lose
-from shsa_core.search import find_substitute
-from shsa_core.som import Service
+from shsa_core.model.som import Service
+from shsa_core.search.substitutes import find_substitute
 
 
 def add_parser(subparsers: Any) -> None:

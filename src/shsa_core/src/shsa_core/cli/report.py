@@ -7,10 +7,10 @@ from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
 from rich.console import Console
 from rich.table import Table as RichTable
 
+from shsa_core.analysis.report import Report, Suggestion, Survival, TopicReport
+from shsa_core.analysis.resilience import analyse
 from shsa_core.cli._files import add_options, read_models
 from shsa_core.errors import ModelError
-from shsa_core.resilience import analyse
-from shsa_core.resilience_report import Report, Suggestion, Survival, TopicReport
 
 
 class Table(NamedTuple):

@@ -5,9 +5,9 @@ import rospy
 from shsa_msgs import msg, srv
 from std_msgs.msg import Header
 
-from shsa_core import events
-from shsa_core.incident import Incident
-from shsa_core.plans import TopicPlan
+from shsa_core.healing import events
+from shsa_core.healing.incident import Incident
+from shsa_core.healing.plans import TopicPlan
 from shsa_core.ros import clock
 
 MOMENTS = (

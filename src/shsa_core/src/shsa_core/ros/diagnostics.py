@@ -7,7 +7,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
-from shsa_core.health_events import FAILED, HEALTHY, Key, PublisherHealth
+from shsa_core.health.events import FAILED, HEALTHY, Key, PublisherHealth
 from shsa_core.ros import clock
 
 PERIOD = 1.0

@@ -4,10 +4,10 @@ from typing import Callable, Dict, Iterable, List, Optional
 import genpy
 import rospy
 
+from shsa_core.model.som import Service
 from shsa_core.ros import clock
 from shsa_core.ros.fields import Field
 from shsa_core.ros.messages import message_class
-from shsa_core.som import Service
 
 STALE_PERIODS = 5.0
 STALE_AT_LEAST = 0.1  # s; the scheduler's hiccups are not the sensor's

@@ -14,9 +14,7 @@ from shsa_msgs import msg
 from std_msgs.msg import Header
 
 from shsa_core.errors import ShsaError
-from shsa_core.evidence import TopicChecks
-from shsa_core.health import HealthMonitor, Settings
-from shsa_core.health_events import (
+from shsa_core.health.events import (
     Connected,
     Disconnected,
     FailureDetected,
@@ -28,13 +26,15 @@ from shsa_core.health_events import (
     SubstitutionsChanged,
     Tick,
 )
+from shsa_core.health.evidence import TopicChecks
+from shsa_core.health.monitor import HealthMonitor, Settings
+from shsa_core.model.som import Som
 from shsa_core.ros import clock, connections, diagnostics
 from shsa_core.ros.connections import Arrived, Closed, Connection, Connections, Happening, Made
 from shsa_core.ros.inbox import Inbox
 from shsa_core.ros.messages import Decoder, stamp
 from shsa_core.ros.node import run
 from shsa_core.ros.som_parameter import SOM_PARAMETER, SomWatch
-from shsa_core.som import Som
 
 LONGEST_WAIT = 0.1
 """s; how long a message has waited is known to this at worst, as long as the monitor is scheduled."""

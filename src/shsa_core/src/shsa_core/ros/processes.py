@@ -7,7 +7,7 @@ from typing import Callable, Dict, List, Optional, Sequence, Set
 
 from roslib.packages import find_node, get_pkg_dir
 
-from shsa_core.codegen import Program
+from shsa_core.codegen.generator import Program
 from shsa_core.errors import ShsaError
 
 PACKAGE = "shsa_core"

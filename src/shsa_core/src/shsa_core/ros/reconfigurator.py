@@ -12,20 +12,20 @@ import rospkg
 import rospy
 from shsa_msgs import msg, srv
 
-from shsa_core import events
 from shsa_core.errors import NoSubstitute, ShsaError
-from shsa_core.incident import Incident, State
-from shsa_core.ontology_file import read_ontology
-from shsa_core.plans import TopicPlan
-from shsa_core.reconfiguration import SUBSTITUTE_PREFIX, Reconfigurator
+from shsa_core.healing import events
+from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.plans import TopicPlan
+from shsa_core.healing.reconfiguration import SUBSTITUTE_PREFIX, Reconfigurator
+from shsa_core.healing.settings import read_settings
+from shsa_core.model.ontology_file import read_ontology
+from shsa_core.model.som import Som, read_som
 from shsa_core.ros import clock, convert
 from shsa_core.ros.fence import Fence
 from shsa_core.ros.node import run
 from shsa_core.ros.processes import Processes, run_command
 from shsa_core.ros.restarts import Restarts
 from shsa_core.ros.som_parameter import SomWatch, put_som
-from shsa_core.settings import read_settings
-from shsa_core.som import Som, read_som
 
 SAY: Dict[str, Callable[[str], None]] = {
     "info": rospy.loginfo,
@@ -39,7 +39,7 @@ class ReconfiguratorNode:
     """Hears failures and health, kills, searches, starts and stops substitutes.
 
     Parameters: `~ontology` and `~som` (files), `~kill_patience` (s), `~incident_log` (file, one JSON line an
-    incident), and those of shsa_core.settings.
+    incident), and those of shsa_core.healing.settings.
     """
 
     def __init__(self) -> None:

@@ -6,7 +6,7 @@ from typing import Callable, Optional
 
 import rospy
 
-from shsa_core.som import Som, merge_parameters
+from shsa_core.model.som import Som, merge_parameters
 
 SOM_PARAMETER = "/shsa/som"
 POLL = 0.4

@@ -1,0 +1,124 @@
+"""Which node failures a property does not survive, for all nodes at once."""
+from typing import Dict, Iterable, List, Optional, Sequence, Set, Tuple
+
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.som import Som
+
+AS_IT_IS = (
+    1  # the bit for: lost already, whatever else fails; each bit above it stands for one node
+)
+
+
+class Fragility:
+    """For every property the nodes without any one of which it cannot be derived, as bits of a number.
+
+    A service is lost with its node, a function with any of its inputs, a property with all of its services and
+    functions. All begin as lost and are regained until nothing changes: what depends on itself alone stays lost.
+    `sensors` are properties that a further, independent node measures, `relations` further pairs of an output and
+    its input. Functions that cannot be executed do not count.
+    """
+
+    def __init__(
+        self,
+        ontology: Ontology,
+        som: Som,
+        sensors: Iterable[str] = (),
+        relations: Iterable[Tuple[str, str]] = (),
+    ) -> None:
+        network = ontology.network
+        self.nodes = tuple(sorted({service.node for service in som}))
+        self._bits = {node: AS_IT_IS << place for place, node in enumerate(self.nodes, 1)}
+        self._number = network.number
+        self._measured: Dict[int, List[int]] = {}
+        self._measures: Dict[str, List[int]] = {}
+        for service in som:
+            number = network.number(service.property)
+            self._measured.setdefault(number, []).append(self._bits[service.node])
+            self._measures.setdefault(service.node, []).append(number)
+        for name in sensors:
+            self._measured.setdefault(network.number(name), []).append(0)
+        laws: List[Tuple[int, Sequence[int]]] = [
+            (network.outputs[f], network.inputs_of(f))
+            for f, function in enumerate(network.functions)
+            if function.expression is not None
+        ]
+        laws += [(network.number(output), [network.number(input_)]) for output, input_ in relations]
+        self._functions: Dict[int, List[Sequence[int]]] = {}
+        self._users: Dict[int, Set[int]] = {}
+        for output, inputs in laws:
+            self._functions.setdefault(output, []).append(inputs)
+            for input_ in inputs:
+                self._users.setdefault(input_, set()).add(output)
+        self._order = self._inputs_first(range(len(network.names)))
+        everything = (AS_IT_IS << (len(self.nodes) + 1)) - 1
+        self._lost = dict.fromkeys(self._order, everything)
+        self._everything = everything
+        self._regain(self._order, self._lost, failed=0)
+
+    def after(self, failed: Iterable[str]) -> Dict[int, int]:
+        """The bits of each property, by number, once some nodes have failed."""
+        nodes = tuple(failed)
+        stack = [number for node in nodes for number in self._measures[node]]
+        touched = set(stack)
+        while stack:
+            for output in self._users.get(stack.pop(), ()):
+                if output not in touched:
+                    touched.add(output)
+                    stack.append(output)
+        lost = self._lost.copy()
+        lost.update(dict.fromkeys(touched, self._everything))
+        order = [number for number in self._order if number in touched]
+        self._regain(order, lost, sum(self._bits[node] for node in nodes))
+        return lost
+
+    def names(self, bits: int) -> Tuple[str, ...]:
+        """The nodes that bits stand for."""
+        return tuple(node for node in self.nodes if self._bits[node] & bits)
+
+    def bits(self, names: Iterable[str], lost: Optional[Dict[int, int]] = None) -> int:
+        """The bits of several properties together: one lost is all lost. `lost` as by `after`, or as it is."""
+        together = 0
+        for name in names:
+            together |= (self._lost if lost is None else lost)[self._number(name)]
+        return together
+
+    def bit(self, node: str) -> int:
+        """The bit of a node."""
+        return self._bits[node]
+
+    def _regain(self, order: Sequence[int], lost: Dict[int, int], failed: int) -> None:
+        stale = set(order)
+        while stale:
+            for number in order:
+                if number not in stale:
+                    continue
+                stale.remove(number)
+                before = bits = lost[number]
+                for node in self._measured.get(number, ()):
+                    if not node & failed:
+                        bits &= node
+                for inputs in self._functions.get(number, ()):
+                    needed = 0
+                    for input_ in inputs:
+                        needed |= lost[input_]
+                    bits &= needed
+                if bits != before:
+                    lost[number] = bits
+                    stale.update(self._users.get(number, ()))
+            order = order[::-1]  # a law of several directions hands on in both
+
+    def _inputs_first(self, numbers: Iterable[int]) -> List[int]:
+        """Properties in an order in which most inputs stand before what is derived from them."""
+        done: Set[int] = set()
+        order = []
+        stack = list(numbers)
+        while stack:
+            number = stack.pop()
+            if number < 0:
+                order.append(~number)
+            elif number not in done:
+                done.add(number)
+                stack.append(~number)
+                for inputs in self._functions.get(number, ()):
+                    stack.extend(input_ for input_ in inputs if input_ not in done)
+        return order

@@ -1,0 +1,1 @@
+"""The substitute's three strings: written, checked anew, run."""

@@ -1,0 +1,216 @@
+"""A substitute's code, read and checked anew, whoever sent it."""
+import ast
+import re
+from dataclasses import dataclass
+from typing import Dict, List, Mapping, NoReturn, Optional, Sequence, Set, Tuple, Union
+
+from shsa_core.errors import CodeError, ExpressionError
+from shsa_core.model.expression import check_tree
+
+MAX_CODE = 100_000
+MAX_RELATIONS = 1000
+
+_NOT_ALLOWED = re.compile(r"[^A-Za-z0-9_+\-*/%.,<>=!() \[\];:#\n]")
+
+
+@dataclass(frozen=True)
+class CheckedRelation:
+    """One `def` and its call: `result = expression(arguments)` where the constraint holds."""
+
+    result: str
+    arguments: Mapping[str, str]
+    expression: ast.expr
+    constraint: Optional[ast.expr]
+
+
+@dataclass(frozen=True)
+class CheckedCode:
+    """What a substitute's code says: the relations in order, and the variables that are its outputs."""
+
+    n_inputs: int
+    relations: Tuple[CheckedRelation, ...]
+    outputs: Tuple[str, ...]
+
+
+def check_code(code: str, n_inputs: int, n_outputs: int) -> CheckedCode:
+    """What the code says, once it is shown that the generator could have produced it. Raises CodeError if not."""
+    if len(code) > MAX_CODE:
+        raise CodeError(f"the code has {len(code)} characters; at most {MAX_CODE} are allowed")
+    foreign = _NOT_ALLOWED.search(code)
+    if foreign:
+        line = code.count("\n", 0, foreign.start()) + 1
+        raise CodeError(f"line {line}: the character {foreign.group()!a} is not allowed in code")
+    try:
+        body = ast.parse(code).body
+    except SyntaxError as error:
+        raise CodeError(f"line {error.lineno}: not Python: {error.msg}") from error
+    except (MemoryError, RecursionError, ValueError, OverflowError) as error:
+        raise CodeError("the code is nested too deeply") from error
+    return _Reader(body).read(n_inputs, n_outputs)
+
+
+class _Reader:
+    """Reads the statements one after the other; each must be the one that the generator writes there."""
+
+    def __init__(self, body: Sequence[ast.stmt]) -> None:
+        self._body = list(body)
+        self._next = 0
+        self._lines: Dict[str, int] = {}
+        self._used: Set[str] = set()
+
+    def read(self, n_inputs: int, n_outputs: int) -> CheckedCode:
+        """The meaning of the code."""
+        for index in range(n_inputs):
+            self._read_input(index)
+        relations: List[CheckedRelation] = []
+        statement = self._peek()
+        while isinstance(statement, ast.FunctionDef):
+            if len(relations) == MAX_RELATIONS:
+                self._fail(statement, f"at most {MAX_RELATIONS} functions are allowed")
+            self._next += 1
+            relations.append(self._read_relation(statement, len(relations) + 1))
+            statement = self._peek()
+        outputs = self._read_outputs(n_outputs)
+        for name, line in self._lines.items():
+            if name not in self._used:
+                raise CodeError(f"line {line}: {name} is computed but not used")
+        return CheckedCode(n_inputs, tuple(relations), outputs)
+
+    def _peek(self) -> Optional[ast.stmt]:
+        return self._body[self._next] if self._next < len(self._body) else None
+
+    def _take(self, what: str) -> ast.stmt:
+        statement = self._peek()
+        if statement is None:
+            raise CodeError(f"the code ends where {what} is due")
+        self._next += 1
+        return statement
+
+    def _fail(self, node: Union[ast.stmt, ast.expr], what: str) -> NoReturn:
+        raise CodeError(f"line {node.lineno}: {what}")
+
+    def _assignment(self, target: str, what: str) -> ast.expr:
+        """The right side of the next statement, which must be `target=...`."""
+        statement = self._take(what)
+        if (
+            not isinstance(statement, ast.Assign)
+            or len(statement.targets) != 1
+            or not isinstance(statement.targets[0], ast.Name)
+            or statement.targets[0].id != target
+        ):
+            self._fail(statement, f"{what} is due here")
+        return statement.value
+
+    def _new_variable(self, node: ast.expr) -> None:
+        self._lines[f"t{len(self._lines)}"] = node.lineno
+
+    def _use(self, node: ast.expr) -> str:
+        """The variable that the node names."""
+        if not isinstance(node, ast.Name) or node.id not in self._lines:
+            self._fail(node, "only a variable that has a value, such as t0, is allowed here")
+        self._used.add(node.id)
+        return node.id
+
+    def _read_input(self, index: int) -> None:
+        target = f"t{index}"
+        value = self._assignment(target, f"'{target}=x[{index}]'")
+        subscript: object = getattr(value, "slice", None)
+        if not isinstance(subscript, ast.Constant):  # Python 3.8 wraps it
+            subscript = getattr(subscript, "value", None)
+        if (
+            not isinstance(value, ast.Subscript)
+            or not isinstance(value.value, ast.Name)
+            or value.value.id != "x"
+            or not isinstance(subscript, ast.Constant)
+            or type(subscript.value) is not int
+            or subscript.value != index
+        ):
+            self._fail(value, f"'{target}=x[{index}]' is due here")
+        self._new_variable(value)
+
+    def _read_relation(self, definition: ast.FunctionDef, number: int) -> CheckedRelation:
+        name = f"_tf{number}"
+        parameters = self._read_signature(definition, name)
+        expression, constraint = self._read_body(definition, parameters)
+        result = f"t{len(self._lines)}"
+        call = self._assignment(result, f"'{result}={name}(...)'")
+        if (
+            not isinstance(call, ast.Call)
+            or not isinstance(call.func, ast.Name)
+            or call.func.id != name
+            or call.keywords
+            or len(call.args) != len(parameters)
+        ):
+            self._fail(call, f"'{result}={name}(...)' with {len(parameters)} arguments is due here")
+        arguments = [self._use(argument) for argument in call.args]
+        if len(set(arguments)) < len(arguments):
+            self._fail(call, f"{name} gets the same argument twice")
+        self._new_variable(call)
+        return CheckedRelation(result, dict(zip(parameters, arguments)), expression, constraint)
+
+    def _read_signature(self, definition: ast.FunctionDef, name: str) -> List[str]:
+        arguments = definition.args
+        parameters = [argument.arg for argument in arguments.args]
+        plain = not (
+            arguments.posonlyargs
+            or arguments.vararg
+            or arguments.kwonlyargs
+            or arguments.kwarg
+            or arguments.defaults
+            or definition.decorator_list
+            or definition.returns
+            or any(argument.annotation for argument in arguments.args)
+        )
+        expected = [f"i{index + 1}" for index in range(len(parameters))]
+        if definition.name != name or not plain or parameters != expected:
+            self._fail(definition, f"'def {name}(i1,i2,...)' is due here")
+        return parameters
+
+    def _read_body(
+        self, definition: ast.FunctionDef, parameters: Sequence[str]
+    ) -> Tuple[ast.expr, Optional[ast.expr]]:
+        body = list(definition.body)
+        constraint: Optional[ast.expr] = None
+        used: List[str] = []
+        if len(body) == 2:
+            constraint = self._read_require(body.pop(0))
+            used += self._check(constraint, condition=True)
+        if len(body) != 1 or not isinstance(body[0], ast.Return) or body[0].value is None:
+            self._fail(
+                definition, f"{definition.name} must be 'return ...', after one 'require(...)'"
+            )
+        used += self._check(body[0].value, condition=False)
+        if set(used) != set(parameters):
+            self._fail(
+                definition,
+                f"{definition.name} must use its arguments, all of them and nothing else",
+            )
+        return body[0].value, constraint
+
+    def _read_require(self, statement: ast.stmt) -> ast.expr:
+        call = statement.value if isinstance(statement, ast.Expr) else None
+        if (
+            not isinstance(call, ast.Call)
+            or not isinstance(call.func, ast.Name)
+            or call.func.id != "require"
+            or call.keywords
+            or len(call.args) != 1
+        ):
+            self._fail(statement, "'require(condition)' is due here")
+        return call.args[0]
+
+    def _check(self, tree: ast.expr, condition: bool) -> Sequence[str]:
+        try:
+            return check_tree(tree, condition)
+        except ExpressionError as error:
+            raise CodeError(f"line {tree.lineno}: {error}") from error
+
+    def _read_outputs(self, n_outputs: int) -> Tuple[str, ...]:
+        value = self._assignment("y", "'y=...'")
+        extra = self._peek()
+        if extra is not None:
+            self._fail(extra, "nothing may follow 'y=...'")
+        nodes = [value] if n_outputs == 1 else value.elts if isinstance(value, ast.Tuple) else []
+        if len(nodes) != n_outputs:
+            self._fail(value, f"y must have {n_outputs} values")
+        return tuple(self._use(node) for node in nodes)

@@ -1,0 +1,101 @@
+"""Generates a substitute's three strings from derivations (Section V-A3 of the paper)."""
+from dataclasses import dataclass
+from typing import Dict, List, Mapping, Sequence, Tuple
+
+from shsa_core.codegen.checked_code import check_code
+from shsa_core.errors import CodeError, GenerationError
+from shsa_core.model.expression import Expression
+from shsa_core.model.ontology import Constant, TransferFunction
+from shsa_core.search.derivation import Derivation
+
+
+@dataclass(frozen=True)
+class Program:
+    """The three strings of a substitute: input paths, code, output paths."""
+
+    inputs: Tuple[str, ...]
+    code: str
+    outputs: Tuple[str, ...]
+
+
+def generate(
+    derivations: Sequence[Tuple[Derivation, str]], constants: Mapping[str, Constant]
+) -> Program:
+    """The program that computes each derivation for its output path, in order.
+
+    Every input is read once and every relation computed once, however often it is used.
+    Raises GenerationError, by name, where a relation has no executable function.
+    """
+    nodes = _in_order([derivation for derivation, _ in derivations])
+    inputs = list(dict.fromkeys(n.service.path for n in nodes if n.service is not None))
+    variables: Dict[int, str] = {}
+    computed: Dict[Tuple[str, str, Tuple[str, ...]], str] = {}
+    lines: List[str] = []
+    if inputs:
+        lines.append(" ".join(f"t{i}=x[{i}];" for i in range(len(inputs))))
+    for node in nodes:
+        if node.service is not None:
+            variables[id(node)] = f"t{inputs.index(node.service.path)}"
+        elif node.function is not None:
+            arguments = tuple(variables[id(child)] for child in node.inputs)
+            use = (node.function.relation, node.function.output, arguments)
+            if use not in computed:
+                computed[use] = f"t{len(inputs) + len(computed)}"
+                name = f"_tf{len(computed)}"
+                lines += _definition(name, node.function, constants)
+                lines.append(f"{computed[use]}={name}({','.join(arguments)})")
+            variables[id(node)] = computed[use]
+    results = [variables[id(derivation)] for derivation, _ in derivations]
+    lines.append("y=" + (results[0] if len(results) == 1 else f"({','.join(results)})"))
+    code = "\n".join(lines) + "\n"
+    try:
+        check_code(code, len(inputs), len(results))
+    except CodeError as error:
+        names = ", ".join(dict.fromkeys(n.function.relation for n in nodes if n.function))
+        raise GenerationError(f"no code for the relations {names}: {error}") from error
+    return Program(tuple(inputs), code, tuple(path for _, path in derivations))
+
+
+def _in_order(roots: Sequence[Derivation]) -> List[Derivation]:
+    """Every derivation once, inputs before what is made of them, left to right."""
+    done: Dict[int, Derivation] = {}
+    stack: List[Tuple[Derivation, bool]] = [(root, False) for root in reversed(roots)]
+    while stack:
+        node, expanded = stack.pop()
+        if id(node) in done:
+            continue
+        if expanded or not node.inputs:
+            done[id(node)] = node
+        else:
+            stack.append((node, True))
+            stack.extend((child, False) for child in reversed(node.inputs))
+    return list(done.values())
+
+
+def _definition(
+    name: str, function: TransferFunction, constants: Mapping[str, Constant]
+) -> List[str]:
+    if function.expression is None:
+        raise GenerationError(
+            f"the relation {function.relation} for {function.output} cannot be executed: {function.text}"
+        )
+    parameters = {prop: f"i{i}" for i, prop in enumerate(function.inputs, 1)}
+    lines = [
+        f"def {name}({','.join(parameters.values())}): # {function.relation}: {function.output}"
+    ]
+    if function.constraint is not None:
+        lines.append(f"  require({_written(function.constraint, parameters, constants)})")
+    lines.append(f"  return {_written(function.expression, parameters, constants)}")
+    return lines
+
+
+def _written(
+    expression: Expression, parameters: Mapping[str, str], constants: Mapping[str, Constant]
+) -> str:
+    return expression.with_names(
+        {n: parameters.get(n) or _number(constants[n].value) for n in expression.names}
+    )
+
+
+def _number(value: float) -> str:
+    return repr(value) if value >= 0 else f"({value!r})"

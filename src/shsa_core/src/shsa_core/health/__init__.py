@@ -1,0 +1,1 @@
+"""How each publisher of each topic is doing."""

@@ -1,0 +1,1 @@
+"""What is known of the robot: properties, relations, and which topics provide what."""

@@ -1,0 +1,80 @@
+"""The ontology: properties of a robot and the relations between them (Section III-B of the paper)."""
+from dataclasses import dataclass, field
+from typing import Mapping, Optional, Sequence, Tuple
+
+import networkx as nx
+
+from shsa_core.model.expression import Expression
+from shsa_core.model.network import Network
+
+
+@dataclass(frozen=True)
+class Property:
+    """A quantity of the robot. `unit` is its unit as text, `""` if it is not known; `where` is file and line."""
+
+    name: str
+    unit: str = ""
+    symbol: str = ""
+    where: str = field(default="", compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A property that never changes; `value` in `unit`."""
+
+    name: str
+    value: float
+    unit: str = ""
+    where: str = field(default="", compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class TransferFunction:
+    """One direction of a relation: computes the property `output` from the properties `inputs`.
+
+    `inputs` are the properties that the expression or the constraint names, in order of first use; constants are
+    not among them. `expression` is None where the file has a function that cannot be executed: it takes part in
+    the search and is refused at generation. `quality` is in (0, 1]. Where `constraint` is false there is no output.
+    `text` is the function as it was written, `where` the file and line.
+    """
+
+    relation: str
+    output: str
+    inputs: Tuple[str, ...]
+    expression: Optional[Expression]
+    quality: float = 1.0
+    constraint: Optional[Expression] = None
+    text: str = ""
+    where: str = field(default="", compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class Ontology:
+    """Properties, constants and relations; immutable once made."""
+
+    properties: Mapping[str, Property]
+    constants: Mapping[str, Constant]
+    functions: Sequence[TransferFunction]
+    network: Network = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "network", Network(self.properties, self.functions))
+
+    def functions_for(self, name: str) -> Tuple[TransferFunction, ...]:
+        """The transfer functions that yield the property `name`, by the name of their relation."""
+        return self.network.functions_for(name)
+
+    def graph(self) -> nx.DiGraph:
+        """The bipartite graph of properties (`kind="property"`) and functions (`kind="relation"`).
+
+        A property's node is its name; a function's node is the pair (relation, output).
+        Edges follow the data: input property -> function -> output property.
+        """
+        graph = nx.DiGraph()
+        graph.add_nodes_from(self.properties, kind="property")
+        for function in self.functions:
+            node = (function.relation, function.output)
+            graph.add_node(node, kind="relation", quality=function.quality)
+            graph.add_edges_from((name, node) for name in function.inputs)
+            graph.add_edge(node, function.output)
+        return graph

@@ -1,0 +1,178 @@
+"""Every derivation of a property, best first, each found when it is asked for.
+
+A derivation is a service, or a function with one derivation of each input; the next best differs from one found
+before in one input alone, by one place (L. Huang, D. Chiang: Better k-best parsing, IWPT 2005). Where properties
+depend on one another, an input's derivations are those that keep off the path that leads to it.
+"""
+from heapq import heapify, heappop, heappush
+from typing import Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence, Tuple
+
+from shsa_core.model.network import Network
+from shsa_core.model.ontology import TransferFunction
+from shsa_core.search.best import BestDerivations, Usable
+from shsa_core.search.derivation import LOST, Rated, ServiceTable
+from shsa_core.search.derivation import joint, names_before, rate_function, rate_service
+from shsa_core.search.ratings import Ratings, dependents
+
+EVERYWHERE: FrozenSet[int] = frozenset()
+ROOT = -1
+
+
+class Candidate:
+    """A derivation from a service, or by a function from the derivations at `places` in its inputs' lists."""
+
+    def __init__(
+        self,
+        rated: Rated,
+        function: Optional[TransferFunction] = None,
+        inputs: Sequence["Ranked"] = (),
+        places: Tuple[int, ...] = (),
+    ) -> None:
+        self.rated = rated
+        self.function = function
+        self.inputs = inputs
+        self.places = places
+
+    def __lt__(self, other: "Candidate") -> bool:
+        if self.rated.key != other.rated.key:
+            return self.rated.key < other.rated.key
+        return names_before(self.rated.derivation, other.rated.derivation)
+
+
+class Ranked:
+    """The derivations of one property that keep off the properties in `path`, best first, as far as known."""
+
+    def __init__(self, number: int, path: FrozenSet[int], first: Rated) -> None:
+        self.number = number
+        self.path = path
+        self.items = [first]
+        self.candidates: Optional[List[Candidate]] = None  # None until a second item is asked for
+        self.complete = False
+        self._last: Optional[Candidate] = None
+        self._changes: List[
+            int
+        ] = []  # the inputs by which the last item's successors differ from it
+
+    def advance(self) -> Optional[Tuple["Ranked", int]]:
+        """Finds the next item, or that there is none. Else returns which item of which list is needed first."""
+        assert self.candidates is not None
+        while self._changes:
+            assert self._last is not None and self._last.function is not None
+            inputs, places = self._last.inputs, self._last.places
+            change = self._changes[-1]
+            place = places[change] + 1
+            if len(inputs[change].items) > place:
+                places = places[:change] + (place,) + places[change + 1 :]
+                rated = [ranked.items[place] for ranked, place in zip(inputs, places)]
+                function = self._last.function
+                successor = Candidate(rate_function(function, rated), function, inputs, places)
+                heappush(self.candidates, successor)
+            elif not inputs[change].complete:
+                return inputs[change], place
+            self._changes.pop()
+        if self.candidates:
+            self.items.append(self.take().rated)
+        else:
+            self.complete = True
+        return None
+
+    def take(self) -> Candidate:
+        """Takes the best candidate as the last item: its successors become candidates when the next is asked for."""
+        assert self.candidates
+        self._last = heappop(self.candidates)
+        # A successor differs in an input after which all are at their first place: so each comes up once.
+        places = self._last.places
+        earliest = max((i for i, place in enumerate(places) if place), default=0)
+        self._changes = list(range(earliest, len(places)))
+        return self._last
+
+
+class Ranking:
+    """The joint derivations of several properties, best first."""
+
+    def __init__(
+        self, network: Network, services: ServiceTable, usable: Optional[Usable] = None
+    ) -> None:
+        self._network = network
+        self._services = services
+        self._best = BestDerivations(network, services, usable, prune=False)
+        self._ranked: Dict[Tuple[int, FrozenSet[int]], Ranked] = {}
+        self._users: Dict[int, Mapping[int, Sequence[int]]] = {}  # by the first property of a cycle
+
+    def joint(self, targets: Sequence[int]) -> Iterator[Rated]:
+        """Every way to derive all the targets, best first; the derivation's inputs follow the targets."""
+        for target in targets:
+            self._best.settle(target)
+        function = joint([self._network.names[target] for target in targets])
+        candidate = self._candidate(function, targets, self._best.ratings)
+        if candidate is None:
+            return
+        root = Ranked(ROOT, EVERYWHERE, candidate.rated)
+        root.candidates = [candidate]
+        root.take()
+        place = 0
+        while place < len(root.items):
+            yield root.items[place]
+            place += 1
+            self._find(root, place)
+
+    def _find(self, ranked: Ranked, place: int) -> None:
+        """Extends the list up to the item at `place`, if there is one."""
+        stack = [(ranked, place)]
+        while stack:
+            ranked, place = stack[-1]
+            if ranked.complete or len(ranked.items) > place:
+                stack.pop()
+                continue
+            if ranked.candidates is None:
+                self._begin(ranked)
+            needed = ranked.advance()
+            if needed is not None:
+                stack.append(needed)
+
+    def _begin(self, ranked: Ranked) -> None:
+        """Looks for the candidates of a list whose first item is known, and takes that one."""
+        number, best = ranked.number, self._best
+        ratings = best.ratings
+        path = EVERYWHERE
+        cycle = best.cycles.get(number)
+        if cycle is not None:
+            path = ranked.path | {number}
+            ratings = Ratings(self._network, self._services, best.ratings)
+            for blocked in path:
+                ratings[blocked] = LOST
+            best.settle_cycle(dependents(self._users_within(cycle), path) - path, ratings)
+        candidates = [Candidate(rate_service(service)) for service in self._services.of(number)]
+        for f in best.functions(number):
+            inputs = self._network.inputs_of(f)
+            candidate = self._candidate(self._network.functions[f], inputs, ratings, cycle, path)
+            if candidate is not None:
+                candidates.append(candidate)
+        heapify(candidates)
+        ranked.candidates = candidates
+        ranked.take()
+
+    def _users_within(self, cycle: Sequence[int]) -> Mapping[int, Sequence[int]]:
+        """Which properties of a cycle use which, at once, in their best derivations."""
+        if cycle[0] not in self._users:
+            self._users[cycle[0]] = self._best.ratings.users(cycle)
+        return self._users[cycle[0]]
+
+    def _candidate(
+        self,
+        function: TransferFunction,
+        inputs: Sequence[int],
+        ratings: Ratings,
+        cycle: Optional[Sequence[int]] = None,
+        path: FrozenSet[int] = EVERYWHERE,
+    ) -> Optional[Candidate]:
+        """The best derivation by a function, None if there is none; inputs on `cycle` keep off `path`."""
+        lists = []
+        for number in inputs:
+            first = ratings.rated(number)
+            if first is None:
+                return None
+            off = path if self._best.cycles.get(number) is cycle else EVERYWHERE
+            lists.append(self._ranked.setdefault((number, off), Ranked(number, off, first)))
+        rated = rate_function(function, [ranked.items[0] for ranked in lists])
+        return Candidate(rated, function, lists, (0,) * len(lists))
