@@ -32,7 +32,8 @@ class Outputs:
         wanted = {service.topic: service for service in services}
         missing = wanted.keys() - self._publishers.keys()
         new = [self._advertise(wanted[topic]) for topic in missing]
-        threading.Thread(target=assure, args=(new, UNHURRIED), daemon=True).start()
+        if new:
+            threading.Thread(target=assure, args=(new, UNHURRIED), daemon=True).start()
         _withdraw([self._publishers.pop(t) for t in self._publishers.keys() - wanted.keys()])
 
     def take(self, service: Service) -> rospy.Publisher:
