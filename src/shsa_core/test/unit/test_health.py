@@ -245,6 +245,10 @@ def test_a_mute_substitute_is_never_silent(bench: Bench) -> None:
     bench.connect("/substitute_1")
     bench.stream(500)
     assert bench.failures == [] and bench.state("/substitute_1") == "unknown"
+    assert bench.core.mute() == {(TOPIC, "/substitute_1")}
+    bench.substitutes(("/substitute_1", True))
+    assert bench.core.mute() == set()
+    bench.substitutes(("/substitute_1", False))
     bench.disconnect("/substitute_1")
     assert bench.failures == [] and bench.state("/substitute_1") is None
 

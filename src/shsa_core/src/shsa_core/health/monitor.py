@@ -91,6 +91,15 @@ class HealthMonitor:
             for p in topic.publishers.values()
         }
 
+    def mute(self) -> Set[Key]:
+        """The publishers that say nothing and need not: substitutes that stand by."""
+        return {
+            (topic.name, p.name)
+            for topic in self._topics.values()
+            for p in topic.publishers.values()
+            if p.state == UNKNOWN and self._excused(topic, p)
+        }
+
     def _som_changed(self, event: SomChanged) -> None:
         old, self._topics = self._topics, {}
         for name in event.som.topics():

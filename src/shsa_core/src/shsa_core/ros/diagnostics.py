@@ -1,7 +1,7 @@
 """The health table on /diagnostics, once a second, for display; no decision reads it."""
 import queue
 import threading
-from typing import Dict, Optional, Tuple
+from typing import Dict, Optional, Set, Tuple
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -13,8 +13,8 @@ from shsa_core.ros import clock
 PERIOD = 1.0
 LEVELS = {HEALTHY: DiagnosticStatus.OK, FAILED: DiagnosticStatus.ERROR}
 
-Snapshot = Tuple[Tuple[PublisherHealth, ...], Dict[Key, int]]
-"""The health table, and how many messages came from each publisher so far."""
+Snapshot = Tuple[Tuple[PublisherHealth, ...], Dict[Key, int], Set[Key]]
+"""The health table, how many messages came from each publisher so far, and which of them stand by."""
 
 
 class Diagnostics:
@@ -33,10 +33,13 @@ class Diagnostics:
 
     def _run(self) -> None:
         while not rospy.is_shutdown():
-            table, counts = self._snapshots.get()
+            table, counts, mute = self._snapshots.get()
             now = clock.now()
             elapsed = None if self._shown is None else now - self._shown
             status = [self._status(row, counts, elapsed, now) for row in table]
+            for row, shown in zip(table, status):
+                if (row.topic, row.publisher) in mute:
+                    shown.level, shown.message = DiagnosticStatus.OK, "stands by, mute"
             self._publisher.publish(
                 DiagnosticArray(header=Header(stamp=rospy.Time.now()), status=status)
             )

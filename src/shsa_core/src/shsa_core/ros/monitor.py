@@ -199,7 +199,7 @@ class Monitor:
     def _report(self) -> None:
         if not self._readers:
             rospy.loginfo_throttle(10.0, f"Monitor: waiting for a SOM at {SOM_PARAMETER}.")
-        self._diagnostics.show((self._core.table(), self._core.messages()))
+        self._diagnostics.show((self._core.table(), self._core.messages(), self._core.mute()))
 
 
 def _settings() -> Settings:
