@@ -143,6 +143,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--reconfigurations", type=int, default=50, help="for each standby")
     parser.add_argument("--seconds", type=float, default=30.0, help="before and after")
+    parser.add_argument("--only", nargs="+", choices=STANDBYS, default=STANDBYS)
     parser.add_argument("--short", action="store_true", help="two of a hot topic, as a check")
     parser.add_argument("--results", type=Path, default=Path("results/bench"))
     options = parser.parse_args()
@@ -155,7 +156,7 @@ def main() -> int:
         consumers = Consumers(graph, TOPIC)
         for topic in TOPICS:
             graph.cpp("talker", topic, str(PERIOD), f"__name:={topic[1:]}")
-        for standby in ("hot",) if options.short else STANDBYS:
+        for standby in ("hot",) if options.short else options.only:
             task = progress.add_task(standby, total=count)
             make = lambda: Healed(graph, consumers, standby, PERIOD, kill_hard)
             process = graph.cpp("consumer", *TOPICS, "__name:=listener", heard=True)

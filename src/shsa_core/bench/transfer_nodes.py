@@ -37,6 +37,7 @@ RATE = 1.0  # Hz, of each application node
 COLUMNS = ("measure", "nodes", "repetition", "ms")
 TRANSFER = ("start", "up", "shut", "down")
 TAKEOVERS = ("warm", "hot")
+PARTS = ("transfer", *TAKEOVERS)
 
 
 class Results:
@@ -153,6 +154,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repetitions", type=int, default=100)
     parser.add_argument("--nodes", type=int, nargs="+", default=list(range(0, 501, 100)))
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="only these parts")
     parser.add_argument("--fresh", action="store_true", help="forget what was measured before")
     parser.add_argument("--short", action="store_true", help="once with 0 and 5 nodes, as a check")
     parser.add_argument("--results", type=Path, default=Path("results/bench"))
@@ -170,9 +172,10 @@ def main() -> int:
         BarColumn(),
         TextColumn("{task.completed}/{task.total}"),
     )
-    parts = ("down", *TAKEOVERS)
-    total = len(parts) * len(levels) * repetitions
-    done = sum(min(repetitions, results.count(part, nodes)) for part in parts for nodes in levels)
+    # A transfer node's last measure tells that all of them are there.
+    lasts = [TRANSFER[-1] if part == "transfer" else part for part in options.only]
+    total = len(lasts) * len(levels) * repetitions
+    done = sum(min(repetitions, results.count(last, nodes)) for last in lasts for nodes in levels)
     if done:
         CONSOLE.print(f"{done} repetitions are there already; --fresh forgets them.")
     with Graph() as graph, Progress(*columns, TimeRemainingColumn(), console=CONSOLE) as progress:
@@ -180,7 +183,7 @@ def main() -> int:
         consumers = Consumers(graph, TOPIC)
         applications = Applications(graph, RATE)
         for nodes in levels:
-            if all(results.count(m, nodes) >= repetitions for m in parts):
+            if all(results.count(last, nodes) >= repetitions for last in lasts):
                 continue
             progress.update(task, description=f"{nodes} nodes")
             applications.grow(nodes)
@@ -190,10 +193,11 @@ def main() -> int:
                     results.add(measure, nodes, value)
                 progress.advance(task)
 
-            enough = lambda: results.count("down", nodes) >= repetitions
-            misses += repeat(graph, lambda: TransferNode(graph, consumers), transfer, enough)
+            enough = lambda: results.count(TRANSFER[-1], nodes) >= repetitions
+            if "transfer" in options.only and not enough():
+                misses += repeat(graph, lambda: TransferNode(graph, consumers), transfer, enough)
             for standby in TAKEOVERS:
-                if results.count(standby, nodes) >= repetitions:
+                if standby not in options.only or results.count(standby, nodes) >= repetitions:
                     continue
 
                 def take_over(robot: Healed) -> None:
