@@ -62,7 +62,8 @@ class Graph:
         error: Optional[BaseException],
         trace: Optional[TracebackType],
     ) -> None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        for impatience in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(impatience, signal.SIG_IGN)
         for process in self._started():
             try:
                 process.kill()
