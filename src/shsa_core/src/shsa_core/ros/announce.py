@@ -22,8 +22,8 @@ def announce(publisher: rospy.Publisher) -> None:
         subscribers: List[str] = master.registerPublisher(topic, kind, uri)
         # Registering as a subscriber is the cheapest way to the list of publishers.
         publishers: List[str] = master.registerSubscriber(topic, kind, uri)
-        _tell(subscribers, topic, publishers)
         master.unregisterSubscriber(topic, uri)
+        _tell(subscribers, topic, publishers)
     except (rosgraph.MasterException, OSError) as error:
         rospy.logwarn("%s could not be announced: %s", topic, error)
     assure([publisher])
