@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Dict, List, Tuple
 
 import matplotlib.pyplot as plt
+import rosgraph
+import rospy
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -102,7 +104,7 @@ class TransferNode:
         asked = time.monotonic()
         # The node does not answer: the call lasts until its process is gone.
         threading.Thread(target=shut_down, args=(node,)).start()
-        wait_until(lambda: uri_of(node) == "", PATIENCE, f"{node} unregisters")
+        wait_until(lambda: not _has_services(node), PATIENCE, f"{node} unregisters")
         shut = time.monotonic() - asked
         wait_until(lambda: process.poll() is not None, PATIENCE, f"the process of {node} ends")
         down = time.monotonic() - asked
@@ -111,6 +113,18 @@ class TransferNode:
     def end(self) -> None:
         """Stop the node that publishes the input."""
         ask_to_leave(self._steady)
+
+
+def _has_services(node: str) -> bool:
+    """Whether the services of a rospy node, which it unregisters last, are known to the master.
+
+    The node's name will not do: one that has ever logged a warning stays known by a subscribed parameter.
+    """
+    try:
+        rosgraph.Master(rospy.get_name()).lookupService(node + "/set_logger_level")
+    except rosgraph.MasterException:
+        return False
+    return True
 
 
 def plot(results: Results, path: Path) -> None:
