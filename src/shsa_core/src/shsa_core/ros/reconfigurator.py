@@ -32,6 +32,7 @@ SAY: Dict[str, Callable[[str], None]] = {
     "warn": rospy.logwarn,
     "error": rospy.logerr,
 }
+LEARNING = (0.0, 0.5, 2.0)  # s before each try to learn which process a node is
 SETTLED = (State.HEALED, State.UNHEALED, State.SAFE, State.ENDED)
 
 
@@ -202,8 +203,18 @@ class ReconfiguratorNode:
         for row in health.publishers:
             if row.state == row.HEALTHY and (row.publisher, row.since) not in self._known:
                 self._known.add((row.publisher, row.since))
-                threading.Thread(target=self._learn, args=(row.publisher,), daemon=True).start()
+                threading.Thread(
+                    target=self._learn_in_time, args=(row.publisher,), daemon=True
+                ).start()
         self._enqueue(convert.health_seen(health))
+
+    def _learn_in_time(self, node: str) -> None:
+        """Learn a node's process before it is needed; a busy node may not answer at once."""
+        for pause in LEARNING:
+            rospy.rostime.wallsleep(pause)
+            self._learn(node)
+            if self._fence.knows(node):
+                return
 
     def _learn(self, node: str) -> None:
         process = self._fence.learn(node)
