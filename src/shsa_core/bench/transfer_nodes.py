@@ -2,7 +2,7 @@
 
 A transfer node is a substitute, started by rosrun with its three strings. Of each, in ms:
     start: from the command until the master knows the node.   up: from the command to its first message at a consumer.
-    shut: from asking it to leave until the master has forgotten it.   down: from asking until its process is gone.
+    shut: from asking it to leave until its registrations are gone.   down: from asking until its process is gone.
 Then takeovers of warm and hot topics: from the last good message before a kill -9 to the first one after it.
 
 Rows are appended to transfer_nodes.csv and counted: a measurement that was interrupted goes on where it was. Draws
