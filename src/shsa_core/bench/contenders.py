@@ -6,8 +6,8 @@ from typing import Callable, Dict, Protocol, TypeVar
 
 import rospy
 
-from report import CONSOLE
 from graph import PATIENCE, Graph, ask_to_leave, shut_down
+from report import CONSOLE
 from robot import NODE, TOPIC, Consumers, HealthyRobot, talker
 from shsa_core.ros.testing import node_pid, node_process, publishers, wait_until
 from takeover import Takeover, gap, healed

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import uuid
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -145,10 +146,8 @@ def uri_of(node: str) -> str:
 
 def shut_down(node: str) -> None:
     """What `rosnode kill` does, without the start of a command."""
-    try:
+    with suppress(OSError):  # it may be gone before it can answer
         slave(uri_of(node)).shutdown(rospy.get_name(), "the benchmark says so")
-    except OSError:
-        pass  # it was gone before it could answer
 
 
 def service(topic: str, node: str, period: float, **more: object) -> Dict[str, object]:

@@ -4,7 +4,7 @@ import pathlib
 import re
 import subprocess
 import sys
-from typing import Any, Callable, List, Optional, Tuple
+from typing import Any, Callable, Optional, Tuple
 from xml.etree import ElementTree
 
 import pytest

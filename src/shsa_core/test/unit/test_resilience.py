@@ -3,7 +3,7 @@ import dataclasses
 from itertools import combinations
 from math import comb
 from random import Random
-from typing import FrozenSet, Iterable, List, Set, Tuple
+from typing import Iterable, List, Set, Tuple
 
 import pytest
 from hypothesis import given, settings

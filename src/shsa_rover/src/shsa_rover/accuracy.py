@@ -11,7 +11,7 @@ import numpy as np
 
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
-from shsa_core.model.ontology import Ontology, TransferFunction
+from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Service, Som
 from shsa_core.search.substitutes import Derivation, find_substitute
 from shsa_rover.dataset import Dataset

@@ -15,7 +15,7 @@ from shsa_core.errors import ModelError  # noqa: E402
 from shsa_core.model.ontology import Ontology  # noqa: E402
 from shsa_core.model.som import Service  # noqa: E402
 from shsa_core.search.best import BestDerivations  # noqa: E402
-from shsa_core.search.derivation import LOST, Derivation, ServiceTable  # noqa: E402
+from shsa_core.search.derivation import Derivation, ServiceTable  # noqa: E402
 
 Node = Union[str, Tuple[str, str]]
 Position = Tuple[float, float]

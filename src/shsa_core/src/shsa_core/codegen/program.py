@@ -2,7 +2,7 @@
 import ast
 import math
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Iterable, List, Mapping, NoReturn, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
 from shsa_core.model.expression import literal
@@ -10,7 +10,6 @@ from shsa_core.model.functions import (
     CONSTANTS,
     ELAPSED,
     MAX_GAP,
-    RESERVED,
     STATEFUL,
     Memory,
     elapsed,

@@ -2,7 +2,7 @@
 from collections import deque
 from dataclasses import dataclass
 from math import ceil, isfinite
-from typing import Deque, List, Optional, Sequence, Tuple
+from typing import Deque, List, Optional, Tuple
 
 from shsa_core.health.events import Message
 from shsa_core.model import checks

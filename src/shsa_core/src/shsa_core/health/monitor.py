@@ -246,8 +246,8 @@ class HealthMonitor:
         if key in self._retired:
             return True
         # An idle one, or one that speaks elsewhere, may have advertised this topic as well.
-        substitutes = {node for _, node in self._substitutes}
-        return publisher.name in substitutes and not self._substitutes.get(key, False)
+        substitute = any(node == publisher.name for _, node in self._substitutes)
+        return substitute and not self._substitutes.get(key, False)
 
     def _intrusion(
         self, topic: WatchedTopic, publisher: Publisher, time: float

@@ -58,9 +58,9 @@ def _tell_missing(
     """Tell those subscribers that have no connection."""
     topic = publisher.resolved_name
     connected = _connected(publisher)
-    missing = [node for node in _of_topic(subscribing, topic) if node not in connected]
+    missing = [node for node in of_topic(subscribing, topic) if node not in connected]
     if missing:
-        publishers = [master.lookupNode(node) for node in _of_topic(publishing, topic)]
+        publishers = [master.lookupNode(node) for node in of_topic(publishing, topic)]
         _tell([master.lookupNode(node) for node in missing], topic, publishers)
 
 
@@ -69,7 +69,8 @@ def _connected(publisher: rospy.Publisher) -> Set[str]:
     return {connection.endpoint_id for connection in impl.connections} if impl else set()
 
 
-def _of_topic(state: Graph, topic: str) -> List[str]:
+def of_topic(state: Graph, topic: str) -> List[str]:
+    """The nodes that publish or subscribe a topic, by one part of the master's getSystemState."""
     return [node for name, nodes in state if name == topic for node in nodes]
 
 

@@ -7,7 +7,7 @@ handled before anybody is judged, and a connection that ends is seen after its l
 import struct
 import weakref
 from dataclasses import dataclass, field
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Set, Union
+from typing import Any, Dict, Iterator, List, NamedTuple, Set, Union
 
 import rospy
 from rospy.impl.registration import Registration, get_topic_manager

@@ -8,6 +8,7 @@ from shsa_core.model.som import Service
 from shsa_core.ros.announce import announce, assure
 from shsa_core.ros.messages import message_class
 
+CALM = 0.2  # s from a takeover on in which nothing else is done
 UNHURRIED = (0.5, 1.0, 2.0)  # s; by then the master has told everybody, if it can
 
 
@@ -45,8 +46,8 @@ class Outputs:
         else:
             threading.Thread(target=assure, args=([publisher],), daemon=True).start()
         others = [self._publishers.pop(t) for t in self._publishers.keys() - {service.topic}]
-        # Taking them back takes a call to the master each, for which nobody should wait now.
-        threading.Thread(target=_withdraw, args=(others,), daemon=True).start()
+        if others:
+            threading.Thread(target=_withdraw_later, args=(others,), daemon=True).start()
         return publisher
 
     def _advertise(self, service: Service) -> rospy.Publisher:
@@ -59,6 +60,13 @@ class Outputs:
         )
         self._publishers[service.topic] = publisher
         return publisher
+
+
+def _withdraw_later(publishers: List[rospy.Publisher]) -> None:
+    """Take topics back once the first messages are out: each takes a call to the master."""
+    rospy.rostime.wallsleep(CALM)
+    if not rospy.is_shutdown():
+        _withdraw(publishers)
 
 
 def _withdraw(publishers: List[rospy.Publisher]) -> None:

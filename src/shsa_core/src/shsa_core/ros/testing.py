@@ -12,6 +12,7 @@ import rosgraph
 import rospy
 from shsa_msgs.msg import Incident, SomState, Substitutions
 
+from shsa_core.ros.announce import of_topic
 from shsa_core.ros.slave import slave
 
 POLL = 0.005
@@ -120,14 +121,12 @@ def node_pid(node: str) -> int:
 
 def publishers(topic: str) -> List[str]:
     """The nodes registered as publishers of a topic."""
-    state = rosgraph.Master(rospy.get_name()).getSystemState()
-    return [node for name, nodes in state[0] if name == topic for node in nodes]
+    return of_topic(rosgraph.Master(rospy.get_name()).getSystemState()[0], topic)
 
 
 def subscribers(topic: str) -> List[str]:
     """The nodes registered as subscribers of a topic."""
-    state = rosgraph.Master(rospy.get_name()).getSystemState()
-    return [node for name, nodes in state[1] if name == topic for node in nodes]
+    return of_topic(rosgraph.Master(rospy.get_name()).getSystemState()[1], topic)
 
 
 def is_connected(node: str, topic: str, publisher: str) -> bool:

@@ -11,7 +11,7 @@ from typing import Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 import networkx as nx
 
 from shsa_core.model.network import Network
-from shsa_core.search.derivation import LOST, NOT_RATED, UNRATED, Rating, ServiceTable
+from shsa_core.search.derivation import LOST, NOT_RATED, ServiceTable
 from shsa_core.search.ratings import Ratings
 
 Usable = Callable[[int], bool]
