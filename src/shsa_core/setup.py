@@ -1,7 +1,7 @@
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
-PARTS = ("model", "search", "codegen", "analysis", "health", "healing", "cli", "ros")
+PARTS = ("language", "files", "model", "search", "codegen", "analysis", "monitoring", "healing", "substitution", "cli", "ros", "ros.graph")
 
 setup(
     **generate_distutils_setup(

@@ -18,7 +18,7 @@ from shsa_msgs.msg import Failure, Health
 from std_msgs.msg import String
 
 from graph import FAULTY_PUBLISHER, MONITOR, PATIENCE, Graph, service, shut_down
-from shsa_core.ros.som_parameter import SOM_PARAMETER
+from shsa_core.ros.graph.som_parameter import SOM_PARAMETER
 from shsa_core.ros.testing import wait_until
 
 PERIOD = 0.02

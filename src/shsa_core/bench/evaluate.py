@@ -17,8 +17,9 @@ from rich.table import Table
 
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
-from shsa_core.model.expression import parse_constraint, parse_expression
-from shsa_core.model.ontology import Constant, TransferFunction
+from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.model.ontology import Constant
+from shsa_core.model.relation import TransferFunction
 from shsa_core.model.som import Service
 from shsa_core.search.derivation import Derivation
 

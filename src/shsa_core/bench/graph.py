@@ -18,7 +18,7 @@ import rosgraph
 import rospy
 from roslib.packages import find_node
 
-from shsa_core.ros.slave import slave
+from shsa_core.ros.graph.node_api import node_api
 from shsa_core.ros.testing import HealedRobot, running, wait_until
 
 PACKAGE = Path(__file__).resolve().parent.parent
@@ -147,7 +147,7 @@ def uri_of(node: str) -> str:
 def shut_down(node: str) -> None:
     """What `rosnode kill` does, without the start of a command."""
     with suppress(OSError):  # it may be gone before it can answer
-        slave(uri_of(node)).shutdown(rospy.get_name(), "the benchmark says so")
+        node_api(uri_of(node)).shutdown(rospy.get_name(), "the benchmark says so")
 
 
 def service(topic: str, node: str, period: float, **more: object) -> Dict[str, object]:

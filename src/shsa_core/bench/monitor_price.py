@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from graph import BENCH, MONITOR, Graph, ask_to_leave, service
-from shsa_core.ros.som_parameter import SOM_PARAMETER
+from shsa_core.ros.graph.som_parameter import SOM_PARAMETER
 
 TOPICS = 50
 PROBED = 5

@@ -22,8 +22,9 @@ from report import Goals
 
 from shsa_core.analysis.resilience import analyse
 from shsa_core.healing.plans import PlanTable
-from shsa_core.model.expression import parse_expression
-from shsa_core.model.ontology import Ontology, TransferFunction
+from shsa_core.language.expression import parse_expression
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.relation import TransferFunction
 from shsa_core.model.som import Service, Som
 from shsa_core.search.substitutes import find_first, find_substitute, improving_substitutes
 

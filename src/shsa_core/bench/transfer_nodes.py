@@ -28,9 +28,9 @@ from graph import FAULTY_PUBLISHER, PATIENCE, Graph, ask_to_leave, shut_down, ur
 from report import CONSOLE, in_words
 from robot import KEPT_NODE, KEPT_TOPIC, TOPIC, Applications, Consumers, talker, write_model
 from shsa_core.healing.plans import plan_topic
-from shsa_core.model.ontology_file import read_ontology
+from shsa_core.files.ontology_file import read_ontology
 from shsa_core.model.som import read_som
-from shsa_core.ros.som_parameter import put_som
+from shsa_core.ros.graph.som_parameter import put_som
 from shsa_core.ros.testing import wait_until
 
 PERIOD = 0.02

@@ -3,10 +3,11 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple, Type, TypeVar, Un
 
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident
-from shsa_core.healing.reconfiguration import Reconfigurator
+from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
-from shsa_core.model.expression import parse_expression
-from shsa_core.model.ontology import Ontology, Property, TransferFunction
+from shsa_core.language.expression import parse_expression
+from shsa_core.model.ontology import Ontology, Property
+from shsa_core.model.relation import TransferFunction
 from shsa_core.model.som import Service, Som
 
 A, B, C = "/a_node", "/b_node", "/c_node"

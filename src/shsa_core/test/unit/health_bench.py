@@ -1,7 +1,7 @@
 """A monitor's core on the bench: time is moved by hand, messages and connections are made up."""
 from typing import Dict, List, Optional, Tuple
 
-from shsa_core.health.events import (
+from shsa_core.monitoring.events import (
     Connected,
     Disconnected,
     FailureDetected,
@@ -12,7 +12,7 @@ from shsa_core.health.events import (
     SubstitutionsChanged,
     Tick,
 )
-from shsa_core.health.monitor import HealthMonitor, Settings
+from shsa_core.monitoring.machine import HealthMonitor, Settings
 from shsa_core.model.som import Service, Som
 
 TOPIC, NODE = "/battery_current", "/amperemeter"

@@ -6,8 +6,9 @@ from typing import Iterator, List, Sequence, Tuple
 
 from hypothesis import strategies as st
 
-from shsa_core.model.expression import parse_expression
-from shsa_core.model.ontology import Ontology, Property, TransferFunction
+from shsa_core.language.expression import parse_expression
+from shsa_core.model.ontology import Ontology, Property
+from shsa_core.model.relation import TransferFunction
 from shsa_core.model.som import Service
 from shsa_core.search.substitutes import Derivation
 

@@ -7,8 +7,9 @@ import pytest
 from shsa_core.codegen.generator import Program, generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import GenerationError
-from shsa_core.model.expression import parse_constraint, parse_expression
-from shsa_core.model.ontology import Constant, TransferFunction
+from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.model.ontology import Constant
+from shsa_core.model.relation import TransferFunction
 from shsa_core.model.som import Service
 from shsa_core.search.derivation import Derivation
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shsa_core.errors import ExpressionError
-from shsa_core.model.expression import (
+from shsa_core.language.expression import (
     MAX_DEPTH,
     MAX_LENGTH,
     MAX_NODES,
@@ -20,7 +20,7 @@ from shsa_core.model.expression import (
     parse_constraint,
     parse_expression,
 )
-from shsa_core.model.functions import FUNCTIONS, RESERVED, STATEFUL
+from shsa_core.language.functions import FUNCTIONS, RESERVED, STATEFUL
 
 HOSTILE = [text for texts in EXPRESSIONS.values() for text in texts]
 

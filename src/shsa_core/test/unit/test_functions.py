@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shsa_core.model.functions import (
+from shsa_core.language.functions import (
     FUNCTIONS,
     MAX_GAP,
     STATEFUL,

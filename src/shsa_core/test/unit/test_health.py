@@ -4,7 +4,7 @@ from math import inf, nan
 import pytest
 from health_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service
 
-from shsa_core.health.events import (
+from shsa_core.monitoring.events import (
     Disconnected,
     FailureDetected,
     HealthChanged,
@@ -13,7 +13,7 @@ from shsa_core.health.events import (
     SomChanged,
     Tick,
 )
-from shsa_core.health.monitor import Settings
+from shsa_core.monitoring.machine import Settings
 from shsa_core.model.som import Som
 
 

@@ -6,10 +6,10 @@ import pytest
 from health_bench import NODE, PERIOD, TOPIC, Bench, service
 
 from shsa_core.errors import ModelError
-from shsa_core.health.events import Message, SomChanged
-from shsa_core.health.evidence import TopicChecks
+from shsa_core.monitoring.events import Message, SomChanged
+from shsa_core.monitoring.evidence import TopicChecks
 from shsa_core.model.checks import Checks, read_checks
-from shsa_core.model.document import from_parameters
+from shsa_core.files.document import from_parameters
 from shsa_core.model.som import Som, som_from_parameters
 
 OFF = Checks(False, False, None, None, None, None, None, None, None)

@@ -9,9 +9,9 @@ from expressions import NAMES, NoValue, Sample, samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shsa_core.model.expression import parse_constraint, parse_expression
-from shsa_core.model.functions import FUNCTIONS, STATEFUL
-from shsa_core.model.interval import ANYTHING, Interval, _Analysis, find_troubles, narrow
+from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.language.functions import FUNCTIONS, STATEFUL
+from shsa_core.language.interval import ANYTHING, Interval, _Analysis, find_troubles, narrow
 
 RANGES = {
     "v": Interval(0.0, 14.0),

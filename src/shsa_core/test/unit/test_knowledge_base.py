@@ -8,9 +8,9 @@ import pytest
 from shsa_core.cli.main import main
 from shsa_core.codegen.generator import generate
 from shsa_core.errors import GenerationError, ModelError
-from shsa_core.model.expression import Expression
-from shsa_core.model.knowledge_base import KnowledgeBase, Provision, read_knowledge_base
-from shsa_core.model.ontology_file import read_ontology
+from shsa_core.language.expression import Expression
+from shsa_core.files.knowledge_base import KnowledgeBase, Provision, read_knowledge_base
+from shsa_core.files.ontology_file import read_ontology
 from shsa_core.model.som import Service, read_som
 from shsa_core.search.derivation import Derivation
 from shsa_core.search.substitutes import find_substitute

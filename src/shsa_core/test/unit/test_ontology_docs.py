@@ -12,9 +12,9 @@ from shsa_core.codegen.program import compile_program
 from shsa_core.errors import NoSubstitute
 from shsa_core.healing.settings import Settings
 from shsa_core.model.checks import Checks
-from shsa_core.model.functions import FUNCTIONS, STATEFUL
+from shsa_core.language.functions import FUNCTIONS, STATEFUL
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.ontology_file import read_ontology
+from shsa_core.files.ontology_file import read_ontology
 from shsa_core.model.som import Service, read_som
 from shsa_core.search.substitutes import find_substitute, iter_substitutes
 

@@ -6,7 +6,7 @@ import pytest
 
 from shsa_core.errors import ModelError
 from shsa_core.model.ontology import Constant, Property
-from shsa_core.model.ontology_file import load_ontology, read_ontology
+from shsa_core.files.ontology_file import load_ontology, read_ontology
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
 

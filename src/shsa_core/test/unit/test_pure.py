@@ -6,7 +6,7 @@ import sys
 from typing import List, Tuple
 
 CORE = pathlib.Path(__file__).resolve().parents[2] / "src" / "shsa_core"
-MODULES = [path for path in sorted(CORE.rglob("[!_]*.py")) if path.parent.name != "ros"]
+MODULES = [path for path in sorted(CORE.rglob("[!_]*.py")) if "ros" not in path.parts[-3:]]
 MODEL = ("errors", "model")
 BENEATH = {
     "errors": (),

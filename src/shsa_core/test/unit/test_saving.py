@@ -9,10 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shsa_core.errors import ModelError
-from shsa_core.model.expression import is_name, parse_constraint, parse_expression
-from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
-from shsa_core.model.ontology_file import read_ontology
-from shsa_core.model.saving import save_ontology, save_som
+from shsa_core.language.expression import is_name, parse_constraint, parse_expression
+from shsa_core.model.ontology import Constant, Ontology, Property
+from shsa_core.model.relation import TransferFunction
+from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.saving import save_ontology, save_som
 from shsa_core.model.som import Service, Som, read_som
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
@@ -182,7 +183,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(
     def fail(source: str, target: str) -> None:
         raise OSError("disk full")
 
-    monkeypatch.setattr("shsa_core.model.saving.os.replace", fail)
+    monkeypatch.setattr("shsa_core.files.saving.os.replace", fail)
     with pytest.raises(OSError, match="disk full"):
         save_ontology(change(ontology, functions=()), str(file))
     assert file.read_text() == TEXT

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from search_models import Rank, every_derivation, law, models, ontology, rank, service, usable
 
 from shsa_core.errors import NoSubstitute
-from shsa_core.model.ontology import Ontology, TransferFunction
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.relation import TransferFunction
 from shsa_core.model.som import Service
 from shsa_core.search.substitutes import Substitute, find_first, find_substitute
 from shsa_core.search.substitutes import improving_substitutes, iter_substitutes

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shsa_core.errors import UnitError
-from shsa_core.model.expression import parse_constraint, parse_expression
-from shsa_core.model.units import Unit, find_mismatches, parse_unit
+from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.language.units import Unit, find_mismatches, parse_unit
 
 UNITS = {
     name: parse_unit(text)

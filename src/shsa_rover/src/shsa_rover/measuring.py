@@ -10,7 +10,7 @@ from rich.table import Table
 from rospkg import RosPack
 
 from shsa_core.errors import ShsaError
-from shsa_core.model.ontology_file import read_ontology
+from shsa_core.files.ontology_file import read_ontology
 from shsa_core.model.som import read_som
 from shsa_rover.accuracy import Accuracy, relations, services, substitutes
 from shsa_rover.dataset import Dataset, random_drive, simulate

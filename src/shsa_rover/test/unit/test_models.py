@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shsa_core.analysis.check import check_files
-from shsa_core.model.ontology_file import read_ontology
+from shsa_core.files.ontology_file import read_ontology
 from shsa_core.model.som import read_som
 from shsa_core.search.substitutes import find_substitute
 from shsa_rover.accuracy import relations, services, substitutes

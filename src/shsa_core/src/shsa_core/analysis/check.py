@@ -5,11 +5,12 @@ from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.generator import generate
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, UnitError
-from shsa_core.model.interval import Interval, find_troubles
-from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
-from shsa_core.model.ontology_file import load_ontology
+from shsa_core.language.interval import Interval, find_troubles
+from shsa_core.model.ontology import Constant, Ontology, Property
+from shsa_core.model.relation import TransferFunction
+from shsa_core.files.ontology_file import load_ontology
 from shsa_core.model.som import Service, Som, load_som
-from shsa_core.model.units import Unit, find_mismatches, parse_unit
+from shsa_core.language.units import Unit, find_mismatches, parse_unit
 from shsa_core.search.derivation import Derivation
 from shsa_core.search.substitutes import find_substitute
 

@@ -6,7 +6,7 @@ from typing import Iterable, Tuple
 
 from shsa_core.errors import ModelError
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.ontology_file import read_ontology
+from shsa_core.files.ontology_file import read_ontology
 from shsa_core.model.som import Som, read_som
 
 

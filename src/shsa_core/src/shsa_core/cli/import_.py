@@ -5,8 +5,8 @@ import os
 from typing import Any, List, Sequence
 
 from shsa_core.errors import ModelError
-from shsa_core.model.knowledge_base import Provision, read_knowledge_base
-from shsa_core.model.saving import save_ontology
+from shsa_core.files.knowledge_base import Provision, read_knowledge_base
+from shsa_core.files.saving import save_ontology
 
 
 def add_parser(subparsers: Any) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Dict, List, Mapping, NoReturn, Optional, Sequence, Set, Tuple, Union
 
 from shsa_core.errors import CodeError, ExpressionError
-from shsa_core.model.expression import check_tree
+from shsa_core.language.expression import check_tree
 
 MAX_CODE = 100_000
 MAX_RELATIONS = 1000

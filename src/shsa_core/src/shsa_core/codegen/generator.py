@@ -4,8 +4,9 @@ from typing import Dict, List, Mapping, Sequence, Tuple
 
 from shsa_core.codegen.checked_code import check_code
 from shsa_core.errors import CodeError, GenerationError
-from shsa_core.model.expression import Expression
-from shsa_core.model.ontology import Constant, TransferFunction
+from shsa_core.language.expression import Expression
+from shsa_core.model.ontology import Constant
+from shsa_core.model.relation import TransferFunction
 from shsa_core.search.derivation import Derivation
 
 

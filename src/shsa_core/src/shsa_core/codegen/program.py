@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
-from shsa_core.model.expression import literal
-from shsa_core.model.functions import (
+from shsa_core.language.expression import literal
+from shsa_core.language.functions import (
     CONSTANTS,
     ELAPSED,
     MAX_GAP,

@@ -4,7 +4,7 @@ from typing import Optional, Tuple, Union
 
 from shsa_core.codegen.generator import Program
 from shsa_core.healing.incident import Incident
-from shsa_core.health.events import PublisherHealth
+from shsa_core.monitoring.events import PublisherHealth
 from shsa_core.model.som import Som
 
 

@@ -6,9 +6,10 @@ from typing import Sequence, Set, Tuple, Union
 
 from shsa_core.codegen.generator import Program, generate
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, ShsaError
-from shsa_core.model.expression import parse_expression
+from shsa_core.language.expression import parse_expression
 from shsa_core.model.network import Network
-from shsa_core.model.ontology import Ontology, TransferFunction
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.relation import TransferFunction
 from shsa_core.model.som import Service, Som
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import Derivation, Rated, ServiceTable, joint, rate_function

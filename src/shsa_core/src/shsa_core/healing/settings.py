@@ -5,7 +5,7 @@ from typing import Any, Dict, List, Mapping, Tuple
 
 from shsa_core.errors import ModelError
 from shsa_core.healing.plans import METHODS
-from shsa_core.model.document import Value, from_parameters
+from shsa_core.files.document import Value, from_parameters
 
 
 @dataclass(frozen=True)

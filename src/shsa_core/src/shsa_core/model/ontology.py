@@ -1,11 +1,11 @@
 """The ontology: properties of a robot and the relations between them (Section III-B of the paper)."""
 from dataclasses import dataclass, field
-from typing import Mapping, Optional, Sequence, Tuple
+from typing import Mapping, Sequence, Tuple
 
 import networkx as nx
 
-from shsa_core.model.expression import Expression
 from shsa_core.model.network import Network
+from shsa_core.model.relation import TransferFunction
 
 
 @dataclass(frozen=True)
@@ -25,26 +25,6 @@ class Constant:
     name: str
     value: float
     unit: str = ""
-    where: str = field(default="", compare=False, repr=False)
-
-
-@dataclass(frozen=True)
-class TransferFunction:
-    """One direction of a relation: computes the property `output` from the properties `inputs`.
-
-    `inputs` are the properties that the expression or the constraint names, in order of first use; constants are
-    not among them. `expression` is None where the file has a function that cannot be executed: it takes part in
-    the search and is refused at generation. `quality` is in (0, 1]. Where `constraint` is false there is no output.
-    `text` is the function as it was written, `where` the file and line.
-    """
-
-    relation: str
-    output: str
-    inputs: Tuple[str, ...]
-    expression: Optional[Expression]
-    quality: float = 1.0
-    constraint: Optional[Expression] = None
-    text: str = ""
     where: str = field(default="", compare=False, repr=False)
 
 

@@ -7,8 +7,8 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
-from shsa_core.health.events import FAILED, HEALTHY, Key, PublisherHealth
-from shsa_core.ros import clock
+from shsa_core.monitoring.events import FAILED, HEALTHY, Key, PublisherHealth
+from shsa_core.ros.graph import clock
 
 PERIOD = 1.0
 LEVELS = {HEALTHY: DiagnosticStatus.OK, FAILED: DiagnosticStatus.ERROR}

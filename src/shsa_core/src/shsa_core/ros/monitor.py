@@ -14,7 +14,7 @@ from shsa_msgs import msg
 from std_msgs.msg import Header
 
 from shsa_core.errors import ShsaError
-from shsa_core.health.events import (
+from shsa_core.monitoring.events import (
     Connected,
     Disconnected,
     FailureDetected,
@@ -26,15 +26,16 @@ from shsa_core.health.events import (
     SubstitutionsChanged,
     Tick,
 )
-from shsa_core.health.evidence import TopicChecks
-from shsa_core.health.monitor import HealthMonitor, Settings
+from shsa_core.monitoring.evidence import TopicChecks
+from shsa_core.monitoring.machine import HealthMonitor, Settings
 from shsa_core.model.som import Som
-from shsa_core.ros import clock, connections, diagnostics
-from shsa_core.ros.connections import Arrived, Closed, Connection, Connections, Happening, Made
-from shsa_core.ros.inbox import Inbox
-from shsa_core.ros.messages import Decoder, stamp
+from shsa_core.ros import diagnostics
+from shsa_core.ros.graph import clock, connections
+from shsa_core.ros.graph.connections import Arrived, Closed, Connection, Connections, Happening, Made
+from shsa_core.ros.graph.inbox import Inbox
+from shsa_core.ros.graph.messages import Decoder, stamp
 from shsa_core.ros.node import run
-from shsa_core.ros.som_parameter import SOM_PARAMETER, SomWatch
+from shsa_core.ros.graph.som_parameter import SOM_PARAMETER, SomWatch
 
 LONGEST_WAIT = 0.1
 """s; how long a message has waited is known to this at worst, as long as the monitor is scheduled."""

@@ -16,16 +16,17 @@ from shsa_core.errors import NoSubstitute, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.plans import TopicPlan
-from shsa_core.healing.reconfiguration import SUBSTITUTE_PREFIX, Reconfigurator
+from shsa_core.healing.machine import SUBSTITUTE_PREFIX, Reconfigurator
 from shsa_core.healing.settings import read_settings
-from shsa_core.model.ontology_file import read_ontology
+from shsa_core.files.ontology_file import read_ontology
 from shsa_core.model.som import Som, read_som
-from shsa_core.ros import clock, convert
-from shsa_core.ros.fence import Fence
+from shsa_core.ros import wire
+from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.fence import Fence
 from shsa_core.ros.node import run
-from shsa_core.ros.processes import Processes, run_command
-from shsa_core.ros.restarts import Restarts
-from shsa_core.ros.som_parameter import SomWatch, put_som
+from shsa_core.ros.graph.processes import Processes, run_command
+from shsa_core.ros.graph.restarts import Restarts
+from shsa_core.ros.graph.som_parameter import SomWatch, put_som
 
 SAY: Dict[str, Callable[[str], None]] = {
     "info": rospy.loginfo,
@@ -139,9 +140,9 @@ class ReconfiguratorNode:
         elif isinstance(command, events.RunCommand):
             self._run(command)
         elif isinstance(command, events.ShowSubstitutions):
-            self._substitutions.publish(convert.substitutions(command.substitutions))
+            self._substitutions.publish(wire.substitutions(command.substitutions))
         elif isinstance(command, events.ShowSom):
-            self._som_state.publish(convert.som_state(command))
+            self._som_state.publish(wire.som_state(command))
         elif isinstance(command, events.ShowIncident):
             self._show(command.incident)
         else:
@@ -180,7 +181,7 @@ class ReconfiguratorNode:
         self._enqueue(events.ProcessExited(clock.now(), node, detail))
 
     def _show(self, incident: Incident) -> None:
-        self._incidents.publish(convert.incident(incident))
+        self._incidents.publish(wire.incident(incident))
         if incident.state is State.ENDED:
             self._open.pop(incident.topic, None)
             self._log(incident)
@@ -192,12 +193,12 @@ class ReconfiguratorNode:
     def _log(self, incident: Incident) -> None:
         try:
             with open(self._log_file, "a", encoding="utf-8") as log:
-                log.write(json.dumps(convert.incident_record(incident)) + "\n")
+                log.write(json.dumps(wire.incident_record(incident)) + "\n")
         except OSError as error:
             rospy.logerr("The incident log %s cannot be written: %s", self._log_file, error)
 
     def _failure(self, failure: msg.Failure) -> None:
-        self._enqueue(convert.failure_seen(failure))
+        self._enqueue(wire.failure_seen(failure))
 
     def _health(self, health: msg.Health) -> None:
         for row in health.publishers:
@@ -206,7 +207,7 @@ class ReconfiguratorNode:
                 threading.Thread(
                     target=self._learn_in_time, args=(row.publisher,), daemon=True
                 ).start()
-        self._enqueue(convert.health_seen(health))
+        self._enqueue(wire.health_seen(health))
 
     def _learn_in_time(self, node: str) -> None:
         """Learn a node's process before it is needed; a busy node may not answer at once."""
@@ -251,7 +252,7 @@ class ReconfiguratorNode:
             lambda: self._core.explain(request.topic, request.without, request.method)
         )
         try:
-            return convert.found(answer.result(timeout=5.0))
+            return wire.found(answer.result(timeout=5.0))
         except NoSubstitute as none:
             return srv.FindSubstituteResponse(
                 found=False, missing=list(none.missing), detail=str(none)
@@ -271,7 +272,7 @@ class ReconfiguratorNode:
             self._action.set_preempted(text="cancelled; the incident goes on")
             return
         result = msg.SubstituteResult(
-            success=incident.state is State.HEALED, incident=convert.incident(incident)
+            success=incident.state is State.HEALED, incident=wire.incident(incident)
         )
         self._action.set_succeeded(result, incident.detail)
 

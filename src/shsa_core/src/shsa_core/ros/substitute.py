@@ -7,12 +7,12 @@ import rospy
 from shsa_msgs.msg import Substitutions
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros import clock
-from shsa_core.ros.computation import Computation
-from shsa_core.ros.inputs import Inputs
+from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.computation import Computation
+from shsa_core.ros.graph.inputs import Inputs
 from shsa_core.ros.node import run
-from shsa_core.ros.outputs import Outputs
-from shsa_core.ros.services import Directory
+from shsa_core.ros.graph.outputs import Outputs
+from shsa_core.ros.graph.som_lookup import Directory
 
 EARLY = 0.25  # of the period; but no sooner after a message, however many consumers connect
 HANDOVER = 1.0  # s; so long it serves those whom the original, that is back, does not serve yet

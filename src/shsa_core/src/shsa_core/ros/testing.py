@@ -12,8 +12,8 @@ import rosgraph
 import rospy
 from shsa_msgs.msg import Incident, SomState, Substitutions
 
-from shsa_core.ros.announce import of_topic
-from shsa_core.ros.slave import slave
+from shsa_core.ros.graph.announce import of_topic
+from shsa_core.ros.graph.node_api import node_api
 
 POLL = 0.005
 
@@ -116,7 +116,7 @@ class HealedRobot:
 def node_pid(node: str) -> int:
     """The process of a running node."""
     uri = rosgraph.Master(rospy.get_name()).lookupNode(node)
-    return int(slave(uri).getPid(rospy.get_name())[2])  # type: ignore[index,arg-type]
+    return int(node_api(uri).getPid(rospy.get_name())[2])  # type: ignore[index,arg-type]
 
 
 def publishers(topic: str) -> List[str]:
@@ -136,7 +136,7 @@ def is_connected(node: str, topic: str, publisher: str) -> bool:
         uri, wanted = master.lookupNode(node), master.lookupNode(publisher)
     except rosgraph.MasterException:
         return False
-    rows: Any = slave(uri).getBusInfo(rospy.get_name())[2]  # type: ignore[index]
+    rows: Any = node_api(uri).getBusInfo(rospy.get_name())[2]  # type: ignore[index]
     links = {row[1].rstrip("/") for row in rows if row[2] == "i" and row[4] == topic}
     return wanted.rstrip("/") in links
 

@@ -2,7 +2,7 @@
 from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from shsa_core.model.network import Network
-from shsa_core.model.ontology import TransferFunction
+from shsa_core.model.relation import TransferFunction
 from shsa_core.model.quality import cost
 from shsa_core.model.som import Service
 

@@ -8,7 +8,7 @@ from heapq import heapify, heappop, heappush
 from typing import Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.model.network import Network
-from shsa_core.model.ontology import TransferFunction
+from shsa_core.model.relation import TransferFunction
 from shsa_core.search.best import BestDerivations, Usable
 from shsa_core.search.derivation import LOST, Rated, ServiceTable
 from shsa_core.search.derivation import joint, names_before, rate_function, rate_service

@@ -12,7 +12,7 @@ import genpy
 import rosgraph
 import rospy
 
-from shsa_core.ros.slave import slave
+from shsa_core.ros.graph.node_api import node_api
 
 NOBODY: FrozenSet[str] = frozenset()
 SHORTEST_PERIOD = 0.01  # s between two looks at the original
@@ -60,8 +60,8 @@ class Handover:
         if uri is None:
             return NOBODY
         try:
-            stats: Any = slave(uri).getBusStats(rospy.get_name())
-            info: Any = slave(uri).getBusInfo(rospy.get_name())
+            stats: Any = node_api(uri).getBusStats(rospy.get_name())
+            info: Any = node_api(uri).getBusInfo(rospy.get_name())
         except (OSError, xmlrpc.client.Error):
             return NOBODY
         # A row of a publication ends with its connections: id, bytes sent, and what has been sent of messages.

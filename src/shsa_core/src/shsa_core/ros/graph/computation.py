@@ -7,12 +7,12 @@ import rospy
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import ShsaError
 from shsa_core.model.som import Service
-from shsa_core.ros import clock
-from shsa_core.ros.fields import Field, unknown_message
-from shsa_core.ros.handover import Handover, publish_to_others
-from shsa_core.ros.inputs import Input
-from shsa_core.ros.messages import message_class
-from shsa_core.ros.outputs import Outputs
+from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.fields import Field, unknown_message
+from shsa_core.ros.graph.handover import Handover, publish_to_others
+from shsa_core.ros.graph.inputs import Input
+from shsa_core.ros.graph.messages import message_class
+from shsa_core.ros.graph.outputs import Outputs
 
 GAP_PERIODS = 10.0  # after so many periods without a value, derivatives and the like start anew
 SHORTEST_GAP = 1.0  # s

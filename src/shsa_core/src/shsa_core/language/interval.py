@@ -5,8 +5,8 @@ import operator
 from dataclasses import dataclass, replace
 from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Type
 
-from shsa_core.model.expression import literal
-from shsa_core.model.functions import CONSTANTS, ELAPSED
+from shsa_core.language.expression import literal
+from shsa_core.language.functions import CONSTANTS, ELAPSED
 
 
 @dataclass(frozen=True)

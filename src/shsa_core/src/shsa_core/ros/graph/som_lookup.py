@@ -6,9 +6,9 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.som import Service, Som, merge_parameters
-from shsa_core.ros import clock
-from shsa_core.ros.messages import message_class
-from shsa_core.ros.som_parameter import get_som_parameter
+from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.messages import message_class
+from shsa_core.ros.graph.som_parameter import get_som_parameter
 
 OLD = 3.0  # s; a SOM that was read longer ago is read again before use
 UNKNOWN_PERIOD = 0.1  # s; of a topic that the SOM does not have

@@ -13,7 +13,7 @@ import rospy
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.topics import _SubscriberImpl
 
-from shsa_core.ros.inbox import Inbox
+from shsa_core.ros.graph.inbox import Inbox
 
 CHUNK = 65536
 CHUNKS_A_TURN = 16

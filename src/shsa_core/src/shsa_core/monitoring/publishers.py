@@ -3,8 +3,8 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Dict, List, Optional
 
-from shsa_core.health.events import FAILED, HEALTHY, UNKNOWN, PublisherHealth
-from shsa_core.health.evidence import Evidence, TopicChecks
+from shsa_core.monitoring.events import FAILED, HEALTHY, UNKNOWN, PublisherHealth
+from shsa_core.monitoring.evidence import Evidence, TopicChecks
 
 
 @dataclass

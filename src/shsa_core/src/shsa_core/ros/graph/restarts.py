@@ -9,8 +9,8 @@ import psutil
 import rospy
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.fence import gone
-from shsa_core.ros.processes import end
+from shsa_core.ros.graph.fence import gone
+from shsa_core.ros.graph.processes import end
 
 POLL = 1.0  # s between two looks whether the process that started the node first is still there
 

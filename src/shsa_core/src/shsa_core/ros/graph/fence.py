@@ -11,7 +11,7 @@ import rosgraph
 import rosgraph.network
 import rosnode
 
-from shsa_core.ros.slave import slave
+from shsa_core.ros.graph.node_api import node_api
 
 EXIT_TIMEOUT = 1.0
 POLL = 0.002
@@ -109,7 +109,7 @@ class Fence:
     def _ask_process(self, uri: str) -> Optional[psutil.Process]:
         if not _is_local(uri):
             return None
-        code, _, pid = slave(uri).getPid(self._caller_id)  # type: ignore[misc]
+        code, _, pid = node_api(uri).getPid(self._caller_id)  # type: ignore[misc]
         try:
             return psutil.Process(int(pid)) if code == 1 else None  # type: ignore[arg-type]
         except psutil.NoSuchProcess:

@@ -6,7 +6,7 @@ from typing import Iterable, List, Sequence, Set, Tuple
 import rosgraph
 import rospy
 
-from shsa_core.ros.slave import slave
+from shsa_core.ros.graph.node_api import node_api
 
 Graph = Sequence[Tuple[str, List[str]]]
 """Topics, and the nodes that publish or subscribe each."""
@@ -79,7 +79,7 @@ def _tell(subscribers: Iterable[str], topic: str, publishers: List[str]) -> None
 
     def call(subscriber: str) -> None:
         try:
-            slave(subscriber).publisherUpdate("/master", topic, publishers)
+            node_api(subscriber).publisherUpdate("/master", topic, publishers)
         except (OSError, xmlrpc.client.Error) as error:
             rospy.logdebug("%s was not told of %s: %s", subscriber, topic, error)
 

@@ -3,9 +3,10 @@ from dataclasses import dataclass
 from typing import Dict, List, Optional, Set, Tuple
 
 from shsa_core.errors import ExpressionError, ModelError
-from shsa_core.model.document import Entry, Value, read_yaml
-from shsa_core.model.expression import Expression, is_name, parse_constraint, parse_expression
-from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
+from shsa_core.files.document import Entry, Value, read_yaml
+from shsa_core.language.expression import Expression, is_name, parse_constraint, parse_expression
+from shsa_core.model.ontology import Constant, Ontology, Property
+from shsa_core.model.relation import TransferFunction
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Callable, Dict, List, Optional, Set, Tuple, Type
 
-from shsa_core.health.events import (
+from shsa_core.monitoring.events import (
     FAILED,
     HEALTHY,
     UNKNOWN,
@@ -21,8 +21,8 @@ from shsa_core.health.events import (
     SubstitutionsChanged,
     Tick,
 )
-from shsa_core.health.evidence import Evidence, Finding, TopicChecks
-from shsa_core.health.publishers import Publisher, WatchedTopic
+from shsa_core.monitoring.evidence import Evidence, Finding, TopicChecks
+from shsa_core.monitoring.publishers import Publisher, WatchedTopic
 from shsa_core.model.checks import NEVER_PUBLISHED, NODE_GONE, SILENT, UNKNOWN_PUBLISHER
 
 

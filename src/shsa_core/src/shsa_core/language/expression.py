@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Callable, Dict, List, Mapping, NoReturn, Optional, Tuple, Type
 
 from shsa_core.errors import ExpressionError
-from shsa_core.model.functions import CONSTANTS, ELAPSED, FUNCTIONS, RESERVED, STATEFUL, power
+from shsa_core.language.functions import CONSTANTS, ELAPSED, FUNCTIONS, RESERVED, STATEFUL, power
 
 MAX_LENGTH = 4000
 MAX_NODES = 1000

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import ceil, isfinite
 from typing import Deque, List, Optional, Tuple
 
-from shsa_core.health.events import Message
+from shsa_core.monitoring.events import Message
 from shsa_core.model import checks
 from shsa_core.model.checks import Checks
 from shsa_core.model.som import Service

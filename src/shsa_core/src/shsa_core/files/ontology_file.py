@@ -2,9 +2,10 @@
 from typing import Callable, Dict, Iterator, List, Tuple
 
 from shsa_core.errors import ExpressionError, ModelError
-from shsa_core.model.document import Value, read_yaml
-from shsa_core.model.expression import Expression, is_name, parse_constraint, parse_expression
-from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
+from shsa_core.files.document import Value, read_yaml
+from shsa_core.language.expression import Expression, is_name, parse_constraint, parse_expression
+from shsa_core.model.ontology import Constant, Ontology, Property
+from shsa_core.model.relation import TransferFunction
 
 _NAMES = "a name has letters, digits and _, does not begin with a digit and is not a reserved word"
 _FUNCTION_KEYS = ("function", "not_executable", "inputs", "quality", "constraint")

@@ -9,8 +9,9 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from shsa_core.errors import ModelError
-from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
-from shsa_core.model.ontology_file import read_ontology
+from shsa_core.model.ontology import Constant, Ontology, Property
+from shsa_core.model.relation import TransferFunction
+from shsa_core.files.ontology_file import read_ontology
 from shsa_core.model.som import Som, read_som
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_/*^%]*\Z")

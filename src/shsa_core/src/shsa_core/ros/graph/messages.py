@@ -6,7 +6,7 @@ import genpy
 from genpy.message import get_message_class
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.fields import Field
+from shsa_core.ros.graph.fields import Field
 
 
 def message_class(name: str) -> Type[genpy.Message]:

@@ -13,6 +13,6 @@ class _TimeoutTransport(xmlrpc.client.Transport):
         return connection
 
 
-def slave(uri: str) -> xmlrpc.client.ServerProxy:
+def node_api(uri: str) -> xmlrpc.client.ServerProxy:
     """The interface of the node at `uri`; its calls raise OSError or xmlrpc.client.Error."""
     return xmlrpc.client.ServerProxy(uri, transport=_TimeoutTransport())

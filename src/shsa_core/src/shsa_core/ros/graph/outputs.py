@@ -5,8 +5,8 @@ from typing import Callable, Dict, Iterable, List
 import rospy
 
 from shsa_core.model.som import Service
-from shsa_core.ros.announce import announce, assure
-from shsa_core.ros.messages import message_class
+from shsa_core.ros.graph.announce import announce, assure
+from shsa_core.ros.graph.messages import message_class
 
 CALM = 0.2  # s from a takeover on in which nothing else is done
 UNHURRIED = (0.5, 1.0, 2.0)  # s; by then the master has told everybody, if it can

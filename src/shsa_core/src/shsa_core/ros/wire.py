@@ -8,7 +8,7 @@ from std_msgs.msg import Header
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.plans import TopicPlan
-from shsa_core.ros import clock
+from shsa_core.ros.graph import clock
 
 MOMENTS = (
     "last_good",

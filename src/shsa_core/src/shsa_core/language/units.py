@@ -8,8 +8,8 @@ from fractions import Fraction
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.errors import UnitError
-from shsa_core.model.expression import literal
-from shsa_core.model.functions import CONSTANTS, ELAPSED
+from shsa_core.language.expression import literal
+from shsa_core.language.functions import CONSTANTS, ELAPSED
 
 _UNIT = re.compile(
     r"""\s*(1|[A-Za-zµμΩ°%]+)(\s*(\^|\*\*)\s*-?[1-9](?!\d))?"""

@@ -5,9 +5,9 @@ import genpy
 import rospy
 
 from shsa_core.model.som import Service
-from shsa_core.ros import clock
-from shsa_core.ros.fields import Field
-from shsa_core.ros.messages import message_class
+from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.fields import Field
+from shsa_core.ros.graph.messages import message_class
 
 STALE_PERIODS = 5.0
 STALE_AT_LEAST = 0.1  # s; the scheduler's hiccups are not the sensor's

@@ -1,0 +1,1 @@
+"""How a substitute computes, and when it publishes."""
