@@ -10,6 +10,18 @@ from shsa_core.healing.incident import Incident
 from shsa_core.healing.plans import TopicPlan
 from shsa_core.ros.graph import clock
 
+# Relative to the namespace in which healing runs.
+FAILURES = "shsa/failures"
+HEALTH = "shsa/health"
+INCIDENTS = "shsa/incidents"
+SUBSTITUTIONS = "shsa/substitutions"
+SOM_STATE = "shsa/som_state"
+SOM_PARAMETER = "shsa/som"
+FIND_SUBSTITUTE = "shsa/find_substitute"
+RELEASE = "shsa/release"
+RELOAD = "shsa/reload"
+SUBSTITUTE_ACTION = "shsa/substitute"
+
 MOMENTS = (
     "last_good",
     "detected",
