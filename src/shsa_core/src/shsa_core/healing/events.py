@@ -46,6 +46,13 @@ class ShuttingDown:
 
 
 @dataclass(frozen=True)
+class LaunchEnding:
+    """The launch that the robot belongs to is ending: from now on nodes stop on purpose."""
+
+    time: float
+
+
+@dataclass(frozen=True)
 class FailureSeen:
     """The monitor reports that `publisher` (empty if none was ever seen) of a service has failed.
 
@@ -199,6 +206,7 @@ class Tick:
 Event = Union[
     Started,
     ShuttingDown,
+    LaunchEnding,
     FailureSeen,
     HealthSeen,
     SomChanged,

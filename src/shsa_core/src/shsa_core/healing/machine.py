@@ -70,6 +70,7 @@ class Reconfigurator:
         self._with_us: Dict[str, bool] = {}  # nodes that were started again
         self._substitutions = SubstitutionTable()
         self._states = SomTable()
+        self._ending = False
         self._incidents = 0
         self._next_substitute = 1
         for service in som:
@@ -79,6 +80,7 @@ class Reconfigurator:
             {
                 events.Started: self._started,
                 events.ShuttingDown: self._shutting_down,
+                events.LaunchEnding: self._launch_ending,
                 events.FailureSeen: self._failure_seen,
                 events.HealthSeen: self._health_seen,
                 events.SomChanged: self._som_changed,
@@ -193,7 +195,14 @@ class Reconfigurator:
         ended: List[Command] = [events.StopSubstitute(node) for node in self.substitutes]
         return ended + [events.StopNode(node) for node, ours in self._with_us.items() if ours]
 
+    def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
+        """What stops on purpose is not healed."""
+        self._ending = True
+        return []
+
     def _failure_seen(self, event: FailureSeen) -> List[Command]:
+        if self._ending:
+            return []
         service = self._service_of(event)
         if service is None or self._is_old_substitute(event.publisher, service.name):
             return []
@@ -248,7 +257,7 @@ class Reconfigurator:
     def _missed_failure(self, time: float, name: str) -> List[Command]:
         """The table tells of a failure whose trigger was never heard, as when we start late."""
         service = self._som.services.get(name)
-        if service is None or not service.needed or self._open(name):
+        if self._ending or service is None or not service.needed or self._open(name):
             return []
         rows = self._rows(service)
         if any(row.state is PublisherState.HEALTHY for row in rows):
