@@ -4,10 +4,9 @@ import signal
 import time
 from typing import Callable, Dict, Protocol, TypeVar
 
-import rospy
+from tqdm import tqdm
 
 from graph import PATIENCE, Graph, ask_to_leave, shut_down
-from report import CONSOLE
 from robot import NODE, TOPIC, Consumers, HealthyRobot, talker
 from shsa_core.ros.testing import node_pid, node_process, publishers, wait_until
 from takeover import Takeover, gap, healed
@@ -56,8 +55,8 @@ def repeat(
             once(subject)
         except AssertionError as error:
             misses += 1
-            CONSOLE.print(f"[red]missed: {error}[/red]")
-            CONSOLE.print(graph.last_words(), markup=False, highlight=False)
+            tqdm.write(f"missed: {error}")
+            tqdm.write(graph.last_words())
             subject.end()
             subject = make()
     subject.end()
