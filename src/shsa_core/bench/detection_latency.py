@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from graph import FAULTY_PUBLISHER, MONITOR, PATIENCE, Graph, service, shut_down
 from report import print_table
 from shsa_core.ros.graph.som_parameter import SOM_PARAMETER
-from shsa_core.ros.testing import wait_until
+from shsa_testing.waiting import wait_until
 
 PERIOD = 0.02
 TOGETHER = 5

@@ -18,7 +18,7 @@ from shsa_msgs.msg import Failure, Health
 
 from graph import BENCH, MONITOR, PATIENCE, Graph, service
 from shsa_core.ros.graph.som_parameter import SOM_PARAMETER
-from shsa_core.ros.testing import wait_until
+from shsa_testing.waiting import wait_until
 
 TOPICS = 50
 NODES = 5

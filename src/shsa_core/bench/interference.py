@@ -23,7 +23,7 @@ from contenders import Healed, kill_hard, repeat
 from graph import PATIENCE, Graph
 from report import Goals, print_table
 from robot import TOPIC, Consumer, Consumers
-from shsa_core.ros.testing import wait_until
+from shsa_testing.waiting import wait_until
 
 PERIOD = 0.02
 TOPICS = tuple(f"/uninvolved_{number}" for number in range(10))

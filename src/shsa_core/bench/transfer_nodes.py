@@ -30,7 +30,7 @@ from shsa_core.healing.plans import plan_topic
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.model.som import read_som
 from shsa_core.ros.graph.som_parameter import put_som
-from shsa_core.ros.testing import wait_until
+from shsa_testing.waiting import wait_until
 
 PERIOD = 0.02
 NUMBERS = itertools.count(1)
