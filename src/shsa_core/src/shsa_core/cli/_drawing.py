@@ -17,12 +17,11 @@ GREY = "#808080"
 MOST_NODES = 1000
 TIMEOUT_S = 60.0
 STYLE = f"""
-  rankdir=LR; nodesep=0.18; ranksep=0.55; pad=0.2; fontname="{FONT}"; fontsize=13; labelloc=b;
+  rankdir=TB; nodesep=0.18; ranksep=0.4; pad=0.2; fontname="{FONT}"; fontsize=13; labelloc=b;
   node [fontname="{FONT}", fontsize=11, margin="0.12,0.05", height=0.3];
   edge [color="{GREY}", arrowsize=0.7];
 """
-PROPERTY = 'shape=box, style="filled,rounded"'
-RELATION = 'shape=box, style=filled, fillcolor=white, color=white, margin="0.04,0.02", height=0.2'
+RELATION = 'shape=ellipse, style=filled, fillcolor=white, margin="0.02,0.01", height=0.2'
 
 
 class CannotDraw(ModelError):
@@ -78,12 +77,13 @@ def dot_text(
     used = {node for edge in bold for node in edge}
     lines = [_label(title, substitution is not None)]
     for name, own in sources.items():
-        attributes = f'{PROPERTY}, fillcolor="{COLOURS[states[name]]}"'
-        lines.append(_node(f"p {name}", _property(name, own), attributes, used))
+        node = f"p {name}"
+        attributes = f'shape=box, style="filled,rounded", fillcolor="{COLOURS[states[name]]}"'
+        lines.append(_node(node, _property(name, own, node in used), attributes, node in used))
     for function in ontology.functions:
         node = f"r {function.relation} {function.output}"
         text = f"<i>{escape(function.relation)}</i>"
-        lines.append(_node(node, text, RELATION, used))
+        lines.append(_node(node, text, RELATION, node in used))
         edges = [(f"p {name}", node) for name in function.inputs if name in sources]
         lines += [_edge(edge, bold) for edge in [*edges, (node, f"p {function.output}")]]
     return "digraph {" + STYLE + "\n".join(lines) + "\n}\n"
@@ -114,24 +114,23 @@ def _bold(substitution: Optional[Derivation]) -> Set[Edge]:
     return bold
 
 
-def _property(name: str, sources: Iterable[Source]) -> str:
+def _property(name: str, sources: Iterable[Source], used: bool) -> str:
     """A property's name, and below it in small where it is provided."""
-    paths = (f'<br/><font point-size="8">{escape(source.path)}</font>' for source in sources)
-    return escape(name) + "".join(paths)
+    paths = (f'<br/><font point-size="9">{escape(source.path)}</font>' for source in sources)
+    shown = f"<b>{escape(name)}</b>" if used else escape(name)
+    return shown + "".join(paths)
 
 
-def _node(node: str, text: str, attributes: str, used: Set[str]) -> str:
-    if node in used:
-        text, attributes = f"<b>{text}</b>", attributes.replace("color=white,", "", 1)
-        attributes += ", penwidth=2"
-    elif "color=white" not in attributes:
-        attributes += f', color="{GREY}"'
-    return f"  {_quoted(node)} [label=<{text}>, {attributes}];"
+def _node(node: str, text: str, attributes: str, used: bool) -> str:
+    line = "penwidth=2" if used else f'color="{GREY}"'
+    return f"  {_quoted(node)} [label=<{text}>, {attributes}, {line}];"
 
 
 def _edge(edge: Edge, bold: Set[Edge]) -> str:
     start, end = map(_quoted, edge)
-    return f"  {start} -> {end}" + (" [penwidth=2.5, color=black];" if edge in bold else ";")
+    return f"  {start} -> {end}" + (
+        " [penwidth=2.5, color=black, weight=4];" if edge in bold else ";"
+    )
 
 
 def _label(title: str, with_substitution: bool) -> str:

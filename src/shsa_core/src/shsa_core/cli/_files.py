@@ -47,7 +47,9 @@ def services_of(topic: str, som: Som) -> Tuple[Service, ...]:
     """The services on a topic. Raises ModelError, with the nearest names, if there is none."""
     services = som.of_topic(topic)
     if not services:
-        raise ModelError(topic, f"no service in the SOM has this topic{_nearest(topic, som.topics())}")
+        raise ModelError(
+            topic, f"no service in the SOM has this topic{_nearest(topic, som.topics())}"
+        )
     return services
 
 
