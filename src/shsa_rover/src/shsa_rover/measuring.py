@@ -131,4 +131,4 @@ def _table(*columns: str) -> Table:
 
 def _print(table: Table) -> None:
     # Wide enough that a table reads the same in a terminal, in a file and in the documentation.
-    Console(width=170).print(table)
+    Console(width=190).print(table)
