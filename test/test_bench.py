@@ -4,10 +4,10 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Dict
 
-import psutil
 import pytest
+
+from shsa_testing.processes import marked
 
 ROOT = Path(__file__).resolve().parent.parent
 TIMEOUT = 120.0
@@ -42,15 +42,7 @@ def test_short_form(name: str, tmp_path: Path) -> None:
     assert {row[0] for row in rows[1:]} == ROWS[name]
     assert all(len(row) == len(rows[0]) for row in rows)
     assert (tmp_path / f"{name}.png").stat().st_size > 10000
-    left = [p.cmdline() for p in psutil.process_iter() if environment(p).get("SHSA_TEST") == mark]
-    assert not left
-
-
-def environment(process: psutil.Process) -> Dict[str, str]:
-    try:
-        return dict(process.environ())
-    except (psutil.Error, OSError):
-        return {}
+    assert not marked("SHSA_TEST", mark)
 
 
 def test_a_measurement_goes_on_where_it_was(tmp_path: Path) -> None:

@@ -19,11 +19,13 @@ import rospy
 from roslib.packages import find_node
 
 from shsa_core.ros.graph.node_api import node_api
-from shsa_core.ros.testing import HealedRobot, running, wait_until
+from shsa_testing.healing import HealedRobot
+from shsa_testing.processes import marked
+from shsa_testing.waiting import wait_until
 
 PACKAGE = Path(__file__).resolve().parent.parent
 BENCH = PACKAGE / "bench"
-FAULTY_PUBLISHER = PACKAGE / "test" / "rostest" / "faulty_publisher"
+FAULTY_PUBLISHER = PACKAGE.parent / "shsa_testing" / "nodes" / "faulty_publisher"
 MONITOR = PACKAGE / "nodes" / "monitor"
 MARK = "SHSA_BENCH"
 PATIENCE = 30.0  # s; with hundreds of nodes up, everything takes longer
@@ -107,18 +109,11 @@ class Graph:
     def _started(self) -> Iterator[psutil.Process]:
         """Every process with our mark, until there is none."""
         while True:
-            ours = [process for process in psutil.process_iter() if self._is_ours(process)]
+            ours = [each for each in marked(MARK, self._mark) if each.pid != os.getpid()]
             if not ours:
                 return
             yield from ours
             psutil.wait_procs(ours, timeout=1.0)
-
-    def _is_ours(self, process: psutil.Process) -> bool:
-        try:
-            ours = process.environ().get(MARK) == self._mark
-            return ours and process.pid != os.getpid() and running(process)
-        except (psutil.NoSuchProcess, psutil.AccessDenied, OSError):
-            return False
 
 
 def _leave(number: int, frame: Any) -> None:

@@ -11,7 +11,8 @@ import rospy
 from std_msgs.msg import String
 
 from graph import BENCH, FAULTY_PUBLISHER, PATIENCE, Graph, ask_to_leave
-from shsa_core.ros.testing import is_connected, node_pid, registered_nodes, wait_until
+from shsa_testing.graph import is_connected, node_pid, registered_nodes
+from shsa_testing.waiting import wait_until
 
 TOPIC, NODE = "/lost", "/failing"
 KEPT_TOPIC, KEPT_NODE = "/kept", "/steady"
@@ -174,7 +175,7 @@ class HealthyRobot:
         healing.await_available(TOPIC, KEPT_TOPIC, seconds=PATIENCE)
         consumers.await_node(NODE, time.monotonic())
         hot = self.standby == "hot"
-        rows = lambda: [r for r in healing.substitutions.substitutions if r.topic == TOPIC]
+        rows = lambda: [r for r in healing.substitutions if r.topic == TOPIC]
         wait_until(lambda: len(rows()) == hot, PATIENCE, "what stands by is as it should be")
         if hot:
             served = lambda: any(self._served_by(row.node) for row in rows())

@@ -20,18 +20,17 @@ from typing import Dict, List, Tuple
 import matplotlib.pyplot as plt
 import rosgraph
 import rospy
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
+from tqdm import tqdm
 
 from contenders import Healed, kill_hard, repeat
 from graph import FAULTY_PUBLISHER, PATIENCE, Graph, ask_to_leave, shut_down, uri_of
-from report import CONSOLE, in_words
+from report import in_words, print_table
 from robot import KEPT_NODE, KEPT_TOPIC, TOPIC, Applications, Consumers, talker, write_model
 from shsa_core.healing.plans import plan_topic
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.model.som import read_som
 from shsa_core.ros.graph.som_parameter import put_som
-from shsa_core.ros.testing import wait_until
+from shsa_testing.waiting import wait_until
 
 PERIOD = 0.02
 NUMBERS = itertools.count(1)
@@ -150,17 +149,16 @@ def plot(results: Results, path: Path) -> None:
 
 def show(results: Results) -> None:
     """Print the table."""
-    table = Table(title="Times in ms over the number of application nodes: median / p95 / max")
-    table.add_column("nodes", justify="right")
-    table.add_column("n", justify="right")
-    for measure in (*TRANSFER, *(f"{word} takeover" for word in TAKEOVERS)):
-        table.add_column(measure, justify="right")
+    columns = ("nodes", "n", *TRANSFER, *(f"{word} takeover" for word in TAKEOVERS))
+    table: List[Tuple[str, ...]] = []
     for nodes in sorted({nodes for _, nodes in results.values}):
         counts = {m: results.count(m, nodes) for m in (*TRANSFER, *TAKEOVERS)}
         least, most = min(counts.values()), max(counts.values())
         figures = [in_words(results.values.get((m, nodes), ()), 0) for m in counts]
-        table.add_row(str(nodes), str(most) if least == most else f"{least}-{most}", *figures)
-    CONSOLE.print(table)
+        count = str(most) if least == most else f"{least}-{most}"
+        table.append((str(nodes), count, *figures))
+    title = "Times in ms over the number of application nodes: median / p95 / max"
+    print_table(title, columns, table)
 
 
 def main() -> int:
@@ -181,31 +179,25 @@ def main() -> int:
         path.unlink()
     results = Results(path)
     misses = 0
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed}/{task.total}"),
-    )
     # A transfer node's last measure tells that all of them are there.
     lasts = [TRANSFER[-1] if part == "transfer" else part for part in options.only]
     total = len(lasts) * len(levels) * repetitions
     done = sum(min(repetitions, results.count(last, nodes)) for last in lasts for nodes in levels)
     if done:
-        CONSOLE.print(f"{done} repetitions are there already; --fresh forgets them.")
-    with Graph() as graph, Progress(*columns, TimeRemainingColumn(), console=CONSOLE) as progress:
-        task = progress.add_task("", total=total, completed=done)
+        print(f"{done} repetitions are there already; --fresh forgets them.")
+    with Graph() as graph, tqdm(total=total, initial=done, disable=None) as progress:
         consumers = Consumers(graph, TOPIC)
         applications = Applications(graph, RATE)
         for nodes in levels:
             if all(results.count(last, nodes) >= repetitions for last in lasts):
                 continue
-            progress.update(task, description=f"{nodes} nodes")
+            progress.set_description(f"{nodes} nodes")
             applications.grow(nodes)
 
             def transfer(node: TransferNode) -> None:
                 for measure, value in zip(TRANSFER, node.measure()):
                     results.add(measure, nodes, value)
-                progress.advance(task)
+                progress.update()
 
             enough = lambda: results.count(TRANSFER[-1], nodes) >= repetitions
             if "transfer" in options.only and not enough():
@@ -217,7 +209,7 @@ def main() -> int:
                 def take_over(robot: Healed) -> None:
                     robot.await_well()
                     results.add(standby, nodes, robot.fail().rospy_ms)
-                    progress.advance(task)
+                    progress.update()
 
                 make = lambda: Healed(graph, consumers, standby, PERIOD, kill_hard)
                 enough = lambda: results.count(standby, nodes) >= repetitions

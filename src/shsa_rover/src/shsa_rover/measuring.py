@@ -4,10 +4,8 @@ import sys
 from pathlib import Path
 from typing import List, Mapping, Optional, Sequence
 
-from rich import box
-from rich.console import Console
-from rich.table import Table
 from rospkg import RosPack
+from tabulate import tabulate
 
 from shsa_core.errors import ShsaError
 from shsa_core.files.ontology_file import read_ontology
@@ -60,9 +58,9 @@ def fit_main(arguments: Optional[Sequence[str]] = None) -> int:
         print(error, file=sys.stderr)
         return 2
     variants = f1_variants(drives)
-    _print(_fit_table(variants + fit_others(drives[0])))
+    print(_fit_table(variants + fit_others(drives[0])))
     if not options.bags:
-        _print(_charge_table(variants))
+        print(_charge_table(variants))
     return 0
 
 
@@ -86,49 +84,43 @@ def accuracy_main(arguments: Optional[Sequence[str]] = None) -> int:
         return 2
     units = {name: prop.unit for name, prop in ontology.properties.items()}
     for title, part in zip(("service", "relation"), parts):
-        _print(_accuracy_table(title, part, units))
-    _print(_accuracy_table("lost: substitute", healed, units))
+        print(_accuracy_table(title, part, units))
+    print(_accuracy_table("lost: substitute", healed, units))
     wrong = [item for part in parts for item in part if item.stated != item.quality]
     for item in wrong:
         print(f"{item.name}: its file says {item.stated:g}, measured is {item.quality:g}")
     return 1 if wrong else 0
 
 
-def _fit_table(fits: List[Fit]) -> Table:
-    table = _table("relation", "coefficients", "RMS error", "of span")
+def _fit_table(fits: List[Fit]) -> str:
+    rows = []
     for fit in fits:
         coefficients = ", ".join(f"{name} {value:.4g}" for name, value in fit.coefficients.items())
         share = f"{100.0 * fit.error / fit.span:.1f} %"
-        table.add_row(fit.relation, coefficients, f"{fit.error:.3g} {fit.unit}", share)
-    return table
+        rows.append((fit.relation, coefficients, f"{fit.error:.3g} {fit.unit}", share))
+    return _table(rows, "relation", "coefficients", "RMS error", "of span")
 
 
-def _charge_table(variants: List[Fit]) -> Table:
+def _charge_table(variants: List[Fit]) -> str:
     """The errors of f1 on drives that nothing was fitted to, each from another state of charge."""
-    table = _table("A on other drives, from a charge of", *(f"{c:g}" for c in TEST_CHARGES))
     drives = [[test_data(charge)] for charge in TEST_CHARGES]
-    for fit in variants:
-        errors = [f1_with(fit.relation, fit.coefficients, drive).error for drive in drives]
-        table.add_row(fit.relation, *(f"{error:.2f}" for error in errors))
-    return table
+    rows = [
+        [fit.relation]
+        + [f"{f1_with(fit.relation, fit.coefficients, drive).error:.2f}" for drive in drives]
+        for fit in variants
+    ]
+    return _table(rows, "A on other drives, from a charge of", *map(str, TEST_CHARGES))
 
 
-def _accuracy_table(title: str, items: List[Accuracy], units: Mapping[str, str]) -> Table:
-    table = _table(title, "RMS error", "of span", "measured", "stated")
+def _accuracy_table(title: str, items: List[Accuracy], units: Mapping[str, str]) -> str:
+    rows = []
     for item in items:
         share = f"{100.0 * item.error / item.span:.1f} %"
         error = f"{item.error:.2g} {units[item.output]}".strip()
-        table.add_row(item.name, error, share, f"{item.quality:.2f}", f"{item.stated:.2f}")
-    return table
+        rows.append((item.name, error, share, f"{item.quality:.2f}", f"{item.stated:.2f}"))
+    return _table(rows, title, "RMS error", "of span", "measured", "stated")
 
 
-def _table(*columns: str) -> Table:
-    table = Table(box=box.MARKDOWN)
-    for column in columns:
-        table.add_column(column)
-    return table
-
-
-def _print(table: Table) -> None:
-    # Wide enough that a table reads the same in a terminal, in a file and in the documentation.
-    Console(width=190).print(table)
+def _table(rows: Sequence[Sequence[str]], *columns: str) -> str:
+    """The rows as they stand in the documentation."""
+    return "\n" + tabulate(rows, columns, tablefmt="github", disable_numparse=True)

@@ -5,7 +5,7 @@ from typing import Dict, List, Set
 import pytest
 import roslaunch
 
-LAUNCH = Path(__file__).resolve().parents[4] / "launch" / "rover.launch"
+LAUNCH = Path(__file__).resolve().parents[2] / "launch" / "rover.launch"
 DRIVERS = {"amperemeter", "imu", "drivetrain", "voltmeter"}
 SIMULATED = DRIVERS | {"rover_simulator", "soc_estimator", "driver"}
 

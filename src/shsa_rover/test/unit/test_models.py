@@ -25,7 +25,7 @@ from shsa_rover.fitting import (
 )
 from shsa_rover.measuring import accuracy_main, fit_data, fit_main, test_data as unseen_data
 
-FOLDER = Path(__file__).resolve().parents[4] / "ontology"
+FOLDER = Path(__file__).resolve().parents[2] / "ontology"
 ONTOLOGY_FILE, SOM_FILE = str(FOLDER / "rover.yaml"), str(FOLDER / "rover_som.yaml")
 ONTOLOGY, SOM = read_ontology(ONTOLOGY_FILE), read_som(SOM_FILE)
 INPUTS = (

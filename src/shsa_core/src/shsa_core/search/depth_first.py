@@ -1,9 +1,9 @@
-"""The search of the paper: depth first, the first substitute found (method `orr`)."""
+"""The search of the paper: depth first, the first substitute found (method `depth_first`, or `orr`)."""
 from typing import Iterator, List, Optional, Set
 
 from shsa_core.model.network import Network
 from shsa_core.search.best import Usable
-from shsa_core.search.derivation import UNRATED, Rated, ServiceTable
+from shsa_core.search.derivation import LOST, UNRATED, Rated, SourceTable
 from shsa_core.search.ratings import Ratings
 
 
@@ -17,22 +17,22 @@ class Branch:
 
 
 def first_found(
-    network: Network, services: ServiceTable, target: int, usable: Optional[Usable] = None
+    network: Network, sources: SourceTable, target: int, usable: Optional[Usable] = None
 ) -> Optional[Rated]:
-    """A derivation of `target`: its service, else its first function whose inputs can be derived, in turn.
+    """A derivation of `target`: its source, else its first function whose inputs can be derived, in turn.
 
     Within a round, a property that failed is not tried again, though it may have failed only because of what was
     on the path then. So there are more rounds, each with what was found before, until one finds nothing new.
     """
-    found = Ratings(network, services)
+    found = Ratings(network, sources)
     while found[target] == UNRATED:
-        if not _round(network, services, usable, target, found):
+        if not _round(network, sources, usable, target, found):
             return None
     return found.rated(target)
 
 
 def _round(
-    network: Network, services: ServiceTable, usable: Optional[Usable], target: int, found: Ratings
+    network: Network, sources: SourceTable, usable: Optional[Usable], target: int, found: Ratings
 ) -> bool:
     """Searches once. Whether anything new was found."""
     new = False
@@ -42,8 +42,8 @@ def _round(
     while path or next_ is not None:
         if next_ is not None:
             tried.add(next_)
-            if next_ in services.ratings:
-                found[next_] = services.ratings[next_]
+            if sources.rating(next_) != LOST:
+                found[next_] = sources.rating(next_)
                 new = True
             else:
                 functions = iter(network.functions_of(next_))
