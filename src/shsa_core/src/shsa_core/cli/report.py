@@ -7,7 +7,7 @@ from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from shsa_core.analysis.report import Report, Suggestion, Survival, TopicReport
+from shsa_core.analysis.report import Report, Suggestion, Survival, ServiceReport
 from shsa_core.analysis.resilience import analyse
 from shsa_core.cli._files import add_options, read_models
 from shsa_core.errors import ModelError
@@ -27,7 +27,7 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "report",
         help="say how resilient a robot is",
-        description="Says what replaces each needed topic, what the loss of each node costs, which "
+        description="Says what replaces each needed service, what the loss of each node costs, which "
         "nodes must not fail, alone or together, and what would help most.",
     )
     add_options(parser)
@@ -66,9 +66,9 @@ def run(args: argparse.Namespace) -> int:
 
 def summary(report: Report) -> List[str]:
     """The report in a few sentences."""
-    lost = [topic for topic in report.topics if topic.quality is None]
+    lost = [each for each in report.services if each.quality is None]
     lines = [
-        f"{len(report.topics) - len(lost)} of {len(report.topics)} needed topics can be replaced "
+        f"{len(report.services) - len(lost)} of {len(report.services)} needed services can be replaced "
         "when their node fails.",
         f"Failures of one node survived: {_share(report.survival.single)}; of two nodes at once: "
         f"{_share(report.survival.double)}.",
@@ -103,10 +103,10 @@ def tables(report: Report) -> List[Table]:
     """The report as tables."""
     return [
         Table(
-            "Needed topics",
-            ("topic", "node", "quality", "alternatives, best first", "fatal with it"),
-            [_topic(topic) for topic in report.topics],
-            "The SOM marks no topic as needed.",
+            "Needed services",
+            ("service", "topic", "node", "quality", "alternatives, best first", "fatal with it"),
+            [_service(each) for each in report.services],
+            "The SOM marks no service as needed.",
         ),
         Table(
             "What the loss of a node costs",
@@ -115,7 +115,7 @@ def tables(report: Report) -> List[Table]:
                 (
                     node.node,
                     ", ".join(node.lost),
-                    ", ".join(f"{topic} ({quality:.3g})" for topic, quality in node.healed),
+                    ", ".join(f"{service} ({quality:.3g})" for service, quality in node.healed),
                     ", ".join(node.leaned_on),
                 )
                 for node in report.nodes
@@ -124,33 +124,35 @@ def tables(report: Report) -> List[Table]:
         ),
         Table(
             "Single points of failure",
-            ("node", "topics lost"),
-            [(c.nodes[0], ", ".join(c.topics)) for c in report.cuts if len(c.nodes) == 1],
+            ("node", "services lost"),
+            [(c.nodes[0], ", ".join(c.services)) for c in report.cuts if len(c.nodes) == 1],
             "No node alone is fatal.",
         ),
         Table(
             "Nodes that must not fail together",
-            ("nodes", "topics lost"),
-            [(" + ".join(c.nodes), ", ".join(c.topics)) for c in report.cuts if len(c.nodes) > 1],
+            ("nodes", "services lost"),
+            [(" + ".join(c.nodes), ", ".join(c.services)) for c in report.cuts if len(c.nodes) > 1],
             "No such nodes.",
         ),
     ]
 
 
-def _topic(topic: TopicReport) -> Tuple[str, ...]:
-    several = len(topic.properties) > 1
+def _service(service: ServiceReport) -> Tuple[str, ...]:
+    several = len(service.properties) > 1
     alternatives = [
         f"{a.property + ' ' if several else ''}by {a.by} ({a.quality:.3g})"
-        for a in topic.alternatives
+        for a in service.alternatives
     ]
-    if topic.quality is None:
-        lacking = ", ".join(topic.missing) or "any relation that yields it"
+    if service.quality is None:
+        lacking = ", ".join(service.missing) or "any relation that yields it"
         alternatives.append(f"missing: {lacking}")
-    others = (" + ".join(n for n in cut if n != topic.node) for cut in topic.cuts if len(cut) > 1)
+    cuts = [cut for cut in service.cuts if len(cut) > 1]
+    others = (" + ".join(n for n in cut if n != service.node) for cut in cuts)
     return (
-        topic.topic,
-        topic.node,
-        "lost" if topic.quality is None else f"{topic.quality:.3g}",
+        service.service,
+        service.topic,
+        service.node,
+        "lost" if service.quality is None else f"{service.quality:.3g}",
         "\n".join(alternatives),
         "\n".join(others),
     )

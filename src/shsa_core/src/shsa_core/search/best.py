@@ -8,10 +8,9 @@ from heapq import heapify, heappop, heappush
 from mmap import mmap
 from typing import Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 
-import networkx as nx
-
 from shsa_core.model.network import Network
 from shsa_core.search.derivation import LOST, MOST, NOT_RATED, SourceTable
+from shsa_core.search.missing import last_parts
 from shsa_core.search.ratings import Ratings
 
 Usable = Callable[[int], bool]
@@ -168,19 +167,11 @@ class BestDerivations:
         Of the properties in reach that have no derivation they are the last ones: those that depend on no other
         such property, or only on one another. What depends on the target itself cannot help it.
         """
-        ended = nx.DiGraph()
-        stack = [target]
-        seen = {target}
-        while stack:
-            number = stack.pop()
-            ended.add_node(number)
-            for function in self.functions(number):
-                inputs = self._network.inputs_of(function)
-                if target not in inputs:
-                    lost = [i for i in inputs if (ratings or self.ratings)[i] == LOST]
-                    ended.add_edges_from((number, i) for i in lost)
-                    stack.extend(i for i in lost if i not in seen)
-                    seen.update(lost)
-        parts = nx.condensation(ended)
-        last = (parts.nodes[part]["members"] for part in parts if parts.out_degree(part) == 0)
-        return sorted(self._network.names[n] for n in set().union(*last) - {target})
+        rated = self.ratings if ratings is None else ratings
+
+        def lost_inputs(number: int) -> List[int]:
+            of = (self._network.inputs_of(function) for function in self.functions(number))
+            return [i for inputs in of if target not in inputs for i in inputs if rated[i] == LOST]
+
+        last = last_parts(target, lost_inputs) - {target}
+        return sorted(self._network.names[number] for number in last)

@@ -1,5 +1,5 @@
 """Derivations: how a property is obtained from sources, and how good that is."""
-from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Collection, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from shsa_core.model.network import Network
 from shsa_core.model.quality import cost
@@ -145,10 +145,10 @@ class SourceTable:
         of = self._of.setdefault(number, {})
         if source not in of:
             of[source] = None
-            for name in _names(source):
+            for name in source.names:
                 self._named.setdefault(name, {})[source] = None
             if len(of) == 1 or _order(source) < _order(self._best[number]):
-                self._choose(number, source)
+                self._choose(number, [source])
 
     def discard(self, source: Source) -> None:
         """Takes a source out, if it is there."""
@@ -157,10 +157,10 @@ class SourceTable:
         of = self._of.get(number, {})
         if source in of:
             del of[source]
-            for name in _names(source):
-                del self._named[name][source]
+            for name in source.names:
+                self._named[name].pop(source, None)
             if source == self._best[number]:
-                self._choose(number, min(of, key=_order, default=None))
+                self._choose(number, of)
 
     def excluding(self, names: Iterable[str]) -> "SourceTable":
         """The table without the sources of some services, topics or nodes, valid until the next change of this one.
@@ -178,7 +178,7 @@ class SourceTable:
         for number, sources in gone.items():
             left = {source: None for source in self.of(number) if source not in sources}
             table._of[number] = left
-            table._choose(number, min(left, key=_order, default=None))
+            table._choose(number, left)
         return table
 
     def rating(self, number: int) -> Rating:
@@ -200,18 +200,13 @@ class SourceTable:
             return self._base.of(number)
         return sorted(self._of.get(number, ()), key=lambda source: (source.path, source.node))
 
-    def _choose(self, number: int, source: Optional[Source]) -> None:
-        if source is None:
+    def _choose(self, number: int, sources: Collection[Source]) -> None:
+        if not sources:
             self._best.pop(number, None)
             self._ratings[number] = LOST
         else:
-            self._best[number] = source
+            source = self._best[number] = min(sources, key=_order)
             self._ratings[number] = cost(source.quality), 0, 1, SOURCE, source.quality
-
-
-def _names(source: Source) -> Set[str]:
-    """What it can be left out by."""
-    return {source.service.name, source.topic, source.node}
 
 
 def _order(source: Source) -> Tuple[int, str, str]:
