@@ -1,37 +1,45 @@
-"""What the monitor's core hears (events) and says (outputs). Times in s on one monotonic clock."""
+"""What the monitor's core hears (events) and says (commands). Times in s on one monotonic clock."""
 from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
 from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.som import Som
-
-class PublisherState(Word):
-    UNKNOWN = "unknown"
-    HEALTHY = "healthy"
-    FAILED = "failed"
-
+from shsa_core.model.substitution import Substitution
 
 Key = Tuple[str, str]
 """A topic and one of its publishers: the unit of health and of blame."""
 
 
+class PublisherState(Word):
+    """How a publisher is doing; see shsa_msgs/PublisherHealth."""
+
+    UNKNOWN = "unknown"
+    HEALTHY = "healthy"
+    FAILED = "failed"
+
+
 @dataclass(frozen=True)
 class PublisherHealth:
-    """One row of the monitor's table; `state` is unknown, healthy or failed, since `since`."""
+    """One row of the monitor's table: the state since `since`, and the `kind` of failure if it failed."""
 
     topic: str
     publisher: str
-    state: str
+    state: PublisherState
     since: float
     first_message: Optional[float] = None
     last_good: Optional[float] = None
-    kind: str = ""
+    kind: Optional[Kind] = None
     detail: str = ""
+
+    @property
+    def key(self) -> Key:
+        """What names the row."""
+        return self.topic, self.publisher
 
 
 @dataclass(frozen=True)
 class SomChanged:
-    """The topics to watch are those of `som` now."""
+    """The services to watch are those of `som` now."""
 
     time: float
     som: Som
@@ -39,10 +47,12 @@ class SomChanged:
 
 @dataclass(frozen=True)
 class SubstitutionsChanged:
-    """The substitutes that run now: topic, empty for an idle one, and node, and whether it speaks."""
+    """New and changed rows of the table of substitutions, and the nodes whose rows are gone; `whole`: all rows."""
 
     time: float
-    speaking: Tuple[Tuple[Key, bool], ...]
+    rows: Tuple[Substitution, ...]
+    removed: Tuple[str, ...] = ()
+    whole: bool = False
 
 
 @dataclass(frozen=True)
@@ -65,7 +75,7 @@ class Disconnected:
 
 @dataclass(frozen=True)
 class Message:
-    """A message came. `values` follow the services of the topic in the SOM; None: they were not decoded.
+    """A message came. `values` are those of `checked_provisions` of its service; None: they were not decoded.
 
     `error` says why a message could not be decoded. `age`: s since its stamp, None if it has none. `waited`: s that it
     may have waited at most for the monitor to read it.
@@ -81,41 +91,57 @@ class Message:
 
 
 @dataclass(frozen=True)
-class Late:
-    """The monitor itself was not scheduled: it woke `late` s after it wanted to."""
+class Tick:
+    """Time passes; every message that came before `time` is handled.
+
+    The monitor wanted to wake at `wanted` at the latest, and did at `woke`; None: it was awake.
+    """
 
     time: float
-    late: float
+    wanted: Optional[float] = None
+    woke: Optional[float] = None
+
+    @property
+    def late(self) -> float:
+        """The time in s that the monitor itself was not scheduled."""
+        if self.wanted is None or self.woke is None:
+            return 0.0
+        return max(0.0, self.woke - self.wanted)
 
 
 @dataclass(frozen=True)
-class Tick:
-    """Time passes; every message that came before `time` is handled."""
+class Ending:
+    """The launch to which the monitor belongs is ending: what stops from now on stops on purpose."""
 
     time: float
 
 
-HealthEvent = Union[SomChanged, SubstitutionsChanged, Connected, Disconnected, Message, Late, Tick]
+Event = Union[SomChanged, SubstitutionsChanged, Connected, Disconnected, Message, Tick, Ending]
 
 
 @dataclass(frozen=True)
 class FailureDetected:
-    """A publisher of a topic failed; `publisher` is empty if none was ever seen. Once an episode."""
+    """A publisher of a topic failed, once an episode.
+
+    `service` is empty if it is nobody's, `publisher` if none was ever seen.
+    """
 
     time: float
+    service: str
     topic: str
     publisher: str
-    kind: str
+    kind: Kind
     detail: str
     last_good: Optional[float]
 
 
 @dataclass(frozen=True)
 class HealthChanged:
-    """A state changed; this is the whole table."""
+    """New and changed rows of the table of health, and those that are gone."""
 
     time: float
-    publishers: Tuple[PublisherHealth, ...]
+    rows: Tuple[PublisherHealth, ...]
+    removed: Tuple[Key, ...] = ()
 
 
-HealthOutput = Union[FailureDetected, HealthChanged]
+Command = Union[FailureDetected, HealthChanged]

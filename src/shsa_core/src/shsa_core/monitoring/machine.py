@@ -1,289 +1,293 @@
-"""The health of every publisher of every watched topic: events in, failures out."""
-from dataclasses import dataclass
+"""The monitor's core: judges every publisher of every watched service by its messages and connections."""
 from math import inf
-from typing import Callable, Dict, List, Optional, Set, Tuple, Type
+from typing import Dict, List, Optional, Set, Tuple
 
+from shsa_core import dispatch
+from shsa_core.model.checks import Checks, IntruderSample
+from shsa_core.model.kinds import Kind
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board, Due, Grace, Silence
 from shsa_core.monitoring.events import (
-    FAILED,
-    HEALTHY,
-    UNKNOWN,
+    Command,
     Connected,
     Disconnected,
-    FailureDetected,
-    HealthChanged,
-    HealthEvent,
-    HealthOutput,
+    Ending,
+    Event,
     Key,
-    Late,
     Message,
     PublisherHealth,
     SomChanged,
     SubstitutionsChanged,
     Tick,
 )
-from shsa_core.monitoring.evidence import Evidence, Finding, TopicChecks
-from shsa_core.monitoring.publishers import Publisher, WatchedTopic
-from shsa_core.model.checks import NEVER_PUBLISHED, NODE_GONE, SILENT, UNKNOWN_PUBLISHER
+from shsa_core.monitoring.evidence import Finding, judge
+from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedTopic
+from shsa_core.monitoring.settings import Settings
+from shsa_core.monitoring.substitutes import publishes, topics_of
 
 
-@dataclass(frozen=True)
-class Settings:
-    """The monitor's settings, where a topic has none of its own.
-
-    `startup_grace`: s until a topic on which nothing was ever published has failed.
-    `deadline`: periods without a message after which a publisher is silent, but at least `minimum_deadline` s:
-    a healthy stream of a 10 ms period has gaps of 53 ms on a loaded machine.
-    """
-
-    startup_grace: float = 15.0
-    deadline: float = 5.0
-    minimum_deadline: float = 0.1
-
-
-class HealthMonitor:
-    """Judges publishers by their messages and connections; pure, see `handle`."""
+class Monitor:
+    """Events in, failures and changes of the table of health out; pure, see `handle`."""
 
     def __init__(self, settings: Settings = Settings()) -> None:
         self._settings = settings
-        self._topics: Dict[str, WatchedTopic] = {}
-        self._substitutes: Dict[Key, bool] = {}
-        self._retired: Set[Key] = set()
-        self._next = inf
-        self._late = Late(-inf, 0.0)
-        self._changed = False
-        self._failures: List[FailureDetected] = []
-        self._handlers: Dict[Type, Callable] = {
-            SomChanged: self._som_changed,
-            SubstitutionsChanged: self._substitutions_changed,
-            Connected: self._connected,
-            Disconnected: self._disconnected,
-            Message: self._message,
-            Late: self._woke_late,
-            Tick: self._tick,
-        }
+        self._som = Som()
+        self._board = Board()
+        self._now = Tick(-inf)
+        self._ends = False
+        self._handlers = dispatch.table(
+            Event,
+            {
+                SomChanged: self._som_changed,
+                SubstitutionsChanged: self._substitutions_changed,
+                Connected: self._connected,
+                Disconnected: self._disconnected,
+                Message: self._message,
+                Tick: self._tick,
+                Ending: self._ending,
+            },
+        )
+        self._judges = dispatch.table(Due, {Silence: self._judge_silence, Grace: self._judge_start})
 
     @property
     def next_deadline(self) -> float:
         """When the next Tick is due, in s; inf: none is. Messages only ever move it away."""
-        return self._next
+        return inf if self._ends else self._board.alarms.next
 
-    def handle(self, event: HealthEvent) -> List[HealthOutput]:
-        """What `event` brings to light: failures first, then the table if a state changed."""
-        self._changed = False
-        self._failures = []
+    def handle(self, event: Event) -> List[Command]:
+        """What `event` brings to light: failures first, then the rows that changed."""
+        if self._ends:
+            return []
         self._handlers[type(event)](event)
-        outputs: List[HealthOutput] = list(self._failures)
-        if self._changed:
-            outputs.append(HealthChanged(event.time, self.table()))
-        return outputs
+        return self._board.commands(event.time)
 
     def table(self) -> Tuple[PublisherHealth, ...]:
         """The health of every publisher, as of the last event."""
-        return tuple(
-            p.row(topic.name) for topic in self._topics.values() for p in topic.publishers.values()
-        )
+        return self._board.table()
 
     def messages(self) -> Dict[Key, int]:
         """How many messages came from each publisher so far."""
+        return {(topic.name, p.name): p.messages for topic, p in self._board.all()}
+
+    def muted(self) -> Set[Key]:
+        """The publishers that publish nothing and need not: substitutes that stand by."""
+        board = self._board
         return {
-            (topic.name, p.name): p.messages
-            for topic in self._topics.values()
-            for p in topic.publishers.values()
+            (topic.name, publisher.name)
+            for topic, publisher in board.all()
+            if publisher.state is UNKNOWN and board.may_be_silent(topic, publisher)
         }
 
-    def mute(self) -> Set[Key]:
-        """The publishers that say nothing and need not: substitutes that stand by."""
-        return {
-            (topic.name, p.name)
-            for topic in self._topics.values()
-            for p in topic.publishers.values()
-            if p.state == UNKNOWN and self._excused(topic, p)
-        }
+    def service_of(self, topic: str, publisher: str) -> Optional[Service]:
+        """The service that a publisher of `topic` provides, by whose checks it is judged; None if nobody can tell."""
+        found = self._board.topics.get(topic)
+        if found is None:
+            return None
+        known = found.publishers.get(publisher)
+        watched = known.watched if known else self._board.watched_of(found, publisher)
+        return watched.service if watched else None
+
+    def validate(self) -> None:
+        """Raise ShsaError if anything is as it must never be."""
+        self._board.validate()
+
+    # The tables of others
 
     def _som_changed(self, event: SomChanged) -> None:
-        old, self._topics = self._topics, {}
+        before, self._som = self._som, event.som
+        for name in before.topics():
+            if not event.som.of_topic(name):
+                self._board.drop_topic(name)
         for name in event.som.topics():
-            services = event.som.of_topic(name)
-            checks = TopicChecks(services)
-            allowed = (checks.deadline or self._settings.deadline) * checks.period
-            if checks.deadline is None:
-                allowed = max(allowed, self._settings.minimum_deadline)
-            node = services[0].node
-            if name in old:
-                self._topics[name] = old[name]
-                old[name].check(node, checks, allowed)
-            else:
-                self._topics[name] = WatchedTopic(name, node, checks, allowed, event.time)
-                self._topics[name].expect(event.time)
-        self._changed = True
-        self._next = event.time
+            if event.som.of_topic(name) != before.of_topic(name):
+                topic = self._board.topics.setdefault(name, WatchedTopic(name))
+                self._watch(topic, event.time)
+
+    def _watch(self, topic: WatchedTopic, time: float) -> None:
+        """Watch a topic for the services that it has now."""
+        board, grace = self._board, self._settings.startup_grace
+        services = {name: publisher.service for name, publisher in topic.publishers.items()}
+        for new in topic.serve(self._som.of_topic(topic.name), self._settings.deadlines, time):
+            board.alarms.set(Grace(topic.name, new), time + grace)
+        nobody = topic.publishers.get(NOBODY)
+        if nobody is not None and nobody.watched not in (None, *topic.services.values()):
+            board.drop(topic, NOBODY)
+        for publisher in list(topic.publishers.values()):
+            if publisher.name != NOBODY:
+                watched = board.watched_of(topic, publisher.name)
+                publisher.provide(watched, anew=publisher.service != services[publisher.name])
+                board.notice(topic, publisher, time)
+                board.alarms.set(Silence(topic.name, publisher.name), publisher.deadline)
+        if not topic.publishers:
+            board.expect(topic, time)
 
     def _substitutions_changed(self, event: SubstitutionsChanged) -> None:
-        before, self._substitutes = self._substitutes, dict(event.speaking)
-        self._retired -= set(self._substitutes)
-        for key, spoke in before.items():
-            topic = self._topics.get(key[0])
-            publisher = topic.publishers.get(key[1]) if topic else None
-            if topic is None or publisher is None:
-                continue
-            if key not in self._substitutes:
-                self._retired.add(key)
-            elif spoke and not self._substitutes[key] and publisher.state == HEALTHY:
-                topic.hush(publisher, event.time)
-                self._changed = True
+        board = self._board
+        for node, before, now in board.substitutes.change(event):
+            for name in topics_of((before, now)):
+                found = board.find(name, node)
+                if found is None:
+                    continue
+                topic, publisher = found
+                if now is None:
+                    board.substitutes.retired.add((name, node))
+                    continue
+                board.substitutes.retired.discard((name, node))
+                watched = board.watched_of(topic, node)
+                publisher.provide(watched, anew=watched is not publisher.watched)
+                board.alarms.set(Silence(name, node), publisher.deadline)
+                was_muted = publishes(before, name) and not publishes(now, name)
+                if was_muted and publisher.state is HEALTHY:
+                    board.mute(topic, publisher, event.time)
+
+    # What publishers do
 
     def _connected(self, event: Connected) -> None:
-        topic = self._topics.get(event.topic)
+        topic = self._board.topics.get(event.topic)
         if topic is None:
             return
         known = topic.publishers.get(event.publisher)
         if known is None or not known.connected:
-            self._retired.discard((event.topic, event.publisher))
-            topic.meet(event.publisher, event.time)
-            self._changed = True
+            self._board.meet(topic, event.publisher, event.time)
 
     def _disconnected(self, event: Disconnected) -> None:
-        topic = self._topics.get(event.topic)
-        publisher = topic.publishers.get(event.publisher) if topic else None
-        if topic is None or publisher is None:
+        board, found = self._board, self._board.find(event.topic, event.publisher)
+        if found is None:
             return
+        topic, publisher = found
         publisher.connected = False
-        self._changed = True
         detail = "its connection was lost: the node died or left"
-        if publisher.state == FAILED:
-            publisher.kind, publisher.detail = NODE_GONE, detail
-        elif publisher.state == UNKNOWN or self._excused(topic, publisher):
-            del topic.publishers[publisher.name]
+        missed = publisher.state is HEALTHY and publisher.watched is not None
+        if publisher.state is FAILED:
+            publisher.kind, publisher.detail = Kind.NODE_GONE, detail
+            board.touch(topic, publisher.name)
+        elif missed and not board.may_be_silent(topic, publisher):
+            board.fail(topic, publisher, event.time, Kind.NODE_GONE, detail)
         else:
-            self._fail(topic, publisher, event.time, NODE_GONE, detail)
-        self._retired.discard((event.topic, event.publisher))
-        topic.forget_gone()
+            board.drop(topic, publisher.name)
+        board.substitutes.retired.discard((event.topic, event.publisher))
+        board.forget_gone(topic)
         if not topic.publishers:
-            topic.expect(event.time)
+            board.expect(topic, event.time)
 
     def _message(self, event: Message) -> None:
-        topic = self._topics.get(event.topic)
+        topic = self._board.topics.get(event.topic)
         if topic is None:
             return
         publisher = topic.publishers.get(event.publisher)
         if publisher is None:
-            publisher = topic.meet(event.publisher, event.time)
-            self._changed = True
+            publisher = self._board.meet(topic, event.publisher, event.time)
         elif not publisher.connected:
             return
-        topic.spoke = True
         previous = publisher.last_message
         publisher.note_message(event.time)
         if previous is None:
-            self._next = min(self._next, event.time + topic.allowed)
-        good, failure = publisher.evidence.weigh(event, publisher.state == FAILED)
+            self._board.alarms.set(Silence(topic.name, publisher.name), publisher.deadline)
+        if publisher.watched is not None:
+            publisher.watched.published = True
+        if self._is_good(topic, publisher, event):
+            self._heard_good(topic, publisher, event.time, previous)
+        else:
+            publisher.good_in_a_row = 0
+
+    def _is_good(self, topic: WatchedTopic, publisher: Publisher, event: Message) -> bool:
+        """Whether a message is good; its publisher fails if it was one bad message too many."""
+        good, failure = True, None
+        if publisher.evidence is not None:
+            good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
         intrusion = self._intrusion(topic, publisher, event.time)
         if intrusion is not None:
             good, failure = False, intrusion
-        if failure is not None and publisher.state != FAILED:
-            self._fail(topic, publisher, event.time, failure.kind, failure.detail)
-        if not good:
-            publisher.good_in_a_row = 0
-            return
-        publisher.last_good = event.time
-        if publisher.state == UNKNOWN:
-            self._become_healthy(topic, publisher, event.time)
-        elif publisher.state == FAILED:
-            steady = previous is not None and event.time - previous <= topic.allowed
-            publisher.good_in_a_row = publisher.good_in_a_row + 1 if steady else 1
-            if publisher.good_in_a_row >= topic.checks.common.recovery:
-                publisher.evidence.clear()
-                self._become_healthy(topic, publisher, event.time)
+        if failure is not None and publisher.state is not FAILED:
+            self._board.fail(topic, publisher, event.time, failure.kind, failure.detail)
+        return good
 
-    def _woke_late(self, event: Late) -> None:
-        self._late = event
+    def _heard_good(
+        self, topic: WatchedTopic, publisher: Publisher, time: float, previous: Optional[float]
+    ) -> None:
+        publisher.last_good = time
+        if publisher.state is UNKNOWN:
+            self._board.become_healthy(topic, publisher, time)
+        elif publisher.state is FAILED:
+            watched = publisher.watched
+            steady = previous is not None and time - previous <= publisher.allowed
+            publisher.good_in_a_row = publisher.good_in_a_row + 1 if steady else 1
+            checks = watched.service.checks if watched else Checks()
+            if publisher.good_in_a_row >= checks.recovery:
+                publisher.forgive()
+                self._board.become_healthy(topic, publisher, time)
+
+    def _ending(self, event: Ending) -> None:
+        self._ends = True
+
+    # Judgement
 
     def _tick(self, event: Tick) -> None:
-        if event.time < self._next:
-            return
-        self._next = inf
-        for topic in self._topics.values():
-            self._judge_start(topic, event.time)
-            for publisher in topic.publishers.values():
-                if topic.deadline(publisher) <= event.time:
-                    self._judge_silence(topic, publisher, event)
-                self._next = min(self._next, topic.deadline(publisher))
+        self._now = event
+        for due in self._board.alarms.due(event.time):
+            self._judges[type(due)](due)
 
-    def _judge_start(self, topic: WatchedTopic, time: float) -> None:
-        end = topic.began + self._settings.startup_grace
-        if topic.spoke or topic.overdue:
+    def _judge_start(self, due: Grace) -> None:
+        """Blame somebody if a service has never been there, once its grace is over."""
+        board, time, grace = self._board, self._now.time, self._settings.startup_grace
+        topic = board.topics.get(due.topic)
+        watched = topic.services.get(due.service) if topic else None
+        if topic is None or watched is None or watched.published or watched.overdue:
             return
-        if time < end:
-            self._next = min(self._next, end)
+        if time < watched.began + grace:
+            board.alarms.set(due, watched.began + grace)
             return
-        topic.overdue = True
-        guilty = [p for p in topic.publishers.values() if not self._excused(topic, p)]
-        blamed = min(guilty, key=lambda p: p.name != topic.node, default=None)
+        if watched.service.event_driven and watched.appeared:
+            return
+        watched.overdue = True
+        connected = [p for p in topic.publishers.values() if p.watched is watched]
+        guilty = [p for p in connected if p.connected and not board.may_be_silent(topic, p)]
+        blamed = min(guilty, key=lambda p: p.name != watched.service.node, default=None)
         if blamed is None:
-            blamed = topic.expect(time)
-        grace = self._settings.startup_grace
-        self._fail(topic, blamed, time, NEVER_PUBLISHED, f"no message in the first {grace:g} s")
+            blamed = board.expect(topic, time)
+            blamed.provide(watched)
+        what = "publisher" if watched.service.event_driven else "message"
+        detail = f"no {what} in the first {grace:g} s"
+        board.fail(topic, blamed, time, Kind.NEVER_PUBLISHED, detail)
 
-    def _judge_silence(self, topic: WatchedTopic, publisher: Publisher, event: Tick) -> None:
-        """Mute a publisher that may be mute, grant time that the monitor itself has lost, or blame."""
-        if self._excused(topic, publisher):
-            topic.hush(publisher, event.time)
-            self._changed = True
+    def _judge_silence(self, due: Silence) -> None:
+        """Look at a publisher; what is done about its silence, if that lasts for too long."""
+        found = self._board.find(due.topic, due.publisher)
+        if found is None:
             return
-        silence = event.time - (publisher.last_message or 0.0)
-        share = topic.allowed / 10
-        late = self._late.late if self._late.time >= event.time else 0.0
-        if late >= share and publisher.granted < topic.allowed:
-            publisher.granted = silence + min(late, topic.allowed) - topic.allowed
-            return
-        detail = f"no message for {silence:.3f} s, {topic.allowed:.3f} s are allowed"
-        self._fail(topic, publisher, event.time, SILENT, detail)
-        publisher.evidence = Evidence(topic.checks)
+        if found[1].deadline <= self._now.time:
+            self._take_silence(*found)
+        self._board.alarms.set(due, found[1].deadline)
 
-    def _excused(self, topic: WatchedTopic, publisher: Publisher) -> bool:
-        """Whether silence is no fault: a substitute that is to be mute here, or that is being stopped."""
-        key = (topic.name, publisher.name)
-        if key in self._retired:
-            return True
-        # An idle one, or one that speaks elsewhere, may have advertised this topic as well.
-        substitute = any(node == publisher.name for _, node in self._substitutes)
-        return substitute and not self._substitutes.get(key, False)
+    def _take_silence(self, topic: WatchedTopic, publisher: Publisher) -> None:
+        """Mute a publisher that may be silent, grant time that the monitor itself has lost, or blame."""
+        time, late = self._now.time, self._now.late
+        if self._board.may_be_silent(topic, publisher):
+            self._board.mute(topic, publisher, time)
+            return
+        allowed, silence = publisher.allowed, time - (publisher.last_message or 0.0)
+        if late >= allowed / 10 and publisher.granted < allowed:
+            publisher.granted = silence + min(late, allowed) - allowed
+            return
+        detail = f"no message for {silence:.3f} s, {allowed:.3f} s are allowed"
+        self._board.fail(topic, publisher, time, Kind.SILENT, detail)
+        publisher.begin_anew()
 
     def _intrusion(
         self, topic: WatchedTopic, publisher: Publisher, time: float
     ) -> Optional[Finding]:
-        """What speaks against a publisher that nobody knows, beside one that is known and healthy."""
-        patience = topic.checks.common.unknown_publisher
-        if publisher.name == topic.node or patience is None or self._known(topic, publisher):
+        """What is held against a publisher that nobody names, beside one that is named and healthy."""
+        board = self._board
+        if not topic.intruder_checks or board.is_named(topic, publisher):
             return None
-        if publisher.kind == UNKNOWN_PUBLISHER:
+        if publisher.kind is Kind.UNKNOWN_PUBLISHER:
             return Finding(publisher.kind, publisher.detail)
-        rightful = [p.name for p in topic.healthy() if self._known(topic, p)]
+        rightful = tuple(p.name for p in topic.healthy() if board.is_named(topic, p))
         if not rightful:
             publisher.intruding_since = None
             return None
         if publisher.intruding_since is None:
             publisher.intruding_since = time
-        if time - publisher.intruding_since <= patience:
-            return None
-        seen = f"it publishes beside {', '.join(rightful)} for {patience:g} s"
-        return Finding(UNKNOWN_PUBLISHER, f"{seen}, neither the SOM nor a substitution names it")
-
-    def _known(self, topic: WatchedTopic, publisher: Publisher) -> bool:
-        key = (topic.name, publisher.name)
-        return publisher.name == topic.node or key in self._substitutes or key in self._retired
-
-    def _fail(
-        self, topic: WatchedTopic, publisher: Publisher, time: float, kind: str, detail: str
-    ) -> None:
-        publisher.become(time, FAILED, kind, detail)
-        self._failures.append(
-            FailureDetected(time, topic.name, publisher.name, kind, detail, publisher.last_good)
-        )
-        self._changed = True
-
-    def _become_healthy(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
-        publisher.become(time, HEALTHY)
-        self._next = min(self._next, time + topic.allowed)
-        self._changed = True
-        topic.forget_gone()
+        sample = IntruderSample(time - publisher.intruding_since, rightful)
+        return judge(topic.intruder_checks, sample)

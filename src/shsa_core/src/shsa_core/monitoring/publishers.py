@@ -1,22 +1,47 @@
-"""What the monitor knows of the publishers of a watched topic."""
+"""What the monitor knows of the services of a watched topic and of their publishers."""
 from dataclasses import dataclass, field
 from math import inf
-from typing import Dict, List, Optional
+from typing import Dict, List, Optional, Sequence, Tuple
 
-from shsa_core.monitoring.events import FAILED, HEALTHY, UNKNOWN, PublisherHealth
-from shsa_core.monitoring.evidence import Evidence, TopicChecks
+from shsa_core.model.checks import Check, IntruderSample
+from shsa_core.model.kinds import Kind
+from shsa_core.model.service import Deadlines, Service
+from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_core.monitoring.evidence import Evidence
+
+NOBODY = ""
+"""The name of the publisher that should be there, while there is none."""
+
+
+@dataclass
+class WatchedService:
+    """One service of a topic. `deadline`: s of silence that are allowed, inf: any; `began`: when it was first watched.
+
+    `appeared`: somebody connected for it; `published`: a message came; `overdue`: it was told that none did.
+    """
+
+    service: Service
+    deadline: float
+    began: float
+    appeared: bool = False
+    published: bool = False
+    overdue: bool = False
 
 
 @dataclass
 class Publisher:
-    """What is known of one publisher of one topic. Times in s; `granted`: extra time until it counts as silent."""
+    """What is known of one publisher of one topic. Times in s; `granted`: extra time until it counts as silent.
+
+    `watched` is the service that it provides, None: nobody can tell, so that only its connection is watched.
+    """
 
     name: str
     since: float
-    evidence: Evidence
-    state: str = UNKNOWN
+    watched: Optional[WatchedService]
+    evidence: Optional[Evidence] = None
     connected: bool = True
-    kind: str = ""
+    state: PublisherState = PublisherState.UNKNOWN
+    kind: Optional[Kind] = None
     detail: str = ""
     first_message: Optional[float] = None
     last_message: Optional[float] = None
@@ -26,10 +51,53 @@ class Publisher:
     granted: float = 0.0
     intruding_since: Optional[float] = None
 
-    def become(self, time: float, state: str, kind: str = "", detail: str = "") -> None:
+    def __post_init__(self) -> None:
+        self.begin_anew()
+
+    @property
+    def service(self) -> Optional[Service]:
+        """The service that it provides."""
+        return self.watched.service if self.watched else None
+
+    @property
+    def allowed(self) -> float:
+        """The silence in s that is allowed; inf: any."""
+        return self.watched.deadline if self.watched else inf
+
+    @property
+    def deadline(self) -> float:
+        """When silence becomes a failure; inf: it does not."""
+        if self.last_message is None or self.state is PublisherState.FAILED:
+            return inf
+        return self.last_message + self.allowed + self.granted
+
+    def provide(self, watched: Optional[WatchedService], anew: bool = True) -> None:
+        """Provide a service from now on; `anew`: what was seen before does not count for it."""
+        self.watched = watched
+        if anew:
+            self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Forget the evidence."""
+        self.evidence = Evidence(self.watched.service) if self.watched else None
+
+    def forgive(self) -> None:
+        """Forget what was bad."""
+        if self.evidence is not None:
+            self.evidence.clear()
+
+    def become(
+        self, time: float, state: PublisherState, kind: Optional[Kind] = None, detail: str = ""
+    ) -> None:
         """Enter a state."""
         self.state, self.since, self.kind, self.detail = state, time, kind, detail
         self.good_in_a_row = 0
+
+    def mute(self, time: float) -> None:
+        """Begin anew once it publishes again."""
+        self.become(time, PublisherState.UNKNOWN)
+        self.begin_anew()
+        self.first_message = self.last_message = None
 
     def note_message(self, time: float) -> None:
         """Count a message."""
@@ -46,59 +114,52 @@ class Publisher:
 
 @dataclass
 class WatchedTopic:
-    """One watched topic and its publishers; while there is none, one without a name.
-
-    `allowed`: s without a message; `began`: when it was first watched; `spoke`: whether any message ever came;
-    `overdue`: whether it was reported that none did.
-    """
+    """One watched topic: its services by name, and its publishers; while there are none, NOBODY."""
 
     name: str
-    node: str
-    checks: TopicChecks
-    allowed: float
-    began: float
-    spoke: bool = False
-    overdue: bool = False
+    services: Dict[str, WatchedService] = field(default_factory=dict)
     publishers: Dict[str, Publisher] = field(default_factory=dict)
+    nodes: Dict[str, WatchedService] = field(default_factory=dict)
+    intruder_checks: Tuple[Check, ...] = ()
 
-    def check(self, node: str, checks: TopicChecks, allowed: float) -> None:
-        """Go by another version of the SOM."""
-        if checks != self.checks:
-            for publisher in self.publishers.values():
-                publisher.evidence = Evidence(checks)
-        self.node, self.checks, self.allowed = node, checks, allowed
+    def serve(self, services: Sequence[Service], deadlines: Deadlines, time: float) -> List[str]:
+        """Carry these services from now on; the names of those that are new."""
+        old, self.services = self.services, {}
+        for service in services:
+            deadline = deadlines.of(service)
+            watched = old.get(service.name)
+            if watched is None or watched.service.event_driven is not service.event_driven:
+                watched = WatchedService(service, inf, time)
+            watched.service, watched.deadline = service, inf if deadline is None else deadline
+            self.services[service.name] = watched
+        self.nodes = {watched.service.node: watched for watched in self.services.values()}
+        self.intruder_checks = tuple(
+            check for s in services for check in s.checks.each if check.sample is IntruderSample
+        )
+        return [name for name, watched in self.services.items() if watched is not old.get(name)]
 
-    def meet(self, name: str, time: float) -> Publisher:
+    def service_of(self, publisher: str, substituted: str) -> Optional[WatchedService]:
+        """The service that a publisher provides; `substituted`: the one whose place it takes, if it is a substitute.
+
+        Whoever is not known stands for the topic's service if there is only one.
+        """
+        found = self.nodes.get(publisher) or self.services.get(substituted)
+        if found is None and len(self.services) == 1:
+            found = next(iter(self.services.values()))
+        return found
+
+    def meet(self, name: str, time: float, watched: Optional[WatchedService]) -> Publisher:
         """A new publisher, in place of an old one of that name."""
-        self.publishers.pop("", None)
-        publisher = Publisher(name, time, Evidence(self.checks))
-        self.publishers[name] = publisher
-        return publisher
-
-    def expect(self, time: float) -> Publisher:
-        """The publisher without a name: somebody should be there."""
-        nobody = Publisher("", time, Evidence(self.checks), connected=False)
-        return self.publishers.setdefault("", nobody)
-
-    def hush(self, publisher: Publisher, time: float) -> None:
-        """Begin anew with a publisher that was muted."""
-        publisher.become(time, UNKNOWN)
-        publisher.evidence = Evidence(self.checks)
-        publisher.first_message = publisher.last_message = None
-
-    def deadline(self, publisher: Publisher) -> float:
-        """When silence becomes a failure; inf: it does not."""
-        if publisher.last_message is None or publisher.state == FAILED:
-            return inf
-        return publisher.last_message + self.allowed + publisher.granted
+        self.publishers[name] = Publisher(name, time, watched)
+        return self.publishers[name]
 
     def healthy(self) -> List[Publisher]:
         """The healthy publishers."""
-        return [p for p in self.publishers.values() if p.state == HEALTHY]
+        return [p for p in self.publishers.values() if p.state is PublisherState.HEALTHY]
 
-    def forget_gone(self) -> None:
-        """Drop publishers that are gone and missed by nobody: neither the SOM's node nor the last hope."""
-        if self.healthy():
-            for gone in [p for p in self.publishers.values() if not p.connected]:
-                if gone.name != self.node:
-                    del self.publishers[gone.name]
+    def missed_by_nobody(self) -> List[str]:
+        """Publishers that are gone and may be forgotten: neither a node of the SOM nor the last hope."""
+        if not self.healthy():
+            return []
+        gone = [p.name for p in self.publishers.values() if not p.connected and p.name != NOBODY]
+        return [name for name in gone if name not in self.nodes]

@@ -1,27 +1,52 @@
 """Each check of messages: found when it is on, silent when it is off, back to healthy when it is over."""
 from math import nan
-from typing import Dict
+from typing import Any
 
 import pytest
-from health_bench import NODE, PERIOD, TOPIC, Bench, service
+from monitor_bench import (
+    NODE,
+    PERIOD,
+    SETTINGS,
+    TOPIC,
+    Bench,
+    message_checks,
+    provision,
+    service,
+    with_value_checks,
+)
 
-from shsa_core.errors import ModelError
-from shsa_core.monitoring.events import Message, SomChanged
-from shsa_core.monitoring.evidence import TopicChecks
-from shsa_core.model.checks import Checks, read_checks
-from shsa_core.files.document import from_parameters
-from shsa_core.model.som import Som, som_from_parameters
+from shsa_core.model.checks import (
+    REGISTRY,
+    FutureStamp,
+    Jump,
+    NotANumber,
+    OutOfRange,
+    RateHigh,
+    RateLow,
+    StaleStamp,
+    Stuck,
+    UnknownPublisher,
+)
+from shsa_core.model.service import Service
+from shsa_core.monitoring.events import Message
+from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
 
-OFF = Checks(False, False, None, None, None, None, None, None, None)
+OF_VALUES = ("not_a_number", "out_of_range", "stuck", "jump")
 
 
-def bench_with(**checks: object) -> Bench:
+def only(**limits: Any) -> Service:
+    """A service with these checks and no others; `bad`, `of`, `recovery` may be among them."""
+    counts = {name: limits.pop(name) for name in ("bad", "of", "recovery") if name in limits}
+    checks = {name: REGISTRY[name](limit) for name, limit in limits.items()}
+    of_values = tuple(check for name, check in checks.items() if name in OF_VALUES)
+    of_messages = (check for name, check in checks.items() if name not in OF_VALUES)
+    value = provision(range=None, checks=of_values)
+    return service(value, checks=message_checks(*of_messages, **counts))
+
+
+def bench_with(**limits: Any) -> Bench:
     """A bench whose topic has no checks but these, after a second of healthy messages."""
-    values: Dict[str, object] = {}
-    values.update(OFF.parameters())
-    values.update(checks)
-    read = read_checks(from_parameters(values, "checks"), "checks")
-    bench = Bench(service(checks=read, range=None))
+    bench = Bench(only(**limits))
     bench.connect()
     bench.stream(60)
     assert bench.state() == "healthy"
@@ -82,7 +107,7 @@ def test_stuck() -> None:
     bench = bench_with()
     bench.stream(500, value=2.0)
     assert bench.failures == []
-    bench = Bench(service(checks=Checks(stuck=1.0)))
+    bench = Bench(service(with_value_checks(Stuck(1.0))))
     for step in range(200):
         bench.stream(1, value=1.0 + step % 7)
     assert bench.failures == []
@@ -143,7 +168,7 @@ def test_switched_off_checks_see_nothing() -> None:
 
 
 def test_range_can_be_switched_off() -> None:
-    bench = Bench(service(checks=Checks(out_of_range=False)))
+    bench = Bench(service(provision(checks=(NotANumber(True),))))
     bench.stream(20, value=1000.0)
     assert bench.failures == []
 
@@ -172,7 +197,7 @@ def test_a_stranger_becomes_known_when_the_som_names_it() -> None:
     bench = Bench()
     both(bench, 2.0)
     assert bench.kinds() == [("/stranger", "unknown_publisher")]
-    bench.send(SomChanged(bench.now, Som([service(node="/stranger")])))
+    bench.watch(service(node="/stranger"))
     bench.stream(10, node="/stranger")
     assert bench.state("/stranger") == "healthy"
 
@@ -219,8 +244,12 @@ def test_the_deadline_is_tuned_exactly() -> None:
 
 def test_each_field_of_a_topic_is_checked() -> None:
     bench = Bench(
-        service(property="speed", field="x", range=(0.0, 1.0)),
-        service(property="turn", field="z", range=None, checks=Checks(jump=0.1)),
+        service(
+            provides=(
+                provision(property="speed", field="x", range=(0.0, 1.0)),
+                with_value_checks(Jump(0.1), property="turn", field="z", range=None),
+            )
+        )
     )
     bench.connect()
     for _ in range(10):
@@ -231,58 +260,58 @@ def test_each_field_of_a_topic_is_checked() -> None:
 
 
 def test_the_defaults_find_gross_faults_only() -> None:
-    bench = Bench(service(range=None))
+    bench = Bench(service(provision(range=None)))
     bench.connect()
     for step in range(400):
         bench.stream(1, value=1.0 if step % 100 < 50 else -1e6, age=100.0)
     assert bench.failures == []
 
 
-@pytest.mark.parametrize("key", ["jump", "stuck", "rate_high", "unknown_publisher"])
-@pytest.mark.parametrize("value", [0, -1, "yes", [1], {"limit": 1}, float("nan"), float("inf")])
-def test_bad_limits_are_refused(key: str, value: object) -> None:
-    with pytest.raises(ModelError, match=key):
-        read_checks(from_parameters({key: value}, "checks"), "checks")
-
-
-@pytest.mark.parametrize(
-    "value, words",
-    [
-        ({"out_of_range": 3}, "out_of_range must be true or false"),
-        ({"jump": True}, "no usual limit"),
-        ({"bad": 0}, "from 1 to 1000"),
-        ({"of": 2.5}, "whole number"),
-        ({"bad": 11}, "at most of"),
-        ({"jmp": 1}, "Did you mean 'jump'"),
-        ("on", "must be a mapping"),
-    ],
-)
-def test_bad_checks_are_refused(value: object, words: str) -> None:
-    with pytest.raises(ModelError, match=words):
-        read_checks(from_parameters(value, "checks"), "checks")
-
-
-def test_true_switches_on_with_the_usual_limit() -> None:
-    read = read_checks(from_parameters({"stuck": True, "rate_low": False}, "checks"), "checks")
-    assert (read.stuck, read.rate_low, read.rate_high) == (1.0, None, 1.5)
-
-
-@pytest.mark.parametrize("checks", [Checks(), OFF, Checks(jump=2.5, bad=1, of=1)])
-def test_checks_survive_the_parameter_server(checks: Checks) -> None:
-    som = Som([service(checks=checks, deadline=3.0)])
-    assert som_from_parameters(som.parameters()) == som
-
-
 def test_what_a_topic_must_be_decoded_for() -> None:
-    off = TopicChecks((service(checks=OFF),))
-    assert not off.of_values and not off.of_stamps
-    for checks in (Checks(), Checks(stuck=1.0), Checks(jump=1.0), Checks(not_a_number=False)):
-        assert TopicChecks((service(checks=checks),)).of_values
-    unlimited = service(range=None, checks=Checks(not_a_number=False))
-    assert not TopicChecks((unlimited,)).of_values
-    for checks in (Checks(stale_stamp=1.0), Checks(future_stamp=1.0)):
-        assert TopicChecks((service(checks=checks),)).of_stamps
+    assert checked_provisions(only()) == () and not checks_stamps(only())
+    for limits in ({"stuck": 1.0}, {"jump": 1.0}, {"not_a_number": True}):
+        assert len(checked_provisions(only(**limits))) == 1
+    unlimited = service(provision(range=None, checks=(OutOfRange(True),)))
+    assert checked_provisions(unlimited) == ()
+    assert len(checked_provisions(service(provision(checks=(OutOfRange(True),))))) == 1
+    for check in (StaleStamp(1.0), FutureStamp(1.0)):
+        assert checks_stamps(service(checks=message_checks(check)))
+    assert not checks_stamps(service(checks=message_checks(RateHigh(1.0), RateLow(1.0))))
 
 
-def test_the_period_of_a_topic_is_the_longest_of_its_services() -> None:
-    assert TopicChecks((service(), service(property="b", period=0.1))).period == 0.1
+def test_values_follow_the_provisions_that_are_checked() -> None:
+    unchecked = provision(property="speed", field="x", checks=())
+    turn = provision(property="turn", field="z", range=(0.0, 1.0))
+    bench = Bench(service(provides=(unchecked, turn)))
+    assert checked_provisions(service(provides=(unchecked, turn))) == (turn,)
+    for _ in range(3):
+        bench.send(Message(bench.now, TOPIC, NODE, (2.0,)))
+    assert bench.failures[0].detail == "turn is 2, 0 to 1 are allowed"
+
+
+def test_the_first_check_that_finds_something_tells_its_kind() -> None:
+    bench = bench_with(not_a_number=True, stale_stamp=0.5, bad=1, of=1)
+    bench.stream(1, value=nan, age=9.0)
+    assert bench.kinds() == [(NODE, "not_a_number")]
+
+
+def test_an_event_driven_topic_has_no_rate() -> None:
+    checks = message_checks(RateHigh(1.5), RateLow(0.5))
+    bench = Bench(service(period=None, checks=checks))
+    for _ in range(1000):
+        bench.message()
+    bench.wait(1000.0)
+    bench.stream(100, period=10.0)
+    assert bench.failures == []
+
+
+def test_a_stranger_is_judged_by_any_service_of_its_topic() -> None:
+    patient, strict = UnknownPublisher(5.0), UnknownPublisher(0.5)
+    bench = Bench(
+        service(checks=message_checks(patient)),
+        service(name="other", node="/other", checks=message_checks(strict)),
+        settings=SETTINGS,
+    )
+    both(bench, 1.0)
+    assert bench.kinds() == [("/stranger", "unknown_publisher")]
+    assert "for 0.5 s" in bench.failures[0].detail
