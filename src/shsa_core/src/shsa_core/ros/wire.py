@@ -158,3 +158,7 @@ def found(plan: TopicPlan) -> srv.FindSubstituteResponse:
         proven_best=plan.proven_best,
         detail=f"quality {plan.quality:.2g}, by {using}",
     )
+
+
+# The rows of /shsa/substitutions.
+from shsa_core.ros.graph.rows import substitution_message, substitution_row  # noqa: E402,F401
