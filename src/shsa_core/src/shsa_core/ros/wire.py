@@ -14,7 +14,6 @@ from shsa_core.ros.graph import clock
 FAILURES = "shsa/failures"
 HEALTH = "shsa/health"
 INCIDENTS = "shsa/incidents"
-SUBSTITUTIONS = "shsa/substitutions"
 SOM_STATE = "shsa/som_state"
 SOM_PARAMETER = "shsa/som"
 FIND_SUBSTITUTE = "shsa/find_substitute"
@@ -161,4 +160,8 @@ def found(plan: TopicPlan) -> srv.FindSubstituteResponse:
 
 
 # The rows of /shsa/substitutions.
-from shsa_core.ros.graph.rows import substitution_message, substitution_row  # noqa: E402,F401
+from shsa_core.ros.graph.rows import (  # noqa: E402,F401
+    SUBSTITUTIONS,
+    substitution_message,
+    substitution_row,
+)

@@ -32,5 +32,7 @@ def _signal(values: Any) -> Signal:
         raise TypeError(f"topic, field, type and node must be texts, not {texts}")
     for number in (period, deadline):
         if number is not None and not (isinstance(number, (int, float)) and number > 0):
-            raise TypeError(f"period and deadline must be numbers of s above 0, or null, not {number}")
+            raise TypeError(
+                f"period and deadline must be numbers of s above 0, or null, not {number}"
+            )
     return Signal(*texts, period, deadline)
