@@ -34,9 +34,9 @@ def test_it_publishes_once_a_period_from_the_moment_its_inputs_are_there() -> No
 
 def test_muted_it_computes_and_never_publishes() -> None:
     driver = running(publishing=False)
-    driver.stream(1.0)
+    driver.stream(0.99)
     assert driver.published() == []
-    assert driver.core.next_deadline() == pytest.approx(1.02)
+    assert driver.core.next_deadline() == pytest.approx(1.0)
 
 
 def test_it_publishes_at_once_when_it_takes_over_and_goes_on_from_there() -> None:
@@ -44,7 +44,7 @@ def test_it_publishes_at_once_when_it_takes_over_and_goes_on_from_there() -> Non
     driver.stream(0.1)
     driver.time = 0.113
     assert values(driver.change(row(publishing=True))) == [(1.0,)]
-    driver.stream(0.17)
+    driver.stream(0.15)
     assert [time for time, _ in driver.published()] == [0.113, 0.133, 0.153]
 
 
@@ -88,8 +88,8 @@ def test_while_an_input_is_stale_nothing_is_published_and_then_at_once() -> None
 def test_a_value_without_deadline_is_never_stale() -> None:
     constant = signal("/in", period=None, deadline=None)
     driver = running(publishing=True, inputs=(constant,))
-    driver.pass_to(1000.0)
-    assert driver.published()[-1] == (1000.0, 1.0)
+    driver.pass_to(20.01)
+    assert driver.published()[-1] == (20.0, 1.0)
 
 
 def test_a_late_message_keeps_the_phase_and_a_very_late_one_sets_it_anew() -> None:
@@ -99,22 +99,23 @@ def test_a_late_message_keeps_the_phase_and_a_very_late_one_sets_it_anew() -> No
     assert driver.core.next_deadline() == pytest.approx(0.04)
     driver.time = 0.095
     assert values(driver.tell(events.Tick)) == [(1.0,)]
-    driver.stream(0.12)
-    assert [time for time, _ in driver.published(0.096)] == [0.115]
+    driver.stream(0.13)
+    assert [time for time, _ in driver.published(0.096)] == [0.115, 0.135]
 
 
 def test_an_event_driven_output_goes_out_when_an_input_comes_and_at_the_takeover() -> None:
     event = signal("/out", period=None, deadline=None)
     driver = running(outputs=(event,))
-    driver.time = 1.0
-    assert driver.core.next_deadline() is not None  # to look for subscribers alone
+    driver.pass_to(10.0)
+    assert driver.core.next_deadline() is None
     assert values(driver.arrive(2.0)) == []
+    driver.time = 11.0
     assert values(driver.change(row(True, outputs=(event,)))) == []  # the input is stale
-    driver.time = 2.0
+    driver.time = 12.0
     assert values(driver.arrive(3.0)) == [(3.0,)]
     assert values(driver.arrive(4.0)) == [(4.0,)]
     assert values(driver.arrive(5.0, topic="/other")) == []
-    assert values(driver.pass_to(3.0)) == []
+    assert values(driver.pass_to(13.0)) == []
     driver.change(row(False, outputs=(event,)))
     assert values(driver.arrive(5.0)) == []
     assert values(driver.change(row(True, outputs=(event,)))) == [(5.0,)]

@@ -195,10 +195,10 @@ def test_once_the_time_to_yield_is_over_nobody_looks_any_more() -> None:
 
 def test_it_yields_to_nobody_where_no_original_is_named() -> None:
     driver = running(publishing=True)
-    driver.stream(0.1)
+    driver.stream(0.09)
     driver.change(row(False))
     driver.stream(0.5)
-    assert driver.published(0.1) == []
+    assert driver.published(0.101) == []
     assert only([c for _, c in driver.said], events.LookAtOriginal) == []
 
 

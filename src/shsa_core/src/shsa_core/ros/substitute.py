@@ -6,7 +6,7 @@ from typing import Callable, Tuple
 import rospy
 from shsa_msgs import msg
 
-from shsa_core.dispatch import table
+from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
@@ -55,7 +55,7 @@ class SubstituteNode:
         self._registrations = Worker("registrations")
         self._calls = Worker("calls")
         self._looks = Worker("looks")
-        self._carry_out = table(
+        self._carry_out: Table[None] = table(
             events.Command,
             {
                 events.Listen: self._listen,

@@ -4,10 +4,11 @@ from typing import Optional, Tuple
 
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import ShsaError
+from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.settings import Settings
 
-Words = Tuple[Tuple[str, ...], str, Tuple[str, ...]]
+Words = Tuple[Tuple[Tuple[str, ...], ...], str, Tuple[Tuple[str, ...], ...]]
 
 
 class Job:
@@ -63,6 +64,9 @@ class Job:
 
 
 def words(row: Substitution) -> Words:
-    """The program of a row as the paper's three strings; the signals' numbers are no part of it."""
-    paths = tuple(f"{signal.path} {signal.node}" for signal in row.inputs)
-    return paths, row.code, tuple(signal.path for signal in row.outputs)
+    """What makes the program of a row: code, fields and types; the signals' periods and deadlines are no part of it."""
+
+    def names(signals: Tuple[Signal, ...]) -> Tuple[Tuple[str, ...], ...]:
+        return tuple((each.topic, each.field, each.type, each.node) for each in signals)
+
+    return names(row.inputs), row.code, names(row.outputs)

@@ -2,7 +2,7 @@
 import math
 from typing import Dict, List, Optional, Tuple
 
-from shsa_core.dispatch import table
+from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
@@ -35,7 +35,7 @@ class Substitute:
         self._freshness = Freshness()
         self._advertising = Advertising(settings)
         self._yielding = Yielding(settings)
-        self._handlers = table(
+        self._handlers: Table[List[Command]] = table(
             Event,
             {
                 events.Started: self._started,
@@ -194,10 +194,8 @@ class Substitute:
 
     def _reschedule(self, period: Optional[float]) -> None:
         """Take another period; the phase stays."""
-        schedule = Schedule(period, self._schedule.due)
-        if schedule.period != self._schedule.period:
-            schedule.due = min(schedule.due, self._now + schedule.period)
-            self._schedule = schedule
+        latest = self._now + (math.inf if period is None else period)
+        self._schedule = Schedule(period, min(self._schedule.due, latest))
 
     # When it publishes.
 

@@ -27,12 +27,12 @@ def decode(text: str) -> Tuple[Signals, Signals]:
 
 
 def _signal(values: Any) -> Signal:
-    *texts, period, deadline = values
-    if not all(isinstance(text, str) for text in texts):
-        raise TypeError(f"topic, field, type and node must be texts, not {texts}")
+    topic, field, kind, node, period, deadline = values
+    if not all(isinstance(text, str) for text in (topic, field, kind, node)):
+        raise TypeError(f"topic, field, type and node must be texts, not {values}")
     for number in (period, deadline):
         if number is not None and not (isinstance(number, (int, float)) and number > 0):
             raise TypeError(
                 f"period and deadline must be numbers of s above 0, or null, not {number}"
             )
-    return Signal(*texts, period, deadline)
+    return Signal(topic, field, kind, node, period, deadline)
