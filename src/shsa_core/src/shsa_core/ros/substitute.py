@@ -18,7 +18,8 @@ from shsa_core.ros.graph.messages import message_class
 from shsa_core.ros.graph.node_api import FAILURES
 from shsa_core.ros.graph.original import served_consumers
 from shsa_core.ros.graph.outputs import Outputs
-from shsa_core.ros.wire.rows import SUBSTITUTIONS, only_rows_of, substitution_row
+from shsa_core.ros.wire import names
+from shsa_core.ros.wire.rows import only_rows_of, substitution_row
 from shsa_core.ros.graph.tables import TableSubscriber
 from shsa_core.ros.graph.worker import Worker
 from shsa_core.ros.node import run
@@ -48,6 +49,7 @@ class SubstituteNode:
         self._name = row.node
         self._row = row
         self._listed = False
+        self._idle = row.idle
         self._core = machine.Substitute()
         self._inbox = Inbox()
         self._inputs = Inputs(self._heard)
@@ -74,7 +76,8 @@ class SubstituteNode:
     def spin(self) -> None:
         """Follow the table of substitutions until ROS shuts down; raises ShsaError if the core gives up."""
         self._feed(events.Started(clock.now(), self._row, unusable(self._row)))
-        TableSubscriber(SUBSTITUTIONS, only_rows_of(self._name), self._table)
+        message_class = only_rows_of(self._name, lambda: self._idle)
+        TableSubscriber(names.SUBSTITUTIONS, message_class, self._table)
         while not rospy.is_shutdown():
             deadline = self._core.next_deadline()
             wait = POLL_S if deadline is None else min(POLL_S, deadline - clock.now())
@@ -97,11 +100,19 @@ class SubstituteNode:
         for found in ours:
             row = substitution_row(found)
             self._listed = True
+            self._idle = row.idle
             self._inbox.put(events.RowChanged(clock.now(), row, unusable(row)))
         gone = message.whole and not ours or self._name in message.removed
         if gone and self._listed:
             self._listed = False
             self._inbox.put(events.RowRemoved(clock.now()))
+        if self._idle:
+            plans = tuple(substitution_row(row) for row in message.substitutions if not row.node)
+            problems = tuple(problem for plan in plans for problem in unusable(plan))
+            removed = tuple(message.removed)
+            self._inbox.put(
+                events.PlansChanged(clock.now(), plans, removed, message.whole, problems)
+            )
 
     def _heard(self, topic: str, publisher: str, values: Values) -> None:
         self._inbox.put(events.InputArrived(clock.now(), topic, publisher, values))

@@ -5,7 +5,7 @@ a connection, now and then not the same one, and none is left: nobody but us wou
 tells nobody of anything while three subscribers hang.
 """
 import math
-from typing import Dict, Iterable, List, Tuple
+from typing import Collection, Dict, Iterable, List, Tuple
 
 from shsa_core.model.service import Signal
 from shsa_core.substitution.events import (
@@ -39,12 +39,13 @@ class Advertising:
         """Whether messages can be published on a topic."""
         return self._ready.get(topic, False)
 
-    def prepare(self, outputs: Iterable[Signal], now: float) -> List[Command]:
-        """Advertise the topics of `outputs`, and no others; there is no hurry: the master tells the consumers first."""
-        wanted = {signal.topic: signal for signal in outputs}
-        commands = [command for each in wanted.values() for command in self._advertise(each)]
+    def prepare(self, outputs: Iterable[Signal]) -> List[Command]:
+        """Advertise the topics of `outputs`; there is no hurry: the master tells the consumers first."""
+        return [command for each in outputs for command in self._advertise(each)]
+
+    def leave_all_but(self, wanted: Collection[str], now: float) -> None:
+        """Withdraw all topics but those `wanted`."""
         self._withdrawals = {topic: now for topic in self._ready if topic not in wanted}
-        return commands
 
     def take(self, output: Signal, now: float) -> List[Command]:
         """Advertise the topic of `output`, and soon no others: each that is withdrawn takes a call to the master."""

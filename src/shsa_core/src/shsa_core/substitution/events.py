@@ -36,6 +36,20 @@ class RowRemoved:
 
 
 @dataclass(frozen=True)
+class PlansChanged:
+    """The plans of warm services, for which an idle process prepares: those that are new, or not as they were.
+
+    `removed`: the services that have none any more; `whole`: there are no others than `rows`.
+    """
+
+    time: float
+    rows: Tuple[Substitution, ...]
+    removed: Tuple[str, ...] = ()
+    whole: bool = False
+    unusable: Unusable = ()
+
+
+@dataclass(frozen=True)
 class InputArrived:
     """A message came from `publisher`; `values`: its fields that are listened to, each by name."""
 
@@ -110,6 +124,7 @@ Event = Union[
     Started,
     RowChanged,
     RowRemoved,
+    PlansChanged,
     InputArrived,
     Advertised,
     ConsumerJoined,

@@ -1,6 +1,6 @@
 """The substitute's core: what it computes, when it publishes, and to whom."""
 import math
-from typing import Dict, List, Optional, Tuple
+from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
@@ -32,6 +32,7 @@ class Substitute:
         self._schedule = Schedule(None, math.inf)
         self._said: List[Command] = []
         self._types: Dict[str, str] = {}
+        self._plans: Dict[str, Substitution] = {}
         self._freshness = Freshness()
         self._advertising = Advertising(settings)
         self._yielding = Yielding(settings)
@@ -41,6 +42,7 @@ class Substitute:
                 events.Started: self._started,
                 events.RowChanged: self._row_changed,
                 events.RowRemoved: self._row_removed,
+                events.PlansChanged: self._plans_changed,
                 events.InputArrived: self._input_arrived,
                 events.Advertised: self._advertised,
                 events.ConsumerJoined: self._consumer_joined,
@@ -117,10 +119,20 @@ class Substitute:
         """Whoever made the table may have started anew, and learns of us later: go on as told last."""
         return [Log(Level.DEBUG, "the table has no row of this node any more")]
 
+    def _plans_changed(self, event: events.PlansChanged) -> List[Command]:
+        """Be ready for each plan, as long as there is no work."""
+        told = {row.service: row for row in event.rows}
+        gone = [name for name in self._plans if name not in told] if event.whole else event.removed
+        for name in gone:
+            self._plans.pop(name, None)
+        self._plans.update(told)
+        return self._prepare(self._row, event.rows, event.unusable) if self._row.idle else []
+
     def _heed(self, row: Substitution, unusable: Unusable) -> List[Command]:
         before, topic = self.publishing, self._topic
         self._row = row
-        commands = self._prepare(row, unusable) if row.idle else self._work(row, unusable)
+        plans = self._plans.values()
+        commands = self._prepare(row, plans, unusable) if row.idle else self._work(row, unusable)
         after, stays = self.publishing, self._topic == topic
         period = None if self._job is None else self._job.period
         same = stays and row.original == self._yielding.original
@@ -140,20 +152,27 @@ class Substitute:
         """The topic of its program; empty if it has none."""
         return "" if self._job is None else self._job.topic
 
-    def _prepare(self, row: Substitution, unusable: Unusable) -> List[Command]:
+    def _prepare(
+        self, row: Substitution, plans: Iterable[Substitution], unusable: Unusable
+    ) -> List[Command]:
         """Have no program, and be ready for one: what cannot be used here must not hurt the rest."""
         self._job, self._refused = None, None
         self._schedule = Schedule(None, math.inf)
-        problems = self._problems(row, unusable)
-        inputs = tuple(signal for signal in row.inputs if signal not in problems)
-        outputs = tuple(signal for signal in row.outputs if signal not in problems)
-        commands: List[Command] = [
-            Log(Level.WARNING, f"does not prepare for {signal.path}: {why}")
-            for signal, why in problems.items()
-        ]
-        commands += self._listen(inputs)
-        self._types.update({signal.topic: signal.type for signal in outputs})
-        return commands + self._advertising.prepare(outputs, self._now)
+        commands: List[Command] = []
+        for each in (row, *plans):
+            problems = self._problems(each, unusable)
+            commands += [
+                Log(Level.WARNING, f"does not prepare for {signal.path}: {why}")
+                for signal, why in problems.items()
+            ]
+            usable = tuple(signal for signal in each.inputs if signal not in problems)
+            commands += self._listen(usable)
+            outputs = tuple(signal for signal in each.outputs if signal not in problems)
+            self._types.update({signal.topic: signal.type for signal in outputs})
+            commands += self._advertising.prepare(outputs)
+        wanted = {topic for each in (row, *self._plans.values()) for topic in each.topics}
+        self._advertising.leave_all_but(wanted, self._now)
+        return commands
 
     def _work(self, row: Substitution, unusable: Unusable) -> List[Command]:
         """Compute the program of a row; if that is not possible, the old one goes on."""

@@ -3,20 +3,19 @@
 A module of its own: a substitute must start soon, and needs nothing else of the wire.
 """
 import struct
-from typing import Type
+from typing import Callable, Type
 
 from shsa_msgs import msg
 
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 
-SUBSTITUTIONS = "shsa/substitutions"
 _LENGTH = struct.Struct("<I")
 _COUNTERS = struct.Struct("<QB")
 
 
-def only_rows_of(node: str) -> Type[msg.Substitutions]:
-    """The message type of the table, for a reader whom only the rows of `node` concern.
+def only_rows_of(node: str, all_: Callable[[], bool]) -> Type[msg.Substitutions]:
+    """The message type of the table, for a reader whom only the rows of `node` concern, or all while `all_` says so.
 
     It decodes a message that names the node, and of any other only its sequence and whether it is the whole: else
     every substitute would decode the rows of all.
@@ -28,7 +27,7 @@ def only_rows_of(node: str) -> Type[msg.Substitutions]:
 
         def deserialize(self, data: bytes) -> msg.Substitutions:
             """Read a message."""
-            if name in data:
+            if name in data or all_():
                 return super().deserialize(data)
             (length,) = _LENGTH.unpack_from(
                 data, 12
