@@ -94,7 +94,7 @@ def test_a_value_without_deadline_is_never_stale() -> None:
 
 def test_a_late_message_keeps_the_phase_and_a_very_late_one_sets_it_anew() -> None:
     driver = running(publishing=True)
-    driver.time = 0.035
+    driver.time = 0.029
     assert values(driver.tell(events.Tick)) == [(1.0,)]
     assert driver.core.next_deadline() == pytest.approx(0.04)
     driver.time = 0.095
@@ -135,6 +135,12 @@ def test_a_joining_consumer_hears_nothing_of_a_muted_one_or_on_another_topic(
 ) -> None:
     driver = running(publishing)
     assert driver.tell(events.ConsumerJoined, topic, "/consumer") == []
+
+
+def test_a_joining_consumer_of_a_topic_that_is_not_ready_waits() -> None:
+    driver = Driver(row(publishing=True))
+    driver.arrive(1.0)
+    assert driver.tell(events.ConsumerJoined, "/out", "/consumer") == []
 
 
 def test_a_joining_consumer_hears_nothing_stale_and_nothing_where_there_is_nothing() -> None:
@@ -249,6 +255,12 @@ def test_a_refused_program_for_the_same_topic_leaves_the_old_one_publishing() ->
 def test_a_refused_program_for_another_topic_mutes_the_old_one() -> None:
     driver = running(publishing=True)
     driver.change(row(True, code="nonsense", outputs=(signal("/other"),)))
+    assert values(driver.pass_to(DEADLINE)) == []
+
+
+def test_a_refused_program_for_another_topic_yields_nothing_to_its_original() -> None:
+    driver = running(publishing=True)
+    driver.change(row(True, code="nonsense", outputs=(signal("/other"),), original="/node"))
     assert values(driver.pass_to(DEADLINE)) == []
 
 

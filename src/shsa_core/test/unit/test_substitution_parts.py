@@ -16,8 +16,16 @@ def test_the_first_is_due_at_once_and_then_one_a_period() -> None:
     assert schedule.due == 10.0
     schedule.done(10.1)
     assert schedule.due == 10.5
-    schedule.done(11.0)
-    assert schedule.due == 11.5
+    schedule.done(10.7)
+    assert schedule.due == 11.0
+
+
+def test_what_is_late_is_not_followed_closely() -> None:
+    schedule = Schedule(0.5, 10.0)
+    schedule.done(10.3)
+    assert schedule.due == 10.8
+    schedule.done(99.0)
+    assert schedule.due == 99.5
 
 
 def test_what_is_hastened_is_due_sooner_and_never_later() -> None:

@@ -133,7 +133,7 @@ class Substitute:
         self._row = row
         plans = self._plans.values()
         commands = self._prepare(row, plans, unusable) if row.idle else self._work(row, unusable)
-        after, stays = self.publishing, self._topic == topic
+        after, stays = self.publishing, self._topic == topic and topic in row.topics
         period = None if self._job is None else self._job.period
         same = stays and row.original == self._yielding.original
         if after and not (before and same):
@@ -231,8 +231,8 @@ class Substitute:
         job = self._job
         if job is None or job.latest is None or self._values() is None:
             return []
-        served = event.consumer in self._yielding.served
-        if not self.publishing or event.topic != job.topic or served:
+        ours = self.publishing and event.topic == job.topic and self._advertising.ready(job.topic)
+        if not ours or event.consumer in self._yielding.served:
             return []
         return [events.Publish(job.outputs, job.latest, only=event.consumer)]
 

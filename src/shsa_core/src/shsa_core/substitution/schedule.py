@@ -2,6 +2,8 @@
 import math
 from typing import Optional
 
+SHORTEST_SHARE = 0.5  # of the period; no less is between two messages
+
 
 class Schedule:
     """Due once a period, the first time at once; without a period, only when something hastens it.
@@ -18,7 +20,7 @@ class Schedule:
         self.due = min(self.due, moment)
 
     def done(self, now: float) -> None:
-        """The next one is a period later, in phase if this one was less than a period late."""
+        """The next one is a period later; in phase, unless this one was so late that two would follow closely."""
         self.due += self.period
-        if self.due <= now:
+        if self.due < now + SHORTEST_SHARE * self.period:
             self.due = now + self.period
