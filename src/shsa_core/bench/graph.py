@@ -1,4 +1,5 @@
 """A ROS graph of its own for a measurement: a master on a free port, nodes, and an end to all of them."""
+import json
 import os
 import shutil
 import signal
@@ -11,7 +12,7 @@ from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Dict, Iterator, Optional, Type
+from typing import Any, Dict, Iterable, Iterator, Mapping, Optional, Type
 
 import psutil
 import rosgraph
@@ -145,9 +146,30 @@ def shut_down(node: str) -> None:
         node_api(uri_of(node)).shutdown(rospy.get_name(), "the benchmark says so")
 
 
-def service(topic: str, node: str, period: float, **more: object) -> Dict[str, object]:
-    """A service on a topic of shsa_msgs/Float64Stamped, as it lies on the parameter server."""
-    entry: Dict[str, object] = {"topic": topic, "node": node, "period": period, "field": "data"}
-    entry["type"] = "shsa_msgs/Float64Stamped"
-    entry.update(more)
-    return entry
+def service(
+    topic: str,
+    node: str,
+    period: float,
+    value: Optional[Mapping[str, object]] = None,
+    **more: object,
+) -> Dict[str, object]:
+    """A service on a topic of shsa_msgs/Float64Stamped as in a SOM file; it provides a property of the topic's name.
+
+    `value` is what else is said of its value, and `more` what else is said of it.
+    """
+    provided = {"field": "data", **(value or {})}
+    return {
+        "topic": topic,
+        "type": "shsa_msgs/Float64Stamped",
+        "node": node,
+        "period": period,
+        "provides": {topic.strip("/"): provided},
+        **more,
+    }
+
+
+def write_som(path: Path, services: Iterable[Mapping[str, object]]) -> Path:
+    """Write a SOM file of services, each with the name of its topic."""
+    named = {str(each["topic"]).strip("/"): each for each in services}
+    path.write_text(json.dumps({"services": named}, indent=1))  # JSON is YAML as well
+    return path

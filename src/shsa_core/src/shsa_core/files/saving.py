@@ -124,8 +124,8 @@ def _constant_entry(item: Constant) -> Any:
 
 def _function_entry(function: TransferFunction) -> Any:
     entry = CommentedMap()
-    if function.expression is not None:
-        entry["function"] = function.expression.text
+    if function.law is not None:
+        entry[function.law.key] = function.law.text
     else:
         entry["not_executable"] = _text(function.text)
         entry["inputs"] = CommentedSeq(function.inputs)
