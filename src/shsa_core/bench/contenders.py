@@ -175,7 +175,8 @@ class Respawned:
             wait_until(
                 lambda: len(consumer.since(failed_at)) > 5, PATIENCE, f"{consumer.node} hears it"
             )
-        return Takeover(*(gap(consumer, failed_at) for consumer in self._consumers))
+        rospy_gap, roscpp_gap = (gap(consumer, failed_at) for consumer in self._consumers)
+        return Takeover(rospy_gap, roscpp_gap)
 
     def end(self) -> None:
         ask_to_leave(self._launch, 30.0)
@@ -202,7 +203,8 @@ class ByHand:
         first = [consumer.since(started)[0].at for consumer in self._consumers]
         shut_down(NODE)
         process.wait(PATIENCE)
-        return Takeover(*(1e3 * (at - started) for at in first))
+        rospy_ms, roscpp_ms = (1e3 * (at - started) for at in first)
+        return Takeover(rospy_ms, roscpp_ms)
 
     def end(self) -> None:
         pass
