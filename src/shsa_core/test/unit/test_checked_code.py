@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from shsa_core.codegen.checked_code import MAX_CODE, MAX_RELATIONS, MAX_STEPS, check_code
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import CodeError
-from shsa_core.language.expression import _LANGUAGE
+from shsa_core.language.syntax import _LANGUAGE
 
 NOT_IN_LANGUAGE = "is not part of the language; allowed: " + _LANGUAGE
 GOOD = (

@@ -124,13 +124,13 @@ def test_depth_first_takes_the_first_found_and_then_the_best(method: str) -> Non
 
 
 def test_a_relation_that_cannot_be_executed_is_passed_over() -> None:
-    best = dataclasses.replace(law("best", "speed", "left"), expression=None, text="learned")
+    best = dataclasses.replace(law("best", "speed", "left"), law=None, text="learned")
     plan = plan_odometry(ontology(*ROBOT.functions, best))
     assert plan.relations == ("wheels", "turning")
 
 
 def test_a_relation_that_cannot_be_executed_is_named_if_there_is_no_other() -> None:
-    only = dataclasses.replace(law("only", "speed", "left"), expression=None, text="learned")
+    only = dataclasses.replace(law("only", "speed", "left"), law=None, text="learned")
     robot = ontology(*ROBOT.functions[1:], only)
     with pytest.raises(GenerationError, match="only"):
         plan_odometry(robot)

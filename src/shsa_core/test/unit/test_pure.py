@@ -16,7 +16,8 @@ BENEATH = {
     "analysis": (*MODEL, "search", "codegen"),
     "health": MODEL,
     "healing": (*MODEL, "search", "codegen", "health"),
-    "cli": (*MODEL, "search", "codegen", "analysis", "healing"),
+    "journal": ("language", *MODEL),
+    "cli": (*MODEL, "search", "codegen", "analysis", "healing", "journal"),
 }
 
 

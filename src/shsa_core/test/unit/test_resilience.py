@@ -159,7 +159,7 @@ def test_single_points_of_failure_and_their_remedies() -> None:
 
 
 def test_a_relation_that_cannot_be_executed_does_not_count() -> None:
-    learned = dataclasses.replace(law("learned", "speed", "left"), expression=None)
+    learned = dataclasses.replace(law("learned", "speed", "left"), law=None)
     report = analyse(ontology(learned), som_of([SPEED, LEFT]))
     assert [cut.nodes for cut in report.cuts] == [("/drive",)]
     assert report.services[0].alternatives == ()

@@ -8,8 +8,8 @@ from shsa_core.codegen.generator import generate
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, UnitError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
-from shsa_core.language.interval import Interval, find_troubles
-from shsa_core.language.units import Unit, find_mismatches, parse_unit
+from shsa_core.language.interval import Interval
+from shsa_core.language.units import Unit, parse_unit
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
@@ -80,13 +80,12 @@ def _check_units(ontology: Ontology) -> Iterator[Finding]:
         except UnitError as error:
             yield Finding("error", item.where, f"{item.name}: {error}")
     for function in ontology.functions:
-        if function.expression is None:
+        if function.law is None:
             continue
-        constraint = function.constraint.tree() if function.constraint else None
-        mismatches = find_mismatches(
-            function.expression.tree(), constraint, units, units[function.output]
-        )
-        for text, sure in mismatches:
+        mismatches = function.law.mismatches(units, units[function.output])
+        if function.constraint is not None:
+            mismatches += function.constraint.mismatches(units)
+        for text, sure in dict.fromkeys(mismatches):
             yield Finding(
                 "error" if sure else "warning",
                 function.where,
@@ -99,7 +98,7 @@ def _check_units(ontology: Ontology) -> Iterator[Finding]:
 
 def _check_functions(ontology: Ontology) -> Iterator[Finding]:
     for function in ontology.functions:
-        if function.expression is None:
+        if function.law is None:
             yield Finding(
                 "warning",
                 function.where,
@@ -133,11 +132,13 @@ def _check_names(ontology: Ontology, som: Som) -> Iterator[Finding]:
 def _check_ranges(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Finding]:
     ranges = _declared_ranges(ontology, sources)
     for function in ontology.functions:
-        if function.expression is None:
+        if function.law is None:
             continue
-        constraint = function.constraint.tree() if function.constraint else None
-        expression = function.expression
-        for trouble in find_troubles(expression.text, expression.tree(), constraint, ranges):
+        names = [*function.law.names, *(function.constraint.names if function.constraint else ())]
+        own = {name: ranges[name] for name in names if name in ranges}
+        if function.constraint is not None:
+            own = function.constraint.narrowed(own)
+        for trouble in function.law.troubles(own):
             yield Finding(
                 "warning",
                 function.where,

@@ -40,7 +40,7 @@ class Fragility:
         laws: List[Tuple[int, Sequence[int]]] = [
             (network.outputs[f], network.inputs_of(f))
             for f, function in enumerate(network.functions)
-            if function.expression is not None
+            if function.law is not None
         ]
         laws += [(network.number(output), [network.number(input_)]) for output, input_ in relations]
         self._functions: Dict[int, List[Sequence[int]]] = {}

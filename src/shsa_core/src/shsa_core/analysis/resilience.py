@@ -101,7 +101,7 @@ class _Analysis:
         return [alternative for _, alternative in found]
 
     def _executable(self, function: int) -> bool:
-        return self._network.functions[function].expression is not None
+        return self._network.functions[function].law is not None
 
     def _cuts(self, names: Sequence[str], failed: Nodes, lost: Dict[int, int]) -> Set[Nodes]:
         """The smallest cuts of a service that have the nodes `failed`, after which its properties are at `lost`."""

@@ -1,10 +1,11 @@
 """Generates a substitute's three strings from derivations (Section V-A3 of the paper)."""
 from dataclasses import dataclass
-from typing import Dict, List, Mapping, Sequence, Tuple
+from typing import Dict, List, Mapping, Sequence, Tuple, Union
 
 from shsa_core.codegen.checked_code import check_code
 from shsa_core.errors import CodeError, GenerationError
-from shsa_core.language.expression import Expression
+from shsa_core.language.expression import Condition
+from shsa_core.language.law import Law
 from shsa_core.model.ontology import Constant
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source
@@ -105,7 +106,7 @@ def _in_order(roots: Sequence[Derivation]) -> List[Derivation]:
 def _definition(
     name: str, function: TransferFunction, constants: Mapping[str, Constant]
 ) -> List[str]:
-    if function.expression is None:
+    if function.law is None:
         raise GenerationError(
             f"the relation {function.relation} for {function.output} cannot be executed: {function.text}"
         )
@@ -115,16 +116,14 @@ def _definition(
     ]
     if function.constraint is not None:
         lines.append(f"  require({_written(function.constraint, parameters, constants)})")
-    lines.append(f"  return {_written(function.expression, parameters, constants)}")
+    lines.append(f"  return {_written(function.law, parameters, constants)}")
     return lines
 
 
 def _written(
-    expression: Expression, parameters: Mapping[str, str], constants: Mapping[str, Constant]
+    law: Union[Law, Condition], parameters: Mapping[str, str], constants: Mapping[str, Constant]
 ) -> str:
-    return expression.with_names(
-        {n: parameters.get(n) or _number(constants[n].value) for n in expression.names}
-    )
+    return law.code({n: parameters.get(n) or _number(constants[n].value) for n in law.names})
 
 
 def _number(value: float) -> str:

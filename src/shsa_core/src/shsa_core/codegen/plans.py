@@ -140,7 +140,7 @@ def _derivations(
     numbers = [network.number(name) for name in properties]
 
     def executable(function: int) -> bool:
-        return network.functions[function].expression is not None
+        return network.functions[function].law is not None
 
     if method == "best":
         best = BestDerivations(network, table, executable)

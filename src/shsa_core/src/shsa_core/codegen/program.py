@@ -5,18 +5,9 @@ from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
-from shsa_core.language.expression import literal
-from shsa_core.language.functions import (
-    CONSTANTS,
-    ELAPSED,
-    MAX_GAP,
-    STATEFUL,
-    Memory,
-    elapsed,
-    namespace,
-    power,
-)
-
+from shsa_core.language.functions import CONSTANTS, ELAPSED, STATEFUL, namespace, power
+from shsa_core.language.memory import MAX_GAP, Memory, elapsed
+from shsa_core.language.syntax import literal
 
 Step = Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]
 

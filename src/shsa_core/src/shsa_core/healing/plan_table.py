@@ -1,138 +1,137 @@
-"""Plans made before they are asked for, and kept up as services come and go."""
-from typing import (
-    AbstractSet,
-    Collection,
-    Dict,
-    FrozenSet,
-    Iterable,
-    List,
-    Optional,
-    Set,
-    Tuple,
-    Union,
-)
+"""The plans that are made before they are needed."""
+from typing import Dict, FrozenSet, Iterable, List, Optional, Set, Union
 
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.som import Service, Som
+from shsa_core.model.service import Service
+from shsa_core.search.derivation import SourceTable
 
 
 class PlanTable:
-    """For every needed topic the plan for the case that its node has failed, made before it is asked for.
+    """For every needed service the plan for the case that its node has failed.
 
-    `update` says which services there are and drops the answers that this may change; `step` makes one of those
-    anew, and is called while nothing else is to do. An answer that is in the table is the one that a search would
-    give now.
+    `change` says which services there are and drops the answers that this may change; `step` makes one of those anew,
+    and is called while nothing else is to do. An answer that is in the table is the one that a search would give now.
+    `sources` has what may be used.
     """
 
-    def __init__(self, ontology: Ontology, som: Som, method: str = "best") -> None:
+    def __init__(self, ontology: Ontology, needed: Iterable[Service], method: str) -> None:
+        self.sources = SourceTable(ontology.network)
         self._ontology = ontology
-        self._som = som
         self._method = method
-        self.available: FrozenSet[Service] = frozenset()
-        self._nodes: Dict[str, Set[str]] = {}  # the nodes that publish a topic now
-        self._answers: Dict[str, Union[TopicPlan, ShsaError]] = {}
-        self._avoided: Dict[
-            str, FrozenSet[str]
-        ] = {}  # the topic and nodes that an answer does without
-        self._uses: Dict[Service, Set[str]] = {}  # the topics whose plan reads a service
-        network = ontology.network
-        self._properties = {
-            topic: {network.number(service.property) for service in som.of_topic(topic)}
-            for topic in dict.fromkeys(service.topic for service in som if service.needed)
-        }
+        self._needed: Dict[str, Service] = {}
+        self._stale: Dict[str, None] = {}
+        self._publishers: Dict[str, str] = {}  # the node that publishes a service now
+        self._answers: Dict[str, Union[Plan, ShsaError]] = {}
+        self._avoided: Dict[str, FrozenSet[str]] = {}  # the nodes that an answer does without
+        self._readers: Dict[str, Set[str]] = {}  # the services whose plan reads a service
+        self._of_property: Dict[int, Set[str]] = {}  # the needed services of a property
         self._users: Dict[int, List[int]] = {}  # the properties that are derived from a property
+        network = ontology.network
         for function, output in enumerate(network.outputs):
             for input_ in network.inputs_of(function):
                 self._users.setdefault(input_, []).append(output)
+        for service in needed:
+            self.serve(service)
 
     @property
-    def stale(self) -> Tuple[str, ...]:
-        """The needed topics whose answer is to be made."""
-        return tuple(topic for topic in self._properties if topic not in self._answers)
+    def stale(self) -> bool:
+        """Whether there is an answer to be made."""
+        return bool(self._stale)
 
-    def update(self, available: Iterable[Service]) -> None:
-        """Takes over which services are available now."""
-        now = frozenset(available)
-        gone, come = self.available - now, now - self.available
-        self.available = now
-        self._nodes = {}
-        for service in now:
-            self._nodes.setdefault(service.topic, set()).add(service.node)
+    def serve(self, service: Service) -> None:
+        """Make plans for a needed service, which may have been another before."""
+        self.forget(service.name)
+        self._needed[service.name] = service
+        self._stale[service.name] = None
+        for name in service.properties:
+            number = self._ontology.network.number(name)
+            self._of_property.setdefault(number, set()).add(service.name)
+
+    def forget(self, name: str) -> None:
+        """Make no more plans for a service."""
+        self._drop(name)
+        self._stale.pop(name, None)
+        old = self._needed.pop(name, None)
+        for property_ in old.properties if old else ():
+            self._of_property[self._ontology.network.number(property_)].discard(name)
+
+    def change(self, gone: Iterable[Service], come: Iterable[Service]) -> None:
+        """Some services are available no more, some are now."""
+        gone, come = tuple(gone), tuple(come)
         for service in gone:
-            for topic in tuple(self._uses.get(service, ())):
-                self._drop(topic)
-        for topic in self._derived_from(come):
-            self._drop(topic)  # there may be a better plan
-        for topic in self._derived_from(gone):
-            if isinstance(self._answers.get(topic), ShsaError):
-                self._drop(topic)  # there may be more missing
-        for topic in tuple(self._answers):
-            if not self._to_avoid(topic) <= self._avoided[topic]:
-                self._drop(topic)
+            self._publishers.pop(service.name, None)
+            for source in service.sources:
+                self.sources.discard(source)
+        for service in come:
+            self._publishers[service.name] = service.node
+            for source in service.sources:
+                self.sources.add(source)
+        for service in gone:
+            for name in tuple(self._readers.get(service.name, ())):
+                self._drop(name)
+        for name in self._derived_from(come):
+            self._drop(name)  # there may be a better plan
+        for name in self._derived_from(gone):
+            if isinstance(self._answers.get(name), ShsaError):
+                self._drop(name)  # there may be more missing
+        for service in come:
+            if service.name in self._answers:
+                if not self.to_avoid(service.name) <= self._avoided[service.name]:
+                    self._drop(service.name)
 
     def step(self) -> Optional[str]:
-        """Makes one answer anew. Returns its topic, None if all are there."""
-        topic = next(iter(self.stale), None)
-        if topic is None:
+        """Make one answer anew. Returns its service, None if all are there."""
+        name = next(iter(self._stale), None)
+        if name is None:
             return None
-        avoided = self._to_avoid(topic)
+        del self._stale[name]
+        avoided = self.to_avoid(name)
         try:
-            plan = plan_topic(
-                self._ontology, self._som, self.available, topic, avoided, self._method
+            plan = plan_service(
+                self._ontology, self._needed[name], self.sources, avoided, self._method
             )
         except ShsaError as error:
-            self._answers[topic] = error
+            self._answers[name] = error
         else:
-            self._answers[topic] = plan
-            for service in plan.services:
-                self._uses.setdefault(service, set()).add(topic)
-        self._avoided[topic] = avoided
-        return topic
+            self._answers[name] = plan
+            for source in plan.inputs:
+                self._readers.setdefault(source.service.name, set()).add(name)
+        self._avoided[name] = avoided
+        return name
 
-    def lookup(
-        self,
-        topic: str,
-        available: Optional[AbstractSet[Service]] = None,
-        excluded: Collection[str] = (),
-    ) -> Optional[TopicPlan]:
-        """The plan for `topic`, None if it is to be searched for.
-
-        With `available` and `excluded`, which may be newer than the last update, only if none of the plan's
-        services is gone or excluded. Raises the error that a search would raise.
-        """
-        answer = self._answers.get(topic)
+    def ready(self, name: str) -> Optional[Plan]:
+        """The plan for a service; None if it is to be searched for. Raises the error that a search would raise."""
+        answer = self._answers.get(name)
         if isinstance(answer, ShsaError):
             raise answer
-        if answer is not None and (available is not None or excluded):
-            for service in answer.services:
-                if available is not None and service not in available:
-                    return None
-                if service.node in excluded or service.topic in excluded:
-                    return None
         return answer
 
-    def _to_avoid(self, topic: str) -> FrozenSet[str]:
-        """The topic, and the nodes that are to publish it or do."""
-        nodes = {service.node for service in self._som.of_topic(topic)}
-        return frozenset({topic} | nodes | self._nodes.get(topic, set()))
+    def to_avoid(self, name: str) -> FrozenSet[str]:
+        """The nodes that are to publish a service or do."""
+        nodes = {self._needed[name].node, self._publishers.get(name, "")}
+        return frozenset(nodes - {""})
 
     def _derived_from(self, services: Iterable[Service]) -> List[str]:
-        """The topics with a property that can be derived from one that the services provide."""
-        stack = [self._ontology.network.number(service.property) for service in services]
+        """The needed services with a property that can be derived from one that some services provide."""
+        numbers = [self._ontology.network.number(p) for s in services for p in s.properties]
+        stack = list(dict.fromkeys(numbers))
         seen = set(stack)
+        found: Dict[str, None] = {}
         while stack:
-            for output in self._users.get(stack.pop(), ()):
+            number = stack.pop()
+            found.update(dict.fromkeys(sorted(self._of_property.get(number, ()))))
+            for output in self._users.get(number, ()):
                 if output not in seen:
                     seen.add(output)
                     stack.append(output)
-        return [
-            topic for topic, numbers in self._properties.items() if not seen.isdisjoint(numbers)
-        ]
+        return list(found)
 
-    def _drop(self, topic: str) -> None:
-        answer = self._answers.pop(topic, None)
-        if isinstance(answer, TopicPlan):
-            for service in answer.services:
-                self._uses[service].discard(topic)
+    def _drop(self, name: str) -> None:
+        answer = self._answers.pop(name, None)
+        if answer is not None:
+            self._stale[name] = None
+        if isinstance(answer, Plan):
+            for source in answer.inputs:
+                self._readers[source.service.name].discard(name)

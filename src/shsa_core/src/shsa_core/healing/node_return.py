@@ -1,23 +1,23 @@
 """The way back of a failed node: started again, trusted less each time that it fails, or kept out."""
 from typing import List, Optional
 
-from shsa_core.healing.events import Command, Say
-from shsa_core.healing.world import World
-from shsa_core.model.policies import SUBSTITUTE
+from shsa_core.healing.events import Level, Log, RestartNode
+from shsa_core.healing.kills import KillNode
+from shsa_core.healing.settings import Settings
+from shsa_core.healing.snapshot import Request, Snapshot
 
 
-class Revival:
-    """What brings back the node that publishes one topic, and how far it is trusted.
+class NodeReturn:
+    """What brings back the node of one service, and how far it is trusted.
 
     By its policy it is started again, after pauses that double, and no more when it failed too often. Whoever
     starts it, its hold-off doubles each time that it fails within it; then it is kept out.
     """
 
-    def __init__(self, topic: str, world: World) -> None:
-        self.topic = topic
+    def __init__(self, settings: Settings) -> None:
         self.restarts = 0
         self.exhausted = False
-        self._world = world
+        self._settings = settings
         self._start_at: Optional[float] = None
         self._awaited_by: Optional[float] = None
         self._unstable = 0
@@ -31,18 +31,18 @@ class Revival:
     @property
     def hold_off(self) -> float:
         """How long the node must stay healthy when it returns now, in s."""
-        settings = self._world.settings
+        settings = self._settings
         longest = max(settings.hold_off, settings.hold_off_limit)
         return min(settings.hold_off * 2.0**self._unstable, longest)
 
     @property
     def kept_out(self) -> bool:
         """Whether it failed within its hold-off too often to return."""
-        return 0 < self._world.settings.switches <= self._unstable
+        return 0 < self._settings.switches <= self._unstable
 
     def failed(self, time: float) -> None:
         """The node failed after it was well."""
-        if self._well_since is not None and time - self._well_since > self._world.settings.stable:
+        if self._well_since is not None and time - self._well_since > self._settings.stable:
             self.restarts = 0
         self.exhausted = False
 
@@ -50,31 +50,30 @@ class Revival:
         """The node failed within its hold-off."""
         self._unstable += 1
 
-    def gone(self, time: float) -> None:
+    def gone(self, now: Snapshot) -> None:
         """The node is gone: it is started again if that is its policy. It may be told so twice."""
         if self._start_at is not None:
             return
         self.cancel()
-        if self._world.policy(self.topic) == SUBSTITUTE or self.kept_out:
+        if not now.service.policy.restarts or self.kept_out:
             return
-        settings = self._world.settings
-        if self.restarts >= settings.node_restarts:
+        if self.restarts >= self._settings.node_restarts:
             self.exhausted = True
             return
-        self._start_at = time + settings.restart_pause * 2.0**self.restarts
+        self._start_at = now.time + self._settings.restart_pause * 2.0**self.restarts
         self.restarts += 1
 
-    def tick(self, time: float, node: str) -> List[Command]:
+    def tick(self, now: Snapshot, node: str) -> List[Request]:
         """Time passed: the node is to be started, or did not come back in time."""
-        if self._start_at is not None and time >= self._start_at:
+        topic = now.service.topic
+        if self._start_at is not None and now.time >= self._start_at:
             self._start_at = None
-            self._awaited_by = time + self._world.settings.restart_timeout
-            text = f"{self.topic}: {node} is started again."
-            return [Say("info", text), *self._world.restart(node)]
-        if self._awaited_by is not None and time >= self._awaited_by:
+            self._awaited_by = now.time + self._settings.restart_timeout
+            return [Log(Level.INFO, f"{topic}: {node} is started again."), RestartNode(node)]
+        if self._awaited_by is not None and now.time >= self._awaited_by:
             self._awaited_by = None
-            text = f"{self.topic}: {node} did not come back in time."
-            return [Say("warn", text), *self._world.kill(node, urgent=True)]
+            text = f"{topic}: {node} did not come back in time."
+            return [Log(Level.WARN, text), KillNode(node, urgent=True)]
         return []
 
     def cancel(self) -> None:
