@@ -4,18 +4,18 @@ import signal
 import time
 from typing import Callable, Dict, Protocol, TypeVar
 
-import rospy
+from tqdm import tqdm
 
 from graph import PATIENCE, Graph, ask_to_leave, shut_down
-from report import CONSOLE
 from robot import NODE, TOPIC, Consumers, HealthyRobot, talker
-from shsa_core.ros.testing import node_pid, node_process, publishers, wait_until
+from shsa_testing.graph import node_pid, node_process, publishers
+from shsa_testing.waiting import wait_until
 from takeover import Takeover, gap, healed
 
 MISSES = 5
 LAUNCH = """
 <launch>
-  <node pkg="shsa_core" type="{executable}" name="{name}" args="{arguments}" respawn="true" />
+  <node pkg="{package}" type="{executable}" name="{name}" args="{arguments}" respawn="true" />
 </launch>
 """
 
@@ -56,8 +56,8 @@ def repeat(
             once(subject)
         except AssertionError as error:
             misses += 1
-            CONSOLE.print(f"[red]missed: {error}[/red]")
-            CONSOLE.print(graph.last_words(), markup=False, highlight=False)
+            tqdm.write(f"missed: {error}")
+            tqdm.write(graph.last_words())
             subject.end()
             subject = make()
     subject.end()
@@ -151,12 +151,13 @@ class Respawned:
 
     def __init__(self, graph: Graph, consumers: Consumers, executable: str) -> None:
         self._consumers = consumers
-        arguments = f"{TOPIC} {self.period}"
+        package, arguments = "shsa_core", f"{TOPIC} {self.period}"
         if executable == "faulty_publisher":
+            package = "shsa_testing"
             arguments = " ".join(talker(NODE, TOPIC, 1.0, self.period)[:-1])
         path = graph.folder / "respawn.launch"
-        text = LAUNCH.format(executable=executable, name=NODE[1:], arguments=arguments)
-        path.write_text(text)
+        names = {"package": package, "executable": executable, "name": NODE[1:]}
+        path.write_text(LAUNCH.format(arguments=arguments, **names))
         self._launch = graph.start("roslaunch", str(path))
 
     def await_well(self) -> None:
@@ -195,7 +196,7 @@ class ByHand:
     def fail(self) -> Takeover:
         started = time.monotonic()
         process = self._graph.start(
-            *("rosrun", "shsa_core", "faulty_publisher"), *talker(NODE, TOPIC, 1.0, self.period)
+            *("rosrun", "shsa_testing", "faulty_publisher"), *talker(NODE, TOPIC, 1.0, self.period)
         )
         self._consumers.await_node(NODE, started)
         first = [consumer.since(started)[0].at for consumer in self._consumers]

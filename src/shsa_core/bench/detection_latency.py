@@ -12,14 +12,13 @@ from typing import Callable, Dict, List, Tuple
 
 import numpy as np
 import rospy
-from rich.console import Console
-from rich.table import Table
 from shsa_msgs.msg import Failure, Health
 from std_msgs.msg import String
 
 from graph import FAULTY_PUBLISHER, MONITOR, PATIENCE, Graph, service, shut_down
+from report import print_table
 from shsa_core.ros.graph.som_parameter import SOM_PARAMETER
-from shsa_core.ros.testing import wait_until
+from shsa_testing.waiting import wait_until
 
 PERIOD = 0.02
 TOGETHER = 5
@@ -117,7 +116,8 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=Path("results/bench"))
     options = parser.parse_args()
     options.results.mkdir(parents=True, exist_ok=True)
-    table = Table("fault", "kind", "n", "median", "p95", "max", "median after last good, ms")
+    columns = ("fault", "kind", "n", "median", "p95", "max", "median after last good")
+    table: List[Tuple[str, ...]] = []
     with Graph() as graph, open(options.results / "detection_latency.csv", "w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
@@ -132,8 +132,8 @@ def main() -> None:
             figures = (np.median(heard), np.percentile(heard, 95), max(heard))
             after = np.median([row[3] for row in rows])
             words = [f"{figure:.1f}" for figure in (*figures, after)]
-            table.add_row(fault, rows[0][1], str(len(rows)), *words)
-    Console().print(table)
+            table.append((fault, rows[0][1], str(len(rows)), *words))
+    print_table("From the fault to the failure message, ms", columns, table)
 
 
 if __name__ == "__main__":

@@ -12,8 +12,7 @@ import timeit
 from pathlib import Path
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
-from report import CONSOLE, Goals, summary
-from rich.table import Table
+from report import Goals, print_table, summary
 
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
@@ -193,7 +192,8 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=ROOT / "results" / "bench")
     args = parser.parse_args()
     args.results.mkdir(parents=True, exist_ok=True)
-    table = Table("substitute", "ns", "by hand, ns", "times (median)", "p95")
+    columns = ("substitute", "ns", "by hand, ns", "times (median)", "p95")
+    table: List[Tuple[str, ...]] = []
     goals = Goals()
     with open(args.results / "evaluate.csv", "w", newline="") as stream:
         writer = csv.writer(stream)
@@ -203,9 +203,10 @@ def main() -> None:
             writer.writerows([case.name, i, *pair] for i, pair in enumerate(times))
             median, p95, _ = summary([mine / hand for mine, hand in times])
             mine, hand = (summary([pair[i] for pair in times])[0] * 1e9 for i in (0, 1))
-            table.add_row(case.name, f"{mine:.0f}", f"{hand:.0f}", f"{median:.2f}", f"{p95:.2f}")
+            figures = (f"{mine:.0f}", f"{hand:.0f}", f"{median:.2f}", f"{p95:.2f}")
+            table.append((case.name, *figures))
             goals.at_most(f"{case.name}, times the same by hand", "", GOAL, median, "")
-    CONSOLE.print(table)
+    print_table("One evaluation", columns, table)
     goals.show(args.results / "evaluate_goals.csv")
 
 

@@ -13,13 +13,12 @@ from typing import List
 
 import numpy as np
 import rospy
-from rich.console import Console
-from rich.progress import track
+from tqdm import tqdm
 from shsa_msgs.msg import Failure, Health
 
 from graph import BENCH, MONITOR, PATIENCE, Graph, service
 from shsa_core.ros.graph.som_parameter import SOM_PARAMETER
-from shsa_core.ros.testing import wait_until
+from shsa_testing.waiting import wait_until
 
 TOPICS = 50
 NODES = 5
@@ -65,7 +64,7 @@ def main() -> int:
         for _ in range(LOAD * cores):
             graph.start(sys.executable, "-c", BUSY)
         end = time.monotonic() + seconds
-        for _ in track(range(round(seconds)), description="watching"):
+        for _ in tqdm(range(round(seconds)), desc="watching", disable=None):
             rospy.rostime.wallsleep(min(1.0, max(0.0, end - time.monotonic())))
         probe.wait(60.0)
         rows = np.load(path)
@@ -86,11 +85,10 @@ def main() -> int:
         if new:
             writer.writerow(COLUMNS)
         writer.writerow(row)
-    console = Console()
     for name, value in zip(COLUMNS, row):
-        console.print(f"{name}: {value}")
+        print(f"{name}: {value}")
     for alarm in alarms:
-        console.print(alarm)
+        print(alarm)
     return 1 if alarms else 0
 
 

@@ -17,14 +17,13 @@ from typing import Dict, Iterator, List, NamedTuple, Set, Tuple
 
 import matplotlib.pyplot as plt
 import numpy as np
-from rich.progress import Progress
-from rich.table import Table
+from tqdm import tqdm
 
 from contenders import Healed, kill_hard, repeat
 from graph import PATIENCE, Graph
-from report import CONSOLE, Goals
+from report import Goals, print_table
 from robot import TOPIC, Consumer, Consumers
-from shsa_core.ros.testing import wait_until
+from shsa_testing.waiting import wait_until
 
 PERIOD = 0.02
 TOPICS = tuple(f"/uninvolved_{number}" for number in range(10))
@@ -93,9 +92,8 @@ def jitter(found: List[Interval], standby: str, phase: str) -> np.ndarray:
 
 def show(found: List[Interval]) -> Goals:
     """Print the table; the goals."""
-    table = Table(title="Ten uninvolved topics at 50 Hz; times in ms")
-    for column in ("", "n", "period: mean", "jitter: p50", "p95", "p99", "max", "messages lost"):
-        table.add_column(column, justify="left" if column == "" else "right")
+    columns = ("", "n", "period: mean", "jitter: p50", "p95", "p99", "max", "messages lost")
+    table: List[Tuple[str, ...]] = []
     goals = Goals()
     for standby in dict.fromkeys(each.standby for each in found):
         p99 = {}
@@ -107,12 +105,12 @@ def show(found: List[Interval]) -> Goals:
             lost[phase] = sum(each.lost for each in part)
             mean = np.mean([each.ms for each in part])
             figures = (f"{each:.2f}" for each in (mean, p50, p95, p99[phase], values.max()))
-            table.add_row(f"{standby}, {phase}", str(len(part)), *figures, str(lost[phase]))
+            table.append((f"{standby}, {phase}", str(len(part)), *figures, str(lost[phase])))
         for phase in ("takeover", "return", "after"):
             more = p99[phase] - p99["before"]
             goals.at_most(f"{standby}, {phase}: p99 of jitter grows by", "roscpp", GOAL, more, "ms")
         goals.at_most(f"{standby}: messages lost", "roscpp", 0, sum(lost.values()), "")
-    CONSOLE.print(table)
+    print_table("Ten uninvolved topics at 50 Hz; times in ms", columns, table)
     return goals
 
 
@@ -152,12 +150,12 @@ def main() -> int:
     seconds = 2.0 if options.short else options.seconds
     found: List[Interval] = []
     misses = 0
-    with Graph() as graph, Progress(console=CONSOLE) as progress:
+    with Graph() as graph:
         consumers = Consumers(graph, TOPIC)
         for topic in TOPICS:
             graph.cpp("talker", topic, str(PERIOD), f"__name:={topic[1:]}")
         for standby in ("hot",) if options.short else options.only:
-            task = progress.add_task(standby, total=count)
+            progress = tqdm(total=count, desc=standby, disable=None)
             make = lambda: Healed(graph, consumers, standby, PERIOD, kill_hard)
             process = graph.cpp("consumer", *TOPICS, "__name:=listener", heard=True)
             listener = Consumer(process, "/listener")
@@ -169,13 +167,14 @@ def main() -> int:
                 if not windows["before"]:
                     windows["before"].append(pause(seconds))
                 disturb(robot, windows)
-                progress.advance(task)
+                progress.update()
                 if enough():
                     windows["after"].append(pause(seconds))
 
             enough = lambda: len(windows["return"]) >= count
             misses += repeat(graph, make, once, enough)
             listener.end()
+            progress.close()
             found += intervals(standby, listener, windows)
     with open(options.results / "interference.csv", "w", newline="") as file:
         writer = csv.writer(file)

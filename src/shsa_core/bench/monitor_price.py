@@ -12,10 +12,9 @@ from typing import Dict, List, Optional
 import numpy as np
 import psutil
 import rospy
-from rich.console import Console
-from rich.table import Table
 
 from graph import BENCH, MONITOR, Graph, ask_to_leave, service
+from report import print_table
 from shsa_core.ros.graph.som_parameter import SOM_PARAMETER
 
 TOPICS = 50
@@ -90,7 +89,7 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=Path("results/bench"))
     options = parser.parse_args()
     options.results.mkdir(parents=True, exist_ok=True)
-    table = Table(*COLUMNS, title="The monitor's price")
+    table: List[List[str]] = []
     with Graph() as graph, open(options.results / "monitor_price.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
@@ -101,8 +100,8 @@ def main() -> None:
                     row["round"] = number + 1
                     writer.writerow(row)
                     file.flush()
-                    table.add_row(*(str(row[column]) for column in COLUMNS))
-    Console(width=160).print(table)
+                    table.append([str(row[column]) for column in COLUMNS])
+    print_table("The monitor's price", COLUMNS, table)
 
 
 if __name__ == "__main__":

@@ -3,15 +3,16 @@ import subprocess
 import threading
 import time
 from pathlib import Path
-from typing import Dict, Iterator, List, NamedTuple, Sequence
+from typing import Dict, Iterator, List, NamedTuple, Sequence, Tuple
 
 import psutil
 import rosgraph
 import rospy
 from std_msgs.msg import String
 
-from graph import BENCH, FAULTY_PUBLISHER, PATIENCE, Graph, ask_to_leave
-from shsa_core.ros.testing import is_connected, node_pid, registered_nodes, wait_until
+from graph import BENCH, FAULTY_PUBLISHER, PATIENCE, Graph, ask_to_leave, service, write_som
+from shsa_testing.graph import is_connected, node_pid, registered_nodes
+from shsa_testing.waiting import wait_until
 
 TOPIC, NODE = "/lost", "/failing"
 KEPT_TOPIC, KEPT_NODE = "/kept", "/steady"
@@ -29,13 +30,6 @@ properties:
 relations:
   half:
     lost: 0.5 * kept
-"""
-SOM = """
-lost:
-  - {{topic: {topic}, field: data, type: shsa_msgs/Float64Stamped, node: {node}, period: {period},
-     range: [-{limit}, {limit}], needed: true, standby: {standby}}}
-kept:
-  - {{topic: {kept_topic}, field: data, type: shsa_msgs/Float64Stamped, node: {kept_node}, period: {period}}}
 """
 
 
@@ -174,7 +168,7 @@ class HealthyRobot:
         healing.await_available(TOPIC, KEPT_TOPIC, seconds=PATIENCE)
         consumers.await_node(NODE, time.monotonic())
         hot = self.standby == "hot"
-        rows = lambda: [r for r in healing.substitutions.substitutions if r.topic == TOPIC]
+        rows = lambda: [r for r in healing.substitutions if r.service == TOPIC.strip("/")]
         wait_until(lambda: len(rows()) == hot, PATIENCE, "what stands by is as it should be")
         if hot:
             served = lambda: any(self._served_by(row.node) for row in rows())
@@ -229,19 +223,13 @@ def talker(node: str, topic: str, value: float, period: float) -> Sequence[str]:
     return (f"_topic:={topic}", f"_value:={value}", f"_period:={period}", name)
 
 
-def write_model(folder: Path, standby: str, period: float) -> Sequence[Path]:
+def write_model(folder: Path, standby: str, period: float) -> Tuple[Path, Path]:
     """The small robot's ontology and SOM, as files."""
     ontology, som = folder / "ontology.yaml", folder / "som.yaml"
     ontology.write_text(ONTOLOGY)
-    som.write_text(
-        SOM.format(
-            topic=TOPIC,
-            node=NODE,
-            kept_topic=KEPT_TOPIC,
-            kept_node=KEPT_NODE,
-            limit=LIMIT,
-            period=period,
-            standby=standby,
-        )
+    lost = {"range": [-LIMIT, LIMIT]}
+    services = (
+        service(TOPIC, NODE, period, lost, needed=True, standby=standby),
+        service(KEPT_TOPIC, KEPT_NODE, period),
     )
-    return ontology, som
+    return ontology, write_som(som, services)

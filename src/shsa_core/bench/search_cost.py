@@ -252,7 +252,7 @@ def ready_plans(size: int, say: Say, goals: Goals) -> None:
             output = number * (length + 1) + i
             one = law(len(functions), output, [output + 1], 0.99)
             text = parse_expression(f"2*{one.inputs[0]}")
-            functions.append(dataclasses.replace(one, expression=text))
+            functions.append(dataclasses.replace(one, law=text))
     tops = [service(c * (length + 1), needed=c < 100) for c in range(count)]
     bottoms = [service(c * (length + 1) + length, quality=0.99) for c in range(count)]
     som = Som(tops + bottoms)

@@ -1,16 +1,14 @@
 """A robot of nodes that fail on command, for tests of what is done about it."""
-import subprocess
-import sys
 import time
 import unittest
-from pathlib import Path
 from typing import Dict, List, Tuple
 
 from shsa_msgs.msg import Float64Stamped
 
-from shsa_core.ros import testing
+from shsa_testing.faulty_publisher import FaultyNode
+from shsa_testing.graph import node_process
+from shsa_testing.healing import HealedRobot, TopicRecord
 
-HERE = Path(__file__).resolve().parent
 SOON = 0.15  # s; a bound for a busy machine, the figures are those of the benchmark
 
 
@@ -19,22 +17,22 @@ class FaultyRobot(unittest.TestCase):
 
     nodes: Dict[str, Tuple[str, float]] = {}
     topics: Tuple[str, ...] = ()
-    robot: testing.HealedRobot
-    voices: Dict[str, testing.Voices]
-    processes: List["subprocess.Popen[bytes]"]
+    robot: HealedRobot
+    voices: Dict[str, TopicRecord]
+    processes: List[FaultyNode]
     began: float
     incidents_before: Dict[str, int]
 
     @classmethod
     def setUpClass(cls) -> None:
-        cls.robot = testing.HealedRobot()
-        cls.voices = {name: testing.Voices(name, Float64Stamped) for name in cls.topics}
+        cls.robot = HealedRobot()
+        cls.voices = {name: TopicRecord(name, Float64Stamped) for name in cls.topics}
         cls.processes = []
 
     @classmethod
     def tearDownClass(cls) -> None:
         for process in cls.processes:
-            testing.end(process)
+            process.end()
 
     def setUp(self) -> None:
         self.began = time.monotonic()
@@ -44,15 +42,14 @@ class FaultyRobot(unittest.TestCase):
             if incident is not None
         }
         for node in self.nodes:
-            if testing.node_process(node) is None:
+            if node_process(node) is None:
                 self.start(node)
         self.robot.await_available(*self.topics, seconds=40.0)
 
     def start(self, node: str) -> None:
         """Start a node as a person would."""
         topic, value = self.nodes[node]
-        command = [sys.executable, str(HERE / "faulty_publisher"), f"__name:={node[1:]}"]
-        self.processes.append(subprocess.Popen([*command, f"_topic:={topic}", f"_value:={value}"]))
+        self.processes.append(FaultyNode(node, topic, value=value))
 
     def healed(self, topic: str, node: str) -> str:
         """Wait for the substitute's voice."""

@@ -1,8 +1,5 @@
 """What the monitor's tests share: real publishers that fail on command, and what the monitor says of them."""
 import itertools
-import os
-import subprocess
-import sys
 import time
 import unittest
 from typing import Callable, Dict, List, Optional, Tuple
@@ -10,11 +7,11 @@ from typing import Callable, Dict, List, Optional, Tuple
 import rospy
 from rosgraph_msgs.msg import Log
 from shsa_msgs.msg import Failure, Health, PublisherHealth
-from std_msgs.msg import String
 
-from shsa_core.ros.testing import publishers
+from shsa_testing.faulty_publisher import FaultyNode
+from shsa_testing.graph import publishers
+from shsa_testing.waiting import wait_until
 
-HERE = os.path.dirname(os.path.abspath(__file__))
 PERIOD = 0.02
 MARKER = "/som_version_"
 
@@ -33,43 +30,6 @@ def entry(topic: str, node: str, **changes: object) -> Dict[str, object]:
     return values
 
 
-class Process:
-    """A `faulty_publisher` of its own process."""
-
-    def __init__(self, name: str, topic: str, **parameters: object) -> None:
-        given = [f"_{key}:={value}" for key, value in parameters.items()]
-        command = [sys.executable, os.path.join(HERE, "faulty_publisher")]
-        self.name = name
-        self.process = subprocess.Popen(
-            command + [f"__name:={name[1:]}", f"_topic:={topic}"] + given
-        )
-        self._fault = rospy.Publisher(name + "/fault", String, queue_size=10)
-
-    def fault(self, command: str) -> float:
-        """Make it fail as `command` says; when that was sent, in s of the monotonic clock."""
-        if not wait_until(lambda: self._fault.get_num_connections() > 0):
-            raise RuntimeError(f"{self.name} does not listen")
-        sent = time.monotonic()
-        self._fault.publish(command)
-        return sent
-
-    def end(self) -> None:
-        """Kill it for certain."""
-        self.process.kill()
-        self.process.wait()
-        self._fault.unregister()
-
-
-def wait_until(condition: Callable[[], bool], seconds: float = 10.0) -> bool:
-    """Wait for a condition; whether it came true in time."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.002)
-    return condition()
-
-
 class MonitorCase(unittest.TestCase):
     """Sets the SOM, starts publishers, and collects what the monitor publishes."""
 
@@ -81,11 +41,10 @@ class MonitorCase(unittest.TestCase):
     def setUpClass(cls) -> None:
         failed = rospy.Subscriber("/shsa/failures", Failure, cls._failed, tcp_nodelay=True)
         rospy.Subscriber("/shsa/health", Health, cls._health, tcp_nodelay=True)
-        if not wait_until(lambda: failed.get_num_connections() > 0):
-            raise RuntimeError("the monitor did not come up")
+        wait_until(lambda: failed.get_num_connections() > 0, 10.0, "the monitor is up")
 
     def setUp(self) -> None:
-        self.processes: List[Process] = []
+        self.processes: List[FaultyNode] = []
         self.failures.clear()
 
     def tearDown(self) -> None:
@@ -111,13 +70,13 @@ class MonitorCase(unittest.TestCase):
         rospy.set_param("/shsa/som", {**som, "marker": [entry(marker, "/nobody")]})
         self.until(lambda: (marker, "") in self.table, "the SOM counts")
 
-    def start(self, name: str, topic: str, **parameters: object) -> Process:
+    def start(self, name: str, topic: str, **parameters: object) -> FaultyNode:
         """Start a publisher."""
-        process = Process(name, topic, **parameters)
+        process = FaultyNode(name, topic, **parameters)
         self.processes.append(process)
         return process
 
-    def start_healthy(self, name: str, topic: str, **parameters: object) -> Process:
+    def start_healthy(self, name: str, topic: str, **parameters: object) -> FaultyNode:
         """Start a publisher and wait until the monitor calls it healthy."""
         process = self.start(name, topic, **parameters)
         self.until_state(topic, name, "healthy")
@@ -137,10 +96,12 @@ class MonitorCase(unittest.TestCase):
 
     def until(self, condition: Callable[[], bool], what: str, seconds: float = 10.0) -> None:
         """Wait for a condition; the test fails if it does not come true."""
-        if not wait_until(condition, seconds):
+        try:
+            wait_until(condition, seconds, what)
+        except AssertionError as error:
             rows = {key: (row.state, row.kind) for key, row in self.table.items()}
             told = [(f.publisher, f.kind) for _, f in self.failures]
-            self.fail(f"waited {seconds} s in vain: {what}; table {rows}; failures {told}")
+            self.fail(f"{error}; table {rows}; failures {told}")
 
     def until_state(self, topic: str, node: str, state: str, seconds: float = 10.0) -> None:
         """Wait until a publisher has a state."""

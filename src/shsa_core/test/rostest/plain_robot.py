@@ -6,7 +6,10 @@ from typing import Dict, List
 from shsa_msgs.msg import Incident
 from std_msgs.msg import Float64
 
-from shsa_core.ros import testing
+from shsa_testing.graph import node_process
+from shsa_testing.healing import HealedRobot, TopicRecord
+from shsa_testing.processes import end_process
+from shsa_testing.waiting import wait_until
 
 TOPICS = {
     "/voltage_sensor": ("/voltage", 12.0),
@@ -19,8 +22,8 @@ TOPICS = {
 class PlainRobot(unittest.TestCase):
     """Every test begins with all four publishers up and healthy, and no incident open."""
 
-    robot: testing.HealedRobot
-    voices: Dict[str, testing.Voices]
+    robot: HealedRobot
+    voices: Dict[str, TopicRecord]
     processes: Dict[str, List["subprocess.Popen[bytes]"]]
 
     def incident(self, topic: str) -> Incident:
@@ -31,22 +34,22 @@ class PlainRobot(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls) -> None:
-        cls.robot = testing.HealedRobot()
-        cls.voices = {topic: testing.Voices(topic, Float64) for topic, _ in TOPICS.values()}
+        cls.robot = HealedRobot()
+        cls.voices = {topic: TopicRecord(topic, Float64) for topic, _ in TOPICS.values()}
         cls.processes = {}
 
     @classmethod
     def tearDownClass(cls) -> None:
         for processes in cls.processes.values():
             for process in processes:
-                testing.end(process)
+                end_process(process)
 
     def setUp(self) -> None:
         for node in TOPICS:
-            if testing.node_process(node) is None:
+            if node_process(node) is None:
                 self.start(node)
         self.robot.await_available(*self.voices, seconds=40.0)
-        testing.wait_until(lambda: not self.robot.substitutions.substitutions, 10.0, "peace")
+        wait_until(lambda: not self.robot.substitutions, 10.0, "peace")
 
     def start(self, node: str, value: float = float("nan")) -> "subprocess.Popen[bytes]":
         """Start a publisher as a person would: `rostopic pub -r 20`."""
@@ -61,5 +64,5 @@ class PlainRobot(unittest.TestCase):
         """The next value on a topic."""
         voices = self.voices[topic]
         count = len(voices.heard)
-        testing.wait_until(lambda: len(voices.heard) > count, 10.0, f"a message on {topic}")
+        wait_until(lambda: len(voices.heard) > count, 10.0, f"a message on {topic}")
         return float(voices.last.data)

@@ -6,22 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shsa_core.language.functions import (
-    FUNCTIONS,
-    MAX_GAP,
-    STATEFUL,
-    Memory,
-    ceil,
-    derivative,
-    elapsed,
-    floor,
-    integral,
-    lowpass,
-    namespace,
-    power,
-    previous,
-    sign,
-)
+from shsa_core.language.functions import FUNCTIONS, STATEFUL, ceil, floor, namespace, power, sign
+from shsa_core.language.memory import MAX_GAP, Memory, derivative, elapsed, integral, lowpass, previous
 
 ALL = [elapsed, previous, derivative, integral]
 NAN = math.nan

@@ -8,7 +8,7 @@ import pytest
 from shsa_core.cli.main import main
 from shsa_core.codegen.generator import generate
 from shsa_core.errors import GenerationError, ModelError
-from shsa_core.language.expression import Expression
+from shsa_core.language.expression import Condition, Expression
 from shsa_core.files.knowledge_base import KnowledgeBase, Provision, read_knowledge_base
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.model.som import Service, read_som
@@ -84,13 +84,13 @@ def test_the_ontology(read: Read) -> None:
     }
     steer = functions["steer", "wheel_angle"]
     assert steer.inputs == ("steering_angle",) and steer.quality == 1.0
-    assert steer.expression == Expression("steering_angle / gear", ("steering_angle", "gear"))
-    assert steer.constraint == Expression("steering_angle < 3", ("steering_angle",))
-    assert functions["steer", "steering_angle"].expression.text == "9*wheel_angle"
+    assert steer.law == Expression("steering_angle / gear", ("steering_angle", "gear"))
+    assert steer.constraint == Condition("steering_angle < 3", ("steering_angle",))
+    assert functions["steer", "steering_angle"].law.text == "9*wheel_angle"
     scan = functions["scan", "dmin"]
-    assert (scan.expression, scan.text, scan.inputs) == (None, "min(laser)", ("laser",))
+    assert (scan.law, scan.text, scan.inputs) == (None, "min(laser)", ("laser",))
     guarded = functions["guarded", "dmin"]
-    assert (guarded.expression, guarded.constraint) == (None, None)
+    assert (guarded.law, guarded.constraint) == (None, None)
     assert guarded.text == "battery if False"
     assert functions["foreign", "dmin"].text == "battery + threshold"
     assert functions["empty", "dmin"].text == ""
@@ -158,7 +158,7 @@ def test_the_form_without_functions(read: Read) -> None:
         ("t1", "other", ("r1", "r2")),
         ("t2", "root", ("r2",)),
     ]
-    assert all(f.expression is None for f in base.ontology.functions)
+    assert all(f.law is None for f in base.ontology.functions)
 
 
 def test_a_relation_without_a_function_entry(read: Read) -> None:

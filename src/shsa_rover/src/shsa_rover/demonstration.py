@@ -8,10 +8,9 @@ import subprocess
 import sys
 from bisect import bisect_left
 from pathlib import Path
-from typing import List, Optional
+from typing import List, Optional, Tuple
 
-from rich.console import Console
-from rich.table import Table
+from tabulate import tabulate
 
 from shsa_rover.figure import draw
 from shsa_rover.recording import Recording, Series, read_recording
@@ -57,28 +56,28 @@ def _launch(results: Path) -> int:
 
 
 def _report(recording: Recording, results: Path) -> int:
-    table = Table(title="The demonstration", show_header=False)
+    table: List[Tuple[str, str]] = []
     healed = [i for i in recording.incidents if i["first_message"] is not None]
     for incident in recording.incidents:
-        table.add_row(
-            "failed", f"{incident['topic']}, {incident['kind']} ({incident['faulty_node']})"
-        )
-        table.add_row(
-            "substitute", f"{incident['substitute']} of quality {incident['quality']:.2f}"
-        )
-        table.add_row("relations", ", ".join(map(str, incident["relations"])))  # type: ignore
         outage = incident["outage"]
-        table.add_row("outage", "not healed" if outage is None else f"{1000 * float(outage):.0f} ms")  # type: ignore
-        table.add_row("ended", "original is back" if incident["state"] == "ended" else "still open")
+        healed_in = "not healed" if outage is None else f"{1000 * float(str(outage)):.0f} ms"
+        back = "original is back" if incident["state"] == "ended" else "still open"
+        table += [
+            ("failed", f"{incident['topic']}, {incident['kind']} ({incident['faulty_node']})"),
+            ("substitute", f"{incident['substitute']} of quality {incident['quality']:.2f}"),
+            ("relations", ", ".join(map(str, incident["relations"]))),  # type: ignore
+            ("outage", healed_in),
+            ("ended", back),
+        ]
     for node, series in recording.current.items():
         if node.startswith("/substitute"):
             text = f"{rms_error(series, recording.true_current):.2f} A (RMS) against the truth"
-            table.add_row("substitute's error", text)
+            table.append(("substitute's error", text))
     if recording.soc and recording.true_soc:
         worst = 100 * max_error(recording.soc, recording.true_soc)
-        table.add_row("state of charge", f"at most {worst:.2f} percentage points off the truth")
-    table.add_row("figure", str(results / "figure.png"))
-    Console().print(table)
+        table.append(("state of charge", f"at most {worst:.2f} percentage points off the truth"))
+    table.append(("figure", str(results / "figure.png")))
+    print(f"The demonstration\n{tabulate(table, disable_numparse=True)}")
     good = len(healed) == 1 and all(i["state"] == "ended" for i in recording.incidents)
     if not good:
         print("The demonstration did not go as planned.", file=sys.stderr)

@@ -2,9 +2,9 @@
 from typing import Dict, Iterable, List, Optional
 
 from shsa_core.model.network import Network
-from shsa_core.model.som import Service
+from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations, Usable
-from shsa_core.search.derivation import LOST, ServiceTable
+from shsa_core.search.derivation import LOST, SourceTable
 from shsa_core.search.ratings import Ratings, dependents
 
 
@@ -12,16 +12,16 @@ class Failures:
     """The best derivation of every property of a network, and what becomes of it when nodes fail."""
 
     def __init__(
-        self, network: Network, services: Iterable[Service], usable: Optional[Usable] = None
+        self, network: Network, sources: Iterable[Source], usable: Optional[Usable] = None
     ) -> None:
         self._network = network
-        self._services = tuple(services)
-        table = ServiceTable(network, self._services)
-        self._best = BestDerivations(network, table, usable, prune=False)
+        self._table = SourceTable(network)
         self._measures: Dict[str, List[int]] = {}  # the properties that a node measures
-        for service in self._services:
-            number = network.number(service.property)
-            self._measures.setdefault(service.node, []).append(number)
+        for source in sources:
+            self._table.add(source)
+            number = network.number(source.property)
+            self._measures.setdefault(source.node, []).append(number)
+        self._best = BestDerivations(network, self._table, usable, prune=False)
         numbers = range(len(network.names))
         for number in numbers:
             self._best.settle(number)
@@ -34,9 +34,7 @@ class Failures:
         if blocked is not None:
             gone.append(blocked)
         affected = dependents(self._users, gone)
-        left = [s for s in self._services if s.node not in nodes]
-        services = ServiceTable(self._network, left)
-        ratings = Ratings(self._network, services, self._best.ratings)
+        ratings = Ratings(self._network, self._table.excluding(nodes), self._best.ratings)
         if blocked is not None:
             affected.remove(blocked)
             ratings[blocked] = LOST

@@ -12,7 +12,7 @@ AS_IT_IS = (
 class Fragility:
     """For every property the nodes without any one of which it cannot be derived, as bits of a number.
 
-    A service is lost with its node, a function with any of its inputs, a property with all of its services and
+    A source is lost with its node, a function with any of its inputs, a property with all of its sources and
     functions. All begin as lost and are regained until nothing changes: what depends on itself alone stays lost.
     `sensors` are properties that a further, independent node measures, `relations` further pairs of an output and
     its input. Functions that cannot be executed do not count.
@@ -31,16 +31,16 @@ class Fragility:
         self._number = network.number
         self._measured: Dict[int, List[int]] = {}
         self._measures: Dict[str, List[int]] = {}
-        for service in som:
-            number = network.number(service.property)
-            self._measured.setdefault(number, []).append(self._bits[service.node])
-            self._measures.setdefault(service.node, []).append(number)
+        for source in som.sources:
+            number = network.number(source.property)
+            self._measured.setdefault(number, []).append(self._bits[source.node])
+            self._measures.setdefault(source.node, []).append(number)
         for name in sensors:
             self._measured.setdefault(network.number(name), []).append(0)
         laws: List[Tuple[int, Sequence[int]]] = [
             (network.outputs[f], network.inputs_of(f))
             for f, function in enumerate(network.functions)
-            if function.expression is not None
+            if function.law is not None
         ]
         laws += [(network.number(output), [network.number(input_)]) for output, input_ in relations]
         self._functions: Dict[int, List[Sequence[int]]] = {}

@@ -4,7 +4,13 @@ from typing import Dict, List, Optional, Set, Tuple
 
 from shsa_core.errors import ExpressionError, ModelError
 from shsa_core.files.document import Entry, Value, read_yaml
-from shsa_core.language.expression import Expression, is_name, parse_constraint, parse_expression
+from shsa_core.language.expression import (
+    Condition,
+    Expression,
+    is_name,
+    parse_constraint,
+    parse_expression,
+)
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 
@@ -203,7 +209,7 @@ class _Reader:
 
 def _executable(
     text: str, condition: str, inputs: Set[str]
-) -> Tuple[Optional[Expression], Optional[Expression], str]:
+) -> Tuple[Optional[Expression], Optional[Condition], str]:
     """The function and its constraint, or the reason why they are not expressions of the language."""
     try:
         expression = parse_expression(text)

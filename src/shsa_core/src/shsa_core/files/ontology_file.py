@@ -1,14 +1,18 @@
 """Reads the ontology file (docs/ontology.md describes it)."""
-from typing import Callable, Dict, Iterator, List, Tuple
+from typing import Callable, Dict, Iterator, List, Mapping, Optional, Tuple, TypeVar
 
 from shsa_core.errors import ExpressionError, ModelError
 from shsa_core.files.document import Value, read_yaml
-from shsa_core.language.expression import Expression, is_name, parse_constraint, parse_expression
+from shsa_core.language.expression import is_name, parse_constraint, parse_expression
+from shsa_core.language.law import Law
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 
 _NAMES = "a name has letters, digits and _, does not begin with a digit and is not a reserved word"
-_FUNCTION_KEYS = ("function", "not_executable", "inputs", "quality", "constraint")
+# The key of a law in the file, and how its text is read.
+_LAWS: Mapping[str, Callable[[str], Law]] = {"function": parse_expression}
+_FUNCTION_KEYS = (*_LAWS, "not_executable", "inputs", "quality", "constraint")
+_Parsed = TypeVar("_Parsed")
 
 
 def read_ontology(path: str) -> Ontology:
@@ -98,8 +102,10 @@ class _Reader:
         entry = {"function": value}
         if isinstance(value.data, dict):
             entry = value.entry(what, _FUNCTION_KEYS)
-        if ("function" in entry) == ("not_executable" in entry):
-            raise value.error(f"{what} needs either the key 'function' or 'not_executable'")
+        laws = [key for key in (*_LAWS, "not_executable") if key in entry]
+        if len(laws) != 1:
+            keys = "', '".join(_LAWS)
+            raise value.error(f"{what} needs either the key '{keys}' or 'not_executable'")
         if ("not_executable" in entry) != ("inputs" in entry):
             raise value.error(f"{what}: the key 'inputs' belongs to 'not_executable' alone")
 
@@ -109,12 +115,12 @@ class _Reader:
         constraint = None
         if "constraint" in entry:
             constraint = _parse(entry["constraint"], f"{what}: constraint", parse_constraint)
-        expression = None
+        law: Optional[Law] = None
         names: List[str] = []
-        if "function" in entry:
-            expression = _parse(entry["function"], what, parse_expression)
-            text = expression.text
-            names += expression.names
+        if laws[0] in _LAWS:
+            law = _parse(entry[laws[0]], what, _LAWS[laws[0]])
+            text = law.text
+            names += law.names
         else:
             text = entry["not_executable"].string("not_executable")
             names += [item.string("an input") for item in entry["inputs"].sequence("inputs")]
@@ -122,9 +128,7 @@ class _Reader:
         self._check_inputs(names, relation, output, value)
         inputs = tuple(dict.fromkeys(name for name in names if name in self.properties))
         self.functions.append(
-            TransferFunction(
-                relation, output, inputs, expression, quality, constraint, text, value.where
-            )
+            TransferFunction(relation, output, inputs, law, quality, constraint, text, value.where)
         )
 
     def _check_inputs(self, names: List[str], relation: str, output: str, value: Value) -> None:
@@ -138,7 +142,7 @@ class _Reader:
                 )
 
 
-def _parse(value: Value, what: str, parse: Callable[[str], Expression]) -> Expression:
+def _parse(value: Value, what: str, parse: Callable[[str], _Parsed]) -> _Parsed:
     try:
         return parse(value.string(what))
     except ExpressionError as error:

@@ -9,10 +9,12 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from shsa_core.errors import ModelError
+from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.som_file import read_som, service_parameters
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
-from shsa_core.files.ontology_file import read_ontology
-from shsa_core.model.som import Som, read_som
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_/*^%]*\Z")
 _WIDTH = 4096  # lines are not wrapped
@@ -51,13 +53,13 @@ def save_som(som: Som, path: str) -> None:
         if old == som:
             return
         tree = _load(path)
-    entries = som.parameters()
     changed = {
-        name: entry
-        for name, entry in entries.items()
-        if old.of_property(name) != som.of_property(name)
+        name: _service_entry(service)
+        for name, service in som.services.items()
+        if old.services.get(name) != service
     }
-    _update(tree, entries, changed)
+    _section(tree, "services", True)
+    _update(tree["services"], som.services, changed)
     _dump(tree, path)
 
 
@@ -122,8 +124,8 @@ def _constant_entry(item: Constant) -> Any:
 
 def _function_entry(function: TransferFunction) -> Any:
     entry = CommentedMap()
-    if function.expression is not None:
-        entry["function"] = function.expression.text
+    if function.law is not None:
+        entry[function.law.key] = function.law.text
     else:
         entry["not_executable"] = _text(function.text)
         entry["inputs"] = CommentedSeq(function.inputs)
@@ -133,6 +135,23 @@ def _function_entry(function: TransferFunction) -> Any:
     if function.constraint is not None:
         entry["constraint"] = function.constraint.text
     return entry["function"] if list(entry) == ["function"] else entry
+
+
+def _service_entry(service: Service) -> CommentedMap:
+    """What the parameter server gets, and the command, which stands in a file alone."""
+    entry = CommentedMap(service_parameters(service))
+    if service.last_resort.command:
+        resort = {"values": dict(service.last_resort.values)} if service.last_resort.values else {}
+        entry["last_resort"] = {**resort, "command": list(service.last_resort.command)}
+    provides = entry.pop("provides")
+    entry["provides"] = CommentedMap((name, _one_line(line)) for name, line in provides.items())
+    return entry
+
+
+def _one_line(entries: Mapping[str, Any]) -> CommentedMap:
+    line = CommentedMap(entries)
+    line.fa.set_flow_style()
+    return line
 
 
 def _editor() -> YAML:

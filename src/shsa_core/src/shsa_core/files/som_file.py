@@ -81,7 +81,34 @@ def merge_parameters(
 
 def som_parameters(som: Som) -> Dict[str, object]:
     """A SOM as it lies on the parameter server: plain mappings, lists and values, and no command."""
-    return {"services": {service.name: _parameters(service) for service in som}}
+    return {"services": {service.name: service_parameters(service) for service in som}}
+
+
+def service_parameters(service: Service) -> Dict[str, Any]:
+    """A service as it lies on the parameter server."""
+    plain: Dict[str, Any] = {
+        "topic": service.topic,
+        "type": service.type,
+        "node": service.node,
+        "period": "none" if service.period is None else service.period,
+        "needed": service.needed,
+        "standby": str(service.standby),
+        "policy": str(service.policy),
+        "provides": {p.property: _provision_parameters(p) for p in service.provides},
+    }
+    checks: Dict[str, object] = _check_parameters(service.checks.each, of_values=False)
+    for name in ("bad", "of", "recovery"):
+        if getattr(service.checks, name) != getattr(Checks, name):
+            checks[name] = getattr(service.checks, name)
+    optional = {
+        "deadline": service.deadline,
+        "checks": checks,
+        "last_resort": {"values": dict(service.last_resort.values)},
+    }
+    if not service.last_resort.values:
+        del optional["last_resort"]
+    plain.update({key: value for key, value in optional.items() if value})
+    return plain
 
 
 def _service(name: str, value: Value) -> Service:
@@ -238,9 +265,7 @@ def _one_of(words: "type[Word]") -> Reader:
         text = value.string(key)
         allowed = [str(each) for each in words]
         if text not in allowed:
-            raise value.error(
-                f"{key} must be one of {', '.join(allowed)}, not {value.describe()}"
-            )
+            raise value.error(f"{key} must be one of {', '.join(allowed)}, not {value.describe()}")
         return words(text)
 
     return read
@@ -348,32 +373,6 @@ _PROVISION: Dict[str, Reader] = {
     "quality": _share,
     "checks": _value_checks,
 }
-
-
-def _parameters(service: Service) -> Dict[str, object]:
-    plain: Dict[str, object] = {
-        "topic": service.topic,
-        "type": service.type,
-        "node": service.node,
-        "period": "none" if service.period is None else service.period,
-        "needed": service.needed,
-        "standby": str(service.standby),
-        "policy": str(service.policy),
-        "provides": {p.property: _provision_parameters(p) for p in service.provides},
-    }
-    checks: Dict[str, object] = _check_parameters(service.checks.each, of_values=False)
-    for name in ("bad", "of", "recovery"):
-        if getattr(service.checks, name) != getattr(Checks, name):
-            checks[name] = getattr(service.checks, name)
-    optional = {
-        "deadline": service.deadline,
-        "checks": checks,
-        "last_resort": {"values": dict(service.last_resort.values)},
-    }
-    if not service.last_resort.values:
-        del optional["last_resort"]
-    plain.update({key: value for key, value in optional.items() if value})
-    return plain
 
 
 def _provision_parameters(provision: Provision) -> Dict[str, object]:

@@ -1,55 +1,45 @@
-"""The reconfigurator's decisions: events in, commands out (Section IV-C of the paper)."""
-from dataclasses import replace
-from typing import Collection, Dict, List, Optional, Set, Tuple
+"""The reconfigurator's decisions: events in, commands out (Section IV-C of the paper).
 
-from shsa_core.codegen.generator import Program
-from shsa_core.errors import ShsaError
-from shsa_core.healing.events import (
-    AssignSubstitute,
-    Command,
-    Event,
-    FailureSeen,
-    HealthSeen,
-    KillNode,
-    NodeKilled,
-    ProcessExited,
-    PublisherHealth,
-    Released,
-    RestartFailed,
-    RestartNode,
-    Say,
-    ServiceState,
-    ShowIncident,
-    ShowSom,
-    ShowSubstitutions,
-    SomChanged,
-    StartSubstitute,
-    SubstituteRequested,
-    SubstituteStarted,
-    Substitution,
-    Tick,
-)
-from shsa_core.healing.nodes import Nodes
-from shsa_core.healing.plans import PlanTable, TopicPlan, plan_topic, safe_plan
+An event is handled by those that it concerns: the services that it is about, and those whose substitutes read what it
+changes. What is known of the rest stays as it is, so that a decision costs the same on a large robot.
+"""
+from typing import Callable, Collection, Dict, Iterable, List, Optional, Set, Tuple
+
+from shsa_core import dispatch
+from shsa_core.codegen.plans import Plan
+from shsa_core.errors import ModelError, ShsaError
+from shsa_core.healing import events
+from shsa_core.healing.agenda import Agenda
+from shsa_core.healing.availability import Availability
+from shsa_core.healing.events import Command, Event, FailureSeen, Level, Log
+from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.kills import KillNode, Kills, NodeKilled
+from shsa_core.healing.nodes import Acquaintance, Nodes
+from shsa_core.healing.planner import Planner
 from shsa_core.healing.pool import Pool
 from shsa_core.healing.settings import Settings
-from shsa_core.healing.topic import Healing
+from shsa_core.healing.snapshot import Request, Snapshot
+from shsa_core.healing.tables import SomTable, SubstitutionTable
+from shsa_core.healing.topic import STUCK, TopicHealing
+from shsa_core.model.kinds import Kind
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.policies import RESTART
-from shsa_core.model.som import Service, Som
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
-REQUESTED = "requested"
-SUBSTITUTE_PREFIX = "/substitute_"
+Ask = Callable[[TopicHealing, Snapshot], List[Request]]
+SUBSTITUTE_PREFIX = "substitute_"
 
 
 class Reconfigurator:
-    """Heals every needed topic of a SOM.
+    """Heals every needed service of a SOM.
 
     Args:
         ontology: the relations to search.
         som: the services; may change later by SomChanged.
         settings: times and limits.
-        first_substitute: the number of the first substitute's name; names are never used twice.
+        namespace: that of the substitutes' names, which are never used twice.
     """
 
     def __init__(
@@ -57,293 +47,529 @@ class Reconfigurator:
         ontology: Ontology,
         som: Som,
         settings: Settings = Settings(),
-        first_substitute: int = 1,
+        namespace: str = "/",
     ) -> None:
         self.settings = settings
-        self._ontology = ontology
+        self.prefix = namespace.rstrip("/") + "/" + SUBSTITUTE_PREFIX
         self._som = som
-        self._plans = PlanTable(ontology, som, settings.method)
+        self._time = float("-inf")
         self._nodes = Nodes()
-        self._healings: Dict[str, Healing] = {t: Healing(t, self) for t in som.topics()}
+        self._acquaintance = Acquaintance()
+        self._kills = Kills(settings.kill_patience)
+        self._availability = Availability(self._nodes, self._open)
+        self._planner = Planner(ontology, som, settings, self._nodes, self._availability)
+        self._pool = Pool(settings)
+        self._healings: Dict[str, TopicHealing] = {}
+        self._agenda: Agenda[str] = Agenda()
+        self._by_process: Dict[str, str] = {}  # the service that a substitute works for
+        self._reads: Dict[str, Tuple[str, ...]] = {}  # the services that a substitute reads
+        self._readers: Dict[str, Set[str]] = {}  # the other way round
+        self._stuck: Dict[str, None] = {}
+        self._unsettled: Dict[str, None] = {}  # services whose availability may have changed
+        self._faulty: Dict[str, Set[str]] = {}  # the services whose incident blames a node
+        self._with_us: Dict[str, bool] = {}  # nodes that were started again
+        self._substitutions = SubstitutionTable()
+        self._states = SomTable()
+        self._ending = False
         self._incidents = 0
-        self._next_substitute = first_substitute
-        self._pool = Pool(som, settings, lambda: self._new_name("standby"))
-        self._now = float("-inf")
-        self._shown_table: Optional[Tuple[Substitution, ...]] = None
-        self._shown_som: Optional[ShowSom] = None
+        self._next_substitute = 1
+        for service in som:
+            self._add(service)
+        self._handlers = dispatch.table(
+            Event,
+            {
+                events.Started: self._started,
+                events.ShuttingDown: self._shutting_down,
+                events.LaunchEnding: self._launch_ending,
+                events.FailureSeen: self._failure_seen,
+                events.HealthSeen: self._health_seen,
+                events.SomChanged: self._som_changed,
+                events.ModelsReloaded: self._models_reloaded,
+                events.NodeLearned: self._node_learned,
+                events.NodeFound: self._node_found,
+                events.NodeLeft: self._node_left,
+                events.ProcessUntouchable: self._process_untouchable,
+                events.SubstituteStarted: self._substitute_started,
+                events.ProcessExited: self._process_exited,
+                events.SubstituteRequested: self._requested,
+                events.NodeRestarted: self._node_restarted,
+                events.RestartFailed: self._restart_failed,
+                events.StarterEnded: self._starter_ended,
+                events.Released: self._released,
+                events.Idle: self._idle,
+                events.Tick: self._tick,
+            },
+        )
 
     def handle(self, event: Event) -> List[Command]:
         """What is to be done about `event`."""
-        self._now = event.time
-        commands = self._dispatch(event)
-        commands += self._pool.refill(event.time)
-        self._plans.update(self.available())
-        if not self._plans.stale:  # else the plans are not known for a moment
-            self._pool.listen(self._warm_inputs())
-        working = tuple(h.substitution for h in self._healings.values() if h.substitution)
-        table = (*working, *self._pool.rows())
-        if table != self._shown_table:
-            self._shown_table = table
-            # First: it decides who speaks.
-            commands.insert(0, ShowSubstitutions(table))
-        som = ShowSom(self._som, tuple(self._service_states()))
-        if som != self._shown_som:
-            self._shown_som = som
-            commands.append(som)
-        return commands
+        self._time = event.time
+        commands = self._handlers[type(event)](event)
+        commands += self._settle()
+        commands += self._refill()
+        shown = self._substitutions.change()
+        if shown is not None:
+            commands.insert(0, shown)  # first: it decides who publishes
+        states = self._states.change()
+        return commands if states is None else [*commands, states]
 
     @property
     def plans_ahead(self) -> bool:
-        """Whether there are plans to make before they are needed."""
-        return bool(self._plans.stale)
-
-    def prepare(self) -> None:
-        """Make one plan ahead, while there is nothing else to do."""
-        self._plans.step()
+        """Whether there are plans to make before they are needed: Idle makes one."""
+        return self._planner.plans.stale
 
     @property
     def deadline(self) -> Optional[float]:
         """When a Tick is due, in s; None: none is."""
-        due = [h.deadline for h in self._healings.values() if h.deadline is not None]
-        if self._pool.deadline is not None:
-            due.append(self._pool.deadline)
-        return min(due, default=None)
+        dues = (
+            self._agenda.next(),
+            self._pool.deadline,
+            self._kills.deadline,
+            self._acquaintance.deadline,
+        )
+        return min((due for due in dues if due is not None), default=None)
 
     @property
     def substitutes(self) -> Tuple[str, ...]:
         """The node names of the substitutes that run now."""
-        return (*(h.node for h in self._healings.values() if h.node), *self._pool.nodes)
+        return (*self._by_process, *self._pool.nodes)
 
-    def needed(self) -> Tuple[str, ...]:
-        """The topics that are healed when they fail."""
-        return tuple(dict.fromkeys(s.topic for s in self._som if s.needed))
+    def needed(self) -> Tuple[Service, ...]:
+        """The services that are healed when they fail."""
+        return self._som.needed()
 
-    def available(self) -> Tuple[Service, ...]:
-        """The services that are published by a healthy original, with the node that does."""
-        states = self._service_states()
-        return tuple(
-            replace(service, node=state.node)
-            for service, state in zip(self._som, states)
-            if state.available
-        )
+    def find(self, name: str) -> Service:
+        """The service of a name, a topic or a property; a needed one first. Raises ModelError if there is none."""
+        som = self._som
+        found = [som.services[name]] if name in som.services else list(som.of_topic(name))
+        found += [source.service for source in som.of_property(name)]
+        if not found:
+            known = ", ".join(f"{each.name} ({each.topic})" for each in som)
+            raise ModelError(name, f"the SOM has no such service or topic; it has {known}")
+        return min(found, key=lambda service: not service.needed)
 
-    def explain(self, topic: str, without: Collection[str] = (), method: str = "") -> TopicPlan:
-        """What would be done if the node that publishes `topic` failed. Acts on nothing.
+    def explain(self, name: str, without: Collection[str] = (), method: str = "") -> Plan:
+        """What would be done if the node of a service failed. Acts on nothing. Raises ShsaError."""
+        return self._planner.explain(self.find(name), without, method)
 
-        Raises NoSubstitute.
-        """
-        excluded = {*self._nodes.excluded, *without}
-        excluded.update(row.publisher for row in self.originals(topic))
-        excluded.add(self.provider(topic))
-        excluded.discard("")
-        return plan_topic(
-            self._ontology,
-            self._som,
-            self.available(),
-            topic,
-            excluded=excluded,
-            method=method or self.settings.method,
-        )
+    def incident(self, service: str) -> Optional[Incident]:
+        """The open incident of a service."""
+        healing = self._healings.get(service)
+        return healing.incident if healing else None
 
-    def _dispatch(self, event: Event) -> List[Command]:
-        if isinstance(event, FailureSeen):
-            return self._failed(event)
-        if isinstance(event, HealthSeen):
-            return self._health_seen(event)
-        if isinstance(event, SomChanged):
-            return self._som_changed(event)
-        if isinstance(event, NodeKilled):
-            return self._node_killed(event)
-        if isinstance(event, SubstituteRequested):
-            return self._requested(event)
-        if isinstance(event, ProcessExited) and event.node in self._pool.nodes:
-            return self._pool.died(event.time, event.node, event.detail)
-        if isinstance(event, RestartFailed):
-            self._nodes.end_restart(event.node)
+    def validate(self) -> None:
+        """Raises ShsaError if something is not as it must be: one publisher a service, no process without an owner."""
+        owners: Dict[str, str] = {node: "the pool" for node in self._pool.nodes}
+        for name, healing in self._healings.items():
+            healing.validate()
+            if healing.node and healing.node in owners:
+                raise ShsaError(f"{healing.node} works for {name} and for {owners[healing.node]}")
+            if healing.node:
+                owners[healing.node] = name
+            state = self._availability.states[name]
+            if healing.state is not State.WELL and state.available:
+                raise ShsaError(f"{name} is {healing.state} and available at the same time")
+        for row in self._substitutions.rows():
+            if row.node and row.node not in owners:
+                raise ShsaError(f"{row.node} is in the table of substitutions, but has no owner")
+            if row.publishing and self._healings[row.service].state is State.WELL:
+                raise ShsaError(f"{row.node} publishes for {row.service}, which is well")
+
+    def _open(self, name: str) -> bool:
+        healing = self._healings.get(name)
+        return healing is not None and healing.state is not State.WELL
+
+    def _started(self, event: events.Started) -> List[Command]:
+        """Stop what a former reconfigurator has left behind; its names are not used again."""
+        tails = [node.rsplit("_", 1)[-1] for node in event.leftovers]
+        numbers = [int(tail) for tail in tails if tail.isdigit()]
+        self._next_substitute = max([self._next_substitute, *(1 + n for n in numbers)])
         commands: List[Command] = []
-        for healing in list(self._healings.values()):
-            if isinstance(event, SubstituteStarted):
-                commands += healing.started(event)
-            elif isinstance(event, ProcessExited):
-                commands += healing.exited(event.time, event.node, event.detail)
-            elif isinstance(event, RestartFailed):
-                commands += healing.restart_failed(event.time, event.node, event.detail)
-            elif isinstance(event, Released) and healing.topic == event.topic:
-                commands += healing.released(event.time)
-            elif isinstance(event, Tick):
-                commands += healing.tick(event.time)
+        for node in event.leftovers:
+            commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
+            commands += self._absorb([KillNode(node, urgent=True)])
         return commands
 
-    def _failed(self, event: FailureSeen) -> List[Command]:
-        healing = self._healings.get(event.topic)
-        if healing is None or self._is_old_substitute(event.publisher, healing):
-            return []
-        if event.topic not in self.needed():
-            return [Say("warn", f"{event.topic} failed: {event.detail}. Nobody needs it.")]
-        self._nodes.note(event)
-        return healing.failed(event)
+    def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
+        """End every substitute, and the nodes that whoever ends us has started first."""
+        ended: List[Command] = [events.StopSubstitute(node) for node in self.substitutes]
+        return ended + [events.StopNode(node) for node, ours in self._with_us.items() if ours]
 
-    def _ready_plan(self, topic: str) -> Optional[TopicPlan]:
+    def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
+        """What stops on purpose is not healed."""
+        self._ending = True
+        return []
+
+    def _failure_seen(self, event: FailureSeen) -> List[Command]:
+        if self._ending:
+            return []
+        service = self._service_of(event)
+        if service is None or self._is_old_substitute(event.publisher, service.name):
+            return []
+        if not service.needed:
+            text = f"{event.topic} failed: {event.detail.rstrip('.')}. It is not marked `needed`, ignored."
+            return [Log(Level.WARN, text)]
+        self._nodes.note(event)
+        self._unsettle([service.name])
+        return self._ask(service.name, lambda healing, now: healing.failed(now, event))
+
+    def _service_of(self, event: FailureSeen) -> Optional[Service]:
+        if event.service:
+            return self._som.services.get(event.service)
+        if event.publisher in self._by_process:
+            return self._som.services.get(self._by_process[event.publisher])
+        return self._som.service_of(event.topic, event.publisher)
+
+    def _is_old_substitute(self, publisher: str, service: str) -> bool:
+        known = publisher in self._nodes.substitutes
+        return known and self._by_process.get(publisher) != service
+
+    def _health_seen(self, event: events.HealthSeen) -> List[Command]:
+        commands: List[Command] = []
+        concerned: Dict[str, None] = {}
+        for topic, publisher in self._nodes.heed(event):
+            row = self._nodes.health(topic).get(publisher)
+            if publisher in self._by_process:
+                concerned[self._by_process[publisher]] = None
+            elif publisher not in self._nodes.substitutes:
+                services = self._concerned(topic, publisher)
+                concerned.update(dict.fromkeys(services))
+                self._unsettle(services)
+                commands += self._acquaint(event.time, publisher, row)
+        for name in concerned:
+            commands += self._missed_failure(event.time, name)
+            commands += self._ask(name, lambda healing, now: healing.changed(now))
+        return commands
+
+    def _concerned(self, topic: str, publisher: str) -> List[str]:
+        service = self._som.service_of(topic, publisher)
+        return [service.name] if service else [each.name for each in self._som.of_topic(topic)]
+
+    def _acquaint(
+        self, time: float, node: str, row: Optional[PublisherHealth]
+    ) -> List[Command]:
+        if row is None or (row.state is PublisherState.FAILED and row.kind is Kind.NODE_GONE):
+            self._acquaintance.went(node)
+        elif row.state is PublisherState.HEALTHY:
+            return self._acquaintance.came_up(time, node)
+        return []
+
+    def _missed_failure(self, time: float, name: str) -> List[Command]:
+        """The table tells of a failure whose trigger was never heard, as when we start late."""
+        service = self._som.services.get(name)
+        if self._ending or service is None or not service.needed or self._open(name):
+            return []
+        rows = self._rows(service)
+        if any(row.state is PublisherState.HEALTHY for row in rows):
+            return []
+        for row in rows:
+            excluded = row.publisher in self._nodes.excluded or row.publisher in self._kills.nodes
+            if row.state is PublisherState.FAILED and not excluded:
+                kind = row.kind or Kind.OTHER
+                failure = FailureSeen(
+                    time, name, row.topic, row.publisher, kind, row.detail, row.last_good
+                )
+                return self._failure_seen(failure)
+        return []
+
+    def _rows(self, service: Service) -> List[PublisherHealth]:
+        """How the originals of a service do, with the row that says that nobody was ever seen."""
+        nobody = self._nodes.health(service.topic).get("")
+        rows = list(self._availability.originals(self._som, service))
+        alone = len(self._som.of_topic(service.topic)) == 1
+        return rows + [nobody] if nobody is not None and alone else rows
+
+    def _som_changed(self, event: events.SomChanged) -> List[Command]:
+        old, self._som = self._som, event.som
+        self._planner.som = event.som
+        commands: List[Command] = []
+        for name in [name for name in old.services if name not in event.som.services]:
+            commands += self._remove(old.services[name])
+        for service in event.som:
+            before = old.services.get(service.name)
+            if before is None:
+                self._add(service)
+            elif before != service:
+                commands += self._change(before, service)
+        return commands
+
+    def _models_reloaded(self, event: events.ModelsReloaded) -> List[Command]:
+        """Plans follow the new models; what runs goes on."""
+        planner = Planner(
+            event.ontology, self._som, self.settings, self._nodes, self._availability
+        )
+        planner.plans.change((), self._availability.services.values())
+        self._planner = planner
+        return self._som_changed(events.SomChanged(event.time, event.som))
+
+    def _add(self, service: Service) -> None:
+        self._healings[service.name] = TopicHealing(service.name, self.settings)
+        self._unsettle([service.name])
+        self._offer(service)
+
+    def _change(self, before: Service, service: Service) -> List[Command]:
+        if before.provides != service.provides:
+            # Its values are to be used in another way.
+            available = self._availability.services.pop(service.name, None)
+            self._planner.plans.change([available] if available else [], [])
+        self._unsettle([service.name])
+        self._offer(service)
+        if not service.needed:
+            return self._ask(service.name, lambda healing, now: healing.close(now), service)
+        return self._ask(service.name, lambda healing, now: healing.replan(now))
+
+    def _remove(self, service: Service) -> List[Command]:
+        commands = self._ask(service.name, lambda healing, now: healing.close(now), service)
+        del self._healings[service.name]
+        self._planner.plans.forget(service.name)
+        self._pool.forget(service.name)
+        self._substitutions.set(service.name, None)
+        self._agenda.set(service.name, None)
+        self._unsettle([service.name])
+        return commands
+
+    def _offer(self, service: Service) -> None:
+        """Plans are made ahead for a service if it is needed, and the pool serves it if it is warm."""
+        if service.needed:
+            self._planner.plans.serve(service)
+        else:
+            self._planner.plans.forget(service.name)
+        if self._pool.serves(service):
+            self._pool.serve(service, self._planner, None)
+        else:
+            self._pool.forget(service.name)
+        self._substitutions.set(service.name, self._pool.plans.get(service.name))
+
+    def _node_learned(self, event: events.NodeLearned) -> List[Command]:
+        self._acquaintance.learned(event)
+        return []
+
+    def _node_found(self, event: events.NodeFound) -> List[Command]:
+        commands, over = self._kills.found(event)
+        return commands + self._killed([over] if over else [])
+
+    def _node_left(self, event: events.NodeLeft) -> List[Command]:
+        commands, over = self._kills.left(event)
+        return self._killed([over] if over else []) + commands
+
+    def _process_untouchable(self, event: events.ProcessUntouchable) -> List[Command]:
+        over = self._kills.untouchable(event)
+        return self._killed([over] if over else [])
+
+    def _killed(self, kills: Iterable[NodeKilled]) -> List[Command]:
+        commands: List[Command] = []
+        for kill in kills:
+            self._nodes.killed(kill.node, kill.time)
+            self._acquaintance.went(kill.node)
+            self._with_us.pop(kill.node, None)
+            self._unsettle_node(kill.node)
+            for name in sorted(self._faulty.get(kill.node, ())):
+                commands += self._ask(name, lambda healing, now: healing.killed(now, kill))
+        return commands
+
+    def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
+        name = self._by_process.get(event.node, "")
+        return self._ask(name, lambda healing, now: healing.started(event))
+
+    def _process_exited(self, event: events.ProcessExited) -> List[Command]:
+        if event.node in self._pool.nodes:
+            commands = self._pool.died(event.time, event.node, event.detail)
+            self._substitutions.set(event.node, None)
+            return commands
+        name = self._by_process.get(event.node, "")
+        return self._ask(name, lambda healing, now: healing.exited(now, event.detail))
+
+    def _requested(self, event: events.SubstituteRequested) -> List[Command]:
+        incident = self.incident(event.service)
+        if incident is not None:
+            return [events.ShowIncident(incident)]
+        service = self._som.services.get(event.service)
+        if service is None:
+            return []
+        originals = self._availability.originals(self._som, service)
+        healthy = [row for row in originals if row.state is PublisherState.HEALTHY]
+        node = healthy[0].publisher if healthy else service.node
+        last_good = healthy[0].last_good if healthy else None
+        why = "somebody asked for a substitute"
+        failure = FailureSeen(
+            event.time, service.name, service.topic, node, Kind.REQUESTED, why, last_good
+        )
+        return self._failure_seen(failure)
+
+    def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
+        self._with_us[event.node] = event.with_us
+        return []
+
+    def _restart_failed(self, event: events.RestartFailed) -> List[Command]:
+        self._nodes.end_restart(event.node)
+        commands: List[Command] = []
+        for name in sorted(self._faulty.get(event.node, ())):
+            commands += self._ask(
+                name, lambda healing, now: healing.restart_failed(now, event.node, event.detail)
+            )
+        return commands
+
+    def _starter_ended(self, event: events.StarterEnded) -> List[Command]:
+        """A node that was started again lives no longer than whoever started it first."""
+        return [] if self._with_us.pop(event.node, None) is None else [events.StopNode(event.node)]
+
+    def _released(self, event: events.Released) -> List[Command]:
+        return self._ask(event.service, lambda healing, now: healing.released(now))
+
+    def _idle(self, event: events.Idle) -> List[Command]:
+        """Make one plan ahead; who follows it follows the new one."""
+        name = self._planner.plans.step()
+        if name is None:
+            return []
+        service = self._som.services[name]
+        if self._pool.serves(service):
+            self._pool.serve(service, self._planner, self._ready(name))
+            self._substitutions.set(name, self._pool.plans[name])
+        return self._ask(name, lambda healing, now: healing.replan(now))
+
+    def _ready(self, name: str) -> Optional[Plan]:
         try:
-            return self._plans.lookup(topic)
+            return self._planner.plans.ready(name)
         except ShsaError:
             return None
 
-    def _warm_inputs(self) -> List[str]:
-        """What the plans of the warm topics read."""
-        plans = [self._ready_plan(topic) for topic in self._pool.topics]
-        return [path for plan in plans if plan for path in plan.program.inputs]
-
-    def _is_old_substitute(self, publisher: str, healing: Healing) -> bool:
-        return publisher in self._nodes.substitutes and publisher != healing.node
-
-    def _health_seen(self, event: HealthSeen) -> List[Command]:
-        if not self._nodes.heed(event):
-            return []
-        commands: List[Command] = []
-        for row in event.publishers:
-            commands += self._missed_failure(event.time, row)
-        return commands + self._world_changed(event.time)
-
-    def _missed_failure(self, time: float, row: PublisherHealth) -> List[Command]:
-        """The table tells of a failure whose trigger was never heard, as when we start late."""
-        healing = self._healings.get(row.topic)
-        if healing is None or healing.open or row.state != "failed":
-            return []
-        if row.topic not in self.needed() or row.publisher in self._nodes.excluded:
-            return []
-        if any(other.state == "healthy" for other in self.originals(row.topic)):
-            return []
-        return self._failed(
-            FailureSeen(time, row.topic, row.publisher, row.kind, row.detail, row.last_good)
-        )
-
-    def _som_changed(self, event: SomChanged) -> List[Command]:
-        self._som = event.som
-        self._plans = PlanTable(self._ontology, event.som, self.settings.method)
-        self._pool.serve(event.som)
-        commands: List[Command] = []
-        for topic in set(self._healings) - set(event.som.topics()):
-            commands += self._healings.pop(topic).close(
-                event.time, f"{topic} is no longer in the SOM."
-            )
-        for topic in event.som.topics():
-            self._healings.setdefault(topic, Healing(topic, self))
-        return commands + self._world_changed(event.time)
-
-    def _node_killed(self, event: NodeKilled) -> List[Command]:
-        self._nodes.end_kill(event.node, event.time)
-        commands: List[Command] = []
-        for healing in self._healings.values():
-            commands += healing.killed(event)
+    def _tick(self, event: events.Tick) -> List[Command]:
+        commands, over = self._kills.tick(event.time)
+        commands += self._killed(over)
+        commands += self._acquaintance.tick(event.time)
+        for name in self._agenda.pop_due(event.time):
+            commands += self._ask(name, lambda healing, now: healing.tick(now))
         return commands
 
-    def _requested(self, event: SubstituteRequested) -> List[Command]:
-        healing = self._healings.get(event.topic)
-        if healing is not None and healing.incident is not None:
-            return [ShowIncident(healing.incident)]
-        healthy = [row for row in self.originals(event.topic) if row.state == "healthy"]
-        node = healthy[0].publisher if healthy else self.provider(event.topic)
-        last_good = healthy[0].last_good if healthy else None
-        detail = "somebody asked for a substitute"
-        return self._failed(
-            FailureSeen(event.time, event.topic, node, REQUESTED, detail, last_good)
-        )
-
-    def _world_changed(self, time: float) -> List[Command]:
-        self._plans.update(self.available())
+    def _settle(self) -> List[Command]:
+        """See which services come and go by what has happened, and tell those whom it concerns."""
         commands: List[Command] = []
-        for healing in self._healings.values():
-            commands += healing.world_changed(time)
+        while self._unsettled:
+            names, self._unsettled = list(self._unsettled), {}
+            gone, come = self._availability.update(self._som, names)
+            for name in names:
+                self._states.set(name, self._availability.states.get(name))
+            self._planner.plans.change(gone, come)
+            for name in sorted({reader for s in gone for reader in self._readers.get(s.name, ())}):
+                commands += self._ask(name, lambda healing, now: healing.changed(now))
+            for name in list(self._stuck) if come else ():
+                commands += self._ask(name, lambda healing, now: healing.changed(now, True))
         return commands
 
-    def _service_states(self) -> List[ServiceState]:
-        excluded = self._nodes.excluded
-        return [
-            self._service_state(index, service, excluded) for index, service in enumerate(self._som)
-        ]
+    def _refill(self) -> List[Command]:
+        """Start the idle processes that are due."""
+        commands: List[Command] = []
+        due = self._pool.deadline
+        while due is not None and self._time >= due:
+            name = self._name("standby")
+            commands += self._absorb(self._pool.start(name))
+            self._substitutions.set(name, Substitution(name, "", (), "", ()))
+            due = self._pool.deadline
+        return commands
 
-    def _service_state(self, index: int, service: Service, excluded: Set[str]) -> ServiceState:
-        rows = [r for r in self.originals(service.topic) if r.publisher not in excluded]
-        healthy = [row for row in rows if row.state == "healthy"]
-        if self._healings[service.topic].open:
-            return ServiceState(index, service.node, False, "failed")
-        if healthy:
-            return ServiceState(index, healthy[0].publisher, True, "")
-        detail = next((row.detail for row in rows if row.detail), "not published")
-        return ServiceState(index, service.node, False, detail)
+    def _ask(self, name: str, ask: Ask, service: Optional[Service] = None) -> List[Command]:
+        """Have the healing of a service decide, and keep up what follows from its decision."""
+        healing = self._healings.get(name)
+        service = service or self._som.services.get(name)
+        if healing is None or service is None:
+            return []
+        before = healing.state, healing.incident, healing.node, healing.substitute.plan
+        commands = self._absorb(ask(healing, self._snapshot(service)))
+        self._agenda.set(name, healing.deadline)
+        if (healing.state, healing.incident, healing.node, healing.substitute.plan) != before:
+            self._follow(name, healing, before[1], before[2])
+        self._show(service, healing)
+        return commands
 
-    def plan(self, topic: str, tried: Collection[TopicPlan]) -> TopicPlan:
-        available = self.available()
-        excluded = self._nodes.excluded
-        ready = self._plans.lookup(topic, frozenset(available), excluded)
-        if ready is not None and ready not in tried:
-            return ready
-        return plan_topic(
-            self._ontology,
-            self._som,
-            available,
-            topic,
-            excluded=excluded,
-            method=self.settings.method,
-            tried=tried,
+    def _snapshot(self, service: Service) -> Snapshot:
+        return Snapshot(
+            time=self._time,
+            service=service,
+            settings=self.settings,
+            planner=self._planner,
+            publishers=self._nodes.health(service.topic),
+            originals=self._availability.originals(self._som, service),
+            killing=self._kills.nodes,
+            incident=self._incidents + 1,
+            spare=self._pool.spare if self._pool.serves(service) else "",
+            fresh=self._name(service.topic.strip("/").replace("/", "_")),
         )
 
-    def usable(self, plan: TopicPlan) -> bool:
-        return {s.path for s in plan.services} <= {s.path for s in self.available()}
+    def _absorb(self, requests: Iterable[Request]) -> List[Command]:
+        """Carry out what concerns the reconfigurator itself; the rest are commands."""
+        commands: List[Command] = []
+        for request in requests:
+            if isinstance(request, KillNode):
+                commands += self._kills.begin(self._time, request)
+                self._unsettle_node(request.node)
+                continue
+            if isinstance(request, events.RestartNode):
+                if not self._nodes.begin_restart(request.node):
+                    continue
+            elif isinstance(request, events.StartSubstitute):
+                self._nodes.substitutes.add(request.node)
+                self._next_substitute += 1
+            elif isinstance(request, events.AssignSubstitute) and request.node in self._pool.nodes:
+                self._pool.take(self._time, request.node)
+            commands.append(request)
+        return commands
 
-    def originals(self, topic: str) -> Tuple[PublisherHealth, ...]:
-        return self._nodes.originals(topic)
+    def _follow(
+        self, name: str, healing: TopicHealing, old: Optional[Incident], node: str
+    ) -> None:
+        """Keep up the indexes by which events find whom they concern."""
+        new = healing.incident
+        if (old is None) != (new is None):
+            self._unsettle([name])
+        if new is not None:
+            self._incidents = max(self._incidents, new.id)
+        if old is not None:
+            self._faulty.get(old.faulty_node, set()).discard(name)
+        if new is not None:
+            self._faulty.setdefault(new.faulty_node, set()).add(name)
+        if node != healing.node:
+            self._by_process.pop(node, None)
+            if node:
+                self._substitutions.set(node, None)
+            if healing.node:
+                self._by_process[healing.node] = name
+        plan = healing.substitute.plan
+        reads = plan.inputs if isinstance(plan, Plan) else ()
+        for read in self._reads.get(name, ()):
+            self._readers[read].discard(name)
+        self._reads[name] = tuple(dict.fromkeys(source.service.name for source in reads))
+        for read in self._reads[name]:
+            self._readers.setdefault(read, set()).add(name)
+        self._stuck.pop(name, None)
+        if healing.state in STUCK:
+            self._stuck[name] = None
 
-    def publisher(self, topic: str, node: str) -> Optional[PublisherHealth]:
-        return self._nodes.health(topic, node)
+    def _show(self, service: Service, healing: TopicHealing) -> None:
+        """The row of a service's substitute in the table."""
+        plan = healing.substitute.plan
+        if plan is None or not healing.node:
+            return
+        row = Substitution(
+            healing.node,
+            service.name,
+            self._planner.inputs(plan),
+            plan.program.code,
+            self._planner.outputs(plan),
+            plan.relations if isinstance(plan, Plan) else (),
+            plan.quality if isinstance(plan, Plan) else 0.0,
+            healing.publishes(self._snapshot(service)),
+            healing.original,
+        )
+        self._substitutions.set(healing.node, row)
 
-    def provider(self, topic: str) -> str:
-        services = self._som.of_topic(topic)
-        return services[0].node if services else ""
+    def _unsettle(self, names: Iterable[str]) -> None:
+        for name in names:
+            self._unsettled[name] = None
 
-    def properties(self, topic: str) -> Tuple[str, ...]:
-        return tuple(s.property for s in self._som.of_topic(topic))
+    def _unsettle_node(self, node: str) -> None:
+        for topic in self._nodes.topics(node):
+            self._unsettle(self._concerned(topic, node))
 
-    def policy(self, topic: str) -> str:
-        return self._som.policy(topic)
-
-    def safe_plan(self, topic: str) -> Optional[TopicPlan]:
-        return safe_plan(self._som, topic)
-
-    def command(self, topic: str) -> Tuple[str, ...]:
-        return self._som.command(topic)
-
-    def kill(self, node: str, urgent: bool) -> List[Command]:
-        return [KillNode(node, urgent)] if self._nodes.begin_kill(node) else []
-
-    def restart(self, node: str) -> List[Command]:
-        return [RestartNode(node)] if self._nodes.begin_restart(node) else []
-
-    def dying(self, node: str) -> bool:
-        return self._nodes.dying(node)
-
-    def new_incident(self) -> int:
-        self._incidents += 1
-        return self._incidents
-
-    def hot(self, topic: str) -> bool:
-        services = self._som.of_topic(topic)
-        return any(s.needed and s.standby == "hot" and s.policy != RESTART for s in services)
-
-    def plan_ahead(self, topic: str) -> TopicPlan:
-        return self._plans.lookup(topic, frozenset(self.available())) or self.explain(topic)
-
-    def process(self, topic: str, program: Program) -> Tuple[str, Command]:
-        node = self._pool.take(self._now, topic)
-        if node is not None:
-            return node, AssignSubstitute(node)
-        node = self._new_name(topic.strip("/").replace("/", "_"))
-        return node, StartSubstitute(node, program)
-
-    def _new_name(self, of: str) -> str:
+    def _name(self, of: str) -> str:
         """A node name that was never used before."""
-        name = f"{SUBSTITUTE_PREFIX}{of}_{self._next_substitute}"
-        self._next_substitute += 1
-        self._nodes.substitutes.add(name)
-        return name
+        return f"{self.prefix}{of}_{self._next_substitute}"

@@ -1,11 +1,12 @@
 """The ontology: properties of a robot and the relations between them (Section III-B of the paper)."""
 from dataclasses import dataclass, field
-from typing import Mapping, Sequence, Tuple
-
-import networkx as nx
+from typing import TYPE_CHECKING, Mapping, Sequence, Tuple
 
 from shsa_core.model.network import Network
 from shsa_core.model.relation import TransferFunction
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 
 @dataclass(frozen=True)
@@ -44,12 +45,14 @@ class Ontology:
         """The transfer functions that yield the property `name`, by the name of their relation."""
         return self.network.functions_for(name)
 
-    def graph(self) -> nx.DiGraph:
+    def graph(self) -> "nx.DiGraph":
         """The bipartite graph of properties (`kind="property"`) and functions (`kind="relation"`).
 
         A property's node is its name; a function's node is the pair (relation, output).
         Edges follow the data: input property -> function -> output property.
         """
+        import networkx as nx  # takes a third of a second: only who draws or analyses pays for it
+
         graph = nx.DiGraph()
         graph.add_nodes_from(self.properties, kind="property")
         for function in self.functions:

@@ -105,6 +105,11 @@ class Source:
         return self.service.node
 
     @property
+    def names(self) -> Tuple[str, str, str]:
+        """What it can be left out by: its service, topic and node."""
+        return self.service.name, self.service.topic, self.service.node
+
+    @property
     def path(self) -> str:
         """Topic and field as `rostopic echo` takes them: `/odom/twist/twist/linear/x`."""
         return signal_path(self.service.topic, self.provision.field)

@@ -2,11 +2,14 @@
 from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
+from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.som import Som
 
-UNKNOWN = "unknown"
-HEALTHY = "healthy"
-FAILED = "failed"
+class PublisherState(Word):
+    UNKNOWN = "unknown"
+    HEALTHY = "healthy"
+    FAILED = "failed"
+
 
 Key = Tuple[str, str]
 """A topic and one of its publishers: the unit of health and of blame."""

@@ -8,10 +8,9 @@ from heapq import heapify, heappop, heappush
 from mmap import mmap
 from typing import Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 
-import networkx as nx
-
 from shsa_core.model.network import Network
-from shsa_core.search.derivation import LOST, NOT_RATED, ServiceTable
+from shsa_core.search.derivation import LOST, MOST, NOT_RATED, SourceTable
+from shsa_core.search.missing import last_parts
 from shsa_core.search.ratings import Ratings
 
 Usable = Callable[[int], bool]
@@ -28,22 +27,22 @@ class BestDerivations:
     """The best derivations of properties and of everything that they can be derived from.
 
     `ratings` has each property that was reached; `cycles` maps a property to those that depend on one another with
-    it. With `prune`, functions that cannot be better than a service of their output are left out, as are those
+    it. With `prune`, functions that cannot be better than a source of their output are left out, as are those
     whose number is not `usable`. `tick` is called at every step and may raise to stop.
     """
 
     def __init__(
         self,
         network: Network,
-        services: ServiceTable,
+        sources: SourceTable,
         usable: Optional[Usable] = None,
         prune: bool = True,
         tick: Optional[Callable[[], None]] = None,
     ) -> None:
-        self.ratings = Ratings(network, services)
+        self.ratings = Ratings(network, sources)
         self.cycles: Dict[int, Sequence[int]] = {}
         self._network = network
-        self._services = services
+        self._sources = sources
         self._usable = usable
         self._prune = prune
         self._tick = tick
@@ -55,8 +54,8 @@ class BestDerivations:
         functions: Sequence[int] = self._network.functions_of(number)
         if self._usable is not None:
             functions = [f for f in functions if self._usable(f)]
-        if self._prune and number in self._services.ratings:
-            limit = self._services.ratings[number][0]
+        limit = self._sources.rating(number)[0]
+        if self._prune and limit <= MOST:
             functions = [f for f in functions if self._network.costs[f] < limit]
         return functions
 
@@ -65,7 +64,7 @@ class BestDerivations:
         # This loop and those in ratings.py are the cost of a search: hence the local names.
         ratings, order, tick, functions_of = self.ratings, self._order, self._tick, self.functions
         first, start, inputs = self._network.first, self._network.start, self._network.inputs
-        by_service, by_function = self._services.ratings, ratings.by_function
+        by_source, by_function = self._sources.rating, ratings.by_function
         path: List[
             Tuple[int, Sequence[int], int]
         ] = []  # property, functions, how many were pending before
@@ -79,7 +78,7 @@ class BestDerivations:
                 if tick is not None:
                     tick()
                 if first[number] == first[number + 1]:
-                    ratings[number] = by_service.get(number, LOST)
+                    ratings[number] = by_source(number)
                     order[number] = DONE
                     continue
                 self._visited += 1
@@ -91,7 +90,7 @@ class BestDerivations:
                     stack.extend(inputs[start[function] : start[function + 1]])
                 continue
             number, functions, before = path.pop()
-            best = by_service.get(number, LOST)
+            best = by_source(number)
             for function in functions:
                 rating = by_function(function)
                 if rating < best:
@@ -121,7 +120,7 @@ class BestDerivations:
 
         A derivation is worse than each of its parts, so the best of all candidates is final (Knuth, 1977).
         """
-        network, by_service = self._network, ratings.services.ratings
+        network, by_source = self._network, ratings.sources.rating
         candidates: List[Tuple[int, int, int, int, float, int]] = []  # ratings and their properties
         open_ = zeros(len(network.names))
         lacking = zeros(len(network.functions))  # how many inputs a function waits for
@@ -132,8 +131,8 @@ class BestDerivations:
             open_[number] = 1
             ratings[number] = LOST  # until it is found
         for number in members:
-            if number in by_service:
-                candidates.append((*by_service[number], number))
+            if by_source(number) != LOST:
+                candidates.append((*by_source(number), number))
             for function in self.functions(number):
                 for input_ in network.inputs_of(function):
                     if open_[input_]:
@@ -168,19 +167,11 @@ class BestDerivations:
         Of the properties in reach that have no derivation they are the last ones: those that depend on no other
         such property, or only on one another. What depends on the target itself cannot help it.
         """
-        ended = nx.DiGraph()
-        stack = [target]
-        seen = {target}
-        while stack:
-            number = stack.pop()
-            ended.add_node(number)
-            for function in self.functions(number):
-                inputs = self._network.inputs_of(function)
-                if target not in inputs:
-                    lost = [i for i in inputs if (ratings or self.ratings)[i] == LOST]
-                    ended.add_edges_from((number, i) for i in lost)
-                    stack.extend(i for i in lost if i not in seen)
-                    seen.update(lost)
-        parts = nx.condensation(ended)
-        last = (parts.nodes[part]["members"] for part in parts if parts.out_degree(part) == 0)
-        return sorted(self._network.names[n] for n in set().union(*last) - {target})
+        rated = self.ratings if ratings is None else ratings
+
+        def lost_inputs(number: int) -> List[int]:
+            of = (self._network.inputs_of(function) for function in self.functions(number))
+            return [i for inputs in of if target not in inputs for i in inputs if rated[i] == LOST]
+
+        last = last_parts(target, lost_inputs) - {target}
+        return sorted(self._network.names[number] for number in last)

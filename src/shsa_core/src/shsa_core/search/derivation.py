@@ -1,10 +1,10 @@
-"""Derivations: how a property is obtained from services, and how good that is."""
-from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
+"""Derivations: how a property is obtained from sources, and how good that is."""
+from typing import Collection, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from shsa_core.model.network import Network
-from shsa_core.model.relation import TransferFunction
 from shsa_core.model.quality import cost
-from shsa_core.model.som import Service
+from shsa_core.model.relation import TransferFunction
+from shsa_core.model.service import Source
 
 # Costs and uses are counted up to here: a derivation that uses one input twice may double them at every level.
 MOST = 2**60
@@ -12,31 +12,31 @@ MOST = 2**60
 
 # How good a derivation is: cost, relations, inputs (each as often as it is used); what it is by; the product of the
 # qualities. The least is the best, as the functions of a property are numbered in the order of their names.
-# It is by a service, or by function number `by - FUNCTION`.
+# It is by a source, or by function number `by - FUNCTION`.
 Rating = Tuple[int, int, int, int, float]
-NOTHING, NOT_RATED, SERVICE, FUNCTION = -1, 0, 1, 2
+NOTHING, NOT_RATED, SOURCE, FUNCTION = -1, 0, 1, 2
 LOST: Rating = (MOST + 1, 0, 0, NOTHING, 0.0)  # worse than any derivation
 UNRATED: Rating = (0, 0, 0, NOT_RATED, 0.0)
 
 
 class Derivation:
-    """How one property is obtained: from a service, or by a function from other derivations.
+    """How one property is obtained: from a source, or by a function from other derivations.
 
-    Exactly one of `service` and `function` is set. `inputs` follow `function.inputs`. Derivations are shared: one
+    Exactly one of `source` and `function` is set. `inputs` follow `function.inputs`. Derivations are shared: one
     object stands wherever its property is obtained that way. They are compared and hashed by identity.
     """
 
-    __slots__ = ("property", "service", "function", "inputs")
+    __slots__ = ("property", "source", "function", "inputs")
 
     def __init__(
         self,
         property: str,
-        service: Optional[Service],
+        source: Optional[Source],
         function: Optional[TransferFunction],
         inputs: Tuple["Derivation", ...] = (),
     ) -> None:
         self.property = property
-        self.service = service
+        self.source = source
         self.function = function
         self.inputs = inputs
 
@@ -45,9 +45,9 @@ class Derivation:
 
     @property
     def name(self) -> Tuple[str, str]:
-        """What it is ordered by: the path and node of the service, or the relation."""
-        if self.service is not None:
-            return self.service.path, self.service.node
+        """What it is ordered by: the path and node of the source, or the relation."""
+        if self.source is not None:
+            return self.source.path, self.source.node
         assert self.function is not None
         return self.function.relation, ""
 
@@ -62,9 +62,9 @@ class Derivation:
                 stack.extend(reversed(derivation.inputs))
         return list(seen)
 
-    def services(self) -> Tuple[Service, ...]:
-        """The services used, each once, in order of first use."""
-        return tuple(dict.fromkeys(d.service for d in self.unique() if d.service is not None))
+    def sources(self) -> Tuple[Source, ...]:
+        """The sources used, each once, in order of first use."""
+        return tuple(dict.fromkeys(d.source for d in self.unique() if d.source is not None))
 
     def relations(self) -> Tuple[str, ...]:
         """The names of the relations used, each once, in order of first use."""
@@ -75,7 +75,7 @@ class Derivation:
 def names_before(one: Derivation, other: Derivation) -> bool:
     """Whether `one` comes before `other` in the order of names, for two derivations of one property.
 
-    Names are compared from the result to the inputs, left to right: a service's path and node, a relation's name.
+    Names are compared from the result to the inputs, left to right: a source's path and node, a relation's name.
     """
     equal: Set[Tuple[Derivation, Derivation]] = set()
     stack = [(one, other)]
@@ -101,10 +101,10 @@ class Rated(NamedTuple):
     derivation: Derivation
 
 
-def rate_service(service: Service) -> Rated:
-    """The derivation of a property from a service alone."""
-    key = cost(service.quality), 0, 1
-    return Rated(key, service.quality, Derivation(service.property, service, None))
+def rate_source(source: Source) -> Rated:
+    """The derivation of a property from a source alone."""
+    key = cost(source.quality), 0, 1
+    return Rated(key, source.quality, Derivation(source.property, source, None))
 
 
 def rate_function(function: TransferFunction, inputs: Sequence[Rated]) -> Rated:
@@ -125,36 +125,90 @@ def joint(names: Sequence[str]) -> TransferFunction:
     return TransferFunction("", "", tuple(names), None)
 
 
-class ServiceTable:
-    """The services that may be used, by the number of their property: all but those on an excluded node or topic.
+class SourceTable:
+    """The sources that may be used, by the number of their property; kept up by `add` and `discard`."""
 
-    `ratings` and `best` have the best service of each property that has one.
-    """
+    def __init__(self, network: Network, sources: Iterable[Source] = ()) -> None:
+        self._network = network
+        self._base: Optional[SourceTable] = None  # for the properties that are not in `_of`
+        self._of: Dict[int, Dict[Source, None]] = {}
+        self._best: Dict[int, Source] = {}
+        self._ratings: Dict[int, Rating] = {}
+        self._named: Dict[str, Dict[Source, None]] = {}  # by service, topic and node
+        for source in sources:
+            self.add(source)
 
-    def __init__(
-        self, network: Network, services: Iterable[Service], excluded: Iterable[str] = ()
-    ) -> None:
-        self.ratings: Dict[int, Rating] = {}
-        self.best: Dict[int, Service] = {}
-        self._several: Dict[int, List[Service]] = {}
-        without = frozenset(excluded)
-        for service in services:
-            if service.node in without or service.topic in without:
-                continue
-            number = network.number(service.property)
-            if number in self.best:
-                self._several.setdefault(number, [self.best[number]]).append(service)
-            else:
-                self.best[number] = service
-                self.ratings[number] = cost(service.quality), 0, 1, SERVICE, service.quality
-        for number in self._several:
-            service = min(self.of(number), key=lambda service: cost(service.quality))
-            self.best[number] = service
-            self.ratings[number] = cost(service.quality), 0, 1, SERVICE, service.quality
+    def add(self, source: Source) -> None:
+        """Takes a source in; one that is there already stays as it is."""
+        assert self._base is None, "a table that leaves something out is not changed"
+        number = self._network.number(source.property)
+        of = self._of.setdefault(number, {})
+        if source not in of:
+            of[source] = None
+            for name in source.names:
+                self._named.setdefault(name, {})[source] = None
+            if len(of) == 1 or _order(source) < _order(self._best[number]):
+                self._choose(number, [source])
 
-    def of(self, number: int) -> Sequence[Service]:
-        """The services of a property, each once, in the order of their names."""
-        if number in self._several:
-            services = dict.fromkeys(self._several[number])
-            return sorted(services, key=lambda service: (service.path, service.node))
-        return [self.best[number]] if number in self.best else []
+    def discard(self, source: Source) -> None:
+        """Takes a source out, if it is there."""
+        assert self._base is None, "a table that leaves something out is not changed"
+        number = self._network.number(source.property)
+        of = self._of.get(number, {})
+        if source in of:
+            del of[source]
+            for name in source.names:
+                self._named[name].pop(source, None)
+            if source == self._best[number]:
+                self._choose(number, of)
+
+    def excluding(self, names: Iterable[str]) -> "SourceTable":
+        """The table without the sources of some services, topics or nodes, valid until the next change of this one.
+
+        It costs as much as there is to leave out, not as much as there is.
+        """
+        gone: Dict[int, Set[Source]] = {}
+        for name in names:
+            for source in self._named.get(name, ()):
+                gone.setdefault(self._network.number(source.property), set()).add(source)
+        if not gone:
+            return self
+        table = SourceTable(self._network)
+        table._base, table._named = self, self._named
+        for number, sources in gone.items():
+            left = {source: None for source in self.of(number) if source not in sources}
+            table._of[number] = left
+            table._choose(number, left)
+        return table
+
+    def rating(self, number: int) -> Rating:
+        """The best source of a property, as a derivation; LOST if there is none."""
+        rating = self._ratings.get(number)
+        if rating is None:
+            return LOST if self._base is None else self._base.rating(number)
+        return rating
+
+    def best(self, number: int) -> Source:
+        """The best source of a property that has one."""
+        if self._base is not None and number not in self._of:
+            return self._base.best(number)
+        return self._best[number]
+
+    def of(self, number: int) -> Sequence[Source]:
+        """The sources of a property, each once, in the order of their names."""
+        if self._base is not None and number not in self._of:
+            return self._base.of(number)
+        return sorted(self._of.get(number, ()), key=lambda source: (source.path, source.node))
+
+    def _choose(self, number: int, sources: Collection[Source]) -> None:
+        if not sources:
+            self._best.pop(number, None)
+            self._ratings[number] = LOST
+        else:
+            source = self._best[number] = min(sources, key=_order)
+            self._ratings[number] = cost(source.quality), 0, 1, SOURCE, source.quality
+
+
+def _order(source: Source) -> Tuple[int, str, str]:
+    """The best first."""
+    return cost(source.quality), source.path, source.node

@@ -1,6 +1,6 @@
 """Every derivation of a property, best first, each found when it is asked for.
 
-A derivation is a service, or a function with one derivation of each input; the next best differs from one found
+A derivation is a source, or a function with one derivation of each input; the next best differs from one found
 before in one input alone, by one place (L. Huang, D. Chiang: Better k-best parsing, IWPT 2005). Where properties
 depend on one another, an input's derivations are those that keep off the path that leads to it.
 """
@@ -10,8 +10,8 @@ from typing import Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence,
 from shsa_core.model.network import Network
 from shsa_core.model.relation import TransferFunction
 from shsa_core.search.best import BestDerivations, Usable
-from shsa_core.search.derivation import LOST, Rated, ServiceTable
-from shsa_core.search.derivation import joint, names_before, rate_function, rate_service
+from shsa_core.search.derivation import LOST, Rated, SourceTable
+from shsa_core.search.derivation import joint, names_before, rate_function, rate_source
 from shsa_core.search.ratings import Ratings, dependents
 
 EVERYWHERE: FrozenSet[int] = frozenset()
@@ -19,7 +19,7 @@ ROOT = -1
 
 
 class Candidate:
-    """A derivation from a service, or by a function from the derivations at `places` in its inputs' lists."""
+    """A derivation from a source, or by a function from the derivations at `places` in its inputs' lists."""
 
     def __init__(
         self,
@@ -91,11 +91,11 @@ class Ranking:
     """The joint derivations of several properties, best first."""
 
     def __init__(
-        self, network: Network, services: ServiceTable, usable: Optional[Usable] = None
+        self, network: Network, sources: SourceTable, usable: Optional[Usable] = None
     ) -> None:
         self._network = network
-        self._services = services
-        self._best = BestDerivations(network, services, usable, prune=False)
+        self._sources = sources
+        self._best = BestDerivations(network, sources, usable, prune=False)
         self._ranked: Dict[Tuple[int, FrozenSet[int]], Ranked] = {}
         self._users: Dict[int, Mapping[int, Sequence[int]]] = {}  # by the first property of a cycle
 
@@ -138,11 +138,11 @@ class Ranking:
         cycle = best.cycles.get(number)
         if cycle is not None:
             path = ranked.path | {number}
-            ratings = Ratings(self._network, self._services, best.ratings)
+            ratings = Ratings(self._network, self._sources, best.ratings)
             for blocked in path:
                 ratings[blocked] = LOST
             best.settle_cycle(dependents(self._users_within(cycle), path) - path, ratings)
-        candidates = [Candidate(rate_service(service)) for service in self._services.of(number)]
+        candidates = [Candidate(rate_source(source)) for source in self._sources.of(number)]
         for f in best.functions(number):
             inputs = self._network.inputs_of(f)
             candidate = self._candidate(self._network.functions[f], inputs, ratings, cycle, path)

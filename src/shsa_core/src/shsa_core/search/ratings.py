@@ -4,8 +4,8 @@ from struct import Struct
 from typing import Dict, Iterable, List, Mapping, Optional, Set
 
 from shsa_core.model.network import Network
-from shsa_core.search.derivation import FUNCTION, LOST, MOST, NOTHING, NOT_RATED, SERVICE, UNRATED
-from shsa_core.search.derivation import Derivation, Rated, Rating, ServiceTable
+from shsa_core.search.derivation import FUNCTION, LOST, MOST, NOTHING, NOT_RATED, SOURCE, UNRATED
+from shsa_core.search.derivation import Derivation, Rated, Rating, SourceTable
 
 RECORD = Struct("qqqqd")
 SIZE, PACK, UNPACK = RECORD.size, RECORD.pack_into, RECORD.unpack_from
@@ -19,10 +19,10 @@ class Ratings:
     """
 
     def __init__(
-        self, network: Network, services: ServiceTable, base: Optional["Ratings"] = None
+        self, network: Network, sources: SourceTable, base: Optional["Ratings"] = None
     ) -> None:
         self._network = network
-        self.services = services
+        self.sources = sources
         self._base = base
         self.memory = mmap(-1, SIZE * (len(network.names) + 1))
         self._made: Dict[int, Derivation] = {}
@@ -43,7 +43,7 @@ class Ratings:
         price, quality = network.costs[function], network.qualities[function]
         for number in network.inputs[start[function] : start[function + 1]]:
             cost, uses, inputs, by, part = UNPACK(memory, SIZE * number)
-            if by < SERVICE:
+            if by < SOURCE:
                 cost, uses, inputs, by, part = self[number]
                 if by == NOT_RATED:
                     return UNRATED
@@ -83,9 +83,9 @@ class Ratings:
                 if by >= 0:
                     stack.append(~current)
                     stack.extend(inputs[start[by] : start[by + 1]])
-                elif by == SERVICE - FUNCTION:
-                    service = self.services.best[current]
-                    made[current] = Derivation(service.property, service, None)
+                elif by == SOURCE - FUNCTION:
+                    source = self.sources.best(current)
+                    made[current] = Derivation(source.property, source, None)
                 else:
                     assert self._base is not None
                     made[current] = self._base.derivation(current)

@@ -1,42 +1,46 @@
-"""Kills nodes for certain, never waiting on a hung one."""
+"""Which process each node is, and how it is made to leave; whoever calls decides when."""
 import threading
 import time
 import urllib.parse
 import xmlrpc.client
 from dataclasses import dataclass
-from typing import Dict, Optional, Tuple
+from typing import Callable, Dict, Optional
 
 import psutil
 import rosgraph
 import rosgraph.network
 import rosnode
 
+from shsa_core.healing.events import Where
 from shsa_core.ros.graph.node_api import node_api
 
-EXIT_TIMEOUT = 1.0
-POLL = 0.002
+POLL_S = 0.002
+WATCH_S = 5.0
+"""So long it is looked whether a process has ended; whoever asked has given up by then."""
 
 
 @dataclass(frozen=True)
-class _Known:
+class Known:
+    """A node's address, and its process; None: that is on another computer, or cannot be told.
+
+    `dead`: nobody listens at its address, which is on this computer.
+    """
+
     uri: str
-    process: Optional[psutil.Process]  # None: on another computer
+    process: Optional[psutil.Process]
+    dead: bool = False
 
 
 class Fence:
-    """Knows which process each node is, and makes sure that a killed node is gone.
+    """Knows which process each node is. Calls take as long as the network does: each in a thread of its own."""
 
-    `patience`: how long in s a node may take to leave after `rosnode kill` before its process is killed.
-    """
-
-    def __init__(self, caller_id: str, patience: float) -> None:
+    def __init__(self, caller_id: str) -> None:
         self._caller_id = caller_id
-        self._patience = patience
-        self._known: Dict[str, _Known] = {}
+        self._known: Dict[str, Known] = {}
         self._lock = threading.Lock()
 
-    def learn(self, node: str) -> Optional[psutil.Process]:
-        """Remember the process of a node, and return it if it is on this computer.
+    def learn(self, node: str) -> Optional[Known]:
+        """Remember the process of a node; None: it has none that can be told.
 
         A healthy node tells its process, and is believed if that listens where the node does. A hung one is found
         by that address.
@@ -46,41 +50,65 @@ class Fence:
             return None  # it has died meanwhile
         with self._lock:
             self._known[node] = known
-        return known.process
+        return known
 
-    def knows(self, node: str) -> bool:
-        """Whether the node's process is remembered, dead or alive."""
-        with self._lock:
-            return node in self._known
-
-    def kill(self, node: str, urgent: bool = True) -> Tuple[bool, str]:
-        """Kill `node` and clear its registrations; whether it is gone for certain, and how it went.
-
-        `urgent`: it may still speak, so it gets no more than `patience` to leave; else EXIT_TIMEOUT.
-
-        Takes as long as it takes, but at most about 3 s: call it in a thread of its own.
-        """
+    def find(self, node: str) -> Where:
+        """Where the process of a node runs: the one that was learned, or its successor of the same name."""
         known = self._find(node)
         if known is None:
-            return True, f"{node} is not registered"
+            return Where.NOWHERE
+        with self._lock:
+            self._known[node] = known
         if known.process is None:
-            certain, how = self._kill_remote(node)
-        else:
-            patience = self._patience if urgent else EXIT_TIMEOUT
-            certain, how = self._kill_local(node, known.process, patience)
-        if certain:
-            self._forget(node, known.uri)
-        return certain, how
+            return Where.DEAD if known.dead else Where.ELSEWHERE
+        if gone(known.process):
+            return Where.DEAD
+        try:
+            stopped = known.process.status() == psutil.STATUS_STOPPED
+        except psutil.NoSuchProcess:
+            return Where.DEAD
+        return Where.STOPPED if stopped else Where.HERE
+
+    def ask_to_leave(self, node: str, left: Callable[[], None]) -> None:
+        """`rosnode kill`; calls `left` once the process has ended or, elsewhere, the node has answered."""
+        asked = threading.Thread(target=rosnode.kill_nodes, args=([node],), daemon=True)
+        asked.start()
+        process = self._process(node)
+        if process is not None:
+            _await_end(process, left)
+            return
+        asked.join(WATCH_S)
+        if not asked.is_alive():
+            left()
+
+    def end_process(self, node: str, left: Callable[[], None]) -> None:
+        """`kill -9`; calls `left` once the process has ended. Raises psutil.AccessDenied if it is somebody else's."""
+        process = self._process(node)
+        if process is None:
+            return
+        try:
+            process.kill()
+        except psutil.NoSuchProcess:
+            left()
+            return
+        _await_end(process, left)
 
     def clear(self, node: str) -> None:
         """Clear what a dead node left registered at the master."""
+        with self._lock:
+            known = self._known.pop(node, None)
         try:
-            uri = rosgraph.Master(self._caller_id).lookupNode(node)
+            uri = known.uri if known else rosgraph.Master(self._caller_id).lookupNode(node)
+            _unregister(node, uri)
         except (rosgraph.MasterException, OSError):
-            return
-        self._forget(node, uri)
+            return  # the master does not know it, or is away: there is nothing to be cleared
 
-    def _find(self, node: str) -> Optional[_Known]:
+    def _process(self, node: str) -> Optional[psutil.Process]:
+        with self._lock:
+            known = self._known.get(node)
+        return known.process if known else None
+
+    def _find(self, node: str) -> Optional[Known]:
         """What is known of a node: the living process, its successor of the same name, or the dead one."""
         with self._lock:
             known = self._known.get(node)
@@ -91,7 +119,7 @@ class Fence:
             return current
         return known  # not called again: its address may be an innocent one's by now
 
-    def _look(self, node: str) -> Optional[_Known]:
+    def _look(self, node: str) -> Optional[Known]:
         try:
             uri = rosgraph.Master(self._caller_id).lookupNode(node)
         except (rosgraph.MasterException, OSError):
@@ -99,12 +127,12 @@ class Fence:
         try:
             process = self._ask_process(uri)
         except ConnectionRefusedError:
-            return _Known(uri, None)  # nobody is there
+            return Known(uri, None, dead=_is_local(uri))
         except (OSError, xmlrpc.client.Error):
             process = None
         if process is None or not _listens(process, uri):
             process = _listening_process(uri)
-        return _Known(uri, process)
+        return Known(uri, process)
 
     def _ask_process(self, uri: str) -> Optional[psutil.Process]:
         if not _is_local(uri):
@@ -115,64 +143,25 @@ class Fence:
         except psutil.NoSuchProcess:
             return None
 
-    def _kill_local(self, node: str, process: psutil.Process, patience: float) -> Tuple[bool, str]:
-        if gone(process):
-            return True, f"{node} had died"
-        how = f"{node} was shut down"
-        if not self._left_when_asked(node, process, patience):
-            how = f"{node} did not leave in time, its process was killed"
-            try:
-                process.kill()
-            except psutil.NoSuchProcess:
-                return True, how
-            except psutil.AccessDenied:
-                return False, f"{node} does not leave, and its process belongs to somebody else"
-        return _wait_gone(process, EXIT_TIMEOUT), how
 
-    def _left_when_asked(self, node: str, process: psutil.Process, patience: float) -> bool:
-        try:
-            if process.status() == psutil.STATUS_STOPPED:
-                return False
-        except psutil.NoSuchProcess:
-            return True
-        self._rosnode_kill(node)
-        return _wait_gone(process, patience)
-
-    def _kill_remote(self, node: str) -> Tuple[bool, str]:
-        asked = self._rosnode_kill(node)
-        asked.join(EXIT_TIMEOUT)
-        if asked.is_alive():
-            return False, f"{node} runs on another computer and does not answer"
-        return True, f"{node} was shut down"
-
-    def _rosnode_kill(self, node: str) -> threading.Thread:
-        thread = threading.Thread(target=rosnode.kill_nodes, args=([node],), daemon=True)
-        thread.start()
-        return thread
-
-    def _forget(self, node: str, uri: str) -> None:
-        """Unregister (node, uri) everywhere; a successor with the same name has another uri."""
-        with self._lock:
-            self._known.pop(node, None)
-        try:
-            master = rosgraph.Master(node)
-            publishers, subscribers, services = master.getSystemState()
-            for topic, nodes in publishers:
-                if node in nodes:
-                    master.unregisterPublisher(topic, uri)
-            for topic, nodes in subscribers:
-                if node in nodes:
-                    master.unregisterSubscriber(topic, uri)
-            for name, nodes in services:
-                if node in nodes and master.lookupNode(node) == uri:
-                    master.unregisterService(name, master.lookupService(name))
-        except (rosgraph.MasterException, OSError):
-            return
+def _unregister(node: str, uri: str) -> None:
+    """Unregister (node, uri) everywhere; a successor with the same name has another uri."""
+    master = rosgraph.Master(node)
+    publishers, subscribers, services = master.getSystemState()
+    for topic, nodes in publishers:
+        if node in nodes:
+            master.unregisterPublisher(topic, uri)
+    for topic, nodes in subscribers:
+        if node in nodes:
+            master.unregisterSubscriber(topic, uri)
+    for name, nodes in services:
+        if node in nodes and master.lookupNode(node) == uri:
+            master.unregisterService(name, master.lookupService(name))
 
 
 def _is_local(uri: str) -> bool:
     host = urllib.parse.urlparse(uri).hostname or ""
-    return rosgraph.network.is_local_address(host)
+    return bool(rosgraph.network.is_local_address(host))
 
 
 def _listens(process: psutil.Process, uri: str) -> bool:
@@ -206,10 +195,10 @@ def gone(process: psutil.Process) -> bool:
         return True
 
 
-def _wait_gone(process: psutil.Process, timeout: float) -> bool:
-    deadline = time.monotonic() + timeout
+def _await_end(process: psutil.Process, left: Callable[[], None]) -> None:
+    deadline = time.monotonic() + WATCH_S
     while not gone(process):
         if time.monotonic() > deadline:
-            return False
-        time.sleep(POLL)
-    return True
+            return
+        time.sleep(POLL_S)
+    left()

@@ -3,15 +3,16 @@ import os
 import signal
 import subprocess
 import threading
-from typing import Callable, Dict, List, Optional, Sequence, Set
+from typing import Callable, Dict, Sequence, Set
 
 from roslib.packages import find_node, get_pkg_dir
 
-from shsa_core.codegen.generator import Program
 from shsa_core.errors import ShsaError
+from shsa_core.healing.events import StartSubstitute
+from shsa_core.substitution import signals
 
 PACKAGE = "shsa_core"
-STOP_TIMEOUT = 2.0
+STOP_TIMEOUT_S = 2.0
 
 
 class Processes:
@@ -29,39 +30,31 @@ class Processes:
         self._lock = threading.Lock()
         self._executables = {name: _path(name) for name in ("substitute", "standby")}
 
-    def start(self, node: str, program: Optional[Program]) -> None:
-        """Start a mute substitute, idle without a program; raises OSError if the process cannot be made."""
-        command = ["rosrun", PACKAGE, self._executables["standby"]]
+    def start(self, command: StartSubstitute) -> None:
+        """Start a muted substitute, idle without a program; raises OSError if the process cannot be made."""
+        node, program = command.node, command.program
+        namespace, name = node.rsplit("/", 1)
+        environment = dict(os.environ, ROS_NAMESPACE=namespace or "/")
+        words = ["rosrun", PACKAGE, self._executables["standby"]]
         if program is not None:
             strings = (",".join(program.inputs), program.code, ",".join(program.outputs))
-            command = ["rosrun", PACKAGE, self._executables["substitute"], *strings, "_muted:=true"]
-        command.append(f"__name:={node.lstrip('/')}")
-        environment = {k: v for k, v in os.environ.items() if k != "ROS_NAMESPACE"}
+            words = ["rosrun", PACKAGE, self._executables["substitute"], *strings]
+            environment[signals.VARIABLE] = signals.encode(command.inputs, command.outputs)
+        words.append(f"__name:={name}")
         process = subprocess.Popen(
-            command, env=environment, stdin=subprocess.DEVNULL, start_new_session=True
+            words, env=environment, stdin=subprocess.DEVNULL, start_new_session=True
         )
         with self._lock:
             self._running[node] = process
         threading.Thread(target=self._wait, args=(node, process), daemon=True).start()
 
     def stop(self, node: str) -> None:
-        """Ask a substitute to leave; kill it if it does not. Returns at once."""
+        """Ask a substitute to leave, kill it if it does not, and wait until it is gone."""
         with self._lock:
             process = self._running.get(node)
             self._stopped.add(node)
         if process is not None:
-            threading.Thread(target=end, args=(process,), daemon=True).start()
-
-    def stop_all(self) -> None:
-        """Stop every substitute, and wait until they are gone."""
-        with self._lock:
-            processes: List["subprocess.Popen[bytes]"] = list(self._running.values())
-            self._stopped.update(self._running)
-        threads = [threading.Thread(target=end, args=(process,)) for process in processes]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
+            end(process)
 
     def _wait(self, node: str, process: "subprocess.Popen[bytes]") -> None:
         status = process.wait()
@@ -104,7 +97,7 @@ def end(process: "subprocess.Popen[bytes]") -> None:
     for number in (signal.SIGINT, signal.SIGKILL):
         try:
             os.killpg(process.pid, number)
-            process.wait(STOP_TIMEOUT)
+            process.wait(STOP_TIMEOUT_S)
             return
         except ProcessLookupError:
             return

@@ -3,7 +3,7 @@ import os
 import subprocess
 import threading
 from dataclasses import dataclass
-from typing import Dict, List, Optional, Tuple
+from typing import Callable, Dict, List, Optional
 
 import psutil
 import rospy
@@ -12,7 +12,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.ros.graph.fence import gone
 from shsa_core.ros.graph.processes import end
 
-POLL = 1.0  # s between two looks whether the process that started the node first is still there
+POLL_S = 1.0  # between two looks whether the process that started the node first is still there
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,14 @@ class _Start:
 class Restarts:
     """Learns from the process of each healthy node how it was started.
 
-    A node that was started again lives no longer than whoever started it first: roslaunch, or a terminal.
+    `starter_ended(node)` is called, in a thread of its own, once whoever started a node first has ended, while the
+    node that was started again still runs.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, starter_ended: Callable[[str], None]) -> None:
+        self._starter_ended = starter_ended
         self._starts: Dict[str, _Start] = {}
-        self._running: Dict[str, Tuple["subprocess.Popen[bytes]", _Start]] = {}
+        self._running: Dict[str, "subprocess.Popen[bytes]"] = {}
         self._lock = threading.Lock()
 
     def learn(self, node: str, process: psutil.Process) -> None:
@@ -48,12 +50,15 @@ class Restarts:
             return
         with self._lock:
             ours = self._running.get(node)
-            if ours is not None and ours[0].pid == process.pid:
+            if ours is not None and ours.pid == process.pid:
                 return  # we started it: whoever did first is known
             self._starts[node] = start
 
-    def start(self, node: str) -> None:
-        """Start a node again. Raises ShsaError if its start was never seen, OSError if it cannot be made."""
+    def start(self, node: str) -> bool:
+        """Start a node again; whether whoever started it first has started us too.
+
+        Raises ShsaError if its start was never seen, OSError if it cannot be made.
+        """
         with self._lock:
             start = self._starts.get(node)
         if start is None:
@@ -66,27 +71,27 @@ class Restarts:
             start_new_session=True,
         )
         with self._lock:
-            self._running[node] = (process, start)
+            self._running[node] = process
         threading.Thread(target=self._wait, args=(node, process, start), daemon=True).start()
+        return start.starter is not None and start.starter.pid == os.getppid()
 
-    def stop(self) -> None:
-        """End the nodes whose first starter has ended, or is about to end us as well."""
-        ours = os.getppid()
+    def stop(self, node: str) -> None:
+        """End a node that was started again, and wait until it is gone."""
         with self._lock:
-            running = list(self._running.values())
-        for process, start in running:
-            starter = start.starter
-            if starter is not None and (starter.pid == ours or gone(starter)):
-                end(process)
+            process = self._running.get(node)
+        if process is not None:
+            end(process)
 
     def _wait(self, node: str, process: "subprocess.Popen[bytes]", start: _Start) -> None:
+        told = start.starter is None
         while True:
             try:
-                process.wait(POLL)
+                process.wait(POLL_S)
                 break
             except subprocess.TimeoutExpired:
-                if start.starter is not None and gone(start.starter):
-                    end(process)
+                if not told and start.starter is not None and gone(start.starter):
+                    told = True
+                    self._starter_ended(node)
         with self._lock:
-            if self._running.get(node) == (process, start):
+            if self._running.get(node) is process:
                 del self._running[node]
