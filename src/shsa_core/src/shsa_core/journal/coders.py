@@ -278,14 +278,15 @@ class ChoiceCoder(Coder):
 
 
 class FormedCoder(Coder):
-    """A class that is no dataclass."""
+    """A class that is no dataclass, or a protocol."""
 
     def __init__(self, type_: type, form: Form, inner: Coder) -> None:
         self._type, self._form, self._inner = type_, form, inner
+        self._protocol = getattr(type_, "_is_protocol", False)
         self.kinds = inner.kinds
 
     def encode(self, value: Any) -> Any:
-        if type(value) is not self._type:
+        if type(value) is not self._type and not self._protocol:
             raise TypeError(f"{value!r} is no {self._type.__name__}")
         return self._inner.encode(self._form.take(value))
 
