@@ -423,15 +423,9 @@ class Reconfigurator:
             return []
         service = self._som.services[name]
         if self._pool.serves(service):
-            self._pool.serve(service, self._planner, self._ready(name))
+            self._pool.serve(service, self._planner, self._planner.plans.plan(name))
             self._substitutions.set(name, self._pool.plans[name])
         return self._ask(name, lambda healing, now: healing.replan(now))
-
-    def _ready(self, name: str) -> Optional[Plan]:
-        try:
-            return self._planner.plans.ready(name)
-        except ShsaError:
-            return None
 
     def _tick(self, event: events.Tick) -> List[Command]:
         commands, over = self._kills.tick(event.time)

@@ -1,5 +1,5 @@
 """The plans that are made before they are needed."""
-from typing import Dict, FrozenSet, Iterable, List, Optional, Set, Union
+from typing import Dict, FrozenSet, Iterable, List, Optional, Set, Tuple, Union
 
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
@@ -12,8 +12,8 @@ class PlanTable:
     """For every needed service the plan for the case that its node has failed.
 
     `change` says which services there are and drops the answers that this may change; `step` makes one of those anew,
-    and is called while nothing else is to do. An answer that is in the table is the one that a search would give now.
-    `sources` has what may be used.
+    and is called while nothing else is to do. A plan that is in the table is the one that a search would give now; an
+    error tells that there is none, though more may be missing by now. `sources` has what may be used.
     """
 
     def __init__(self, ontology: Ontology, needed: Iterable[Service], method: str) -> None:
@@ -25,6 +25,9 @@ class PlanTable:
         self._publishers: Dict[str, str] = {}  # the node that publishes a service now
         self._answers: Dict[str, Union[Plan, ShsaError]] = {}
         self._avoided: Dict[str, FrozenSet[str]] = {}  # the nodes that an answer does without
+        self._made: Dict[str, int] = {}  # when an answer was made, the latest last
+        self._gone: Dict[str, Tuple[int, Service]] = {}  # when a service went
+        self._moment = 0
         self._readers: Dict[str, Set[str]] = {}  # the services whose plan reads a service
         self._of_property: Dict[int, Set[str]] = {}  # the needed services of a property
         self._users: Dict[int, List[int]] = {}  # the properties that are derived from a property
@@ -71,11 +74,9 @@ class PlanTable:
         for service in gone:
             for name in tuple(self._readers.get(service.name, ())):
                 self._drop(name)
-        for name in self._derived_from(come):
-            self._drop(name)  # there may be a better plan
-        for name in self._derived_from(gone):
-            if isinstance(self._answers.get(name), ShsaError):
-                self._drop(name)  # there may be more missing
+        for name in self._improved(come):
+            self._drop(name)
+        self._gone.update({service.name: (self._moment, service) for service in gone})
         for service in come:
             if service.name in self._answers:
                 if not self.to_avoid(service.name) <= self._avoided[service.name]:
@@ -99,19 +100,38 @@ class PlanTable:
             for source in plan.inputs:
                 self._readers.setdefault(source.service.name, set()).add(name)
         self._avoided[name] = avoided
+        self._moment += 1
+        self._made.pop(name, None)
+        self._made[name] = self._moment
         return name
 
-    def ready(self, name: str) -> Optional[Plan]:
-        """The plan for a service; None if it is to be searched for. Raises the error that a search would raise."""
+    def plan(self, name: str) -> Optional[Plan]:
+        """The plan for a service; None if it is to be searched for, or there is none."""
         answer = self._answers.get(name)
-        if isinstance(answer, ShsaError):
-            raise answer
-        return answer
+        return answer if isinstance(answer, Plan) else None
 
     def to_avoid(self, name: str) -> FrozenSet[str]:
         """The nodes that are to publish a service or do."""
         nodes = {self._needed[name].node, self._publishers.get(name, "")}
         return frozenset(nodes - {""})
+
+    def _improved(self, come: Iterable[Service]) -> List[str]:
+        """The needed services that may have a better plan now.
+
+        A service that is back as it was concerns only those whose plan was made without it.
+        """
+        found: List[str] = []
+        new: List[Service] = []
+        for service in come:
+            moment, before = self._gone.pop(service.name, (0, None))
+            if before != service:
+                new.append(service)
+                continue
+            for name, made in reversed(self._made.items()):
+                if made <= moment:
+                    break
+                found.append(name)
+        return found + self._derived_from(new)
 
     def _derived_from(self, services: Iterable[Service]) -> List[str]:
         """The needed services with a property that can be derived from one that some services provide."""
@@ -130,6 +150,7 @@ class PlanTable:
 
     def _drop(self, name: str) -> None:
         answer = self._answers.pop(name, None)
+        self._made.pop(name, None)
         if answer is not None:
             self._stale[name] = None
         if isinstance(answer, Plan):

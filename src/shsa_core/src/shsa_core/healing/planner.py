@@ -34,7 +34,7 @@ class Planner:
     def plan(self, service: Service, tried: Collection[Plan], faulty: str) -> Plan:
         """The best plan for a service whose node `faulty` has failed, other than those tried. Raises ShsaError."""
         excluded = self._nodes.excluded | {faulty}
-        ready = self.plans.ready(service.name)
+        ready = self.plans.plan(service.name)
         if ready is not None and ready not in tried and self.usable(ready, excluded):
             return ready
         return plan_service(
@@ -43,7 +43,7 @@ class Planner:
 
     def ahead(self, service: Service) -> Plan:
         """The best plan for the case that the node of a service fails. Raises ShsaError."""
-        return self.plans.ready(service.name) or self.explain(service)
+        return self.plans.plan(service.name) or self.explain(service)
 
     def explain(
         self, service: Service, without: Collection[str] = (), method: str = ""
