@@ -11,9 +11,10 @@ from shsa_core.search.derivation import SourceTable
 class PlanTable:
     """For every needed service the plan for the case that its node has failed.
 
-    `change` says which services there are and drops the answers that this may change; `step` makes one of those anew,
-    and is called while nothing else is to do. A plan that is in the table is the one that a search would give now; an
-    error tells that there is none, though more may be missing by now. `sources` has what may be used.
+    `change` says which services there are and drops the answers that this may change; `step` makes
+    one of those anew, and is called while nothing else is to do. A plan that is in the table is the
+    one that a search would give now; an error tells that there is none, though more may be missing
+    by now. `sources` has what may be used.
     """
 
     def __init__(self, ontology: Ontology, needed: Iterable[Service], method: str) -> None:
@@ -134,7 +135,9 @@ class PlanTable:
         return found + self._derived_from(new)
 
     def _derived_from(self, services: Iterable[Service]) -> List[str]:
-        """The needed services with a property that can be derived from one that some services provide."""
+        """The needed services with a property that can be derived from one that some services
+        provide.
+        """
         numbers = [self._ontology.network.number(p) for s in services for p in s.properties]
         stack = list(dict.fromkeys(numbers))
         seen = set(stack)
