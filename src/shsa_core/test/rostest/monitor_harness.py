@@ -65,6 +65,7 @@ class MonitorCase(unittest.TestCase):
         cls._write({"marker": entry(MARKER, "/nobody")})
         cls.monitor = rosrun("shsa_core", "monitor", "--som", cls._file)
         wait_until(lambda: failed.get_num_connections() > 0, 10.0, "the monitor is up")
+        wait_until(lambda: cls._health.rows, 10.0, "the monitor watches")
 
     @classmethod
     def tearDownClass(cls) -> None:
