@@ -112,7 +112,9 @@ def test_package_xml_names_only_keys_that_rosdep_knows(package: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "system, column", [("debian", "debian 12"), ("noetic", "ubuntu 20.04")], ids=["debian", "noetic"]
+    "system, column",
+    [("debian", "debian 12"), ("noetic", "ubuntu 20.04")],
+    ids=["debian", "noetic"],
 )
 def test_set_up_installs_what_is_in_the_list(system: str, column: str) -> None:
     installed = set((ROOT / "tools" / f"packages-{system}.txt").read_text().split())

@@ -175,7 +175,8 @@ class Respawned:
             wait_until(
                 lambda: len(consumer.since(failed_at)) > 5, PATIENCE, f"{consumer.node} hears it"
             )
-        return Takeover(*(gap(consumer, failed_at) for consumer in self._consumers))
+        rospy_ms, roscpp_ms = (gap(consumer, failed_at) for consumer in self._consumers)
+        return Takeover(rospy_ms, roscpp_ms)
 
     def end(self) -> None:
         ask_to_leave(self._launch, 30.0)
@@ -199,10 +200,10 @@ class ByHand:
             *("rosrun", "shsa_testing", "faulty_publisher"), *talker(NODE, TOPIC, 1.0, self.period)
         )
         self._consumers.await_node(NODE, started)
-        first = [consumer.since(started)[0].at for consumer in self._consumers]
+        rospy_at, roscpp_at = (consumer.since(started)[0].at for consumer in self._consumers)
         shut_down(NODE)
         process.wait(PATIENCE)
-        return Takeover(*(1e3 * (at - started) for at in first))
+        return Takeover(1e3 * (rospy_at - started), 1e3 * (roscpp_at - started))
 
     def end(self) -> None:
         pass

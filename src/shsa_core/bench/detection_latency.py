@@ -15,9 +15,17 @@ import rospy
 from shsa_msgs.msg import Failure, Health
 from std_msgs.msg import String
 
-from graph import FAULTY_PUBLISHER, MONITOR, PATIENCE, Graph, service, shut_down
+from graph import (
+    FAULTY_PUBLISHER,
+    MONITOR,
+    PATIENCE,
+    Graph,
+    ask_to_leave,
+    service,
+    shut_down,
+    write_som,
+)
 from report import print_table
-from shsa_core.ros.graph.som_parameter import SOM_PARAMETER
 from shsa_testing.waiting import wait_until
 
 PERIOD = 0.02
@@ -77,7 +85,8 @@ class Witness:
         self.failures.setdefault(failure.topic, (time.monotonic(), failure))
 
     def _health(self, table: Health) -> None:
-        self.healthy = {row.topic: row.state == "healthy" for row in table.publishers}
+        for row in table.publishers:
+            self.healthy[row.topic] = row.state == "healthy"
 
 
 def measure(
@@ -86,11 +95,10 @@ def measure(
     """One fault in TOGETHER nodes, one after the other; the rows of figures."""
     word = "".join(letter for letter in fault if letter.isalnum())
     targets = [Target(graph, f"{word}_{number}_{i}") for i in range(TOGETHER)]
-    som = {
-        f"p{i}": [service(t.topic, t.name, PERIOD, range=[-5.0, 60.0])]
-        for i, t in enumerate(targets)
-    }
-    rospy.set_param(SOM_PARAMETER, som)
+    value = {"range": [-5.0, 60.0]}
+    services = [service(target.topic, target.name, PERIOD, value) for target in targets]
+    som = write_som(graph.folder / "som.yaml", services)
+    monitor = graph.python(MONITOR, "--som", str(som))
     rows = []
     for target in targets:
         listens = lambda: target.command.get_num_connections() > 0
@@ -103,6 +111,7 @@ def measure(
         heard, failure = witness.failures[target.topic]
         after = (failure.header.stamp - failure.last_good).to_sec()
         rows.append((fault, failure.kind, 1e3 * (heard - caused), 1e3 * after))
+    ask_to_leave(monitor)
     for target in targets:
         target.process.kill()
         target.command.unregister()
@@ -122,7 +131,6 @@ def main() -> None:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         witness = Witness()
-        graph.python(MONITOR)
         for fault in FAULTS:
             rows: List[Tuple[str, str, float, float]] = []
             for number in range(-(-options.count // TOGETHER)):

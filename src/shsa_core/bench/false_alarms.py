@@ -9,15 +9,14 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import List
+from typing import Dict, List
 
 import numpy as np
 import rospy
 from tqdm import tqdm
 from shsa_msgs.msg import Failure, Health
 
-from graph import BENCH, MONITOR, PATIENCE, Graph, service
-from shsa_core.ros.graph.som_parameter import SOM_PARAMETER
+from graph import BENCH, MONITOR, PATIENCE, Graph, service, write_som
 from shsa_testing.waiting import wait_until
 
 TOPICS = 50
@@ -37,24 +36,23 @@ def main() -> int:
     options.results.mkdir(parents=True, exist_ok=True)
     seconds = options.hours * 3600.0 / TOPICS
     alarms: List[str] = []
-    healthy: List[bool] = []
+    healthy: Dict[str, bool] = {}
 
     def look(table: Health) -> None:
-        healthy[:] = [row.state == "healthy" for row in table.publishers]
+        healthy.update({row.topic: row.state == "healthy" for row in table.publishers})
 
     with Graph() as graph:
         rospy.Subscriber("/shsa/health", Health, look)
         share = TOPICS // NODES
-        som = {}
+        services: List[Dict[str, object]] = []
         for node in range(NODES):
             arguments = [str(share), str(PERIOD), str(node * share), f"__name:=source_{node}"]
             graph.python(BENCH / "stream_source.py", *arguments)
             for i in range(node * share, (node + 1) * share):
-                som[f"p{i}"] = [service(f"/stream_{i}", f"/source_{node}", PERIOD)]
-        rospy.set_param(SOM_PARAMETER, som)
-        graph.python(MONITOR)
+                services.append(service(f"/stream_{i}", f"/source_{node}", PERIOD))
+        graph.python(MONITOR, "--som", str(write_som(graph.folder / "som.yaml", services)))
         path = graph.folder / "rows.npy"
-        well = lambda: len(healthy) == TOPICS and all(healthy)
+        well = lambda: len(healthy) == TOPICS and all(healthy.values())
         wait_until(well, PATIENCE, "all topics are healthy")
         rospy.Subscriber(
             "/shsa/failures", Failure, lambda f: alarms.append(f"{f.topic}: {f.kind}: {f.detail}")

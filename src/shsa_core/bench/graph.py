@@ -157,7 +157,7 @@ def service(
 
     `value` is what else is said of its value, and `more` what else is said of it.
     """
-    provided = {"field": "data", **(value or {})}
+    provided: Dict[str, object] = {"field": "data", **(value or {})}
     return {
         "topic": topic,
         "type": "shsa_msgs/Float64Stamped",

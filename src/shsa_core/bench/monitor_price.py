@@ -11,11 +11,9 @@ from typing import Dict, List, Optional
 
 import numpy as np
 import psutil
-import rospy
 
-from graph import BENCH, MONITOR, Graph, ask_to_leave, service
+from graph import BENCH, MONITOR, Graph, ask_to_leave, service, write_som
 from report import print_table
-from shsa_core.ros.graph.som_parameter import SOM_PARAMETER
 
 TOPICS = 50
 PROBED = 5
@@ -37,14 +35,11 @@ COLUMNS = (
 def measure(graph: Graph, rate: float, mode: str, seconds: float) -> Dict[str, object]:
     """One run: the row of figures, times in us."""
     period = TOPICS / rate
-    checks = {"not_a_number": mode == "values checked"}
-    som = {
-        f"p{i}": [service(f"/stream_{i}", "/stream_source", period, checks=checks)]
-        for i in range(TOPICS)
-    }
-    rospy.set_param(SOM_PARAMETER, som)
+    value = {"checks": {"not_a_number": mode == "values checked"}}
+    services = [service(f"/stream_{i}", "/stream_source", period, value) for i in range(TOPICS)]
+    som = write_som(graph.folder / "som.yaml", services)
     source = graph.python(BENCH / "stream_source.py", str(TOPICS), str(period))
-    monitor = None if mode == "no monitor" else graph.python(MONITOR)
+    monitor = None if mode == "no monitor" else graph.python(MONITOR, "--som", str(som))
     path = graph.folder / "rows.npy"
     wanted = SETTLE + seconds
     probe = graph.python(BENCH / "stream_probe.py", str(path), str(PROBED), str(wanted))

@@ -2,7 +2,7 @@
 
 A transfer node is a substitute, started by rosrun with its three strings. The paper's four times of each, in ms:
     start: the call that starts it.   up: from that call until a subscriber receives its first message.
-    shut: the call that kills it.     down: from that call until a subscriber has received its last message.
+    shut: the call that kills it.     down: from that call until a subscriber misses its first message.
 And beside them:
     registered: from the start until the master knows the node.
     unregistered: from the kill until its registrations are gone.   gone: from the kill until its process has ended.
@@ -14,6 +14,7 @@ transfer_nodes.png.
 import argparse
 import csv
 import itertools
+import random
 import sys
 import threading
 import time
@@ -111,6 +112,7 @@ class TransferNode:
         registered = time.monotonic() - begun
         wait_until(lambda: bool(heard()), PATIENCE, f"{node} publishes")
         up = heard()[0] - begun
+        time.sleep(random.random() * PERIOD)
         asked = time.monotonic()
         shut: List[float] = []
         killer = threading.Thread(target=_kill, args=(node, shut))
@@ -122,7 +124,7 @@ class TransferNode:
         killer.join()
         silent = lambda: time.monotonic() > heard()[-1] + SILENT_PERIODS * PERIOD
         wait_until(silent, PATIENCE, f"nobody hears {node} any more")
-        down = max(0.0, heard()[-1] - asked)
+        down = heard()[-1] + PERIOD - asked
         times = (start, up, shut[0], down, registered, unregistered, gone)
         return tuple(1e3 * each for each in times)
 
@@ -155,11 +157,12 @@ def plot(results: Results, path: Path) -> None:
     figure, axes = plt.subplots(2, 3, figsize=(13, 7), constrained_layout=True)
     for axis, measure in zip(axes.T.flat, (*PAPER, *TAKEOVERS)):
         steps = sorted(nodes for name, nodes in results.values if name == measure)
-        axis.boxplot(
-            [results.values[measure, nodes] for nodes in steps],
-            labels=[str(nodes) for nodes in steps],
-            flierprops={"markersize": 3},
-        )
+        if steps:
+            axis.boxplot(
+                [results.values[measure, nodes] for nodes in steps],
+                labels=[str(nodes) for nodes in steps],
+                flierprops={"markersize": 3},
+            )
         taken = " takeover" if measure in TAKEOVERS else ""
         axis.set_title(f"{measure}{taken}")
         axis.set_ylabel("ms")

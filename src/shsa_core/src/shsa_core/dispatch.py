@@ -5,7 +5,7 @@ Result = TypeVar("Result")
 Table = Dict[Type[Any], Callable[[Any], Result]]
 
 
-def table(union: Any, handlers: Mapping[Type[Any], Callable[[Any], Result]]) -> Table[Result]:
+def table(union: Any, handlers: Mapping[Type[Any], Callable[[Any], Result]]) -> "Table[Result]":
     """The handlers of a union of classes, one for each. Raises TypeError if one is missing or too many."""
     wanted = set(get_args(union)) or {union}
     for what, classes in (("no", wanted - set(handlers)), ("a needless", set(handlers) - wanted)):

@@ -23,7 +23,8 @@ import toy_machine as toy
 from shsa_core.errors import ModelError
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import FORMS, MACHINES, machine_kind
-from shsa_core.language.expression import Expression, parse_constraint, parse_expression
+from shsa_core.language.expression import Condition, parse_constraint, parse_expression
+from shsa_core.language.law import Law
 from shsa_core.model.checks import REGISTRY, Check, OutOfRange, Stuck
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
@@ -51,7 +52,7 @@ st.register_type_strategy(Service, record(Service))
 st.register_type_strategy(
     Som, st.lists(record(Service), max_size=3, unique_by=lambda service: service.name).map(Som)
 )
-st.register_type_strategy(Expression, EXPRESSIONS.map(parse_expression))
+st.register_type_strategy(Law, EXPRESSIONS.map(parse_expression))
 NAMES = st.sampled_from("abc")
 QUALITIES = st.sampled_from([1.0, 0.9, 1 / 3])
 st.register_type_strategy(
@@ -94,7 +95,7 @@ def same(one: Any, other: Any) -> bool:
         return same(tuple(one), tuple(other))
     if isinstance(one, (tuple, list)):
         return len(one) == len(other) and all(same(*pair) for pair in zip(one, other))
-    return bool(one == other) and repr(one) == repr(other)
+    return bool(one == other) and (isinstance(one, frozenset) or repr(one) == repr(other))
 
 
 def through_json(codec: Codec, value: Any) -> Any:
@@ -102,7 +103,7 @@ def through_json(codec: Codec, value: Any) -> Any:
     return codec.decode(json.loads(text), "file:1", "the event")
 
 
-THOROUGH = settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
+THOROUGH = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 @pytest.mark.parametrize("cls", [*get_args(toy.Event), *get_args(toy.Command), Ontology, Som])
@@ -133,6 +134,14 @@ def test_nothing_of_what_a_machine_hears_and_says_is_lost(machine: str) -> None:
             check()
 
 
+def test_equal_sets_are_equal_text() -> None:
+    codec = Codec(toy.Event, FORMS)
+    names = [f"/node_{n}" for n in range(100)]
+    one, other = (frozenset(order) for order in (names, reversed(names)))
+    assert codec.encode(toy.Added(1.0, names=one))["names"] == sorted(names)
+    assert codec.encode(toy.Added(1.0, names=one)) == codec.encode(toy.Added(1.0, names=other))
+
+
 @pytest.mark.parametrize("number", [math.inf, -math.inf, math.nan, -0.0, 5, 1e-320, 2**60, 0.1])
 def test_numbers_stay_exactly_what_they_are(number: float) -> None:
     codec = Codec(toy.Event, FORMS)
@@ -146,10 +155,9 @@ def test_a_member_of_a_family_keeps_its_class() -> None:
     assert codec.decode(data, "", "").check == Stuck(2.0) != OutOfRange(2.0)
 
 
-def test_a_constraint_is_an_expression_too() -> None:
-    codec = Codec(Expression, FORMS)
+def test_a_constraint_is_a_condition() -> None:
     constraint = parse_constraint("a > 10 and b < 3")
-    assert through_json(codec, constraint) == constraint
+    assert through_json(Codec(Condition, FORMS), constraint) == constraint
 
 
 Change = Callable[[Dict[str, Any]], object]
@@ -176,6 +184,8 @@ Change = Callable[[Dict[str, Any]], object]
         (lambda d: d.update(points=1), "the event.points must be a list, not 1"),
         (lambda d: d.update(points=[1]), "the event.points[0] must be an object, not 1"),
         (lambda d: d.update(points=[{"x": 1, "z": 2}]), "points[0]: Point has no field 'z'"),
+        (lambda d: d.update(names="ab"), "the event.names must be a list, not 'ab'"),
+        (lambda d: d.update(names=["a", 1]), "the event.names[1] must be a value of the type str"),
         (lambda d: d.update(named={"a": "b"}), "the event.named.a must be a value of the type int"),
         (
             lambda d: d.update(check={"class": "Point"}),
@@ -198,7 +208,14 @@ def test_what_the_program_could_not_have_written_is_refused(change: Change, told
 )
 def test_an_expression_is_checked_when_it_is_read(text: str) -> None:
     with pytest.raises(ModelError):
-        Codec(Expression, FORMS).decode(text, "journal:1", "the setup")
+        Codec(Law, FORMS).decode(["function", text], "journal:1", "the setup")
+    with pytest.raises(ModelError):
+        Codec(Condition, FORMS).decode(text, "journal:1", "the setup")
+
+
+def test_a_law_that_there_is_not_is_refused() -> None:
+    with pytest.raises(ModelError, match="no law 'python', only function"):
+        Codec(Law, FORMS).decode(["python", "1"], "journal:1", "the setup")
 
 
 def test_a_field_that_has_a_default_may_be_missing() -> None:
@@ -218,6 +235,7 @@ def test_a_field_that_has_a_default_may_be_missing() -> None:
         toy.Added(1.0, key=("a",)),  # type: ignore[arg-type]
         toy.Added(1.0, either="a"),  # type: ignore[arg-type]
         toy.Added(1.0, either=()),  # type: ignore[arg-type]
+        toy.Added(1.0, names=("a",)),  # type: ignore[arg-type]
         toy.Added(1.0, named={1: 1}),  # type: ignore[dict-item]
         toy.SomChanged(1.0, ()),  # type: ignore[arg-type]
         None,
@@ -245,7 +263,7 @@ def _two_of_one_name() -> List[Any]:
 
 
 @pytest.mark.parametrize(
-    "hint", [Free, Any, Union[str, float], FrozenSet[str], Tuple[Free, ...], Dict[int, str]]
+    "hint", [Free, Any, Union[str, float], FrozenSet[toy.Point], Tuple[Free, ...], Dict[int, str]]
 )
 def test_a_type_without_a_form_is_refused_at_once(hint: Any) -> None:
     with pytest.raises(TypeError):

@@ -16,7 +16,7 @@ BENEATH = {
     "analysis": (*MODEL, "search", "codegen"),
     "health": MODEL,
     "healing": (*MODEL, "search", "codegen", "health"),
-    "journal": ("language", *MODEL),
+    "journal": ("language", "files", *MODEL),
     "cli": (*MODEL, "search", "codegen", "analysis", "healing", "journal"),
 }
 

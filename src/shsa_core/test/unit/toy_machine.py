@@ -1,7 +1,7 @@
 """A tiny machine of the shape of the three, for tests of the journal."""
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple, Union
+from typing import Any, Callable, Dict, FrozenSet, List, Mapping, Optional, Tuple, Union
 
 from shsa_core.errors import ShsaError
 from shsa_core.journal.machines import MachineKind
@@ -34,6 +34,7 @@ class Added:
     check: Optional[Check] = None
     named: Optional[Mapping[str, int]] = None
     text: str = ""
+    names: FrozenSet[str] = frozenset()
 
 
 @dataclass(frozen=True)

@@ -72,8 +72,8 @@ class FaultyNode:
     def __init__(self, name: str, topic: str, **parameters: object) -> None:
         self.name = name
         command = [sys.executable, "-m", "shsa_testing.faulty_publisher", f"__name:={name[1:]}"]
-        given = [f"_{key}:={value}" for key, value in {"topic": topic, **parameters}.items()]
-        self.process = subprocess.Popen([*command, *given])
+        command += [f"_topic:={topic}", *(f"_{key}:={value}" for key, value in parameters.items())]
+        self.process = subprocess.Popen(command)
         self._fault = rospy.Publisher(name + "/fault", String, queue_size=10)
 
     def fault(self, command: str) -> float:

@@ -77,6 +77,6 @@ def som_draft(provisions: Sequence[Provision]) -> str:
             f"    period:{period}",
             *(["    needed: true"] if provision.needed else []),
             "    provides:",
-            f"      {provision.property}: {{field:{quality}}}",
+            f"      {provision.property}: {{field: {quality}}}",
         ]
     return "\n".join(lines) + "\n"

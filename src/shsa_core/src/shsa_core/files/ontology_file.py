@@ -9,9 +9,9 @@ from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 
 _NAMES = "a name has letters, digits and _, does not begin with a digit and is not a reserved word"
-# The key of a law in the file, and how its text is read.
-_LAWS: Mapping[str, Callable[[str], Law]] = {"function": parse_expression}
-_FUNCTION_KEYS = (*_LAWS, "not_executable", "inputs", "quality", "constraint")
+LAWS: Mapping[str, Callable[[str], Law]] = {"function": parse_expression}
+"""The key of a law in the file, and how its text is read."""
+_FUNCTION_KEYS = (*LAWS, "not_executable", "inputs", "quality", "constraint")
 _Parsed = TypeVar("_Parsed")
 
 
@@ -102,9 +102,9 @@ class _Reader:
         entry = {"function": value}
         if isinstance(value.data, dict):
             entry = value.entry(what, _FUNCTION_KEYS)
-        laws = [key for key in (*_LAWS, "not_executable") if key in entry]
+        laws = [key for key in (*LAWS, "not_executable") if key in entry]
         if len(laws) != 1:
-            keys = "', '".join(_LAWS)
+            keys = "', '".join(LAWS)
             raise value.error(f"{what} needs either the key '{keys}' or 'not_executable'")
         if ("not_executable" in entry) != ("inputs" in entry):
             raise value.error(f"{what}: the key 'inputs' belongs to 'not_executable' alone")
@@ -117,8 +117,8 @@ class _Reader:
             constraint = _parse(entry["constraint"], f"{what}: constraint", parse_constraint)
         law: Optional[Law] = None
         names: List[str] = []
-        if laws[0] in _LAWS:
-            law = _parse(entry[laws[0]], what, _LAWS[laws[0]])
+        if laws[0] in LAWS:
+            law = _parse(entry[laws[0]], what, LAWS[laws[0]])
             text = law.text
             names += law.names
         else:

@@ -57,9 +57,7 @@ class Availability:
         if self._open(service.name):
             return ServiceState(service, service.node, False, "failed")
         rows = [
-            row
-            for row in self.originals(som, service)
-            if row.publisher not in self._nodes.excluded
+            row for row in self.originals(som, service) if row.publisher not in self._nodes.excluded
         ]
         for row in rows:
             if row.state is PublisherState.HEALTHY:

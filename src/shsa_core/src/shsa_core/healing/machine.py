@@ -3,7 +3,7 @@
 An event is handled by those that it concerns: the services that it is about, and those whose substitutes read what it
 changes. What is known of the rest stays as it is, so that a decision costs the same on a large robot.
 """
-from typing import Callable, Collection, Dict, Iterable, List, Optional, Set, Tuple
+from typing import Any, Callable, Collection, Dict, Iterable, List, Optional, Tuple, Type
 
 from shsa_core import dispatch
 from shsa_core.codegen.plans import Plan
@@ -11,6 +11,7 @@ from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.agenda import Agenda
 from shsa_core.healing.availability import Availability
+from shsa_core.healing.concern import Concern
 from shsa_core.healing.events import Command, Event, FailureSeen, Level, Log
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.kills import KillNode, Kills, NodeKilled
@@ -20,7 +21,7 @@ from shsa_core.healing.pool import Pool
 from shsa_core.healing.settings import Settings
 from shsa_core.healing.snapshot import Request, Snapshot
 from shsa_core.healing.tables import SomTable, SubstitutionTable
-from shsa_core.healing.topic import STUCK, TopicHealing
+from shsa_core.healing.topic import TopicHealing
 from shsa_core.model.kinds import Kind
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
@@ -61,12 +62,8 @@ class Reconfigurator:
         self._pool = Pool(settings)
         self._healings: Dict[str, TopicHealing] = {}
         self._agenda: Agenda[str] = Agenda()
-        self._by_process: Dict[str, str] = {}  # the service that a substitute works for
-        self._reads: Dict[str, Tuple[str, ...]] = {}  # the services that a substitute reads
-        self._readers: Dict[str, Set[str]] = {}  # the other way round
-        self._stuck: Dict[str, None] = {}
+        self._concern = Concern()
         self._unsettled: Dict[str, None] = {}  # services whose availability may have changed
-        self._faulty: Dict[str, Set[str]] = {}  # the services whose incident blames a node
         self._with_us: Dict[str, bool] = {}  # nodes that were started again
         self._substitutions = SubstitutionTable()
         self._states = SomTable()
@@ -75,7 +72,7 @@ class Reconfigurator:
         self._next_substitute = 1
         for service in som:
             self._add(service)
-        self._handlers = dispatch.table(
+        self._handlers: Dict[Type[Event], Callable[[Any], List[Command]]] = dispatch.table(
             Event,
             {
                 events.Started: self._started,
@@ -132,7 +129,7 @@ class Reconfigurator:
     @property
     def substitutes(self) -> Tuple[str, ...]:
         """The node names of the substitutes that run now."""
-        return (*self._by_process, *self._pool.nodes)
+        return (*self._concern.by_process, *self._pool.nodes)
 
     def needed(self) -> Tuple[Service, ...]:
         """The services that are healed when they fail."""
@@ -216,21 +213,21 @@ class Reconfigurator:
     def _service_of(self, event: FailureSeen) -> Optional[Service]:
         if event.service:
             return self._som.services.get(event.service)
-        if event.publisher in self._by_process:
-            return self._som.services.get(self._by_process[event.publisher])
+        if event.publisher in self._concern.by_process:
+            return self._som.services.get(self._concern.by_process[event.publisher])
         return self._som.service_of(event.topic, event.publisher)
 
     def _is_old_substitute(self, publisher: str, service: str) -> bool:
         known = publisher in self._nodes.substitutes
-        return known and self._by_process.get(publisher) != service
+        return known and self._concern.by_process.get(publisher) != service
 
     def _health_seen(self, event: events.HealthSeen) -> List[Command]:
         commands: List[Command] = []
         concerned: Dict[str, None] = {}
         for topic, publisher in self._nodes.heed(event):
             row = self._nodes.health(topic).get(publisher)
-            if publisher in self._by_process:
-                concerned[self._by_process[publisher]] = None
+            if publisher in self._concern.by_process:
+                concerned[self._concern.by_process[publisher]] = None
             elif publisher not in self._nodes.substitutes:
                 services = self._concerned(topic, publisher)
                 concerned.update(dict.fromkeys(services))
@@ -245,9 +242,7 @@ class Reconfigurator:
         service = self._som.service_of(topic, publisher)
         return [service.name] if service else [each.name for each in self._som.of_topic(topic)]
 
-    def _acquaint(
-        self, time: float, node: str, row: Optional[PublisherHealth]
-    ) -> List[Command]:
+    def _acquaint(self, time: float, node: str, row: Optional[PublisherHealth]) -> List[Command]:
         if row is None or (row.state is PublisherState.FAILED and row.kind is Kind.NODE_GONE):
             self._acquaintance.went(node)
         elif row.state is PublisherState.HEALTHY:
@@ -295,9 +290,7 @@ class Reconfigurator:
 
     def _models_reloaded(self, event: events.ModelsReloaded) -> List[Command]:
         """Plans follow the new models; what runs goes on."""
-        planner = Planner(
-            event.ontology, self._som, self.settings, self._nodes, self._availability
-        )
+        planner = Planner(event.ontology, self._som, self.settings, self._nodes, self._availability)
         planner.plans.change((), self._availability.services.values())
         self._planner = planner
         return self._som_changed(events.SomChanged(event.time, event.som))
@@ -363,12 +356,12 @@ class Reconfigurator:
             self._acquaintance.went(kill.node)
             self._with_us.pop(kill.node, None)
             self._unsettle_node(kill.node)
-            for name in sorted(self._faulty.get(kill.node, ())):
+            for name in self._concern.blaming(kill.node):
                 commands += self._ask(name, lambda healing, now: healing.killed(now, kill))
         return commands
 
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
-        name = self._by_process.get(event.node, "")
+        name = self._concern.by_process.get(event.node, "")
         return self._ask(name, lambda healing, now: healing.started(event))
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
@@ -376,7 +369,7 @@ class Reconfigurator:
             commands = self._pool.died(event.time, event.node, event.detail)
             self._substitutions.set(event.node, None)
             return commands
-        name = self._by_process.get(event.node, "")
+        name = self._concern.by_process.get(event.node, "")
         return self._ask(name, lambda healing, now: healing.exited(now, event.detail))
 
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
@@ -403,7 +396,7 @@ class Reconfigurator:
     def _restart_failed(self, event: events.RestartFailed) -> List[Command]:
         self._nodes.end_restart(event.node)
         commands: List[Command] = []
-        for name in sorted(self._faulty.get(event.node, ())):
+        for name in self._concern.blaming(event.node):
             commands += self._ask(
                 name, lambda healing, now: healing.restart_failed(now, event.node, event.detail)
             )
@@ -444,9 +437,9 @@ class Reconfigurator:
             for name in names:
                 self._states.set(name, self._availability.states.get(name))
             self._planner.plans.change(gone, come)
-            for name in sorted({reader for s in gone for reader in self._readers.get(s.name, ())}):
+            for name in self._concern.readers(service.name for service in gone):
                 commands += self._ask(name, lambda healing, now: healing.changed(now))
-            for name in list(self._stuck) if come else ():
+            for name in list(self._concern.stuck) if come else ():
                 commands += self._ask(name, lambda healing, now: healing.changed(now, True))
         return commands
 
@@ -467,11 +460,17 @@ class Reconfigurator:
         service = service or self._som.services.get(name)
         if healing is None or service is None:
             return []
-        before = healing.state, healing.incident, healing.node, healing.substitute.plan
+        before, node, plan = healing.incident, healing.node, healing.substitute.plan
         commands = self._absorb(ask(healing, self._snapshot(service)))
         self._agenda.set(name, healing.deadline)
-        if (healing.state, healing.incident, healing.node, healing.substitute.plan) != before:
-            self._follow(name, healing, before[1], before[2])
+        incident = healing.incident
+        if (incident, healing.node, healing.substitute.plan) != (before, node, plan):
+            self._concern.follow(healing, before, node)
+        if (before is None) != (incident is None):
+            self._unsettle([name])
+            self._incidents = max(self._incidents, incident.id if incident else 0)
+        if node != healing.node:
+            self._substitutions.set(node, None)
         self._show(service, healing)
         return commands
 
@@ -507,36 +506,6 @@ class Reconfigurator:
                 self._pool.take(self._time, request.node)
             commands.append(request)
         return commands
-
-    def _follow(
-        self, name: str, healing: TopicHealing, old: Optional[Incident], node: str
-    ) -> None:
-        """Keep up the indexes by which events find whom they concern."""
-        new = healing.incident
-        if (old is None) != (new is None):
-            self._unsettle([name])
-        if new is not None:
-            self._incidents = max(self._incidents, new.id)
-        if old is not None:
-            self._faulty.get(old.faulty_node, set()).discard(name)
-        if new is not None:
-            self._faulty.setdefault(new.faulty_node, set()).add(name)
-        if node != healing.node:
-            self._by_process.pop(node, None)
-            if node:
-                self._substitutions.set(node, None)
-            if healing.node:
-                self._by_process[healing.node] = name
-        plan = healing.substitute.plan
-        reads = plan.inputs if isinstance(plan, Plan) else ()
-        for read in self._reads.get(name, ()):
-            self._readers[read].discard(name)
-        self._reads[name] = tuple(dict.fromkeys(source.service.name for source in reads))
-        for read in self._reads[name]:
-            self._readers.setdefault(read, set()).add(name)
-        self._stuck.pop(name, None)
-        if healing.state in STUCK:
-            self._stuck[name] = None
 
     def _show(self, service: Service, healing: TopicHealing) -> None:
         """The row of a service's substitute in the table."""

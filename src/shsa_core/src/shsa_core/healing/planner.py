@@ -45,9 +45,7 @@ class Planner:
         """The best plan for the case that the node of a service fails. Raises ShsaError."""
         return self.plans.plan(service.name) or self.explain(service)
 
-    def explain(
-        self, service: Service, without: Collection[str] = (), method: str = ""
-    ) -> Plan:
+    def explain(self, service: Service, without: Collection[str] = (), method: str = "") -> Plan:
         """The same, also without some services, nodes and topics, by a search. Raises ShsaError."""
         publishers = {row.publisher for row in self._availability.originals(self.som, service)}
         excluded = {service.node, *publishers, *self._nodes.excluded, *without}
@@ -58,8 +56,7 @@ class Planner:
         """Whether every service that a plan reads is available, from the node that it was made for."""
         services = self._availability.services
         return all(
-            source.service.name in services
-            and services[source.service.name].node not in excluded
+            source.service.name in services and services[source.service.name].node not in excluded
             for source in plan.inputs
         )
 

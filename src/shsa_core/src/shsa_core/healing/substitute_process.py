@@ -45,7 +45,11 @@ class SubstituteProcess:
     def find(self, now: Snapshot, faulty: str) -> Plan:
         """The plan to follow now: the one that is followed, if it still holds. Raises ShsaError if there is none."""
         plan = self.plan
-        if isinstance(plan, Plan) and plan not in self._tried and now.planner.usable(plan, {faulty}):
+        if (
+            isinstance(plan, Plan)
+            and plan not in self._tried
+            and now.planner.usable(plan, {faulty})
+        ):
             return plan
         tried = [each for each in self._tried if isinstance(each, Plan)]
         return now.planner.plan(now.service, tried, faulty)

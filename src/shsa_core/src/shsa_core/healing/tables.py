@@ -27,7 +27,8 @@ class _Table(Generic[Row, Shown]):
         removed: List[str] = []
         for key, row in self._new.items():
             if row is None:
-                if self._shown.pop(key, None) is not None:
+                if key in self._shown:
+                    del self._shown[key]
                     removed.append(key)
             elif self._shown.get(key) != row:
                 self._shown[key] = row

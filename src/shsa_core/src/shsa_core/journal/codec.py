@@ -31,6 +31,7 @@ from shsa_core.journal.coders import (
     PlainCoder,
     RecordCoder,
     Refused,
+    SetCoder,
 )
 
 
@@ -78,6 +79,8 @@ class _Compiler:
             return FixedCoder([self.coder(each) for each in arguments])
         if origin in (tuple, collections.abc.Sequence):
             return ManyCoder(self.coder(arguments[0]))
+        if origin is frozenset and arguments[0] in (str, int):
+            return SetCoder(self.coder(arguments[0]))
         if origin is collections.abc.Mapping and arguments[0] is str:
             return NamedCoder(self.coder(arguments[1]))
         if hint is float:

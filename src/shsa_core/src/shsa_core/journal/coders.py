@@ -125,6 +125,25 @@ class ManyCoder(Coder):
         return tuple([decode(each, f"{path}[{number}]") for number, each in enumerate(data)])
 
 
+class SetCoder(Coder):
+    """A set of texts or numbers, in order, so that equal sets are equal text."""
+
+    kinds = frozenset([_LIST])
+
+    def __init__(self, each: Coder) -> None:
+        self._each = each
+
+    def encode(self, value: Any) -> Any:
+        if not isinstance(value, (frozenset, set)):
+            raise TypeError(f"{value!r} is no set")
+        return sorted(self._each.encode(each) for each in value)
+
+    def decode(self, data: Any, path: str) -> Any:
+        if type(data) is not list:
+            raise _refusal(path, "a list", data)
+        return frozenset(self._each.decode(each, f"{path}[{n}]") for n, each in enumerate(data))
+
+
 class FixedCoder(Coder):
     """A tuple with a type for each place."""
 
@@ -259,14 +278,15 @@ class ChoiceCoder(Coder):
 
 
 class FormedCoder(Coder):
-    """A class that is no dataclass."""
+    """A class that is no dataclass, or a protocol."""
 
     def __init__(self, type_: type, form: Form, inner: Coder) -> None:
         self._type, self._form, self._inner = type_, form, inner
+        self._protocol = getattr(type_, "_is_protocol", False)
         self.kinds = inner.kinds
 
     def encode(self, value: Any) -> Any:
-        if type(value) is not self._type:
+        if type(value) is not self._type and not self._protocol:
             raise TypeError(f"{value!r} is no {self._type.__name__}")
         return self._inner.encode(self._form.take(value))
 

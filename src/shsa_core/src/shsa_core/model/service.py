@@ -1,5 +1,6 @@
 """A service: one topic of one node, and the properties that it provides (Section III-B of the paper)."""
-from dataclasses import dataclass, field
+import dataclasses
+from dataclasses import dataclass
 from typing import Optional, Tuple
 
 from shsa_core.model.checks import Check, Checks, default_checks
@@ -19,7 +20,7 @@ class Provision:
     range: Optional[Tuple[float, float]] = None
     quality: float = 1.0
     checks: Tuple[Check, ...] = default_checks(of_values=True)
-    where: str = field(default="", compare=False, repr=False)
+    where: str = dataclasses.field(default="", compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -54,8 +55,8 @@ class Service:
     policy: Policy = Policy.SUBSTITUTE
     checks: Checks = Checks()
     last_resort: LastResort = LastResort()
-    where: str = field(default="", compare=False, repr=False)
-    sources: Tuple["Source", ...] = field(init=False, compare=False, repr=False)
+    where: str = dataclasses.field(default="", compare=False, repr=False)
+    sources: Tuple["Source", ...] = dataclasses.field(init=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         sources = tuple(Source(self, provision) for provision in self.provides)
@@ -83,7 +84,7 @@ class Service:
 class Source:
     """One value of one service: where a property can be read, or written again."""
 
-    service: Service = field(repr=False)
+    service: Service = dataclasses.field(repr=False)
     provision: Provision
 
     def __hash__(self) -> int:

@@ -53,7 +53,7 @@ class Som:
 
         A publisher that no service names stands for the topic's service if there is only one.
         """
-        services = self._of_topic.get(topic, ())
+        services = self._of_topic.get(topic, [])
         named = next((service for service in services if service.node == publisher), None)
         return services[0] if named is None and len(services) == 1 else named
 

@@ -17,7 +17,7 @@ class Substitutes:
 
     def change(self, event: SubstitutionsChanged) -> List[Change]:
         """Take a change of the table; which rows it changes."""
-        new = {row.node: row for row in event.rows if row.node}
+        new = {row.node: row for row in event.rows if row.node}  # the others are plans
         gone = list(self._rows) if event.whole else event.removed
         changes: List[Change] = [
             (node, self._rows.pop(node), None)

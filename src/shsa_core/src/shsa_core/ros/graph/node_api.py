@@ -1,7 +1,13 @@
-"""Calls to a node's own XML-RPC interface, with a timeout."""
+"""Calls to a node's own XML-RPC interface, and to the master's, with a timeout."""
+import http.client
 import xmlrpc.client
 
+import rosgraph
+import rospy
+
 TIMEOUT = 0.5
+FAILURES = (rosgraph.MasterException, OSError, xmlrpc.client.Error, http.client.HTTPException)
+"""What a call raises if there is no answer, or a refusal."""
 
 
 class _TimeoutTransport(xmlrpc.client.Transport):
@@ -14,5 +20,12 @@ class _TimeoutTransport(xmlrpc.client.Transport):
 
 
 def node_api(uri: str) -> xmlrpc.client.ServerProxy:
-    """The interface of the node at `uri`; its calls raise OSError or xmlrpc.client.Error."""
+    """The interface of the node at `uri`; its calls raise one of FAILURES."""
     return xmlrpc.client.ServerProxy(uri, transport=_TimeoutTransport())
+
+
+def master_api() -> rosgraph.Master:
+    """The interface of the master; its calls raise one of FAILURES."""
+    master = rosgraph.Master(rospy.get_name())
+    master.handle = node_api(master.master_uri)
+    return master

@@ -1,54 +1,53 @@
-"""Finds the service behind a path such as `/odom/twist/twist/linear/x`."""
-from typing import Dict, List, Sequence, Tuple
+"""Looks up what a substitute that was started by hand must know of a path such as `/odom/twist/twist/linear/x`."""
+import dataclasses
+from typing import Dict, Optional, Sequence, Tuple
 
-import rosgraph
 import rospy
 
 from shsa_core.errors import ShsaError
-from shsa_core.model.som import Service, Som, merge_parameters
-from shsa_core.ros.graph import clock
-from shsa_core.ros.graph.messages import message_class
-from shsa_core.ros.graph.som_parameter import get_som_parameter
+from shsa_core.files.document import from_parameters
+from shsa_core.files.som_file import PARAMETER, read_tree
+from shsa_core.model.service import Deadlines, Signal
+from shsa_core.model.som import Som
+from shsa_core.ros.graph.node_api import FAILURES, master_api
 
-OLD = 3.0  # s; a SOM that was read longer ago is read again before use
-UNKNOWN_PERIOD = 0.1  # s; of a topic that the SOM does not have
+UNKNOWN_PERIOD_S = 0.1  # of a topic that the SOM does not have
+UNKNOWN_DEADLINE_S = 0.5
 
 
-class Directory:
-    """The services of the SOM as of the last `refresh`; asks the master for what the SOM does not have."""
+def look_up(paths: Sequence[str]) -> Tuple[Signal, ...]:
+    """The signals at `paths`: by the SOM on the parameter server, and by the master for what that does not have.
 
-    def __init__(self) -> None:
-        self._known: Dict[str, Service] = {}
-        self._refreshed = float("-inf")
+    Raises ShsaError if neither has one of them, or the master does not answer. No type is loaded.
+    """
+    try:
+        known = _som_signals()
+        types: Dict[str, str] = {}
+        if not all(path in known for path in paths):
+            types = dict(master_api().getTopicTypes())
+    except FAILURES as error:
+        raise ShsaError(f"the master does not answer: {error}") from error
+    return tuple(known[path] if path in known else _unmapped(path, types) for path in paths)
 
-    def refresh(self, age: float = 0.0) -> None:
-        """Read the SOM again if that was longer ago than `age` s, and load its message types.
 
-        Both take milliseconds that are better spent before they are missed.
-        """
-        if clock.now() - self._refreshed <= age:
-            return
-        value = get_som_parameter()
+def _som_signals() -> Dict[str, Signal]:
+    """Every value of the SOM by its path; whose message it is does not matter."""
+    value: Optional[object] = rospy.get_param(PARAMETER, None)
+    if value is None:
+        return {}
+    try:
         # What is not valid is named by those who watch the SOM; here the valid part will do.
-        som, _ = merge_parameters(Som(), {} if value is None else value)
-        for service in som:
-            message_class(service.type)
-        self._known = {service.path: service for service in som}
-        self._refreshed = clock.now()
-
-    def find(self, paths: Sequence[str]) -> List[Service]:
-        """The services at `paths`; raises ShsaError if neither the SOM nor the master has one of them."""
-        self.refresh(OLD)
-        known = self._known
-        if all(path in known for path in paths):
-            return [known[path] for path in paths]
-        types: List[Tuple[str, str]] = rosgraph.Master(rospy.get_name()).getTopicTypes()
-        return [known[path] if path in known else _unmapped(path, dict(types)) for path in paths]
+        som, _ = read_tree(from_parameters(value, PARAMETER))
+    except ShsaError:
+        som = Som()
+    signals = (som.signal(source, Deadlines()) for source in som.sources)
+    return {signal.path: dataclasses.replace(signal, node="") for signal in signals}
 
 
-def _unmapped(path: str, types: Dict[str, str]) -> Service:
+def _unmapped(path: str, types: Dict[str, str]) -> Signal:
     topics = [topic for topic in types if path.startswith(topic + "/")]
     if not topics:
         raise ShsaError(f"{path}: neither in the SOM nor on a topic that the master knows")
     topic = max(topics, key=len)
-    return Service("", topic, path[len(topic) + 1 :], types[topic], "", period=UNKNOWN_PERIOD)
+    field = path[len(topic) + 1 :].replace("/", ".")
+    return Signal(topic, field, types[topic], "", UNKNOWN_PERIOD_S, UNKNOWN_DEADLINE_S)
