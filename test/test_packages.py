@@ -108,7 +108,7 @@ def test_the_command_line_works_where_it_is_installed(installed: Installed, tmp_
     (modules,) = installed.prefix("shsa_core").glob("lib/python3*/*-packages")
     ontology = installed.prefix("shsa_rover") / "share" / "shsa_rover" / "ontology"
     page = tmp_path / "page.html"
-    script = installed.prefix("shsa_core") / "lib" / "shsa_core" / "shsa"
+    script = installed.prefix("shsa_core") / "bin" / "shsa"
     command = [sys.executable, str(script), "report"]
     command += ["--ontology", str(ontology / "rover.yaml")]
     command += ["--som", str(ontology / "rover_som.yaml"), "--html", str(page)]

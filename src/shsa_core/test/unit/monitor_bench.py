@@ -3,7 +3,7 @@ from dataclasses import replace
 from typing import Any, Dict, List, Optional, Tuple
 
 from shsa_core.model.checks import Checks, default_checks
-from shsa_core.model.service import Deadlines, Provision, Service, Signal
+from shsa_core.model.service import Provision, Service, Signal
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import (
@@ -26,7 +26,7 @@ from shsa_core.monitoring.settings import Settings
 TOPIC, NODE = "/battery_current", "/amperemeter"
 PERIOD = 0.02
 DEADLINE = 5 * PERIOD
-SETTINGS = Settings(deadlines=Deadlines(minimum=DEADLINE))
+SETTINGS = Settings(minimum_deadline=DEADLINE)
 
 
 def provision(**changes: Any) -> Provision:

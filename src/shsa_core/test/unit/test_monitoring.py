@@ -19,7 +19,6 @@ from monitor_bench import (
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.checks import UnknownPublisher
-from shsa_core.model.service import Deadlines
 from shsa_core.model.som import Som
 from shsa_core.monitoring.alarms import Alarms
 from shsa_core.monitoring.events import (
@@ -624,7 +623,7 @@ def test_a_service_becomes_event_driven_and_periodic_again() -> None:
 
 
 def test_the_deadlines_come_from_the_settings() -> None:
-    bench = Bench(settings=Settings(deadlines=Deadlines(periods=10.0, minimum=0.3)))
+    bench = Bench(settings=Settings(deadline=10.0, minimum_deadline=0.3))
     bench.connect()
     bench.message()
     bench.wait(0.29)
@@ -744,6 +743,13 @@ def test_a_row_that_did_not_change_changes_nothing(bench: Bench) -> None:
         bench.substitutes(("/substitute_1", True))
         bench.message(node="/substitute_1")
     assert bench.state("/substitute_1") == "healthy"
+
+
+def test_a_row_without_a_node_is_nobodys() -> None:
+    bench = Bench()
+    bench.substitutes(("", False))
+    bench.wait(16.0)
+    assert bench.kinds() == [("", "never_published")]
 
 
 def test_only_what_changed_is_said() -> None:

@@ -4,7 +4,7 @@ import itertools
 import pathlib
 import re
 
-from typing import Any
+from typing import Any, List
 
 import pytest
 
@@ -13,7 +13,7 @@ from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import NoSubstitute
 from shsa_core.healing.settings import Settings
-from shsa_core.model.checks import Checks
+from shsa_core.model.checks import REGISTRY, Checks
 from shsa_core.language.functions import FUNCTIONS, STATEFUL
 from shsa_core.model.ontology import Ontology
 from shsa_core.files.ontology_file import read_ontology
@@ -66,13 +66,15 @@ def test_the_soms_of_the_examples_are_valid(tmp_path: pathlib.Path, block: str) 
 
 
 def test_every_key_check_and_setting_is_described() -> None:
-    keys = [
-        each.name for each in dataclasses.fields(Service) if each.name not in ("property", "where")
-    ]
-    checks = [each.name for each in dataclasses.fields(Checks)]
-    settings = ["~" + each.name for each in dataclasses.fields(Settings)]
-    for name in [*keys, *checks, *settings]:
-        assert f"`{name}`" in SOM_TEXT
+    given = {*_names(Service), *_names(Provision)} - {"name", "property", "sources", "where"}
+    counts = set(_names(Checks)) - {"each"}
+    settings = {"~" + name for name in _names(Settings)}
+    for name in {*given, *REGISTRY, *counts, *settings}:
+        assert f"`{name}`" in SOM_TEXT, name
+
+
+def _names(of: Any) -> List[str]:
+    return [each.name for each in dataclasses.fields(of)]
 
 
 def test_every_function_is_described() -> None:

@@ -36,7 +36,7 @@ class Monitor:
         self._board = Board()
         self._now = Tick(-inf)
         self._ends = False
-        self._handlers = dispatch.table(
+        self._handlers: dispatch.Table[None] = dispatch.table(
             Event,
             {
                 SomChanged: self._som_changed,
@@ -48,7 +48,9 @@ class Monitor:
                 Ending: self._ending,
             },
         )
-        self._judges = dispatch.table(Due, {Silence: self._judge_silence, Grace: self._judge_start})
+        self._judges: dispatch.Table[None] = dispatch.table(
+            Due, {Silence: self._judge_silence, Grace: self._judge_start}
+        )
 
     @property
     def next_deadline(self) -> float:
@@ -241,9 +243,10 @@ class Monitor:
         if watched.service.event_driven and watched.appeared:
             return
         watched.overdue = True
+        node = watched.service.node
         connected = [p for p in topic.publishers.values() if p.watched is watched]
         guilty = [p for p in connected if p.connected and not board.may_be_silent(topic, p)]
-        blamed = min(guilty, key=lambda p: p.name != watched.service.node, default=None)
+        blamed = min(guilty, key=lambda p: p.name != node, default=None)
         if blamed is None:
             blamed = board.expect(topic, time)
             blamed.provide(watched)

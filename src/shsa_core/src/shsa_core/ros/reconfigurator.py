@@ -3,7 +3,7 @@ import argparse
 import queue
 import sys
 import threading
-from typing import Any, Callable, Dict, List, Tuple
+from typing import Any, Callable, Dict, List, Optional, Tuple
 
 import psutil
 import rosgraph
@@ -19,6 +19,7 @@ from shsa_core.healing import events
 from shsa_core.healing.events import Event, Level
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
+from shsa_core.journal.writer import JournalWriter
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.ros.graph import clock
@@ -55,7 +56,16 @@ class ReconfiguratorNode:
         settings, errors = read_settings(Settings, rospy.get_param("~", {}), rospy.get_name())
         for error in errors:
             rospy.logerr("Refused: %s. The default is used.", error)
-        self._core = Reconfigurator(ontology, som, settings, rospy.get_namespace())
+        setup = {
+            "ontology": ontology,
+            "som": som,
+            "settings": settings,
+            "namespace": rospy.get_namespace(),
+        }
+        self._core = Reconfigurator(**setup)
+        self._journal: Optional[JournalWriter] = None
+        if arguments.journal:
+            self._journal = JournalWriter(arguments.journal, "healing", setup, rospy.logwarn)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
         self._fence = Fence(rospy.get_name())
@@ -119,17 +129,17 @@ class ReconfiguratorNode:
         for thread in self._endings:
             thread.join()
         self._incidents.close()
+        if self._journal is not None:
+            self._journal.close()
 
-    def reload(self, ontology: str, som: str) -> str:
-        """Read ontology and SOM again, or other files; what has changed. Raises ModelError, with every error."""
-        files = (ontology or self._files.ontology, som or self._files.som)
-        models = read_models(*files)
-        self._files.ontology, self._files.som = files
-        put_som(models[1])
-        self._som_watch.replace(models[1])
-        self._put(events.ModelsReloaded(clock.now(), *models))
-        relations = len({function.relation for function in models[0].functions})
-        return f"{relations} relations from {files[0]}, {len(models[1])} services from {files[1]}"
+    def reload(self) -> str:
+        """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
+        ontology, som = read_models(self._files.ontology, self._files.som)
+        self._som_watch.replace(som)
+        put_som(som)
+        self._put(events.ModelsReloaded(clock.now(), ontology, som))
+        relations = len({function.relation for function in ontology.functions})
+        return f"{relations} relations and {len(som)} services were read"
 
     def _next(self) -> Callable[[], object]:
         """What to do next: an event, else a plan ahead, else to let time pass."""
@@ -154,8 +164,12 @@ class ReconfiguratorNode:
         self._decide(event)
 
     def _decide(self, event: Event) -> None:
+        if self._journal is not None:
+            self._journal.record(event)
         commands = self._core.handle(event)
         self._decided = clock.now()
+        if self._journal is not None:
+            self._journal.answered(commands)
         for command in commands:
             self._carry_out[type(command)](command)
 

@@ -29,7 +29,7 @@ class Services:
         enqueue: Callable[[Callable[[], object]], None],
         put: Callable[[events.Event], None],
         incidents: Incidents,
-        reload: Callable[[str, str], str],
+        reload: Callable[[], str],
     ) -> None:
         self._core = core
         self._enqueue = enqueue
@@ -90,9 +90,9 @@ class Services:
         text = f"whatever publishes {service.topic} may return"
         return srv.ReleaseResponse(success=True, detail=text)
 
-    def _reload_models(self, request: srv.ReloadRequest) -> srv.ReloadResponse:
+    def _reload_models(self, _: srv.ReloadRequest) -> srv.ReloadResponse:
         try:
-            return srv.ReloadResponse(True, self._reload(request.ontology, request.som))
+            return srv.ReloadResponse(True, self._reload())
         except ShsaError as error:
             return srv.ReloadResponse(False, f"nothing was changed: {error}")
 

@@ -162,10 +162,12 @@ class Connections:
                     yield from self._lose(connection)
             yield from self._settle(item.topic, item.transport)
 
-    def read(self, ready: Set[int]) -> Iterator[Happening]:
+    def read(self, ready: Set[int]) -> List[Happening]:
         """What has come on the descriptors that are ready, and on new connections."""
-        ready = ready | self._new
-        self._new = set()
+        ready, self._new = ready | self._new, set()
+        return list(self._read(ready))
+
+    def _read(self, ready: Set[int]) -> Iterator[Happening]:
         for descriptor in ready:
             connection = self._standing.get(descriptor)
             if connection is None:

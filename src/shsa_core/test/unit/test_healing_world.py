@@ -1,0 +1,266 @@
+"""What the reconfigurator makes of the rest of the robot: nodes, launches, models, and several services on a topic."""
+from dataclasses import replace
+from typing import List
+
+import pytest
+
+from core_robot import (
+    A,
+    B,
+    C,
+    ONTOLOGY,
+    SOM,
+    Robot,
+    function,
+    has,
+    last_incident,
+    only,
+    publishing,
+    reads,
+    service,
+)
+from shsa_core.errors import ModelError, ShsaError
+from shsa_core.healing import events
+from shsa_core.healing.incident import State
+from shsa_core.model.kinds import Policy, Standby
+from shsa_core.model.ontology import Ontology, Property
+from shsa_core.model.service import LastResort, Provision, Service
+from shsa_core.model.som import Som
+
+
+def learned(commands: List[events.Command]) -> List[str]:
+    return [command.node for command in commands if isinstance(command, events.LearnNode)]
+
+
+def test_a_node_is_learned_once_each_time_that_it_comes_up() -> None:
+    two = replace(service("b", A), name="b")
+    robot = Robot(Som([service("a", A, needed=True), two, service("c", C)]))
+    assert sorted(learned(robot.said)) == [A, C]
+    robot.row("/b", A, "healthy", 5.0)
+    assert not learned(robot.table(5.0))
+    robot.fail("/a", A, 10.0, "silent")
+    robot.killed(10.1, A)
+    robot.row("/a", A, "healthy", 20.0)
+    assert learned(robot.table(20.0)) == [A]
+
+
+def test_a_node_that_could_not_be_learned_is_tried_again_twice() -> None:
+    robot = Robot()
+    robot.handle(events.NodeLearned(1.0, B, True))
+    robot.handle(events.NodeLearned(1.0, A, False))
+    assert robot.core.deadline == 1.5
+    assert learned(robot.handle(events.Tick(1.5))) == [A]
+    robot.handle(events.NodeLearned(1.6, A, False))
+    assert learned(robot.handle(events.Tick(3.6))) == [A]
+    robot.handle(events.NodeLearned(3.7, A, False))
+    assert robot.core.deadline is None
+
+
+def test_a_node_that_died_is_not_tried_any_more() -> None:
+    robot = Robot()
+    robot.handle(events.NodeLearned(1.0, B, False))
+    robot.rows.pop(("/b", B))
+    robot.table(1.2)
+    assert not learned(robot.handle(events.Tick(2.0)))
+
+
+def test_substitutes_that_were_left_behind_are_ended_and_their_names_not_used_again() -> None:
+    robot = Robot()
+    left = ("/substitute_a_7", "/substitute_standby_x")
+    commands = robot.handle(events.Started(1.0, left))
+    assert [each.node for each in commands if isinstance(each, events.FindNode)] == list(left)
+    assert "Stopping orphaned substitute /substitute_a_7." in str(commands)
+    start = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
+    assert start.node == "/substitute_a_8"
+
+
+def test_at_the_end_every_substitute_is_stopped_and_what_our_launch_had_started_first() -> None:
+    first, *others = SOM
+    robot = Robot(Som([replace(first, policy=Policy.RESTART_AND_SUBSTITUTE), *others]))
+    node = robot.heal(10.0)
+    robot.handle(events.NodeRestarted(11.0, A, with_us=True))
+    robot.handle(events.NodeRestarted(11.0, B, with_us=False))
+    commands = robot.handle(events.ShuttingDown(20.0))
+    assert commands == [events.StopSubstitute(node), events.StopNode(A)]
+
+
+def test_a_node_that_was_started_again_ends_with_whoever_started_it_first() -> None:
+    robot = Robot()
+    robot.handle(events.NodeRestarted(11.0, A, with_us=False))
+    assert robot.handle(events.StarterEnded(12.0, A)) == [events.StopNode(A)]
+    assert robot.handle(events.StarterEnded(12.0, A)) == []
+
+
+def test_what_stops_while_the_launch_ends_is_not_healed() -> None:
+    robot = Robot()
+    robot.handle(events.LaunchEnding(9.0))
+    assert robot.fail("/a", A, 10.0) == []
+    robot.row("/a", A, "failed", 10.0)
+    commands = robot.table(10.1)
+    assert not has(commands, events.FindNode) and not has(commands, events.ShowIncident)
+
+
+SHARED = Ontology(
+    properties={name: Property(name) for name in ("left", "right", "c")},
+    constants={},
+    functions=[function("l", "left", "c + 1", 0.9), function("r", "right", "left + c", 0.9)],
+)
+
+
+def wheel(name: str, node: str) -> Service:
+    provides = (Provision(name, "velocity"),)
+    return Service(name, "/wheels", "pkg/Wheel", node, 0.02, provides, needed=True)
+
+
+def test_services_that_share_a_topic_are_healed_each_for_itself() -> None:
+    som = Som([wheel("left", "/l_node"), wheel("right", "/r_node"), service("c", C)])
+    robot = Robot(som, SHARED)
+    commands = robot.fail("/wheels", "/l_node", 10.0)
+    start = only(commands, events.StartSubstitute)
+    assert start.program is not None and start.program.inputs == ("/c/data",)
+    assert last_incident(commands).service == "left"
+    (state,) = only(commands, events.ShowSom).rows
+    assert (state.service.name, state.available) == ("left", False)
+    (signal,) = robot.shown[start.node].outputs
+    assert (signal.topic, signal.node) == ("/wheels", "/l_node")
+
+
+def test_an_input_on_a_shared_topic_counts_from_its_own_node_alone() -> None:
+    som = Som([wheel("left", "/l_node"), wheel("right", "/r_node"), service("c", C)])
+    robot = Robot(som, SHARED)
+    start = only(robot.fail("/wheels", "/r_node", 10.0), events.StartSubstitute)
+    inputs = {signal.path: signal.node for signal in start.inputs}
+    assert inputs == {"/wheels/velocity": "/l_node", "/c/data": ""}
+
+
+def test_a_stranger_on_a_shared_topic_belongs_to_no_service() -> None:
+    som = Som([wheel("left", "/l_node"), wheel("right", "/r_node"), service("c", C)])
+    robot = Robot(som, SHARED)
+    assert robot.fail("/wheels", "/stranger", 10.0) == []
+
+
+def test_the_failure_of_a_substitute_on_a_shared_topic_is_its_services() -> None:
+    som = Som([wheel("left", "/l_node"), wheel("right", "/r_node"), service("c", C)])
+    robot = Robot(som, SHARED, restarts=0)
+    node = only(robot.fail("/wheels", "/l_node", 10.0), events.StartSubstitute).node
+    robot.killed(10.1, "/l_node")
+    commands = robot.failure("/wheels", node, 11.5, "out_of_range", "too high", 11.4)
+    assert only(commands, events.StopSubstitute).node == node
+    assert last_incident(commands).service == "left"
+
+
+def test_new_models_leave_what_runs_and_change_the_plans() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    assert reads(robot, node) == ("/b/data",)
+    other = replace(ONTOLOGY, functions=[function("only", "a", "3 * c", 0.7)])
+    commands = robot.handle(events.ModelsReloaded(20.0, other, SOM))
+    assert not has(commands, events.StopSubstitute) and publishing(robot) == (True,)
+    robot.idle(20.1)
+    assert robot.core.explain("a").relations == ("only",)
+    robot.row("/a", A, "healthy", 30.0)
+    robot.table(30.0)
+    robot.handle(events.Tick(33.0))
+    start = only(robot.fail("/a", A, 40.0), events.StartSubstitute)
+    assert start.program is not None and start.program.inputs == ("/c/data",)
+
+
+def test_a_service_that_is_not_needed_any_more_is_left_alone() -> None:
+    first, *others = SOM
+    hot = replace(first, standby=Standby.HOT)
+    robot = Robot(Som([hot, *others]))
+    (row,) = robot.working()
+    commands = robot.handle(events.SomChanged(2.0, Som([replace(hot, needed=False), *others])))
+    assert only(commands, events.StopSubstitute).node == row.node
+    assert not has(robot.fail("/a", A, 10.0), events.FindNode)
+
+
+def test_a_service_that_becomes_warm_has_processes_ready() -> None:
+    first, *others = SOM
+    robot = Robot()
+    assert not has(robot.said, events.StartSubstitute)
+    warm = Som([replace(first, standby=Standby.WARM), *others])
+    assert has(robot.handle(events.SomChanged(2.0, warm)), events.StartSubstitute)
+    robot.idle(2.0)
+    assert only(robot.fail("/a", A, 10.0), events.AssignSubstitute)
+
+
+def test_another_quality_of_a_source_counts_in_the_next_plan() -> None:
+    first, second, third = SOM
+    poor = replace(second, provides=(Provision("b", "data", quality=0.1),))
+    robot = Robot()
+    robot.handle(events.SomChanged(2.0, Som([first, poor, third])))
+    robot.idle(2.0)
+    start = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
+    assert start.program is not None and start.program.inputs == ("/c/data",)
+
+
+def test_a_changed_period_reaches_the_substitute_that_runs() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    slower = Som([replace(each, period=0.1) for each in SOM])
+    robot.handle(events.SomChanged(12.0, slower))
+    row = robot.shown[node]
+    assert {signal.period for signal in (*row.inputs, *row.outputs)} == {0.1}
+
+
+def test_services_are_found_by_name_topic_and_property() -> None:
+    spare = Service("spare", "/spare", "p/T", "/spare_node", 0.1, (Provision("a", "data"),))
+    robot = Robot(Som([spare, *SOM]))
+    assert robot.core.find("spare") == spare
+    assert robot.core.find("/a").name == "a"
+    assert robot.core.find("a").name == "a"
+    with pytest.raises(ModelError) as caught:
+        robot.core.find("/nothing")
+    assert "the SOM has no such service or topic; it has spare (/spare), a (/a)" in str(caught.value)
+
+
+def test_a_request_for_what_is_being_healed_shows_the_incident() -> None:
+    robot = Robot()
+    robot.heal(10.0)
+    assert robot.core.incident("a") is not None and robot.core.incident("b") is None
+    shown = only(robot.handle(events.SubstituteRequested(20.0, "a")), events.ShowIncident)
+    assert shown.incident.state is State.HEALED
+    assert robot.handle(events.SubstituteRequested(20.0, "nothing")) == []
+
+
+def test_what_was_told_twice_is_done_once() -> None:
+    robot = Robot()
+    robot.fail("/a", A, 10.0, "silent")
+    robot.killed(10.05, A)
+    assert robot.fail("/a", A, 10.0, "silent") == []
+
+
+def test_a_substitute_of_former_days_is_no_original() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    robot.row("/a", A, "healthy", 20.0)
+    robot.table(20.0)
+    robot.handle(events.Tick(23.0))
+    assert robot.failure("/a", node, 24.0, "silent", "no message", 23.0) == []
+    assert robot.handle(events.ProcessExited(24.0, node, "status 0")) == []
+
+
+def test_the_record_of_an_incident_is_plain() -> None:
+    robot = Robot()
+    robot.heal(10.0)
+    plain = last_incident(robot.said).as_dict()
+    assert plain["state"] == "healed" and plain["kind"] == "node_gone"
+    assert type(plain["state"]) is str and plain["outage"] == pytest.approx(0.52)
+
+
+def test_safe_values_promise_nothing() -> None:
+    first, *_ = SOM
+    robot = Robot(Som([replace(first, last_resort=LastResort(values=(("a", 1.0),)))]))
+    start = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
+    assert last_incident(robot.said).quality is None
+    assert robot.shown[start.node].quality == 0.0
+
+
+def test_broken_invariants_are_told() -> None:
+    robot = Robot()
+    robot.heal(10.0)
+    healing = robot.core._healings["a"]
+    healing.substitute.plan = None
+    with pytest.raises(ShsaError, match="a process without a plan"):
+        robot.core.validate()
