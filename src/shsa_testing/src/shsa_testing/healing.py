@@ -58,7 +58,7 @@ class HealedRobot:
             self.incidents[incident.id] = incident
 
     def _substitutions_changed(self, change: Substitutions) -> None:
-        rows = {row.node: row for row in change.substitutions}
+        rows = {row.node or row.service: row for row in change.substitutions}
         self._substitutions = _changed(self._substitutions, change, rows)
 
     def _som_changed(self, change: SomState) -> None:
@@ -67,8 +67,8 @@ class HealedRobot:
 
     @property
     def substitutions(self) -> List[Substitution]:
-        """The rows of the table of substitutions."""
-        return list(self._substitutions.values())
+        """The rows of processes in the table of substitutions; the others are plans of warm services."""
+        return [row for row in self._substitutions.values() if row.node]
 
     @property
     def services(self) -> List[ServiceState]:
