@@ -70,7 +70,7 @@ class Nodes:
 
     def topics(self, node: str) -> Tuple[str, ...]:
         """The topics that `node` publishes."""
-        return tuple(self._topics.get(node, ()))
+        return tuple(sorted(self._topics.get(node, ())))
 
     def killed(self, node: str, time: float) -> None:
         """`node` was killed."""

@@ -73,7 +73,7 @@ class PlanTable:
             for source in service.sources:
                 self.sources.add(source)
         for service in gone:
-            for name in tuple(self._readers.get(service.name, ())):
+            for name in sorted(self._readers.get(service.name, ())):
                 self._drop(name)
         for name in self._improved(come):
             self._drop(name)
