@@ -23,7 +23,7 @@ class PlanTable:
         self._method = method
         self._needed: Dict[str, Service] = {}
         self._stale: Dict[str, None] = {}
-        self._publishers: Dict[str, str] = {}  # the node that publishes a service now
+        self._publishers: Dict[str, str] = {}  # the node that published a service last
         self._answers: Dict[str, Union[Plan, ShsaError]] = {}
         self._avoided: Dict[str, FrozenSet[str]] = {}  # the nodes that an answer does without
         self._made: Dict[str, int] = {}  # when an answer was made, the latest last
@@ -65,7 +65,6 @@ class PlanTable:
         """Some services are available no more, some are now."""
         gone, come = tuple(gone), tuple(come)
         for service in gone:
-            self._publishers.pop(service.name, None)
             for source in service.sources:
                 self.sources.discard(source)
         for service in come:
@@ -80,7 +79,7 @@ class PlanTable:
         self._gone.update({service.name: (self._moment, service) for service in gone})
         for service in come:
             if service.name in self._answers:
-                if not self.to_avoid(service.name) <= self._avoided[service.name]:
+                if self.to_avoid(service.name) != self._avoided[service.name]:
                     self._drop(service.name)
 
     def step(self) -> Optional[str]:
@@ -112,7 +111,7 @@ class PlanTable:
         return answer if isinstance(answer, Plan) else None
 
     def to_avoid(self, name: str) -> FrozenSet[str]:
-        """The nodes that are to publish a service or do."""
+        """The nodes that are to publish a service, or did last."""
         nodes = {self._needed[name].node, self._publishers.get(name, "")}
         return frozenset(nodes - {""})
 
