@@ -24,7 +24,7 @@ __all__ = [
 
 PARAMETER = "shsa/som"
 FROM_FILE_ALONE = ("topic", "type", "node", "policy")
-"""What decides whom healing may kill or start: never taken from a parameter, which anybody may write."""
+"""What decides whom healing may kill or start: never taken from parameters."""
 
 
 def read_som(path: str) -> Som:
@@ -44,7 +44,7 @@ def load_som(path: str) -> Tuple[Som, List[ModelError]]:
 
 
 def read_tree(tree: Value) -> Tuple[Som, List[ModelError]]:
-    """The valid services in a tree, and everything that is wrong with the rest. Raises ModelError."""
+    """The valid services in a tree, and what is wrong with the rest. Raises ModelError."""
     entry = tree.entry("the SOM", ("services",), ("services",))
     collector = _Collector()
     for name, value in entry["services"].mapping("services").items():
@@ -58,10 +58,12 @@ def read_tree(tree: Value) -> Tuple[Som, List[ModelError]]:
 def merge_parameters(
     current: Som, value: object, where: str = PARAMETER
 ) -> Tuple[Som, List[ModelError]]:
-    """The SOM that a changed tree of parameters asks for, and everything that is wrong with the tree.
+    """The SOM that a changed tree of parameters asks for, and everything that is wrong with the
+    tree.
 
-    Parameters change the numbers of services that the file has. A service that is not valid, or that is not there,
-    stays as it is in `current`; what FROM_FILE_ALONE names, fields and commands must be as there.
+    Parameters change the numbers of services that the file has. A service that is not valid, or
+    that is not there, stays as it is in `current`; what FROM_FILE_ALONE names, fields and commands
+    must be as there.
     """
     errors: List[ModelError] = []
     try:
@@ -110,7 +112,8 @@ def _provides(value: Value) -> Tuple[Provision, ...]:
         other = next((p for p in provisions if p.field == given["field"]), None)
         if other is not None:
             raise item.error(
-                f"the field {other.field} provides {other.property} already; a field can provide one property"
+                f"the field {other.field} provides {other.property} already; "
+                "a field can provide one property"
             )
         provisions.append(Provision(property=name, where=item.where, **given))
     if not provisions:
@@ -132,7 +135,9 @@ def _check_last_resort(service: Service, entry: Dict[str, Value]) -> None:
 
 
 def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
-    """A service from the parameter server, with the command of its file. Raises ModelError if it goes too far."""
+    """A service from the parameter server, with the command of its file. Raises ModelError if it
+    goes too far.
+    """
     for key in FROM_FILE_ALONE:
         if getattr(service, key) != getattr(old, key):
             raise entry.error(
@@ -173,7 +178,8 @@ class _Collector:
         if other is not service:
             raise ModelError(
                 service.where,
-                f"{service.node} on {service.topic} is the service {other.name} already ({other.where}); "
+                f"{service.node} on {service.topic} is the service {other.name} already "
+                f"({other.where}); "
                 "a service is one topic of one node: put all its properties into one `provides`",
             )
         self.services.append(service)
