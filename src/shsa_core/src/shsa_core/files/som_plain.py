@@ -8,7 +8,7 @@ from shsa_core.model.som import Som
 
 
 def som_parameters(som: Som) -> Dict[str, object]:
-    """A SOM as it lies on the parameter server: plain mappings, lists and values, and no command."""
+    """A SOM as it lies on the parameter server: mappings, lists and values, and no command."""
     return {"services": {service.name: service_parameters(service) for service in som}}
 
 

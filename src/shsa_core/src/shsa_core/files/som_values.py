@@ -144,7 +144,8 @@ def _last_resort(value: Value, key: str) -> LastResort:
         return LastResort()
     if not isinstance(value.data, dict):
         raise value.error(
-            f"{key} must be stop, {{values: {{PROPERTY: NUMBER}}}} or {{command: [PROGRAM, ARGUMENT, ...]}}, "
+            f"{key} must be stop, {{values: {{PROPERTY: NUMBER}}}} or "
+            "{command: [PROGRAM, ARGUMENT, ...]}, "
             f"not {value.describe()}"
         )
     entry = value.entry(key, ("values", "command"))

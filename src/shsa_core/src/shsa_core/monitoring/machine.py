@@ -282,7 +282,7 @@ class Monitor:
     def _intrusion(
         self, topic: WatchedTopic, publisher: Publisher, time: float
     ) -> Optional[Finding]:
-        """What is held against a publisher that nobody names, beside a healthy one that is named."""
+        """What is held against a publisher that nobody names beside a healthy one that is."""
         board = self._board
         if not topic.intruder_checks or board.is_named(topic, publisher):
             return None
