@@ -1,8 +1,9 @@
-"""Each check of messages: found when it is on, silent when it is off, back to healthy when it is over."""
+"""Each check of messages: found when it is on, silent when it is off, back to healthy when it is
+over.
+"""
 from math import nan
-from typing import Any
+from typing import Any, Dict, List
 
-import pytest
 from monitor_bench import (
     NODE,
     PERIOD,
@@ -269,7 +270,8 @@ def test_the_defaults_find_gross_faults_only() -> None:
 
 def test_what_a_topic_must_be_decoded_for() -> None:
     assert checked_provisions(only()) == () and not checks_stamps(only())
-    for limits in ({"stuck": 1.0}, {"jump": 1.0}, {"not_a_number": True}):
+    each: List[Dict[str, Any]] = [{"stuck": 1.0}, {"jump": 1.0}, {"not_a_number": True}]
+    for limits in each:
         assert len(checked_provisions(only(**limits))) == 1
     unlimited = service(provision(range=None, checks=(OutOfRange(True),)))
     assert checked_provisions(unlimited) == ()

@@ -9,7 +9,8 @@ class Settings:
     """The monitor's settings.
 
     `startup_grace`: s until a service that has never been there has failed.
-    `deadline`: periods without a message after which a publisher is silent, but at least `minimum_deadline` s.
+    `deadline`: periods without a message after which a publisher is silent, but at least
+    `minimum_deadline` s.
     """
 
     startup_grace: float = 15.0
