@@ -5,17 +5,19 @@ import re
 from typing import Any
 
 import pytest
+from search_models import source
 
 from shsa_core.analysis.check import check_files
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import NoSubstitute
 from shsa_core.healing.settings import Settings
-from shsa_core.model.checks import Checks
+from shsa_core.model.checks import REGISTRY
 from shsa_core.language.functions import FUNCTIONS, STATEFUL
 from shsa_core.model.ontology import Ontology
+from shsa_core.model.service import Provision, Service
 from shsa_core.files.ontology_file import read_ontology
-from shsa_core.model.som import Service, read_som
+from shsa_core.files.som_file import read_som
 from shsa_core.search.substitutes import find_substitute, iter_substitutes
 
 DOCS = pathlib.Path(__file__).resolve().parents[4] / "docs"
@@ -31,17 +33,11 @@ def ontology(tmp_path: pathlib.Path) -> Ontology:
     return read_ontology(str(tmp_path / "o.yaml"))
 
 
-def service(name: str, topic: str, quality: float) -> Service:
-    return Service(
-        name, topic, "data", "std_msgs/Float64", "/node_of" + topic, 0.02, quality=quality
-    )
-
-
 RUNNING = [
-    service("battery_voltage", "/battery_voltage", 0.96),
-    service("battery_power", "/power", 0.9),
-    service("linear_velocity", "/odom", 0.99),
-    service("linear_acceleration", "/drivetrain/accel", 0.96),
+    source("battery_voltage", "/battery_voltage", quality=0.96),
+    source("battery_power", "/power", quality=0.9),
+    source("linear_velocity", "/odom", quality=0.99),
+    source("linear_acceleration", "/drivetrain/accel", quality=0.96),
 ]
 
 
@@ -61,9 +57,12 @@ def test_the_soms_of_the_examples_are_valid(tmp_path: pathlib.Path, block: str) 
 
 def test_every_key_check_and_setting_is_described() -> None:
     keys = [
-        each.name for each in dataclasses.fields(Service) if each.name not in ("property", "where")
+        each.name
+        for model in (Service, Provision)
+        for each in dataclasses.fields(model)
+        if each.name not in ("name", "property", "where", "sources")
     ]
-    checks = [each.name for each in dataclasses.fields(Checks)]
+    checks = ["bad", "of", "recovery", *(str(kind.value) for kind in REGISTRY)]
     settings = ["~" + each.name for each in dataclasses.fields(Settings)]
     for name in [*keys, *checks, *settings]:
         assert f"`{name}`" in SOM_TEXT
