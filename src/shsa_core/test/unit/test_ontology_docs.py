@@ -62,7 +62,7 @@ def test_every_key_check_and_setting_is_described() -> None:
         for each in dataclasses.fields(model)
         if each.name not in ("name", "property", "where", "sources")
     ]
-    checks = ["bad", "of", "recovery", *(str(kind.value) for kind in REGISTRY)]
+    checks = ["bad", "of", "recovery", *REGISTRY]
     settings = ["~" + each.name for each in dataclasses.fields(Settings)]
     for name in [*keys, *checks, *settings]:
         assert f"`{name}`" in SOM_TEXT
