@@ -19,7 +19,7 @@ from shsa_core.codegen.program import compile_program
 from shsa_core.language.expression import parse_constraint, parse_expression
 from shsa_core.model.ontology import Constant
 from shsa_core.model.relation import TransferFunction
-from shsa_core.model.som import Service
+from shsa_core.model.service import Provision, Service
 from shsa_core.search.derivation import Derivation
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -145,10 +145,11 @@ CONSTANTS = {"mass": Constant("mass", 29.7, "kg")}
 
 def compiled(case: Case) -> Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]:
     """The case as a substitute evaluates it."""
-    known: Dict[str, Derivation] = {
-        name: Derivation(name, Service(name, "/" + name, "data", "p/T", "/n", 0.02), None)
-        for name in case.inputs
-    }
+    known: Dict[str, Derivation] = {}
+    for name in case.inputs:
+        provides = (Provision(name, "data"),)
+        (source,) = Service(name, "/" + name, "package/Type", "/n", 0.02, provides).sources
+        known[name] = Derivation(name, source, None)
     inputs = [known[name] for name in case.inputs]
     result = inputs[0]
     for number, (output, law, condition) in enumerate(case.laws, 1):
@@ -161,7 +162,7 @@ def compiled(case: Case) -> Callable[[Sequence[float], float], Optional[Tuple[fl
         known[output] = result
     program = generate([(result, "/output/data")], CONSTANTS)
     assert program.inputs == tuple(
-        derivation.service.path for derivation in inputs if derivation.service
+        derivation.source.path for derivation in inputs if derivation.source
     )
     return compile_program(program.code, len(program.inputs), 1).step
 

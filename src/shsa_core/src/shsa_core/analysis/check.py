@@ -198,12 +198,12 @@ def _reachable(ontology: Ontology, provided: Set[str]) -> Set[str]:
 def _check_needed(ontology: Ontology, som: Som, sources: List[Source]) -> Iterator[Finding]:
     failures = Failures(ontology.network, sources)
     for service in som.needed():
-        ratings = failures.ratings([service.node])
+        failure = failures.after([service.node])
         known = [name for name in service.properties if name in ontology.properties]
         numbers = {name: ontology.network.number(name) for name in known}
-        lost = [name for name in known if ratings[numbers[name]] == LOST]
+        lost = [name for name in known if failure.ratings[numbers[name]] == LOST]
         if lost:
-            missing = {m for name in lost for m in failures.missing(numbers[name], ratings)}
+            missing = {m for name in lost for m in failures.missing(numbers[name], failure)}
             yield Finding(
                 "warning",
                 service.where,

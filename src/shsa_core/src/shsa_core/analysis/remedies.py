@@ -31,7 +31,6 @@ class Remedies:
         self._som = som
         self._fragility = fragility
         self._services = services
-        self._hosts: Dict[str, int] = {}  # the bits of the nodes whose services want a property
         weights: Dict[str, int] = {}
         own: Set[str] = set()
         for service in services:
@@ -39,9 +38,14 @@ class Remedies:
             own.update(service.properties)
             for name in {*service.properties, *service.missing} if weight else ():
                 weights[name] = weights.get(name, 0) + weight
-                self._hosts[name] = self._hosts.get(name, 0) | fragility.bit(service.node)
         wanted = sorted(weights, key=lambda name: (-weights[name], name not in own, name))
         self._wanted = wanted[:CANDIDATES]
+        # The bits of the nodes whose services want a property.
+        self._hosts = dict.fromkeys(self._wanted, 0)
+        for service in services:
+            for name in self._hosts.keys() & {*service.properties, *service.missing}:
+                if service.cuts:
+                    self._hosts[name] |= fragility.bit(service.node)
 
     def sensors(self) -> List[Remedy]:
         """A new sensor for each property that is wanted most."""
@@ -71,30 +75,29 @@ class Remedies:
         """
         rated = []
         for name, source in candidates:
-            sensors = [name] if source is None else []
-            relations = [] if source is None else [(name, source)]
-            fragility = Fragility(self._ontology, self._som, sensors, relations)
-            rated.append((self._fatal_alone(fragility), name, source, fragility))
+            with self._fragility.remedied(name, source):
+                rated.append((self._fatal_alone(), name, source))
         rated.sort(key=lambda row: row[0])
         small = len(self._services) * len(self._ontology.functions) <= SMALL
-        suggestions = [
-            Suggestion(name, source, self._survival(fragility, alone, small))
-            for alone, name, source, fragility in rated[: FINALISTS if small else 1]
-        ]
+        suggestions = []
+        for alone, name, source in rated[: FINALISTS if small else 1]:
+            with self._fragility.remedied(name, source):
+                suggestions.append(Suggestion(name, source, self._survival(alone, small)))
         best = max(suggestions, key=lambda s: _gain(s.survival), default=None)
         return best if best is not None and _gain(best.survival) > _gain(survival) else None
 
-    def _fatal_alone(self, fragility: Fragility) -> int:
+    def _fatal_alone(self) -> int:
         """How many nodes must not fail."""
         fatal = {
             service.node
             for service in self._services
-            if fragility.bits(service.properties) & fragility.bit(service.node)
+            if self._fragility.bits(service.properties) & self._fragility.bit(service.node)
         }
         return len(fatal)
 
-    def _survival(self, fragility: Fragility, alone: int, both: bool) -> Survival:
+    def _survival(self, alone: int, both: bool) -> Survival:
         """The share of failures survived; of two nodes only if asked for."""
+        fragility = self._fragility
         nodes = len(fragility.nodes)
         single = 1 - alone / nodes
         if not both:

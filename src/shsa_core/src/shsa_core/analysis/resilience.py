@@ -35,6 +35,8 @@ class _Analysis:
         self._size = size
         self._fragility = Fragility(ontology, som)
         self._failures = Failures(ontology.network, som.sources, self._executable)
+        self._failed: Nodes = frozenset()
+        self._left: Dict[int, int] = {}
         self._hosted: Dict[str, List[Service]] = {}  # the needed services by their node
         for service in som.needed():
             self._hosted.setdefault(service.node, []).append(service)
@@ -61,13 +63,13 @@ class _Analysis:
         self, node: str, hosted: Sequence[Service]
     ) -> Iterator[Tuple[str, ServiceReport]]:
         """The reports on the needed services of a node."""
-        ratings = self._failures.ratings([node])
-        lost = self._fragility.after([node])
+        failure = self._failures.after([node])
+        ratings = failure.ratings
         for service in hosted:
             names = service.properties
             numbers = [self._network.number(name) for name in names]
             dead = [number for number in numbers if ratings[number] == LOST]
-            missing = {name for n in dead for name in self._failures.missing(n, ratings)}
+            missing = {name for n in dead for name in self._failures.missing(n, failure)}
             alternatives = [a for name in names for a in self._alternatives(name, node)]
             yield service.name, ServiceReport(
                 service.name,
@@ -78,13 +80,13 @@ class _Analysis:
                 () if dead else _nodes(_read(ratings, numbers)),
                 tuple(sorted(missing)),
                 tuple(alternatives),
-                _sorted(self._cuts(names, frozenset([node]), lost)),
+                _sorted(self._cuts(names, frozenset([node]))),
             )
 
     def _alternatives(self, name: str, failed: str) -> List[Alternative]:
         """For a lost property each source of it, and each relation with its best inputs; best first."""
         network, number = self._network, self._network.number(name)
-        ratings = self._failures.ratings([failed], blocked=number)
+        ratings = self._failures.after([failed], blocked=number).ratings
         found = [
             ((cost(s.quality), 0, 1), Alternative(name, s.path, s.quality, (s.path,), (s.node,)))
             for s in ratings.sources.of(number)
@@ -103,19 +105,27 @@ class _Analysis:
     def _executable(self, function: int) -> bool:
         return self._network.functions[function].law is not None
 
-    def _cuts(self, names: Sequence[str], failed: Nodes, lost: Dict[int, int]) -> Set[Nodes]:
-        """The smallest cuts of a service that have the nodes `failed`, after which its properties are at `lost`."""
-        bits = self._fragility.bits(names, lost)
+    def _cuts(self, names: Sequence[str], failed: Nodes) -> Set[Nodes]:
+        """The smallest cuts of a service that have the nodes `failed`, one of which is its own."""
+        if any(self._fragility.bits(names) & self._fragility.bit(node) for node in failed):
+            return {failed}
+        bits = self._fragility.bits(names, self._left_by(failed))
         if bits & AS_IT_IS:
             return {failed}
         cuts = {failed | {node} for node in self._fragility.names(bits) if node not in failed}
         if len(failed) + 1 < self._size:
             numbers = [self._network.number(name) for name in names]
-            for node in _nodes(_read(self._failures.ratings(failed), numbers)):
+            for node in _nodes(_read(self._failures.after(failed).ratings, numbers)):
                 more = failed | {node}
                 if more not in cuts:
-                    cuts |= self._cuts(names, more, self._fragility.after(more))
+                    cuts |= self._cuts(names, more)
         return _smallest(cuts)
+
+    def _left_by(self, failed: Nodes) -> Dict[int, int]:
+        """The bits of each property after some failures, kept for the next service of the same node."""
+        if self._failed != failed:
+            self._failed, self._left = failed, self._fragility.after(failed)
+        return self._left
 
     def _node(self, node: str, services: Iterable[ServiceReport]) -> NodeReport:
         own = [service for service in services if service.node == node]

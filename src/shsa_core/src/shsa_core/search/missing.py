@@ -1,7 +1,8 @@
 """What a property lacks that has no derivation."""
-from typing import Callable, Dict, List, Sequence, Set
+from typing import Callable, Dict, Iterator, List, Sequence, Set, Tuple
 
 Inputs = Callable[[int], Sequence[int]]
+DONE = 2**62  # later than any visit
 
 
 def last_parts(target: int, inputs: Inputs) -> Set[int]:
@@ -11,42 +12,48 @@ def last_parts(target: int, inputs: Inputs) -> Set[int]:
     Linear in what is in reach (R. Tarjan: Depth-first search and linear graph algorithms, SIAM J. Computing 1, 1972).
     """
     last: Set[int] = set()
-    order: Dict[int, int] = {target: 0}  # of the visits
-    earliest: Dict[int, int] = {
-        target: 0
-    }  # the first visited one that is reached and still pending
-    leaves: Set[int] = set()  # pending ones that reach a part which is complete
+    order: Dict[int, int] = {target: 0}  # of the visits; DONE once the part is complete
+    leaving: Set[int] = set()  # those that reach another part
     pending = [target]
-    path = [(target, iter(inputs(target)))]
-    while path:
-        number, left = path[-1]
+    number, left, earliest = target, iter(inputs(target)), 0
+    path: List[
+        Tuple[int, Iterator[int], int]
+    ] = []  # those above, their inputs that are left, and the earliest visit that each reaches
+    while True:
         for input_ in left:
-            if input_ not in order:
-                order[input_] = earliest[input_] = len(order)
-                pending.append(input_)
-                path.append((input_, iter(inputs(input_))))
+            seen = order.get(input_)
+            if seen is None:
+                path.append((number, left, earliest))
+                number, left, earliest = input_, iter(inputs(input_)), len(order)
+                order[number] = earliest
+                pending.append(number)
                 break
-            if input_ in earliest:
-                earliest[number] = min(earliest[number], order[input_])
-            else:
-                leaves.add(number)
+            if seen == DONE:
+                leaving.add(number)
+            elif seen < earliest:
+                earliest = seen
         else:
-            path.pop()
-            complete = earliest[number] == order[number]
+            complete = earliest == order[number]
             if complete:
-                place = len(pending) - 1
-                while pending[place] != number:
-                    place -= 1
-                part = pending[place:]
-                del pending[place:]
-                if leaves.isdisjoint(part):
+                part = _taken(pending, number)
+                if leaving.isdisjoint(part):
                     last.update(part)
-                for member in part:
-                    del earliest[member]
-            if path:
-                user = path[-1][0]
-                if complete:
-                    leaves.add(user)
-                else:
-                    earliest[user] = min(earliest[user], earliest[number])
-    return last
+                order.update(dict.fromkeys(part, DONE))
+            if not path:
+                return last
+            reached = earliest
+            number, left, earliest = path.pop()
+            if complete:
+                leaving.add(number)
+            elif reached < earliest:
+                earliest = reached
+
+
+def _taken(pending: List[int], number: int) -> List[int]:
+    """Takes what is pending from `number` on."""
+    place = len(pending) - 1
+    while pending[place] != number:
+        place -= 1
+    part = pending[place:]
+    del pending[place:]
+    return part
