@@ -1,4 +1,6 @@
-"""The registry of checks is complete: each kind is a word, a constant of the message, and a row of the documentation."""
+"""The registry of checks is complete: each kind is a word, a constant of the message, and a row
+of the documentation.
+"""
 import re
 from pathlib import Path
 from typing import Dict, List, Set

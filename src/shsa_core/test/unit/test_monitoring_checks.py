@@ -1,8 +1,9 @@
-"""Each check of messages: found when it is on, silent when it is off, back to healthy when it is over."""
+"""Each check of messages: found when it is on, silent when it is off, back to healthy when it is
+over.
+"""
 from math import nan
 from typing import Any
 
-import pytest
 from monitor_bench import (
     NODE,
     PERIOD,

@@ -1,7 +1,7 @@
 """The SOM in a file and on the parameter server, read as strictly as the ontology."""
 import dataclasses
 import re
-from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple
+from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple, Type
 
 from shsa_core.errors import ModelError
 from shsa_core.files.document import Value, from_parameters, read_yaml
@@ -13,7 +13,9 @@ from shsa_core.model.som import Som
 
 PARAMETER = "shsa/som"
 FROM_FILE_ALONE = ("topic", "type", "node", "policy")
-"""What decides whom healing may kill or start: never taken from a parameter, which anybody may write."""
+"""What decides whom healing may kill or start: never taken from a parameter, which anybody may
+write.
+"""
 
 _GRAPH_NAME = re.compile(r"(/[A-Za-z0-9_]+)+\Z")
 _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")
@@ -43,7 +45,10 @@ def load_som(path: str) -> Tuple[Som, List[ModelError]]:
 
 
 def read_tree(tree: Value) -> Tuple[Som, List[ModelError]]:
-    """The valid services in a tree, and everything that is wrong with the rest. Raises ModelError."""
+    """The valid services in a tree, and everything that is wrong with the rest.
+
+    Raises ModelError.
+    """
     entry = tree.entry("the SOM", ("services",), ("services",))
     collector = _Collector()
     for name, value in entry["services"].mapping("services").items():
@@ -57,10 +62,12 @@ def read_tree(tree: Value) -> Tuple[Som, List[ModelError]]:
 def merge_parameters(
     current: Som, value: object, where: str = PARAMETER
 ) -> Tuple[Som, List[ModelError]]:
-    """The SOM that a changed tree of parameters asks for, and everything that is wrong with the tree.
+    """The SOM that a changed tree of parameters asks for, and everything that is wrong with the
+    tree.
 
-    Parameters change the numbers of services that the file has. A service that is not valid, or that is not there,
-    stays as it is in `current`; what FROM_FILE_ALONE names, fields and commands must be as there.
+    Parameters change the numbers of services that the file has. A service that is not valid, or
+    that is not there, stays as it is in `current`; what FROM_FILE_ALONE names, fields and commands
+    must be as there.
     """
     errors: List[ModelError] = []
     try:
@@ -80,7 +87,9 @@ def merge_parameters(
 
 
 def som_parameters(som: Som) -> Dict[str, object]:
-    """A SOM as it lies on the parameter server: plain mappings, lists and values, and no command."""
+    """A SOM as it lies on the parameter server: plain mappings, lists and values, and no
+    command.
+    """
     return {"services": {service.name: service_parameters(service) for service in som}}
 
 
@@ -141,7 +150,8 @@ def _provides(value: Value) -> Tuple[Provision, ...]:
         other = next((p for p in provisions if p.field == given["field"]), None)
         if other is not None:
             raise item.error(
-                f"the field {other.field} provides {other.property} already; a field can provide one property"
+                f"the field {other.field} provides {other.property} already; "
+                "a field can provide one property"
             )
         provisions.append(Provision(property=name, where=item.where, **given))
     if not provisions:
@@ -163,7 +173,10 @@ def _check_last_resort(service: Service, entry: Dict[str, Value]) -> None:
 
 
 def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
-    """A service from the parameter server, with the command of its file. Raises ModelError if it goes too far."""
+    """A service from the parameter server, with the command of its file.
+
+    Raises ModelError if it goes too far.
+    """
     for key in FROM_FILE_ALONE:
         if getattr(service, key) != getattr(old, key):
             raise entry.error(
@@ -204,7 +217,8 @@ class _Collector:
         if other is not service:
             raise ModelError(
                 service.where,
-                f"{service.node} on {service.topic} is the service {other.name} already ({other.where}); "
+                f"{service.node} on {service.topic} is the service {other.name} already "
+                f"({other.where}); "
                 "a service is one topic of one node: put all its properties into one `provides`",
             )
         self.services.append(service)
@@ -260,7 +274,7 @@ def _flag(value: Value, key: str) -> bool:
     return value.flag(key)
 
 
-def _one_of(words: "type[Word]") -> Reader:
+def _one_of(words: Type[Word]) -> Reader:
     def read(value: Value, key: str) -> Word:
         text = value.string(key)
         allowed = [str(each) for each in words]
@@ -336,7 +350,8 @@ def _last_resort(value: Value, key: str) -> LastResort:
         return LastResort()
     if not isinstance(value.data, dict):
         raise value.error(
-            f"{key} must be stop, {{values: {{PROPERTY: NUMBER}}}} or {{command: [PROGRAM, ARGUMENT, ...]}}, "
+            f"{key} must be stop, {{values: {{PROPERTY: NUMBER}}}} or "
+            "{command: [PROGRAM, ARGUMENT, ...]}, "
             f"not {value.describe()}"
         )
     entry = value.entry(key, ("values", "command"))

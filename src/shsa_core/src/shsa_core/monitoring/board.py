@@ -100,7 +100,9 @@ class Board:
         return publisher
 
     def notice(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
-        """A publisher is connected: all that is asked of one that publishes when something happens."""
+        """A publisher is connected: all that is asked of one that publishes when something
+        happens.
+        """
         watched = publisher.watched
         if watched is None or not publisher.connected or self.may_be_silent(topic, publisher):
             return
@@ -160,7 +162,9 @@ class Board:
             self.drop(topic, name)
 
     def _miss_no_more(self, topic: WatchedTopic, watched: Optional[WatchedService]) -> None:
-        """Somebody provides a service: drop the publisher without a name, unless it stands for another service."""
+        """Somebody provides a service: drop the publisher without a name, unless it stands for
+        another service.
+        """
         nobody = topic.publishers.get(NOBODY)
         if nobody is not None and (nobody.state is not FAILED or nobody.watched is watched):
             self.drop(topic, NOBODY)

@@ -20,7 +20,9 @@ class PublisherState(Word):
 
 @dataclass(frozen=True)
 class PublisherHealth:
-    """One row of the monitor's table: the state since `since`, and the `kind` of failure if it failed."""
+    """One row of the monitor's table: the state since `since`, and the `kind` of failure if it
+    failed.
+    """
 
     topic: str
     publisher: str
@@ -47,7 +49,9 @@ class SomChanged:
 
 @dataclass(frozen=True)
 class SubstitutionsChanged:
-    """New and changed rows of the table of substitutions, and the nodes whose rows are gone; `whole`: all rows."""
+    """New and changed rows of the table of substitutions, and the nodes whose rows are gone;
+    `whole`: all rows.
+    """
 
     time: float
     rows: Tuple[Substitution, ...]
@@ -75,10 +79,11 @@ class Disconnected:
 
 @dataclass(frozen=True)
 class Message:
-    """A message came. `values` are those of `checked_provisions` of its service; None: they were not decoded.
+    """A message came. `values` are those of `checked_provisions` of its service; None: they were
+    not decoded.
 
-    `error` says why a message could not be decoded. `age`: s since its stamp, None if it has none. `waited`: s that it
-    may have waited at most for the monitor to read it.
+    `error` says why a message could not be decoded. `age`: s since its stamp, None if it has none.
+    `waited`: s that it may have waited at most for the monitor to read it.
     """
 
     time: float
@@ -111,7 +116,9 @@ class Tick:
 
 @dataclass(frozen=True)
 class Ending:
-    """The launch to which the monitor belongs is ending: what stops from now on stops on purpose."""
+    """The launch to which the monitor belongs is ending: what stops from now on stops on
+    purpose.
+    """
 
     time: float
 
