@@ -7,18 +7,28 @@ from typing import List, Tuple
 
 CORE = pathlib.Path(__file__).resolve().parents[2] / "src" / "shsa_core"
 MODULES = [path for path in sorted(CORE.rglob("[!_]*.py")) if "ros" not in path.parts[-3:]]
-MODEL = ("errors", "model")
+LAYERS = (
+    ("__init__", "errors", "dispatch"),
+    ("language",),
+    ("model",),
+    ("files",),
+    ("search",),
+    ("codegen",),
+    ("monitoring", "substitution"),
+    ("healing",),
+    ("journal",),
+    ("analysis",),
+    ("cli",),
+)
+"""The parts of the core from the lowest to the highest; those of one layer do not know each other."""
+CORES = ("monitoring", "substitution", "healing")
 BENEATH = {
-    "errors": (),
-    "model": ("errors",),
-    "search": MODEL,
-    "codegen": (*MODEL, "search"),
-    "analysis": (*MODEL, "search", "codegen"),
-    "health": MODEL,
-    "healing": (*MODEL, "search", "codegen", "health"),
-    "journal": ("language", "files", *MODEL),
-    "cli": (*MODEL, "search", "codegen", "analysis", "healing", "journal"),
+    part: {lower for layer in LAYERS[:number] for lower in layer}
+    - ({"files"} if part in CORES else set())
+    for number, layer in enumerate(LAYERS)
+    for part in layer
 }
+"""What each part may use; the three machines read no files."""
 
 
 def module(path: pathlib.Path) -> Tuple[str, ...]:

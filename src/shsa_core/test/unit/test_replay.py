@@ -10,6 +10,7 @@ from shsa_core.cli._short import in_short
 from shsa_core.cli.main import main
 from shsa_core.journal import machines, reader
 from shsa_core.journal.writer import JournalWriter
+from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 
 EVENTS = [
@@ -172,3 +173,8 @@ def test_short_lines() -> None:
     assert in_short(toy.Log("two\n lines " + 100 * "x")).startswith("Log two lines xxx")
     assert len(in_short(toy.Added(1.0, text=200 * "y"))) < 110
     assert in_short(toy.SomChanged(1.0, Som())) == "SomChanged Som of 0"
+
+
+def test_what_an_object_makes_of_its_fields_is_left_out() -> None:
+    service = Service("a", "/a", "std_msgs/Float64", "/node", None, (Provision("p", "data"),))
+    assert in_short(service) == "Service a /a std_msgs/Float64 /node provides=[(p data)]"

@@ -19,7 +19,7 @@ def _words(value: Any) -> List[str]:
     for each in fields(value):
         content = getattr(value, each.name)
         usual = each.default is not MISSING and content == each.default
-        if each.name != "time" and content is not None and not usual:
+        if each.init and each.name != "time" and content is not None and not usual:
             words.append(_field(each.name, content))
     return [word for word in words if word]
 
