@@ -21,6 +21,7 @@ import rosgraph
 import rospy
 from roslib.packages import find_node
 
+from shsa_core.files.som_file import PARAMETER
 from shsa_core.ros.graph.node_api import node_api
 from shsa_testing.healing import HealedRobot
 from shsa_testing.processes import marked
@@ -173,7 +174,9 @@ def service(
 
 
 def write_som(path: Path, services: Iterable[Mapping[str, object]]) -> Path:
-    """Write a SOM file of services, each with the name of its topic."""
+    """Write a SOM file of services, each with the name of its topic; no older one is left as parameters."""
+    if rospy.has_param(PARAMETER):
+        rospy.delete_param(PARAMETER)
     named = {str(each["topic"]).strip("/"): each for each in services}
     path.write_text(json.dumps({"services": named}, indent=1))  # JSON is YAML as well
     return path

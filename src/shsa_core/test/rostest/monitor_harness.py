@@ -1,4 +1,6 @@
-"""What the monitor's tests share: real publishers that fail on command, and what the monitor says of them."""
+"""What the monitor's tests share: real publishers that fail on command, and what the monitor says
+of them.
+"""
 import itertools
 import os
 import shutil
@@ -26,7 +28,7 @@ MARKER = "/som_version_"
 
 
 def entry(topic: str, node: str, **changes: object) -> Dict[str, object]:
-    """A service of one value, as it stands in a SOM; `changes` are of the service or of the value."""
+    """A service of one value as in a SOM; `changes` are of the service or of the value."""
     value: Dict[str, object] = {"field": "data", "range": [-5.0, 60.0], "checks": {}}
     service: Dict[str, object] = {
         "topic": topic,
@@ -96,7 +98,8 @@ class MonitorCase(unittest.TestCase):
         return {(row.topic, row.publisher): row for row in self._health.rows.values()}
 
     def watch(self, *entries: Dict[str, object]) -> None:
-        """Put a SOM of these services into the file and onto the parameter server, and wait until it counts.
+        """Put a SOM of these services into the file and onto the parameter server, and wait until
+        it counts.
 
         A topic of its own, that nobody publishes, shows in the monitor's table which SOM that is.
         """

@@ -1,5 +1,5 @@
-"""The registry of checks is complete: each kind is a word, a constant of the message, and a row
-of the documentation.
+"""The registry of checks is complete: each kind is a word, a constant of the message, and a row of
+the documentation.
 """
 import re
 from pathlib import Path
@@ -42,7 +42,7 @@ def test_each_check_is_documented_with_what_it_tells_and_its_default(name: str) 
     place, tells, default = rows()[name]
     assert tells == check.tells
     assert place == ("property" if check in _of_values() else "service")
-    words = {None: "off", True: "on"}
+    words: Dict[object, str] = {None: "off", True: "on"}
     expected = words.get(check.default, f"{check.default:g}" if check.default else "")
     if check.default is None and check.usual is not None:
         expected += f"; `true`: {check.usual:g}"

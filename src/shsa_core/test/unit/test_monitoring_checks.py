@@ -2,7 +2,7 @@
 over.
 """
 from math import nan
-from typing import Any
+from typing import Any, Dict, List
 
 from monitor_bench import (
     NODE,
@@ -270,7 +270,8 @@ def test_the_defaults_find_gross_faults_only() -> None:
 
 def test_what_a_topic_must_be_decoded_for() -> None:
     assert checked_provisions(only()) == () and not checks_stamps(only())
-    for limits in ({"stuck": 1.0}, {"jump": 1.0}, {"not_a_number": True}):
+    each: List[Dict[str, Any]] = [{"stuck": 1.0}, {"jump": 1.0}, {"not_a_number": True}]
+    for limits in each:
         assert len(checked_provisions(only(**limits))) == 1
     unlimited = service(provision(range=None, checks=(OutOfRange(True),)))
     assert checked_provisions(unlimited) == ()

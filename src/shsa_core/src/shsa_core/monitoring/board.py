@@ -100,9 +100,7 @@ class Board:
         return publisher
 
     def notice(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
-        """A publisher is connected: all that is asked of one that publishes when something
-        happens.
-        """
+        """A publisher is connected: all that is asked of the node of an event-driven service."""
         watched = publisher.watched
         if watched is None or not publisher.connected or self.may_be_silent(topic, publisher):
             return

@@ -20,9 +20,7 @@ class PublisherState(Word):
 
 @dataclass(frozen=True)
 class PublisherHealth:
-    """One row of the monitor's table: the state since `since`, and the `kind` of failure if it
-    failed.
-    """
+    """One row of the monitor's table: the state since `since`; `kind` of failure, if it failed."""
 
     topic: str
     publisher: str
@@ -116,9 +114,7 @@ class Tick:
 
 @dataclass(frozen=True)
 class Ending:
-    """The launch to which the monitor belongs is ending: what stops from now on stops on
-    purpose.
-    """
+    """The launch of the monitor is ending: what stops from now on stops on purpose."""
 
     time: float
 

@@ -11,9 +11,7 @@ from shsa_core.monitoring.events import Message
 
 RATE_MESSAGES = 20
 RATE_SECONDS = 1.0
-"""A rate is taken over so many messages, and over so many seconds' worth of them: the larger
-counts.
-"""
+"""A rate is taken over so many messages, or over so many seconds' worth if these are more."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +61,8 @@ class _Value:
         self._changed = 0.0
 
     def look(self, value: float, time: float, failed: bool) -> Optional[Finding]:
-        """What is wrong with a new value; a failed publisher may start anew elsewhere, but must
-        be steady there.
+        """What is wrong with a new value; a failed publisher may start anew elsewhere, but must be
+        steady there.
         """
         before = self._value if failed else self._good
         if value != self._value:
@@ -96,8 +94,8 @@ class Evidence:
         self._history = 0
 
     def weigh(self, message: Message, failed: bool) -> Tuple[bool, Optional[Finding]]:
-        """Whether a message is good, and the failure that it completes, if any; `failed`: there
-        was one already.
+        """Whether a message is good, and the failure that it completes, if any; `failed`: there was
+        one already.
         """
         # All of them look, so that each remembers what it saw; the first finding counts.
         finding = next(iter([each for each in self._findings(message, failed) if each]), None)
@@ -116,9 +114,7 @@ class Evidence:
             yield self._look_at_rate(message)
 
     def _look_at_rate(self, message: Message) -> Optional[Finding]:
-        """Judge the mean rate, in doubt for the publisher: a message came between `waited` ago
-        and now.
-        """
+        """Judge the mean rate, in doubt for the publisher: it came within the last `waited` s."""
         times, earliest = self._times, message.time - message.waited
         times.append((earliest, message.time))
         if len(times) < (times.maxlen or 0):

@@ -1,6 +1,4 @@
-"""The monitor's core: judges every publisher of every watched service by its messages and
-connections.
-"""
+"""The monitor's core: judges each publisher of a service by its messages and connections."""
 from math import inf
 from typing import Dict, List, Optional, Set, Tuple
 
@@ -84,8 +82,8 @@ class Monitor:
         }
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
-        """The service that a publisher of `topic` provides, by whose checks it is judged; None
-        if nobody can tell.
+        """The service that a publisher of `topic` provides, by whose checks it is judged; None if
+        nobody can tell.
         """
         found = self._board.topics.get(topic)
         if found is None:
@@ -268,9 +266,7 @@ class Monitor:
         self._board.alarms.set(due, found[1].deadline)
 
     def _take_silence(self, topic: WatchedTopic, publisher: Publisher) -> None:
-        """Mute a publisher that may be silent, grant time that the monitor itself has lost, or
-        blame.
-        """
+        """Mute who may be silent, grant time that the monitor itself has lost, or blame."""
         time, late = self._now.time, self._now.late
         if self._board.may_be_silent(topic, publisher):
             self._board.mute(topic, publisher, time)
@@ -286,9 +282,7 @@ class Monitor:
     def _intrusion(
         self, topic: WatchedTopic, publisher: Publisher, time: float
     ) -> Optional[Finding]:
-        """What is held against a publisher that nobody names, beside one that is named and
-        healthy.
-        """
+        """What is held against a publisher that nobody names beside a healthy one that is."""
         board = self._board
         if not topic.intruder_checks or board.is_named(topic, publisher):
             return None

@@ -8,8 +8,9 @@ from shsa_core.model.service import Deadlines
 class Settings:
     """The monitor's settings.
 
-    `startup_grace`: s until a service that has never been there has failed. `deadline`: periods
-    without a message after which a publisher is silent, but at least `minimum_deadline` s.
+    `startup_grace`: s until a service that has never been there has failed.
+    `deadline`: periods without a message after which a publisher is silent, but at least
+    `minimum_deadline` s.
     """
 
     startup_grace: float = 15.0

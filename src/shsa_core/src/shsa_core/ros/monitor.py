@@ -1,8 +1,9 @@
 """The monitor's ROS shell: brings events to the core, and publishes what it finds.
 
-How a deadline is kept honest when the monitor itself was not scheduled: one thread reads the sockets and feeds the core,
-and it reads everything that has come before it lets time pass. The core hears when that thread wanted to wake and
-when it did, and how long a message may have waited in its socket.
+How a deadline is kept honest when the monitor itself was not scheduled: one thread reads the
+sockets and feeds the core, and it reads everything that has come before it lets time pass. The core
+hears when that thread wanted to wake and when it did, and how long a message may have waited in its
+socket.
 """
 import argparse
 import sys
@@ -22,7 +23,7 @@ from shsa_core.monitoring import events
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
 from shsa_core.ros import diagnostics
-from shsa_core.ros.graph import clock, connections
+from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.connections import Arrived, Closed, Connections, Happening, Lost, Made
 from shsa_core.ros.graph.inbox import Inbox
 from shsa_core.ros.graph.launch import Launch
@@ -44,7 +45,8 @@ class _Report:
 
 
 class MonitorNode:
-    """Hears connections, messages and tables, and says what the core finds. Raises ModelError if the SOM is not valid.
+    """Hears connections, messages and tables, and says what the core finds. Raises ModelError if
+    the SOM is not valid.
 
     Parameters: those of shsa_core.monitoring.settings.
     """
@@ -101,7 +103,7 @@ class MonitorNode:
             self._journal.close()
 
     def _turn(self) -> None:
-        """Wait until there is something to do, read everything that has come, then let time pass."""
+        """Wait for something to do, read everything that has come, then let time pass."""
         wanted = min(self._core.next_deadline, clock.now() + LONGEST_WAIT_S)
         self._inbox.wait(wanted - clock.now())
         woke = clock.now()
@@ -208,7 +210,7 @@ class MonitorNode:
 
 
 def _read(path: str) -> Som:
-    """The valid services of a SOM file; what is wrong with the others is said. Raises ModelError."""
+    """The valid services of a SOM file; errors of the others are logged. Raises ModelError."""
     som, errors = load_som(path)
     for error in errors:
         rospy.logerr("Refused: %s", error)

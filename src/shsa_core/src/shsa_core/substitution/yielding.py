@@ -52,7 +52,7 @@ class Yielding:
 
     def yields(self, now: float) -> bool:
         """Whether a muted substitute publishes nevertheless, to those who are not served."""
-        return bool(self.original) and now < self.until < math.inf
+        return now < self.until < math.inf
 
     def heard(self, event: OriginalServes) -> None:
         """Take an answer; one that is not awaited is out of date."""

@@ -1,8 +1,10 @@
-"""Whether the launch that this node belongs to is ending: then nodes stop on purpose, and nothing is to be healed.
+"""Whether the launch that this node belongs to is ending: then nodes stop on purpose, and nothing
+is to be healed.
 
-roslaunch signals its nodes ten at a time, in no certain order, each in a session of its own: a healthy node may be gone
-up to seconds before we are told to go. It writes to its log that it shuts down before it signals anybody, and that
-log is open in our parent for us to find. Where it cannot be read, our own signal is the first sign.
+roslaunch signals its nodes ten at a time, in no certain order, each in a session of its own: a
+healthy node may be gone up to seconds before we are told to go. It writes to its log that it shuts
+down before it signals anybody, and that log is open in our parent for us to find. Where it cannot
+be read, our own signal is the first sign.
 """
 import os
 import re
@@ -35,7 +37,8 @@ class Launch:
         overlap = self._seen - self._log.tell()
         new = self._log.read()
         self._seen += len(new) - overlap
-        # What was there before we came is of a launch that went on: only what ends in the new part counts.
+        # What was there before we came is of a launch that went on: only what ends in the new part
+        # counts.
         return any(found.end() > overlap for found in SHUTDOWN.finditer(new))
 
 

@@ -16,7 +16,9 @@ from shsa_core.ros.graph.node_api import node_api
 
 POLL_S = 0.4
 SHARE = 0.02
-"""Of the time at most this much goes into looking: on a robot of 1,000 topics one look takes a tenth of a second."""
+"""Of the time at most this much goes into looking: on a robot of 1,000 topics one look takes a
+tenth of a second.
+"""
 
 
 def put_som(som: Som) -> None:
@@ -32,8 +34,9 @@ def get_som_parameter() -> Optional[object]:
 class SomWatch:
     """Calls `changed(som)` from a thread of its own within a second of a change at shsa/som.
 
-    What is not valid is named once and refused: the old entry stays. `reread`, if given, reads the SOM file again, for
-    a parameter that does not fit the file as it was: only the file can add, drop or move a service.
+    What is not valid is named once and refused: the old entry stays. `reread`, if given, reads the
+    SOM file again, for a parameter that does not fit the file as it was: only the file can add,
+    drop or move a service.
     """
 
     def __init__(
@@ -83,7 +86,9 @@ class SomWatch:
             self._look.wait(max(POLL_S, (time.monotonic() - begin) / SHARE))
 
     def _subscribe(self) -> object:
-        """The value; from now on the master tells of changes. A master that was started anew knows of nobody."""
+        """The value; from now on the master tells of changes. A master that was started anew knows
+        of nobody.
+        """
         name, uri = rospy.get_name(), rospy.get_node_uri()
         answer: Any = node_api(rosgraph.get_master_uri()).subscribeParam(name, uri, self._name)
         return answer[2] if answer[0] == 1 else None

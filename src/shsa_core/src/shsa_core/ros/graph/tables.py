@@ -1,6 +1,8 @@
-"""Tables that are sent as changes: a new subscriber gets the whole first, one that missed a change gets it again.
+"""Tables that are sent as changes: a new subscriber gets the whole first, one that missed a change
+gets it again.
 
-The messages have the fields `header`, `sequence`, `whole`, `removed` and one with rows; see shsa_msgs/Health.
+The messages have the fields `header`, `sequence`, `whole`, `removed` and one with rows; see
+shsa_msgs/Health.
 """
 import threading
 import time
@@ -38,7 +40,9 @@ class TablePublisher(rospy.SubscribeListener):
         )
 
     def update(self, changed: Iterable[genpy.Message], removed: Iterable[str] = ()) -> None:
-        """Publish new and changed rows and the keys of those that are gone; nothing, if that is nothing."""
+        """Publish new and changed rows and the keys of those that are gone; nothing, if that is
+        nothing.
+        """
         rows = {self._key(row): row for row in changed}
         with self._lock:
             gone = [key for key in removed if key in self._rows and key not in rows]
@@ -69,10 +73,12 @@ class TablePublisher(rospy.SubscribeListener):
 
 
 class TableSubscriber:
-    """Calls `heard(message)` with a whole table, or with changes that follow what was heard before; never with others.
+    """Calls `heard(message)` with a whole table, or with changes that follow what was heard before;
+    never with others.
 
-    `heard` is called in rospy's threads, by one at a time. A table needs a subscriber of its own: a process may have one
-    for each topic, since rospy shares the connections among all of a process's subscribers.
+    `heard` is called in rospy's threads, by one at a time. A table needs a subscriber of its own: a
+    process may have one for each topic, since rospy shares the connections among all of a process's
+    subscribers.
     """
 
     def __init__(
@@ -131,7 +137,9 @@ class TableSubscriber:
 
 
 class TableCopy:
-    """A copy of a table that is kept up: `rows` by key. `changed`, if given, is called after each change."""
+    """A copy of a table that is kept up: `rows` by key. `changed`, if given, is called after each
+    change.
+    """
 
     def __init__(
         self,

@@ -53,7 +53,7 @@ def health_row_key(row: msg.PublisherHealth) -> str:
 
 
 def substitutions_changed(table: msg.Substitutions) -> SubstitutionsChanged:
-    """The event that a message on shsa/substitutions tells of, as far as it concerns the monitor."""
+    """The event of a message on shsa/substitutions, as far as it concerns the monitor."""
     rows = tuple(_substitution(row) for row in table.substitutions)
     return SubstitutionsChanged(clock.now(), rows, tuple(table.removed), table.whole)
 
