@@ -1,4 +1,6 @@
-"""Whatever the code imports is packaged, in Debian 12 and in Ubuntu 20.04, and every package says what it needs."""
+"""Whatever the code imports is packaged, in Debian 12 and in Ubuntu 20.04, and every package
+says what it needs.
+"""
 import ast
 import csv
 import importlib.util
@@ -58,9 +60,11 @@ def imported(path: Path) -> Set[str]:
 
 
 def foreign(path: Path) -> Set[str]:
-    """What a file imports that is neither Python's own, nor a module beside it or in the folder of a test."""
+    """What a file imports that is neither Python's own nor a module of ours."""
     beside = {other.stem for other in path.parent.glob("*.py")}
-    ours = {*PACKAGES, *beside}
+    # Tests of benchmarks import these from their folder.
+    benchmarks = {other.stem for other in ROOT.glob("src/*/bench/*.py")}
+    ours = {*PACKAGES, *beside, *benchmarks}
     return {name for name in imported(path) if name not in ours and not is_standard(name)}
 
 

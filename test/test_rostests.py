@@ -1,4 +1,6 @@
-"""Runs every rostest of the workspace, each with a master of its own, and looks for what it leaves behind."""
+"""Runs every rostest of the workspace, each with a master of its own, and looks for what it
+leaves behind.
+"""
 import os
 import subprocess
 import uuid

@@ -1,4 +1,6 @@
-"""What can be done about a failed node, each ready to be measured: healing, respawn, and starting it by hand."""
+"""What can be done about a failed node, each ready to be measured: healing, respawn, and
+starting it by hand.
+"""
 import os
 import signal
 import time
@@ -33,7 +35,10 @@ class Contender(Endable, Protocol):
     period: float
 
     def await_well(self) -> None:
-        """Wait until it is ready for the next failure. Raises AssertionError if it does not become so."""
+        """Wait until it is ready for the next failure.
+
+        Raises AssertionError if it does not become so.
+        """
 
     def fail(self) -> Takeover:
         """Fail once. Raises AssertionError if the topic does not come back."""
@@ -48,7 +53,10 @@ def repeat(
     once: Callable[[Subject], None],
     enough: Callable[[], bool],
 ) -> int:
-    """Measure until it is enough; a new subject after each miss, an AssertionError. The number of misses."""
+    """Measure until it is enough; a new subject after each miss, an AssertionError.
+
+    The number of misses.
+    """
     misses = 0
     subject = make()
     while not enough() and misses < MISSES:

@@ -1,8 +1,9 @@
-"""The outage at a consumer when a node fails: hot, warm and cold substitutes, and what ROS has without healing.
+"""The outage at a consumer when a node fails: hot, warm and cold substitutes, and what ROS has
+without healing.
 
-An outage lasts from the last good message before a failure to the first one after it, by the monotonic clock of the
-consumer. Two consumers listen side by side, one in rospy and one in roscpp. Writes failover.csv (every failure with
-every step), failover_goals.csv and failover.png.
+An outage lasts from the last good message before a failure to the first one after it, by the
+monotonic clock of the consumer. Two consumers listen side by side, one in rospy and one in roscpp.
+Writes failover.csv (every failure with every step), failover_goals.csv and failover.png.
 """
 import argparse
 import csv

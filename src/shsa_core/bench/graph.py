@@ -1,4 +1,6 @@
-"""A ROS graph of its own for a measurement: a master on a free port, nodes, and an end to all of them."""
+"""A ROS graph of its own for a measurement: a master on a free port, nodes, and an end to all of
+them.
+"""
 import json
 import os
 import shutil
@@ -36,7 +38,8 @@ PATIENCE = 30.0  # s; with hundreds of nodes up, everything takes longer
 class Graph:
     """`with Graph() as graph:` has a master on a free port; this process is a node of it.
 
-    Whatever was started inside has ended after it, however it ends: every process that inherits the mark.
+    Whatever was started inside has ended after it, however it ends: every process that inherits the
+    mark.
     """
 
     def __init__(self) -> None:
@@ -154,7 +157,8 @@ def service(
     value: Optional[Mapping[str, object]] = None,
     **more: object,
 ) -> Dict[str, object]:
-    """A service on a topic of shsa_msgs/Float64Stamped as in a SOM file; it provides a property of the topic's name.
+    """A service on a topic of shsa_msgs/Float64Stamped as in a SOM file; it provides a property of
+    the topic's name.
 
     `value` is what else is said of its value, and `more` what else is said of it.
     """

@@ -1,10 +1,11 @@
-"""Freedom of interference (Section III-A3): what reconfigurations do to ten topics that have nothing to do with them.
+"""Freedom of interference (Section III-A3): what reconfigurations do to ten topics that have
+nothing to do with them.
 
-Ten roscpp nodes publish at 50 Hz, and one roscpp node hears them all. Jitter is how far the time between two
-messages is from the period. The phases:
-    before, after: healing watches, and nothing happens.
-    takeover: half a second from each failure on.   return: from the failed node's start to the incident's end; the
-    start of a rospy node, which somebody else asked for, is part of it.
+Ten roscpp nodes publish at 50 Hz, and one roscpp node hears them all. Jitter is how far the time
+between two messages is from the period. The phases:
+    before, after: healing watches, and nothing happens. takeover: half a second from each failure
+    on.   return: from the failed node's start to the incident's end; the start of a rospy node,
+    which somebody else asked for, is part of it.
 Writes interference.csv (every interval), interference_goals.csv and interference.png.
 """
 import argparse

@@ -1,7 +1,8 @@
-"""The monitor's price: its share of a CPU, and what it does to the streams that it watches (the probe effect).
+"""The monitor's price: its share of a CPU, and what it does to the streams that it watches (the
+probe effect).
 
-50 topics at 1,000 and at 10,000 messages/s together; a consumer beside the monitor listens to 5 of them. Without the
-monitor; with it, values not checked; with it, values checked: taken in turns.
+50 topics at 1,000 and at 10,000 messages/s together; a consumer beside the monitor listens to 5 of
+them. Without the monitor; with it, values not checked; with it, values checked: taken in turns.
 Writes results/bench/monitor_price.csv.
 """
 import argparse

@@ -1,9 +1,11 @@
-"""What the search costs: by size and shape of the ontology, in memory, ready beforehand, and for the report.
+"""What the search costs: by size and shape of the ontology, in memory, ready beforehand, and for
+the report.
 
     python3 search_cost.py [--largest N] [--results DIR]
 
-Prints the growth exponents and the goals; leaves search_cost.csv, .txt, .png and search_cost_goals.csv. Times are processor time, the
-least of several runs, without garbage collection, as timeit takes them.
+Prints the growth exponents and the goals; leaves search_cost.csv, .txt, .png and
+search_cost_goals.csv. Times are processor time, the least of several runs, without garbage
+collection, as timeit takes them.
 """
 import argparse
 import csv
@@ -81,7 +83,9 @@ def dense(size: int) -> Model:
 
 
 def cycles(size: int) -> Model:
-    """Laws in all three directions between neighbours, so that all depends on all; every fifth is measured."""
+    """Laws in all three directions between neighbours, so that all depends on all; every fifth
+    is measured.
+    """
     draw = random.Random(size)
     functions = []
     for i in range(size // 3):
@@ -92,7 +96,9 @@ def cycles(size: int) -> Model:
 
 
 def knot(size: int) -> Model:
-    """Four relations for each property from random ones: one cycle without any order, the worst case."""
+    """Four relations for each property from random ones: one cycle without any order, the worst
+    case.
+    """
     draw = random.Random(size)
     count = size // 4
     functions = [
@@ -252,7 +258,9 @@ def anytime(size: int, say: Say) -> None:
 
 
 def ready_plans(size: int, say: Say, goals: Goals) -> None:
-    """Chains side by side, short enough for code to be generated; a hundred of their ends are needed."""
+    """Chains side by side, short enough for code to be generated; a hundred of their ends are
+    needed.
+    """
     length = 50
     count = size // length
     functions: List[TransferFunction] = []
@@ -287,7 +295,9 @@ def ready_plans(size: int, say: Say, goals: Goals) -> None:
 
 
 def resilience(say: Say, goals: Goals) -> None:
-    """A robot of 1,000 nodes and 10,000 functions, a fifth of its topics needed; and all of them."""
+    """A robot of 1,000 nodes and 10,000 functions, a fifth of its topics needed; and all of
+    them.
+    """
     functions, _ = cycles(10000)
     ontology = Ontology({}, {}, functions)
     for share in (0.2, 1.0):

@@ -1,15 +1,19 @@
-"""The paper's second experiment (Section V-B2, Fig. 11): a transfer node's times over the number of application nodes.
+"""The paper's second experiment (Section V-B2, Fig. 11): a transfer node's times over the number of
+application nodes.
 
-A transfer node is a substitute, started by rosrun with its three strings. The paper's four times of each, in ms:
-    start: the call that starts it.   up: from that call until a subscriber receives its first message.
-    shut: the call that kills it.     down: from that call until a subscriber misses its first message.
+A transfer node is a substitute, started by rosrun with its three strings. The paper's four times of
+each, in ms:
+    start: the call that starts it.   up: from that call until a subscriber receives its first
+    message. shut: the call that kills it.     down: from that call until a subscriber misses its
+    first message.
 And beside them:
-    registered: from the start until the master knows the node.
-    unregistered: from the kill until its registrations are gone.   gone: from the kill until its process has ended.
-Then takeovers of warm and hot topics: from the last good message before a kill -9 to the first one after it.
+    registered: from the start until the master knows the node. unregistered: from the kill until
+    its registrations are gone.   gone: from the kill until its process has ended.
+Then takeovers of warm and hot topics: from the last good message before a kill -9 to the first one
+after it.
 
-Rows are appended to transfer_nodes.csv and counted: a measurement that was interrupted goes on where it was. Draws
-transfer_nodes.png.
+Rows are appended to transfer_nodes.csv and counted: a measurement that was interrupted goes on
+where it was. Draws transfer_nodes.png.
 """
 import argparse
 import csv
@@ -49,7 +53,10 @@ PARTS = ("transfer", *TAKEOVERS)
 
 
 class Results:
-    """The rows of the CSV file, those of earlier runs included. Raises SystemExit if it holds something else."""
+    """The rows of the CSV file, those of earlier runs included.
+
+    Raises SystemExit if it holds something else.
+    """
 
     def __init__(self, path: Path) -> None:
         self.values: Dict[Tuple[str, int], List[float]] = {}
@@ -134,7 +141,9 @@ class TransferNode:
 
 
 def _kill(node: str, took: List[float]) -> None:
-    """The kill call, and how long it took (s). The node does not answer it: it lasts until the process is gone."""
+    """The kill call, and how long it took (s). The node does not answer it: it lasts until the
+    process is gone.
+    """
     begun = time.monotonic()
     shut_down(node)
     took.append(time.monotonic() - begun)
@@ -143,7 +152,8 @@ def _kill(node: str, took: List[float]) -> None:
 def _has_services(node: str) -> bool:
     """Whether the services of a rospy node, which it unregisters last, are known to the master.
 
-    The node's name will not do: one that has ever logged a warning stays known by a subscribed parameter.
+    The node's name will not do: one that has ever logged a warning stays known by a subscribed
+    parameter.
     """
     try:
         rosgraph.Master(rospy.get_name()).lookupService(node + "/set_logger_level")

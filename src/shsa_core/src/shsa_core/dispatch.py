@@ -6,12 +6,13 @@ Table = Dict[Type[Any], Callable[[Any], Result]]
 
 
 def table(union: Any, handlers: Mapping[Type[Any], Callable[[Any], Result]]) -> "Table[Result]":
-    """The handlers of a union of classes, one for each. Raises TypeError if one is missing or too many."""
+    """The handlers of a union of classes, one for each.
+
+    Raises TypeError if one is missing or too many.
+    """
     wanted = set(get_args(union)) or {union}
     for what, classes in (("no", wanted - set(handlers)), ("a needless", set(handlers) - wanted)):
         if classes:
             names = ", ".join(sorted(each.__name__ for each in classes))
             raise TypeError(f"there is {what} handler of {names}")
     return dict(handlers)
-
-

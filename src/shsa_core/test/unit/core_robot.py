@@ -1,4 +1,6 @@
-"""A reconfigurator between a monitor's table that the test writes and the commands that it gives."""
+"""A reconfigurator between a monitor's table that the test writes and the commands that it
+gives.
+"""
 from typing import Any, Dict, List, Optional, Sequence, Tuple, Type, TypeVar, Union
 
 from shsa_core.healing import events
@@ -39,7 +41,9 @@ SOM = Som([service("a", A, needed=True), service("b", B), service("c", C)])
 
 
 class Robot:
-    """A reconfigurator with a monitor's table that the test writes; its invariants hold after every event."""
+    """A reconfigurator with a monitor's table that the test writes; its invariants hold after
+    every event.
+    """
 
     def __init__(
         self, som: Som = SOM, ontology: Ontology = ONTOLOGY, **settings: Union[int, float]
@@ -75,9 +79,7 @@ class Robot:
         self, topic: str, node: str, time: float, kind: str, detail: str, last_good: float
     ) -> List[events.Command]:
         """The monitor reports a failure."""
-        return self.handle(
-            events.FailureSeen(time, "", topic, node, Kind(kind), detail, last_good)
-        )
+        return self.handle(events.FailureSeen(time, "", topic, node, Kind(kind), detail, last_good))
 
     def fail(
         self, topic: str, node: str, time: float, kind: str = "node_gone"

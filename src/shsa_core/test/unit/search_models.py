@@ -13,7 +13,8 @@ from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.substitutes import Derivation
 
-# 0.81 is 0.9 squared, and 0.45 is 0.9 times 0.5: products that tie only if they are compared exactly.
+# 0.81 is 0.9 squared, and 0.45 is 0.9 times 0.5: products that tie only if they are compared
+# exactly.
 QUALITIES = [1.0, 0.9, 0.81, 0.5, 0.25, 0.45]
 
 
@@ -33,7 +34,9 @@ def service(topic: str, node: str, provides: Iterable[Provision], needed: bool =
 
 
 def som_of(sources: Iterable[Source]) -> Som:
-    """The SOM in which sources of the same topic and node are one service, which is needed if one of them is."""
+    """The SOM in which sources of the same topic and node are one service, which is needed if
+    one of them is.
+    """
     needed: Dict[Tuple[str, str], bool] = {}
     provides: Dict[Tuple[str, str], Dict[str, Provision]] = {}
     for each in sources:
@@ -59,7 +62,9 @@ Rank = Tuple[Fraction, int, int, List[Tuple[str, str]]]
 
 
 def rank(derivation: Derivation) -> Rank:
-    """How good a derivation is, exactly: minus quality, relations, inputs, names; the least is the best."""
+    """How good a derivation is, exactly: minus quality, relations, inputs, names; the least is
+    the best.
+    """
     if derivation.source is not None:
         own = derivation.source
         return -Fraction(str(own.quality)), 0, 1, [(own.path, own.node)]
@@ -98,8 +103,8 @@ def usable(sources: Sequence[Source], excluded: Sequence[str]) -> List[Source]:
 def random_model(seed: int) -> Tuple[Ontology, List[Source], List[str]]:
     """A random ontology, sources, and which nodes and topics are excluded.
 
-    Its laws have one or more directions, some are constant, many lie on cycles. Properties have none, one or more
-    sources, some of them on the same topic or node.
+    Its laws have one or more directions, some are constant, many lie on cycles. Properties have
+    none, one or more sources, some of them on the same topic or node.
     """
     random = Random(seed)
     names = "abcdef"[: random.randint(2, 6)]

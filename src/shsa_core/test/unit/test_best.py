@@ -1,4 +1,6 @@
-"""What the search touches: only what the target can be derived from, and of that only what may be better."""
+"""What the search touches: only what the target can be derived from, and of that only what may
+be better.
+"""
 from typing import Any, List, Sequence
 
 from search_models import law, ontology, source

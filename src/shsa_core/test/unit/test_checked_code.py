@@ -79,7 +79,8 @@ def test_the_number_of_inputs_and_outputs_must_fit(n_inputs: int, n_outputs: int
         (
             "require(i1 > 0)",
             "require(i1)",
-            "line 3: a number stands where a condition is needed; write a comparison such as 'a > 0'",
+            "line 3: a number stands where a condition is needed; "
+            "write a comparison such as 'a > 0'",
         ),
         (
             "return i1*i2",

@@ -175,7 +175,8 @@ def test_find_two_services_of_one_topic(tmp_path: pathlib.Path, capsys: Any) -> 
     common = "topic: /joints, type: p/T, period: 1"
     som.write_text(
         "services:\n"
-        f"  left: {{{common}, node: /l, provides: {{current: {{field: a}}, power: {{field: b}}}}}}\n"
+        f"  left: {{{common}, node: /l,\n"
+        "    provides: {current: {field: a}, power: {field: b}}}\n"
         f"  right: {{{common}, node: /r, provides: {{voltage: {{field: c}}}}}}\n"
         "  speed: {topic: /log, type: p/T, period: 1, node: /log, provides: {speed: {field: d}}}\n"
     )

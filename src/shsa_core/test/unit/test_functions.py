@@ -7,7 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shsa_core.language.functions import FUNCTIONS, STATEFUL, ceil, floor, namespace, power, sign
-from shsa_core.language.memory import MAX_GAP, Memory, derivative, elapsed, integral, lowpass, previous
+from shsa_core.language.memory import (
+    MAX_GAP,
+    Memory,
+    derivative,
+    elapsed,
+    integral,
+    lowpass,
+    previous,
+)
 
 ALL = [elapsed, previous, derivative, integral]
 NAN = math.nan

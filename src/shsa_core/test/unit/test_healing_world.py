@@ -1,4 +1,6 @@
-"""What the reconfigurator makes of the rest of the robot: nodes, launches, models, and several services on a topic."""
+"""What the reconfigurator makes of the rest of the robot: nodes, launches, models, and several
+services on a topic.
+"""
 from dataclasses import replace
 from typing import List
 
@@ -212,7 +214,9 @@ def test_services_are_found_by_name_topic_and_property() -> None:
     assert robot.core.find("a").name == "a"
     with pytest.raises(ModelError) as caught:
         robot.core.find("/nothing")
-    assert "the SOM has no such service or topic; it has spare (/spare), a (/a)" in str(caught.value)
+    assert "the SOM has no such service or topic; it has spare (/spare), a (/a)" in str(
+        caught.value
+    )
 
 
 def test_a_request_for_what_is_being_healed_shows_the_incident() -> None:

@@ -27,7 +27,8 @@ relations:
       in: [laser]
       fct: "min(laser)"
   steer:
-    wheel_angle: {in: [steering_angle, gear, battery], fct: "steering_angle / gear", constraint: "steering_angle < 3"}
+    wheel_angle: {in: [steering_angle, gear, battery], fct: "steering_angle / gear", \
+constraint: "steering_angle < 3"}
     steering_angle: {in: [wheel_angle, gear], fct: "9*wheel_angle"}
   self:
     dmin: {in: [dmin, laser], fct: "dmin"}

@@ -1,10 +1,10 @@
-"""Plans for services: all values by one substitute, nothing of what failed, the next best after a failure."""
+"""Plans for services: all values by one substitute, nothing of what failed, the next best after
+a failure.
+"""
 import dataclasses
 from typing import Collection, Iterable, List
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from search_models import law, ontology, service, som_of, source
 
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute

@@ -1,4 +1,6 @@
-"""The resilience analysis: against trying every set of failed nodes, and in small robots worked out by hand."""
+"""The resilience analysis: against trying every set of failed nodes, and in small robots worked
+out by hand.
+"""
 import dataclasses
 from itertools import combinations
 from math import comb

@@ -1,4 +1,6 @@
-"""The search: against exhaustive enumeration on random ontologies, and its rule for best on small ones."""
+"""The search: against exhaustive enumeration on random ontologies, and its rule for best on
+small ones.
+"""
 from itertools import islice
 from typing import List, Sequence, Tuple
 

@@ -132,7 +132,8 @@ def test_plans_are_made_ahead_and_a_stale_one_is_never_used() -> None:
 def test_a_plan_ahead_whose_input_dies_with_the_same_failure_is_not_used() -> None:
     needed = [service("a", A, needed=True), service("b", B, needed=True), service("c", C)]
     robot = Robot(Som(needed))
-    # The node of the input fails first; its kill is under way, and the table does not tell of it yet.
+    # The node of the input fails first; its kill is under way, and the table does not tell of it
+    # yet.
     robot.fail("/b", B, 9.0, "silent")
     start = only(robot.fail("/a", A, 9.001), events.StartSubstitute)
     assert start.program is not None and start.program.inputs == ("/c/data",)

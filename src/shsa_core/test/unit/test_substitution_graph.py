@@ -1,4 +1,6 @@
-"""Whom a substitute tells of its topics, when it takes them back, and how it yields to the original."""
+"""Whom a substitute tells of its topics, when it takes them back, and how it yields to the
+original.
+"""
 from typing import Any
 
 import pytest

@@ -1,4 +1,6 @@
-"""The parts of a substitute's core: the schedule, the inputs, the program at work, the signals as text."""
+"""The parts of a substitute's core: the schedule, the inputs, the program at work, the signals
+as text.
+"""
 import math
 
 import pytest

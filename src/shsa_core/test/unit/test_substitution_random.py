@@ -1,4 +1,6 @@
-"""Any story of a substitute: what must hold for its consumers, and the core's own invariants after every event."""
+"""Any story of a substitute: what must hold for its consumers, and the core's own invariants
+after every event.
+"""
 from typing import Any, Dict, List, Optional, Set, Tuple
 
 from hypothesis import settings

@@ -1,7 +1,8 @@
 """Measures how well services, relations and whole substitutes tell what is true.
 
-Accuracy is the root mean square error over the span of the true values in the drive (for the state of charge, which
-hardly moves in a drive: over 0 to 1). A quality is 1 minus that, rounded down to two decimals.
+Accuracy is the root mean square error over the span of the true values in the drive (for the state
+of charge, which hardly moves in a drive: over 0 to 1). A quality is 1 minus that, rounded down to
+two decimals.
 """
 import math
 from dataclasses import dataclass
@@ -23,7 +24,9 @@ WARM_UP = 60.0  # s, until the slowest filter has settled
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What was measured of `name`: error and span in the property's unit, and the quality that its file states."""
+    """What was measured of `name`: error and span in the property's unit, and the quality that
+    its file states.
+    """
 
     name: str
     output: str
@@ -58,7 +61,8 @@ def relations(ontology: Ontology, data: Dataset) -> List[Accuracy]:
 
 
 def substitutes(ontology: Ontology, som: Som, data: Dataset) -> List[Accuracy]:
-    """The accuracy of the best substitute of each value of each needed service, fed with measurements.
+    """The accuracy of the best substitute of each value of each needed service, fed with
+    measurements.
 
     As at a failure, nothing else of the failed node is used. Raises NoSubstitute if there is none.
     """
@@ -91,7 +95,9 @@ def _evaluate(
     time: np.ndarray,
     column: Callable[[str], np.ndarray],
 ) -> np.ndarray:
-    """The generated code of a derivation on recorded inputs; not a number where it has no output."""
+    """The generated code of a derivation on recorded inputs; not a number where it has no
+    output.
+    """
     program = generate([(derivation, "/result/x")], ontology.constants)
     compiled = compile_program(program.code, len(program.inputs), 1)
     rows = np.array([column(path) for path in program.inputs]).T

@@ -43,7 +43,8 @@ TOPICS: Mapping[str, Tuple[str, ...]] = {
 class Dataset:
     """Columns of equal length, in SI units.
 
-    `time` in s; `measured` by topic and field as in the SOM; `truth` by property, empty for a real rover.
+    `time` in s; `measured` by topic and field as in the SOM; `truth` by property, empty for a real
+    rover.
     """
 
     time: np.ndarray
@@ -64,7 +65,9 @@ def random_drive(seed: int, legs: int = 60) -> Drive:
 
 
 def simulate(drive: Drive, duration: float, seed: int, soc: float = 0.8) -> Dataset:
-    """What would be recorded in `duration` seconds of `drive` on the simulated rover with `seed`."""
+    """What would be recorded in `duration` seconds of `drive` on the simulated rover with
+    `seed`.
+    """
     rover, odometry, sensor = Rover(seed, soc), Odometry(), CurrentSensor()
     names = [field.name for field in fields(Truth)]
     measured: List[Tuple[float, ...]] = []

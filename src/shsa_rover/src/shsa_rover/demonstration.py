@@ -33,7 +33,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
         print(f"roslaunch ended with exit status {status}", file=sys.stderr)
         return 1
     recording = read_recording(results / "run.bag", results / "incidents.jsonl")
-    # The drive begins after the first message. What ends later is ended by roslaunch, and is no failure.
+    # The drive begins after the first message. What ends later is ended by roslaunch, and is no
+    # failure.
     recording.incidents[:] = [i for i in recording.incidents if float(str(i["detected"])) < END]
     draw(recording, results / "figure.png")
     return _report(recording, results)

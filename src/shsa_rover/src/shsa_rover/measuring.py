@@ -23,7 +23,9 @@ TEST_CHARGES = (0.95, 0.8, 0.7, 0.5, 0.3)
 
 
 def fit_data() -> List[Dataset]:
-    """The scripted drive that the relations are fitted to, four times round at each state of charge."""
+    """The scripted drive that the relations are fitted to, four times round at each state of
+    charge.
+    """
     return [simulate(Drive(), FIT_DURATION, FIT_SEED, charge) for charge in FIT_CHARGES]
 
 
@@ -33,16 +35,20 @@ def test_data(charge: float = 0.8) -> Dataset:
 
 
 def fit_main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Prints the fitted coefficients; returns the exit status (0 done, 2 the bag cannot be used)."""
+    """Prints the fitted coefficients; returns the exit status (0 done, 2 the bag cannot be
+    used).
+    """
     parser = argparse.ArgumentParser(
         prog="fit_current",
-        description="Fits the rover's relations to recorded drives, and compares the paper's f1 with ours.",
+        description="Fits the rover's relations to recorded drives, and compares the paper's f1 "
+        "with ours.",
     )
     parser.add_argument(
         "bags",
         nargs="*",
         metavar="BAG",
-        help="rosbags of the rover's topics, at states of charge from full to flat: f1 is fitted to all of them, "
+        help="rosbags of the rover's topics, at states of charge from full to flat: "
+        "f1 is fitted to all of them, "
         "what else there is to the first; without any, drives are simulated",
     )
     options = parser.parse_args(arguments)
@@ -65,11 +71,14 @@ def fit_main(arguments: Optional[Sequence[str]] = None) -> int:
 
 
 def accuracy_main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Prints the accuracies; returns 1 if a stated quality is not the measured one, 2 for unusable files."""
+    """Prints the accuracies; returns 1 if a stated quality is not the measured one, 2 for
+    unusable files.
+    """
     folder = Path(RosPack().get_path("shsa_rover")) / "ontology"
     parser = argparse.ArgumentParser(
         prog="relation_accuracy",
-        description="Measures services, relations and substitutes on a simulated drive that nothing was fitted to.",
+        description="Measures services, relations and substitutes on a simulated drive that "
+        "nothing was fitted to.",
     )
     parser.add_argument("--ontology", default=str(folder / "rover.yaml"), metavar="FILE")
     parser.add_argument("--som", default=str(folder / "rover_som.yaml"), metavar="FILE")

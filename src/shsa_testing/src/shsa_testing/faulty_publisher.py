@@ -1,4 +1,6 @@
-"""A node that fails on command: `rosrun shsa_testing faulty_publisher`, and a test's handle on one."""
+"""A node that fails on command: `rosrun shsa_testing faulty_publisher`, and a test's handle on
+one.
+"""
 import subprocess
 import sys
 import time
@@ -14,8 +16,9 @@ from shsa_testing.waiting import wait_until
 class FaultyPublisher:
     """Publishes shsa_msgs/Float64Stamped and obeys what it hears on `~fault`.
 
-    Parameters: ~topic, ~period in s, ~value, ~mute. Commands: `value X`, `period S`, `stamp S` (seconds added to the
-    stamp), `ramp X` (added to the value at every message), `mute`, `speak`, `burst N`, `unadvertise`, `advertise`.
+    Parameters: ~topic, ~period in s, ~value, ~mute. Commands: `value X`, `period S`, `stamp S`
+    (seconds added to the stamp), `ramp X` (added to the value at every message), `mute`, `speak`,
+    `burst N`, `unadvertise`, `advertise`.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,6 @@
-"""`shsa import`: a knowledge base of the predecessor library as an ontology and a draft of a SOM."""
+"""`shsa import`: a knowledge base of the predecessor library as an ontology and a draft of a
+SOM.
+"""
 import argparse
 import json
 import os

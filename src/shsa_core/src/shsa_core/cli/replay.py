@@ -16,9 +16,9 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "replay",
         help="make the decisions of a journal again",
-        description="Runs the events of a journal through the same machine again and prints each decision: when, "
-        "about what, which commands, how long it took. Exit status 1 if a decision is another one than was recorded, "
-        "raises an error or leaves an invariant broken.",
+        description="Runs the events of a journal through the same machine again and prints each "
+        "decision: when, about what, which commands, how long it took. Exit status 1 if a decision "
+        "is another one than was recorded, raises an error or leaves an invariant broken.",
     )
     parser.add_argument("journal", metavar="JOURNAL", help="the file that a node's --journal names")
     parser.add_argument("--json", action="store_true", help="print one JSON document")
@@ -94,7 +94,8 @@ class _Summary:
         """The summary for people."""
         yield f"{len(self.seconds)} events, {self.decisions} decisions"
         if self.slowest is not None and self.start is not None:
-            when = f"{type(self.slowest.event).__name__} at {self.slowest.event.time - self.start:.3f} s"
+            event = self.slowest.event
+            when = f"{type(event).__name__} at {event.time - self.start:.3f} s"
             yield f"median {_us(median(self.seconds))}, slowest {_us(self.slowest.seconds)}: {when}"
         if self.unknown:
             yield "the answer to the last event is not in the journal"
@@ -110,7 +111,10 @@ class _Summary:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Prints the decisions. Returns 0, or 1 if one differs, raises an error or leaves an invariant broken."""
+    """Prints the decisions.
+
+    Returns 0, or 1 if one differs, raises an error or leaves an invariant broken.
+    """
     journal = Journal(args.journal)
     summary = _Summary()
     if not args.json:

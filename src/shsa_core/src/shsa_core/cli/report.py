@@ -30,8 +30,8 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "report",
         help="say how resilient a robot is",
-        description="Says what replaces each needed service, what the loss of each node costs, which "
-        "nodes must not fail, alone or together, and what would help most.",
+        description="Says what replaces each needed service, what the loss of each node costs, "
+        "which nodes must not fail, alone or together, and what would help most.",
     )
     add_options(parser)
     parser.add_argument(
@@ -69,9 +69,9 @@ def run(args: argparse.Namespace) -> int:
 def summary(report: Report) -> List[str]:
     """The report in a few sentences."""
     lost = [each for each in report.services if each.quality is None]
+    count = len(report.services)
     lines = [
-        f"{len(report.services) - len(lost)} of {len(report.services)} needed services can be replaced "
-        "when their node fails.",
+        f"{count - len(lost)} of {count} needed services can be replaced when their node fails.",
         f"Failures of one node survived: {_share(report.survival.single)}; of two nodes at once: "
         f"{_share(report.survival.double)}.",
     ]

@@ -20,7 +20,8 @@ _TAKEN = re.compile(r"_.*|[it][0-9]+|[xy]")
 class CheckedRelation:
     """One `def` and its call: `result = expression(arguments)` where the constraint holds.
 
-    `steps` are names and what each stands for, in order: an expression over arguments and the names before it.
+    `steps` are names and what each stands for, in order: an expression over arguments and the names
+    before it.
     """
 
     result: str
@@ -38,7 +39,9 @@ class CheckedRelation:
 
 @dataclass(frozen=True)
 class CheckedCode:
-    """What a substitute's code says: the relations in order, and the variables that are its outputs."""
+    """What a substitute's code says: the relations in order, and the variables that are its
+    outputs.
+    """
 
     n_inputs: int
     relations: Tuple[CheckedRelation, ...]
@@ -46,7 +49,8 @@ class CheckedCode:
 
 
 def check_code(code: str, n_inputs: int, n_outputs: int) -> CheckedCode:
-    """What the code says, once it is shown to have the shape of the paper's listing and the generator's code.
+    """What the code says, once it is shown to have the shape of the paper's listing and the
+    generator's code.
 
     Raises CodeError if it has not.
     """

@@ -83,7 +83,9 @@ def inputs_of(derivations: Sequence[Derivation]) -> Tuple[Source, ...]:
 
 
 def _place(source: Source) -> Tuple[str, str]:
-    """What two sources have in common if they are one input: nodes that share a topic give different values."""
+    """What two sources have in common if they are one input: nodes that share a topic give
+    different values.
+    """
     return source.path, source.node
 
 
@@ -108,7 +110,8 @@ def _definition(
 ) -> List[str]:
     if function.law is None:
         raise GenerationError(
-            f"the relation {function.relation} for {function.output} cannot be executed: {function.text}"
+            f"the relation {function.relation} for {function.output} cannot be executed: "
+            f"{function.text}"
         )
     parameters = {prop: f"i{i}" for i, prop in enumerate(function.inputs, 1)}
     lines = [

@@ -15,7 +15,8 @@ from shsa_core.search.ranking import Ranking
 from shsa_core.search.substitutes import SMALLEST_QUALITY
 
 METHODS = ("best", "depth_first", "orr")  # orr: the paper's word for depth_first
-# How many derivations are passed over because no code can be generated for them, as for a very large one.
+# How many derivations are passed over because no code can be generated for them, as for a very
+# large one.
 REFUSED_AT_MOST = 100
 
 
@@ -23,9 +24,10 @@ REFUSED_AT_MOST = 100
 class Plan:
     """How a service is taken over: the substitute's program, and where it comes from.
 
-    Plans are equal if they do the same: the same program for the same service from the same inputs. `inputs` and
-    `outputs` are the sources that the program reads and gives again, in its order. `quality`, in (0, 1], is the
-    product over all outputs; `derivations` follow them. `proven_best`: no plan that was asked for is better.
+    Plans are equal if they do the same: the same program for the same service from the same inputs.
+    `inputs` and `outputs` are the sources that the program reads and gives again, in its order.
+    `quality`, in (0, 1], is the product over all outputs; `derivations` follow them. `proven_best`:
+    no plan that was asked for is better.
     """
 
     service: str
@@ -40,7 +42,9 @@ class Plan:
 
 @dataclass(frozen=True)
 class SafeValues:
-    """How a service is taken over when nothing can be computed: a program that gives fixed values for `outputs`."""
+    """How a service is taken over when nothing can be computed: a program that gives fixed
+    values for `outputs`.
+    """
 
     service: str
     program: Program
@@ -57,9 +61,9 @@ def plan_service(
 ) -> Plan:
     """The best plan for a lost service, other than those `tried`, from the sources in the table.
 
-    Neither the service itself is used nor the services, topics and nodes `excluded`. `method`: `best`; or
-    `depth_first`, the first found. Raises NoSubstitute with what is missing, GenerationError if only relations that
-    cannot be executed would do.
+    Neither the service itself is used nor the services, topics and nodes `excluded`. `method`:
+    `best`; or `depth_first`, the first found. Raises NoSubstitute with what is missing,
+    GenerationError if only relations that cannot be executed would do.
     """
     return plan_sources(
         ontology,
@@ -136,7 +140,9 @@ def _program(
 def _derivations(
     network: Network, table: SourceTable, properties: Sequence[str], method: str
 ) -> Iterator[Tuple[Rated, bool]]:
-    """Joint derivations of the properties: the one by `method`, then all, best first; and if it is proven best."""
+    """Joint derivations of the properties: the one by `method`, then all, best first; and if it
+    is proven best.
+    """
     numbers = [network.number(name) for name in properties]
 
     def executable(function: int) -> bool:

@@ -16,9 +16,10 @@ Step = Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]
 class CompiledProgram:
     """A substitute that can be evaluated.
 
-    `step(x, now)` takes the inputs (floats, in order) and the time `now` (s, one clock). It returns the outputs,
-    all finite, or None: an input is not finite, a constraint is false, a result is not defined (a division by zero,
-    the root of a negative number, an overflow), or a stateful function needs more samples.
+    `step(x, now)` takes the inputs (floats, in order) and the time `now` (s, one clock). It returns
+    the outputs, all finite, or None: an input is not finite, a constraint is false, a result is not
+    defined (a division by zero, the root of a negative number, an overflow), or a stateful function
+    needs more samples.
     """
 
     step: Step
@@ -27,7 +28,8 @@ class CompiledProgram:
 def compile_program(
     code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP
 ) -> CompiledProgram:
-    """Checks the code and compiles it. Stateful functions start anew after a gap of more than `max_gap` (s).
+    """Checks the code and compiles it. Stateful functions start anew after a gap of more than
+    `max_gap` (s).
 
     Raises CodeError for everything that has not the shape of the generator's code.
     """
@@ -37,8 +39,9 @@ def compile_program(
 class _Compiler:
     """Turns checked code into one Python function.
 
-    A variable that is not finite has no value: a relation is evaluated where its inputs have values and its constraint
-    holds. Stateful functions are taken out of the expressions and evaluated before, so that each sees every sample.
+    A variable that is not finite has no value: a relation is evaluated where its inputs have values
+    and its constraint holds. Stateful functions are taken out of the expressions and evaluated
+    before, so that each sees every sample.
     """
 
     def __init__(self, max_gap: float) -> None:
@@ -150,8 +153,8 @@ class _Fill(ast.NodeTransformer):
 class _Inline(ast.NodeTransformer):
     """Rewrites the expressions of one relation over the program's variables.
 
-    `calls`: variables, and the stateful calls that give their values; `ready`: the variables that must have values
-    before the relation has one.
+    `calls`: variables, and the stateful calls that give their values; `ready`: the variables that
+    must have values before the relation has one.
     """
 
     def __init__(self, arguments: Mapping[str, str], compiler: _Compiler) -> None:

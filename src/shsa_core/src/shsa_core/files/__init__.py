@@ -1,1 +1,3 @@
-"""Ontology, SOM and settings as they stand in files and parameters: read strictly, written again."""
+"""Ontology, SOM and settings as they stand in files and parameters: read strictly, written
+again.
+"""

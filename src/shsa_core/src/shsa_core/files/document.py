@@ -28,7 +28,10 @@ _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 @dataclass(frozen=True)
 class Value:
-    """One value: nothing, a flag, a number, a text, a list or a mapping. `text` is how a plain value was written."""
+    """One value: nothing, a flag, a number, a text, a list or a mapping.
+
+    `text` is how a plain value was written.
+    """
 
     where: str
     data: Union[None, bool, float, str, List["Value"], Dict[str, "Value"]]
@@ -45,7 +48,9 @@ class Value:
         return self.data
 
     def entry(self, what: str, allowed: Iterable[str], required: Iterable[str] = ()) -> "Entry":
-        """The mapping that this value must be, with no keys but the allowed ones and all of the required ones."""
+        """The mapping that this value must be, with no keys but the allowed ones and all of the
+        required ones.
+        """
         values = self.mapping(what)
         allowed = list(allowed)
         for key, value in values.items():
@@ -102,7 +107,8 @@ Entry = Dict[str, Value]
 
 
 def read_yaml(path: str) -> Value:
-    """The one document of a YAML file. Tags, anchors and aliases are refused; nothing in the file is run.
+    """The one document of a YAML file. Tags, anchors and aliases are refused; nothing in the file
+    is run.
 
     Raises ModelError, with file and line, if the file cannot be read.
     """

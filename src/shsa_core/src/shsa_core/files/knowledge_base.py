@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 from typing import Dict, List, Optional, Set, Tuple
 
-from shsa_core.errors import ExpressionError, ModelError
+from shsa_core.errors import ExpressionError
 from shsa_core.files.document import Entry, Value, read_yaml
 from shsa_core.language.expression import (
     Condition,
@@ -19,7 +19,8 @@ from shsa_core.model.relation import TransferFunction
 class Provision:
     """A service as far as the knowledge base knows it: its path, and the rest if it is given.
 
-    The path is topic and field in one: where the field begins is not said. `period` in s, `quality` in (0, 1].
+    The path is topic and field in one: where the field begins is not said. `period` in s, `quality`
+    in (0, 1].
     """
 
     property: str
@@ -31,7 +32,9 @@ class Provision:
 
 @dataclass(frozen=True)
 class KnowledgeBase:
-    """What such a file holds: the ontology, the services it names, and notes on what could not be taken over."""
+    """What such a file holds: the ontology, the services it names, and notes on what could not
+    be taken over.
+    """
 
     ontology: Ontology
     provisions: Tuple[Provision, ...]
@@ -102,7 +105,9 @@ class _Reader:
                 self._add_function(relation, output, inputs, text, condition, entry)
 
     def _read_graph(self) -> None:
-        """Reads the form without functions: every node with its successors, and which nodes are relations."""
+        """Reads the form without functions: every node with its successors, and which nodes are
+        relations.
+        """
         types = self._table("type")
         relations = {name for name, value in types.items() if value.data == 1.0}
         inputs: Dict[str, List[str]] = {}
@@ -210,7 +215,9 @@ class _Reader:
 def _executable(
     text: str, condition: str, inputs: Set[str]
 ) -> Tuple[Optional[Expression], Optional[Condition], str]:
-    """The function and its constraint, or the reason why they are not expressions of the language."""
+    """The function and its constraint, or the reason why they are not expressions of the
+    language.
+    """
     try:
         expression = parse_expression(text)
         constraint = parse_constraint(condition) if condition else None

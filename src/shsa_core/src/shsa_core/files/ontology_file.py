@@ -16,7 +16,10 @@ _Parsed = TypeVar("_Parsed")
 
 
 def read_ontology(path: str) -> Ontology:
-    """The ontology in a file. Raises ModelError with file and line at the first thing that is wrong."""
+    """The ontology in a file.
+
+    Raises ModelError with file and line at the first thing that is wrong.
+    """
     ontology, errors = load_ontology(path)
     if errors:
         raise errors[0]
@@ -24,7 +27,8 @@ def read_ontology(path: str) -> Ontology:
 
 
 def load_ontology(path: str) -> Tuple[Ontology, List[ModelError]]:
-    """The valid part of the ontology in a file, and everything that is wrong with the rest, in order.
+    """The valid part of the ontology in a file, and everything that is wrong with the rest, in
+    order.
 
     Raises ModelError if the file as a whole cannot be read.
     """

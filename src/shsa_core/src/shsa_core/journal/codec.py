@@ -1,4 +1,6 @@
-"""Values as JSON and back without loss, as their types say; nothing else is read, and nothing is run."""
+"""Values as JSON and back without loss, as their types say; nothing else is read, and nothing is
+run.
+"""
 import collections.abc
 import dataclasses
 import enum
@@ -36,9 +38,11 @@ from shsa_core.journal.coders import (
 
 
 class Codec:
-    """The JSON form of one type: a dataclass or a union of them, made of dataclasses, enums, tuples and plain values.
+    """The JSON form of one type: a dataclass or a union of them, made of dataclasses, enums, tuples
+    and plain values.
 
-    Raises TypeError for a type that has no such form. `forms` are those of classes that are no dataclasses.
+    Raises TypeError for a type that has no such form. `forms` are those of classes that are no
+    dataclasses.
     """
 
     def __init__(self, hint: Any, forms: Optional[Mapping[type, Form]] = None) -> None:
@@ -50,7 +54,8 @@ class Codec:
         return self._coder.encode(value)
 
     def decode(self, data: Any, where: str, what: str) -> Any:
-        """The value that `encode` made `data` of; `what` is its name in errors, `where` the file and line.
+        """The value that `encode` made `data` of; `what` is its name in errors, `where` the file
+        and line.
 
         Raises ModelError if it could not have.
         """

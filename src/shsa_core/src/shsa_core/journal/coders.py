@@ -17,13 +17,17 @@ from typing import (
 from shsa_core.errors import ShsaError
 
 CLASS = "class"
-"""The key that tells which class an object is of, where several are possible; no field can have this name."""
+"""The key that tells which class an object is of, where several are possible; no field can have
+this name.
+"""
 _NULL, _FLAG, _NUMBER, _TEXT, _LIST, _OBJECT = "null", "flag", "number", "text", "list", "object"
 _ENDLESS = {"inf": inf, "-inf": -inf, "nan": nan}
 
 
 class Form(NamedTuple):
-    """How a class that is no dataclass is written: as what type, how it is taken apart, and how it is made again."""
+    """How a class that is no dataclass is written: as what type, how it is taken apart, and how
+    it is made again.
+    """
 
     hint: Any
     take: Callable[[Any], Any]

@@ -1,9 +1,9 @@
 """The lines of a journal; each is one JSON object, known by its first key.
 
-    {"journal": 1, "machine": NAME, "begun": DATE, "setup": {...}}    the first line
-    {"class": "FailureSeen", "time": 12.5, ...}                       an event
-    {"answer": ["AskToLeave", "Log"], "sha1": "..."}                  what the machine said to it, if anything
-    {"end": WHY}                                                      the last line, if the recording was ended
+    {"journal": 1, "machine": NAME, "begun": DATE, "setup": {...}}    the first line {"class":
+    "FailureSeen", "time": 12.5, ...}                       an event {"answer": ["AskToLeave",
+    "Log"], "sha1": "..."}                  what the machine said to it, if anything {"end": WHY}
+    the last line, if the recording was ended
 """
 import hashlib
 import json
@@ -20,7 +20,9 @@ _write = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
 
 
 class Answer(NamedTuple):
-    """What a machine said to an event: the classes of the commands, and the SHA-1 of all that they hold."""
+    """What a machine said to an event: the classes of the commands, and the SHA-1 of all that
+    they hold.
+    """
 
     names: Tuple[str, ...]
     digest: str

@@ -19,7 +19,9 @@ MACHINES = {
     "healing": "Reconfigurator",
     "substitution": "Substitute",
 }
-"""The part of the core that a machine is, and its class there: PART.machine has it, PART.events its unions."""
+"""The part of the core that a machine is, and its class there: PART.machine has it, PART.events
+its unions.
+"""
 
 
 class Machine(Protocol):
@@ -46,10 +48,11 @@ FORMS: Mapping[type, Form] = {
 
 
 class MachineKind:
-    """A sort of machine: how it is made from its setup, what it hears and says, and how all that is written.
+    """A sort of machine: how it is made from its setup, what it hears and says, and how all that is
+    written.
 
-    `make` is its class; the names and types of its arguments are those of its setup. `events` and `commands` are
-    unions. Raises TypeError if one of these types cannot be written.
+    `make` is its class; the names and types of its arguments are those of its setup. `events` and
+    `commands` are unions. Raises TypeError if one of these types cannot be written.
     """
 
     def __init__(self, name: str, make: Callable[..., Machine], events: Any, commands: Any) -> None:
@@ -63,7 +66,10 @@ class MachineKind:
         self._required = [n for n, each in arguments.items() if each.default is inspect._empty]
 
     def encode_setup(self, setup: Mapping[str, Any]) -> Dict[str, Any]:
-        """The arguments of a machine as JSON values. Raises TypeError if it has no such argument."""
+        """The arguments of a machine as JSON values.
+
+        Raises TypeError if it has no such argument.
+        """
         unknown = set(setup) - set(self._setup)
         if unknown:
             raise TypeError(f"{self.name} takes no {', '.join(sorted(unknown))}")
@@ -87,7 +93,10 @@ class MachineKind:
 
 @lru_cache(maxsize=None)
 def machine_kind(name: str) -> MachineKind:
-    """The machine of this name in MACHINES; only its own part of the core is imported. Raises KeyError."""
+    """The machine of this name in MACHINES; only its own part of the core is imported.
+
+    Raises KeyError.
+    """
     class_name = MACHINES[name]
     machine = import_module(f"shsa_core.{name}.machine")
     events = import_module(f"shsa_core.{name}.events")

@@ -22,7 +22,9 @@ CUT = "the recording stops without an end, as when the process is killed"
 
 
 class Entry(NamedTuple):
-    """An event, where it stands, and what the machine answered; None: the recording ends before that."""
+    """An event, where it stands, and what the machine answered; None: the recording ends before
+    that.
+    """
 
     where: str
     event: Any
@@ -78,7 +80,10 @@ class Journal:
             yield waiting if known else waiting._replace(answer=None)
 
     def _lines(self) -> Iterator[Tuple[str, Dict[str, Any]]]:
-        """Each whole line, with its place. The last one is not whole if the process was killed while it wrote."""
+        """Each whole line, with its place.
+
+        The last one is not whole if the process was killed while it wrote.
+        """
         try:
             with open(self.path, "rb") as file:
                 for number in range(1, 1 << 62):

@@ -12,8 +12,8 @@ from shsa_core.journal.reader import Journal
 class Step:
     """One event and what the machine says to it now.
 
-    `seconds`: how long that took. `then`: what it answered when it was recorded, None: unknown. `error`: what it raised.
-    `broken`: the invariant that does not hold after the event.
+    `seconds`: how long that took. `then`: what it answered when it was recorded, None: unknown.
+    `error`: what it raised. `broken`: the invariant that does not hold after the event.
     """
 
     where: str
@@ -32,7 +32,10 @@ class Step:
 
 
 def replay(journal: Journal) -> Iterator[Step]:
-    """The decisions of a journal, made again by a new machine. Raises ModelError if the journal is not valid."""
+    """The decisions of a journal, made again by a new machine.
+
+    Raises ModelError if the journal is not valid.
+    """
     try:
         machine = journal.kind.make(**journal.setup)
     except Exception as raised:  # whatever it is, it comes from this setup

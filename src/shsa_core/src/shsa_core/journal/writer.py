@@ -22,9 +22,10 @@ CLOSE_TIMEOUT_S = 2.0
 class JournalWriter:
     """Records the events of one machine and its answers in a new file that only its owner can read.
 
-    An older journal of the same path is kept as `path.1`. Recording takes a microsecond; a thread writes, so that a slow
-    disk holds nobody up. What cannot go on, because the disk is full, the file is gone or the limit is reached, ends
-    the recording with one warning: there are no gaps, so that what was recorded can always be replayed from its start.
+    An older journal of the same path is kept as `path.1`. Recording takes a microsecond; a thread
+    writes, so that a slow disk holds nobody up. What cannot go on, because the disk is full, the
+    file is gone or the limit is reached, ends the recording with one warning: there are no gaps, so
+    that what was recorded can always be replayed from its start.
 
     Args:
         path: the file.

@@ -1,6 +1,7 @@
 """The functions that expressions may use: a fixed list, and nothing else.
 
-Whoever adds one adds a row here, with what it does to units and to ranges, and a row in docs/ontology.md.
+Whoever adds one adds a row here, with what it does to units and to ranges, and a row in
+docs/ontology.md.
 """
 import math
 from dataclasses import dataclass, replace
@@ -15,7 +16,9 @@ CONSTANTS: Mapping[str, float] = {"pi": math.pi}
 ELAPSED = "dt"
 
 Common = Callable[[Sequence[Quantity], str], Quantity]
-"""The quantity that all of some parts must have; the text says what is wrong if two have not the same."""
+"""The quantity that all of some parts must have; the text says what is wrong if two have not the
+same.
+"""
 
 UnitRule = Callable[[str, Sequence[Quantity], Common], Quantity]
 """The quantity of a call, from the function's name and the quantities of its arguments."""
@@ -39,7 +42,8 @@ class Domain(NamedTuple):
 
 @dataclass(frozen=True)
 class Function:
-    """A function without memory: `call` takes `least` to `most` floats (None: any number) and returns a float.
+    """A function without memory: `call` takes `least` to `most` floats (None: any number) and
+    returns a float.
 
     `domain`: where it has a value, if not everywhere.
     """

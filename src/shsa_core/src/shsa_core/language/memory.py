@@ -8,9 +8,10 @@ NO_VALUE = math.nan
 Memory = Callable[..., float]
 """A stateful function at one place of a program: called with its arguments and the time `now` (s).
 
-It returns a float, or NaN for "no value". A sample that is not finite is no sample. A sample at the time of the one
-before is the same sample: the result is the same and nothing changes. After a gap of more than `max_gap` (s), or when
-time runs backwards, the function starts anew. Each is one flat function: a call inside would double its cost.
+It returns a float, or NaN for "no value". A sample that is not finite is no sample. A sample at the
+time of the one before is the same sample: the result is the same and nothing changes. After a gap
+of more than `max_gap` (s), or when time runs backwards, the function starts anew. Each is one flat
+function: a call inside would double its cost.
 """
 
 
@@ -68,10 +69,11 @@ def derivative(max_gap: float = MAX_GAP) -> Memory:
 
 
 def integral(max_gap: float = MAX_GAP) -> Memory:
-    """`integral(x)`: the area under the samples (trapezoidal rule) since the start, in seconds times x.
+    """`integral(x)`: the area under the samples (trapezoidal rule) since the start, in seconds
+    times x.
 
-    It starts at 0. What happened during a gap is not known and is not added. A sum that has overflowed starts anew
-    with it.
+    It starts at 0. What happened during a gap is not known and is not added. A sum that has
+    overflowed starts anew with it.
     """
     last = before = NO_VALUE
     result = 0.0
@@ -94,10 +96,11 @@ def integral(max_gap: float = MAX_GAP) -> Memory:
 
 
 def lowpass(max_gap: float = MAX_GAP) -> Memory:
-    """`lowpass(x, tau)`: x behind a filter of first order with the time constant `tau` (s, positive).
+    """`lowpass(x, tau)`: x behind a filter of first order with the time constant `tau` (s,
+    positive).
 
-    It starts at the first sample. Between two samples x is taken to hold the later one, which the filter follows
-    exactly, whatever the time between them.
+    It starts at the first sample. Between two samples x is taken to hold the later one, which the
+    filter follows exactly, whatever the time between them.
     """
     last = result = NO_VALUE
 

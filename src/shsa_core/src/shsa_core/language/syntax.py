@@ -45,7 +45,8 @@ def name_nodes(tree: ast.AST) -> List[ast.Name]:
 
 
 def check_tree(tree: ast.expr, condition: bool) -> Tuple[str, ...]:
-    """The names that the tree uses, in order of first use, once it is shown to be within the language.
+    """The names that the tree uses, in order of first use, once it is shown to be within the
+    language.
 
     Raises ExpressionError if it is not.
     """
@@ -74,8 +75,8 @@ def literal(node: ast.expr) -> Optional[float]:
 def checked_text(text: str, condition: bool) -> Tuple[str, Tuple[str, ...]]:
     """The text of an expression, with single spaces, and the names it uses, in order of first use.
 
-    It is a number made of numbers, names and the fixed functions; or, with `condition`, a condition made of those.
-    Raises ExpressionError if it is anything else.
+    It is a number made of numbers, names and the fixed functions; or, with `condition`, a condition
+    made of those. Raises ExpressionError if it is anything else.
     """
     text = " ".join(text.split())
     if not text:
@@ -99,7 +100,8 @@ def syntax_tree(text: str) -> ast.expr:
         return ast.parse(text, mode="eval").body
     except SyntaxError as error:
         raise ExpressionError(
-            f"not an expression: it cannot be read from position {error.offset or 1} of '{_short(text)}'"
+            f"not an expression: it cannot be read from position {error.offset or 1} of "
+            f"'{_short(text)}'"
         ) from error
     except (MemoryError, RecursionError, ValueError, OverflowError) as error:
         raise ExpressionError(f"nested too deeply: '{_short(text)}'") from error
@@ -112,7 +114,8 @@ def _short(text: str) -> str:
 class _Checker:
     """Walks a tree and refuses everything that is not in the language.
 
-    `always` is false within a part that is not evaluated every time: a stateful function would miss samples there.
+    `always` is false within a part that is not evaluated every time: a stateful function would miss
+    samples there.
     """
 
     def __init__(self) -> None:

@@ -9,7 +9,9 @@ from shsa_core.language.units import NO_UNIT, SECOND, Number, Quantity, Unit
 from shsa_core.language.units import match, raised, times
 
 Mismatch = Tuple[str, bool]
-"""What cannot match, in words. The flag: no number could make it match; else a number may carry a unit."""
+"""What cannot match, in words. The flag: no number could make it match; else a number may carry
+a unit.
+"""
 
 
 def find_mismatches(

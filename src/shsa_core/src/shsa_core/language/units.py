@@ -4,7 +4,7 @@ import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Dict, Mapping, Optional, Tuple
 
 from shsa_core.errors import UnitError
 
@@ -21,7 +21,8 @@ _SPELLINGS = (("°C", "degC"), ("°", "degree"), ("%", "percent"), ("^", "**"))
 class Unit:
     """Powers of base units, and how many of them one unit is.
 
-    `scale` is None where it is not known. `sure` is false where a plain factor such as 2 was taken to have no unit.
+    `scale` is None where it is not known. `sure` is false where a plain factor such as 2 was taken
+    to have no unit.
     """
 
     powers: Tuple[Tuple[str, Fraction], ...] = ()
@@ -40,7 +41,9 @@ class Unit:
 
 @dataclass(frozen=True)
 class Number:
-    """A number as it is written: in a sum it takes any unit; a plain one such as 2 is a factor without a unit."""
+    """A number as it is written: in a sum it takes any unit; a plain one such as 2 is a factor
+    without a unit.
+    """
 
     plain: bool
 
@@ -51,7 +54,8 @@ NO_UNIT = Unit()
 
 
 def parse_unit(text: str) -> Optional[Unit]:
-    """The unit that `text` names: `A`, `m/s^2`, `1` for none; None if the text is empty (not known).
+    """The unit that `text` names: `A`, `m/s^2`, `1` for none; None if the text is empty (not
+    known).
 
     Raises UnitError if there is no such unit.
     """

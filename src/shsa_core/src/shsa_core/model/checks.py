@@ -1,7 +1,7 @@
 """The checks that a service's messages must pass: one class a kind of failure.
 
-A new kind is one more class here, a constant in shsa_msgs/Failure, a word in `kinds`, and a row in docs/som.md; a test
-holds the four together.
+A new kind is one more class here, a constant in shsa_msgs/Failure, a word in `kinds`, and a row in
+docs/som.md; a test holds the four together.
 """
 from dataclasses import dataclass
 from math import isfinite
@@ -14,7 +14,9 @@ Limit = Union[bool, float]
 
 @dataclass(frozen=True)
 class ValueSample:
-    """One value of a message: of which property, in its unit; `still`: s since it changed; `last_good`: the one before it that was."""
+    """One value of a message: of which property, in its unit; `still`: s since it changed;
+    `last_good`: the one before it that was.
+    """
 
     name: str
     value: float
@@ -25,7 +27,9 @@ class ValueSample:
 
 @dataclass(frozen=True)
 class RateSample:
-    """`count` periods of `period` s passed between messages: at most `longest` and at least `shortest` s."""
+    """`count` periods of `period` s passed between messages: at most `longest` and at least
+    `shortest` s.
+    """
 
     count: int
     period: float
@@ -35,7 +39,9 @@ class RateSample:
 
 @dataclass(frozen=True)
 class StampSample:
-    """A message arrived `age` s after its stamp; it may have waited `waited` s of these for its reader."""
+    """A message arrived `age` s after its stamp; it may have waited `waited` s of these for its
+    reader.
+    """
 
     age: float
     waited: float = 0.0
@@ -56,8 +62,9 @@ Sample = Union[ValueSample, RateSample, StampSample, IntruderSample]
 class Check:
     """A kind of failure that messages show, with its limit.
 
-    `sample` is what it judges. `default` holds where the SOM says nothing, None: off; `usual` is what `true` means,
-    None: a limit must be given. A check without a limit has `usual` True. `tells` is its row in the documentation.
+    `sample` is what it judges. `default` holds where the SOM says nothing, None: off; `usual` is
+    what `true` means, None: a limit must be given. A check without a limit has `usual` True.
+    `tells` is its row in the documentation.
     """
 
     kind: ClassVar[Kind]
@@ -145,7 +152,9 @@ class RateLow(Check):
 
 class StaleStamp(Check):
     kind, sample, default, usual = Kind.STALE_STAMP, StampSample, None, 0.5
-    tells = "the stamp in the header is older than this at arrival, s; a stamp of zero is not judged"
+    tells = (
+        "the stamp in the header is older than this at arrival, s; a stamp of zero is not judged"
+    )
 
     def judge(self, sample: StampSample) -> Optional[str]:
         oldness = sample.age - sample.waited
@@ -166,7 +175,10 @@ class FutureStamp(Check):
 
 class UnknownPublisher(Check):
     kind, sample, default, usual = Kind.UNKNOWN_PUBLISHER, IntruderSample, 1.0, 1.0
-    tells = "a publisher that is neither `node` nor a substitute publishes beside one of them for this long, s"
+    tells = (
+        "a publisher that is neither `node` nor a substitute publishes beside one of them "
+        "for this long, s"
+    )
 
     def judge(self, sample: IntruderSample) -> Optional[str]:
         if sample.lasted <= self.limit:
@@ -189,7 +201,10 @@ REGISTRY: Dict[str, Type[Check]] = {
         UnknownPublisher,
     )
 }
-"""Every check by its name: the key under `checks` in the SOM. The first that finds something tells its kind."""
+"""Every check by its name: the key under `checks` in the SOM.
+
+The first that finds something tells its kind.
+"""
 
 
 def default_checks(of_values: bool) -> Tuple[Check, ...]:
@@ -205,8 +220,8 @@ def default_checks(of_values: bool) -> Tuple[Check, ...]:
 class Checks:
     """The checks of a service's messages as a whole; those of one value stand with its property.
 
-    `bad` bad messages among the last `of` make a failure: noise does not, a fault that comes and goes does.
-    `recovery` good messages in a row end it.
+    `bad` bad messages among the last `of` make a failure: noise does not, a fault that comes and
+    goes does. `recovery` good messages in a row end it.
     """
 
     each: Tuple[Check, ...] = default_checks(of_values=False)

@@ -1,4 +1,6 @@
-"""The words that files, messages and the core share: kinds of failure, and what a service may ask for."""
+"""The words that files, messages and the core share: kinds of failure, and what a service may
+ask for.
+"""
 from enum import Enum
 
 
@@ -10,7 +12,10 @@ class Word(str, Enum):
 
 
 class Kind(Word):
-    """What was wrong with a publisher; see shsa_msgs/Failure. Those with a class in `checks` can be tuned."""
+    """What was wrong with a publisher; see shsa_msgs/Failure.
+
+    Those with a class in `checks` can be tuned.
+    """
 
     NODE_GONE = "node_gone"
     SILENT = "silent"

@@ -9,9 +9,10 @@ from shsa_core.model.relation import TransferFunction
 class Network:
     """Functions and properties as numbers, counted from 0; made once for an ontology.
 
-    `functions` are grouped by output, within it in the order of their relations' names: those of property p are
-    `first[p]` to `first[p + 1]`. The inputs of function f are the numbers `inputs[start[f]:start[f + 1]]`, its
-    output `outputs[f]`, its quality `qualities[f]`, which costs `costs[f]`.
+    `functions` are grouped by output, within it in the order of their relations' names: those of
+    property p are `first[p]` to `first[p + 1]`. The inputs of function f are the numbers
+    `inputs[start[f]:start[f + 1]]`, its output `outputs[f]`, its quality `qualities[f]`, which
+    costs `costs[f]`.
     """
 
     def __init__(self, names: Iterable[str], functions: Sequence[TransferFunction]) -> None:

@@ -10,10 +10,11 @@ from shsa_core.language.law import Law
 class TransferFunction:
     """One direction of a relation: computes the property `output` from the properties `inputs`.
 
-    `inputs` are the properties that the law or the constraint names, in order of first use; constants are
-    not among them. `law` is None where the file has a function that cannot be executed: it takes part in
-    the search and is refused at generation. `quality` is in (0, 1]. Where `constraint` is false there is no output.
-    `text` is the function as it was written, `where` the file and line.
+    `inputs` are the properties that the law or the constraint names, in order of first use;
+    constants are not among them. `law` is None where the file has a function that cannot be
+    executed: it takes part in the search and is refused at generation. `quality` is in (0, 1].
+    Where `constraint` is false there is no output. `text` is the function as it was written,
+    `where` the file and line.
     """
 
     relation: str

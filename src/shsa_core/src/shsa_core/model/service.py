@@ -1,4 +1,6 @@
-"""A service: one topic of one node, and the properties that it provides (Section III-B of the paper)."""
+"""A service: one topic of one node, and the properties that it provides (Section III-B of the
+paper).
+"""
 import dataclasses
 from dataclasses import dataclass
 from typing import Optional, Tuple
@@ -9,10 +11,11 @@ from shsa_core.model.kinds import Policy, Standby
 
 @dataclass(frozen=True)
 class Provision:
-    """One value of a service: the property that it provides, and the field of the message that holds it.
+    """One value of a service: the property that it provides, and the field of the message that
+    holds it.
 
-    `range` (lowest, highest) in the property's unit, None for no limit; `quality` in (0, 1]; `checks` are those of
-    this value; `where`: file and line, or parameter.
+    `range` (lowest, highest) in the property's unit, None for no limit; `quality` in (0, 1];
+    `checks` are those of this value; `where`: file and line, or parameter.
     """
 
     property: str
@@ -25,9 +28,11 @@ class Provision:
 
 @dataclass(frozen=True)
 class LastResort:
-    """What is done when nothing can substitute: publish `values` (property and value, in its unit), run `command`.
+    """What is done when nothing can substitute: publish `values` (property and value, in its unit),
+    run `command`.
 
-    With neither, the topic is silent. `command` is a program and its arguments; it goes through no shell.
+    With neither, the topic is silent. `command` is a program and its arguments; it goes through no
+    shell.
     """
 
     values: Tuple[Tuple[str, float], ...] = ()
@@ -38,9 +43,9 @@ class LastResort:
 class Service:
     """One topic of one node.
 
-    `period` in s, None: an event-driven topic; `deadline`: periods without a message after which its publisher is
-    silent, None: as usual; `needed`: somebody relies on it, so that it is healed; `provides`: the values in it, in the
-    order of the SOM; `where`: file and line, or parameter.
+    `period` in s, None: an event-driven topic; `deadline`: periods without a message after which
+    its publisher is silent, None: as usual; `needed`: somebody relies on it, so that it is healed;
+    `provides`: the values in it, in the order of the SOM; `where`: file and line, or parameter.
     """
 
     name: str
@@ -125,8 +130,8 @@ class Source:
 class Signal:
     """What a substitute must know of a value that it reads or writes.
 
-    `period` in s, None: event-driven; `deadline`: s after which a value is stale, None: it never is. `node`: whose
-    messages count, where several services share the topic; empty: anybody's.
+    `period` in s, None: event-driven; `deadline`: s after which a value is stale, None: it never
+    is. `node`: whose messages count, where several services share the topic; empty: anybody's.
     """
 
     topic: str
@@ -144,7 +149,8 @@ class Signal:
 
 @dataclass(frozen=True)
 class Deadlines:
-    """How long a service may be silent: `periods` where it has no deadline of its own, but at least `minimum` s.
+    """How long a service may be silent: `periods` where it has no deadline of its own, but at least
+    `minimum` s.
 
     A healthy stream of a 10 ms period has gaps of 53 ms on a loaded machine.
     """
@@ -153,7 +159,9 @@ class Deadlines:
     minimum: float = 0.25
 
     def of(self, service: Service) -> Optional[float]:
-        """The silence in s after which a service has failed and its values are stale; None: neither ever."""
+        """The silence in s after which a service has failed and its values are stale; None:
+        neither ever.
+        """
         if service.period is None:
             return None
         if service.deadline is not None:

@@ -1,4 +1,6 @@
-"""The table of substitutions: which substitutes run, what each computes, and whether it publishes."""
+"""The table of substitutions: which substitutes run, what each computes, and whether it
+publishes.
+"""
 from dataclasses import dataclass
 from typing import Tuple
 
@@ -9,8 +11,8 @@ from shsa_core.model.service import Signal
 class Substitution:
     """One row of the table; see shsa_msgs/Substitution.
 
-    `quality` is 0 for safe values, which promise nothing. `original`: the node that it stands in for, once that is
-    gone. An idle process has neither `service` nor `code`.
+    `quality` is 0 for safe values, which promise nothing. `original`: the node that it stands in
+    for, once that is gone. An idle process has neither `service` nor `code`.
     """
 
     node: str

@@ -1,7 +1,8 @@
 """The best derivation of every property that a target depends on.
 
-Each is settled once, inputs first: depth first where properties do not depend on one another, and by Knuth's
-algorithm where they do (D. E. Knuth: A generalization of Dijkstra's algorithm, Information Processing Letters 6, 1977).
+Each is settled once, inputs first: depth first where properties do not depend on one another, and
+by Knuth's algorithm where they do (D. E. Knuth: A generalization of Dijkstra's algorithm,
+Information Processing Letters 6, 1977).
 """
 from array import array
 from heapq import heapify, heappop, heappush
@@ -26,9 +27,10 @@ def zeros(count: int) -> "memoryview":
 class BestDerivations:
     """The best derivations of properties and of everything that they can be derived from.
 
-    `ratings` has each property that was reached; `cycles` maps a property to those that depend on one another with
-    it. With `prune`, functions that cannot be better than a source of their output are left out, as are those
-    whose number is not `usable`. `tick` is called at every step and may raise to stop.
+    `ratings` has each property that was reached; `cycles` maps a property to those that depend on
+    one another with it. With `prune`, functions that cannot be better than a source of their output
+    are left out, as are those whose number is not `usable`. `tick` is called at every step and may
+    raise to stop.
     """
 
     def __init__(
@@ -101,7 +103,8 @@ class BestDerivations:
                 ratings[number] = best
                 order[number] = DONE
                 continue
-            # Inputs that are not rated lie on a cycle with this property; the earliest closes it (Tarjan, 1972).
+            # Inputs that are not rated lie on a cycle with this property; the earliest closes it
+            # (Tarjan, 1972).
             pending.append(number)
             earliest = min([order[i] for f in functions for i in self._network.inputs_of(f)])
             if earliest < order[number]:
@@ -118,13 +121,15 @@ class BestDerivations:
     def settle_cycle(self, members: Iterable[int], ratings: Ratings) -> None:
         """Rates properties that depend on one another; whatever else they depend on is rated.
 
-        A derivation is worse than each of its parts, so the best of all candidates is final (Knuth, 1977).
+        A derivation is worse than each of its parts, so the best of all candidates is final (Knuth,
+        1977).
         """
         network, by_source = self._network, ratings.sources.rating
         candidates: List[Tuple[int, int, int, int, float, int]] = []  # ratings and their properties
         open_ = zeros(len(network.names))
         lacking = zeros(len(network.functions))  # how many inputs a function waits for
-        # The functions that wait for a property, as a linked list: from `last` on, each with the place of the next.
+        # The functions that wait for a property, as a linked list: from `last` on, each with the
+        # place of the next.
         last = zeros(len(network.names))
         waiting, next_ = array("q", [0]), array("q", [0])
         for number in members:
@@ -164,8 +169,9 @@ class BestDerivations:
     def missing(self, target: int, ratings: Optional[Ratings] = None) -> List[str]:
         """The properties without which every derivation of `target` ended, in order.
 
-        Of the properties in reach that have no derivation they are the last ones: those that depend on no other
-        such property, or only on one another. What depends on the target itself cannot help it.
+        Of the properties in reach that have no derivation they are the last ones: those that depend
+        on no other such property, or only on one another. What depends on the target itself cannot
+        help it.
         """
         rated = self.ratings if ratings is None else ratings
 

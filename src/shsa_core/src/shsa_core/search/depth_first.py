@@ -1,4 +1,6 @@
-"""The search of the paper: depth first, the first substitute found (method `depth_first`, or `orr`)."""
+"""The search of the paper: depth first, the first substitute found (method `depth_first`, or
+`orr`).
+"""
 from typing import Iterator, List, Optional, Set
 
 from shsa_core.model.network import Network
@@ -19,10 +21,12 @@ class Branch:
 def first_found(
     network: Network, sources: SourceTable, target: int, usable: Optional[Usable] = None
 ) -> Optional[Rated]:
-    """A derivation of `target`: its source, else its first function whose inputs can be derived, in turn.
+    """A derivation of `target`: its source, else its first function whose inputs can be derived, in
+    turn.
 
-    Within a round, a property that failed is not tried again, though it may have failed only because of what was
-    on the path then. So there are more rounds, each with what was found before, until one finds nothing new.
+    Within a round, a property that failed is not tried again, though it may have failed only
+    because of what was on the path then. So there are more rounds, each with what was found before,
+    until one finds nothing new.
     """
     found = Ratings(network, sources)
     while found[target] == UNRATED:

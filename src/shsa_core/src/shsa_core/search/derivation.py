@@ -6,13 +6,14 @@ from shsa_core.model.quality import cost
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source
 
-# Costs and uses are counted up to here: a derivation that uses one input twice may double them at every level.
+# Costs and uses are counted up to here: a derivation that uses one input twice may double them at
+# every level.
 MOST = 2**60
 
 
-# How good a derivation is: cost, relations, inputs (each as often as it is used); what it is by; the product of the
-# qualities. The least is the best, as the functions of a property are numbered in the order of their names.
-# It is by a source, or by function number `by - FUNCTION`.
+# How good a derivation is: cost, relations, inputs (each as often as it is used); what it is by;
+# the product of the qualities. The least is the best, as the functions of a property are numbered
+# in the order of their names. It is by a source, or by function number `by - FUNCTION`.
 Rating = Tuple[int, int, int, int, float]
 NOTHING, NOT_RATED, SOURCE, FUNCTION = -1, 0, 1, 2
 LOST: Rating = (MOST + 1, 0, 0, NOTHING, 0.0)  # worse than any derivation
@@ -22,8 +23,9 @@ UNRATED: Rating = (0, 0, 0, NOT_RATED, 0.0)
 class Derivation:
     """How one property is obtained: from a source, or by a function from other derivations.
 
-    Exactly one of `source` and `function` is set. `inputs` follow `function.inputs`. Derivations are shared: one
-    object stands wherever its property is obtained that way. They are compared and hashed by identity.
+    Exactly one of `source` and `function` is set. `inputs` follow `function.inputs`. Derivations
+    are shared: one object stands wherever its property is obtained that way. They are compared and
+    hashed by identity.
     """
 
     __slots__ = ("property", "source", "function", "inputs")
@@ -73,9 +75,11 @@ class Derivation:
 
 
 def names_before(one: Derivation, other: Derivation) -> bool:
-    """Whether `one` comes before `other` in the order of names, for two derivations of one property.
+    """Whether `one` comes before `other` in the order of names, for two derivations of one
+    property.
 
-    Names are compared from the result to the inputs, left to right: a source's path and node, a relation's name.
+    Names are compared from the result to the inputs, left to right: a source's path and node, a
+    relation's name.
     """
     equal: Set[Tuple[Derivation, Derivation]] = set()
     stack = [(one, other)]
@@ -92,8 +96,9 @@ def names_before(one: Derivation, other: Derivation) -> bool:
 class Rated(NamedTuple):
     """A derivation and how good it is.
 
-    `key` is the cost of its quality (see quality.py), how many relations and how many inputs it uses, each as often
-    as it is used: the lower, the better. `quality` is the product of the qualities.
+    `key` is the cost of its quality (see quality.py), how many relations and how many inputs it
+    uses, each as often as it is used: the lower, the better. `quality` is the product of the
+    qualities.
     """
 
     key: Tuple[int, int, int]
@@ -126,7 +131,9 @@ def joint(names: Sequence[str]) -> TransferFunction:
 
 
 class SourceTable:
-    """The sources that may be used, by the number of their property; kept up by `add` and `discard`."""
+    """The sources that may be used, by the number of their property; kept up by `add` and
+    `discard`.
+    """
 
     def __init__(self, network: Network, sources: Iterable[Source] = ()) -> None:
         self._network = network
@@ -163,7 +170,8 @@ class SourceTable:
                 self._choose(number, of)
 
     def excluding(self, names: Iterable[str]) -> "SourceTable":
-        """The table without the sources of some services, topics or nodes, valid until the next change of this one.
+        """The table without the sources of some services, topics or nodes, valid until the next
+        change of this one.
 
         It costs as much as there is to leave out, not as much as there is.
         """

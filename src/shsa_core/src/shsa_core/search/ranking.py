@@ -1,8 +1,9 @@
 """Every derivation of a property, best first, each found when it is asked for.
 
-A derivation is a source, or a function with one derivation of each input; the next best differs from one found
-before in one input alone, by one place (L. Huang, D. Chiang: Better k-best parsing, IWPT 2005). Where properties
-depend on one another, an input's derivations are those that keep off the path that leads to it.
+A derivation is a source, or a function with one derivation of each input; the next best differs
+from one found before in one input alone, by one place (L. Huang, D. Chiang: Better k-best parsing,
+IWPT 2005). Where properties depend on one another, an input's derivations are those that keep off
+the path that leads to it.
 """
 from heapq import heapify, heappop, heappush
 from typing import Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence, Tuple
@@ -19,7 +20,9 @@ ROOT = -1
 
 
 class Candidate:
-    """A derivation from a source, or by a function from the derivations at `places` in its inputs' lists."""
+    """A derivation from a source, or by a function from the derivations at `places` in its
+    inputs' lists.
+    """
 
     def __init__(
         self,
@@ -40,7 +43,9 @@ class Candidate:
 
 
 class Ranked:
-    """The derivations of one property that keep off the properties in `path`, best first, as far as known."""
+    """The derivations of one property that keep off the properties in `path`, best first, as far
+    as known.
+    """
 
     def __init__(self, number: int, path: FrozenSet[int], first: Rated) -> None:
         self.number = number
@@ -54,7 +59,10 @@ class Ranked:
         ] = []  # the inputs by which the last item's successors differ from it
 
     def advance(self) -> Optional[Tuple["Ranked", int]]:
-        """Finds the next item, or that there is none. Else returns which item of which list is needed first."""
+        """Finds the next item, or that there is none.
+
+        Else returns which item of which list is needed first.
+        """
         assert self.candidates is not None
         while self._changes:
             assert self._last is not None and self._last.function is not None
@@ -77,10 +85,13 @@ class Ranked:
         return None
 
     def take(self) -> Candidate:
-        """Takes the best candidate as the last item: its successors become candidates when the next is asked for."""
+        """Takes the best candidate as the last item: its successors become candidates when the
+        next is asked for.
+        """
         assert self.candidates
         self._last = heappop(self.candidates)
-        # A successor differs in an input after which all are at their first place: so each comes up once.
+        # A successor differs in an input after which all are at their first place: so each comes up
+        # once.
         places = self._last.places
         earliest = max((i for i, place in enumerate(places) if place), default=0)
         self._changes = list(range(earliest, len(places)))
@@ -100,7 +111,9 @@ class Ranking:
         self._users: Dict[int, Mapping[int, Sequence[int]]] = {}  # by the first property of a cycle
 
     def joint(self, targets: Sequence[int]) -> Iterator[Rated]:
-        """Every way to derive all the targets, best first; the derivation's inputs follow the targets."""
+        """Every way to derive all the targets, best first; the derivation's inputs follow the
+        targets.
+        """
         for target in targets:
             self._best.settle(target)
         function = joint([self._network.names[target] for target in targets])
@@ -166,7 +179,9 @@ class Ranking:
         cycle: Optional[Sequence[int]] = None,
         path: FrozenSet[int] = EVERYWHERE,
     ) -> Optional[Candidate]:
-        """The best derivation by a function, None if there is none; inputs on `cycle` keep off `path`."""
+        """The best derivation by a function, None if there is none; inputs on `cycle` keep off
+        `path`.
+        """
         lists = []
         for number in inputs:
             first = ratings.rated(number)

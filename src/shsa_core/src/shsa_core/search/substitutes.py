@@ -28,7 +28,9 @@ SMALLEST_QUALITY = (
 
 @dataclass(frozen=True)
 class Substitute:
-    """The result of a search: the derivation, its quality in (0, 1], and whether it is proven the best."""
+    """The result of a search: the derivation, its quality in (0, 1], and whether it is proven
+    the best.
+    """
 
     derivation: Derivation
     quality: float
@@ -38,11 +40,12 @@ class Substitute:
 def find_substitute(
     ontology: Ontology, sources: Iterable[Source], target: str, excluded: Iterable[str] = ()
 ) -> Substitute:
-    """The best substitute of the property `target`; `excluded` names nodes, topics and services not to be used.
+    """The best substitute of the property `target`; `excluded` names nodes, topics and services not
+    to be used.
 
-    Best is the highest quality, then the fewest relations, then the fewest inputs, then names in order. The time
-    is linear in the relations that the target can be reached from, save n log n within a cycle of n properties.
-    Raises NoSubstitute with what is missing.
+    Best is the highest quality, then the fewest relations, then the fewest inputs, then names in
+    order. The time is linear in the relations that the target can be reached from, save n log n
+    within a cycle of n properties. Raises NoSubstitute with what is missing.
     """
     network = ontology.network
     number = network.number(target)
@@ -55,7 +58,9 @@ def find_substitute(
 def iter_substitutes(
     ontology: Ontology, sources: Iterable[Source], target: str, excluded: Iterable[str] = ()
 ) -> Iterator[Substitute]:
-    """Every substitute of the property `target`, best first, each found when it is asked for; maybe none."""
+    """Every substitute of the property `target`, best first, each found when it is asked for;
+    maybe none.
+    """
     network = ontology.network
     number = network.number(target)
     ranking = Ranking(network, _table(network, sources, excluded))
@@ -72,11 +77,13 @@ def improving_substitutes(
     expired: Callable[[], bool] = lambda: False,
     first_circle: int = 64,
 ) -> Iterator[Substitute]:
-    """A substitute of the property `target` early, then better ones, until the best is proven or time has expired.
+    """A substitute of the property `target` early, then better ones, until the best is proven or
+    time has expired.
 
-    The search starts with the `first_circle` properties nearest to the target and takes in four times as many each
-    time, while `expired` says False. The last substitute says whether it is `proven_best`; there is none if time expired before one was found.
-    Raises NoSubstitute, with what is missing, if it is proven that there is none.
+    The search starts with the `first_circle` properties nearest to the target and takes in four
+    times as many each time, while `expired` says False. The last substitute says whether it is
+    `proven_best`; there is none if time expired before one was found. Raises NoSubstitute, with
+    what is missing, if it is proven that there is none.
     """
     network = ontology.network
     number = network.number(target)
@@ -104,7 +111,8 @@ def improving_substitutes(
 def find_first(
     ontology: Ontology, sources: Iterable[Source], target: str, excluded: Iterable[str] = ()
 ) -> Substitute:
-    """The substitute of the property `target` that the paper's search finds: depth first, the first one.
+    """The substitute of the property `target` that the paper's search finds: depth first, the first
+    one.
 
     Raises NoSubstitute with what is missing.
     """

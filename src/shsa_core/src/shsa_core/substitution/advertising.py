@@ -1,8 +1,9 @@
-"""Which topics a substitute has advertised, who must be told of them again, and when it takes them back.
+"""Which topics a substitute has advertised, who must be told of them again, and when it takes them
+back.
 
-A rospy subscriber that is told twice, by us and by the master, may connect twice at the same time. Then each end drops
-a connection, now and then not the same one, and none is left: nobody but us would ever tell it again. And the master
-tells nobody of anything while three subscribers hang.
+A rospy subscriber that is told twice, by us and by the master, may connect twice at the same time.
+Then each end drops a connection, now and then not the same one, and none is left: nobody but us
+would ever tell it again. And the master tells nobody of anything while three subscribers hang.
 """
 import math
 from typing import Collection, Dict, Iterable, List, Tuple
@@ -40,7 +41,9 @@ class Advertising:
         return self._ready.get(topic, False)
 
     def prepare(self, outputs: Iterable[Signal]) -> List[Command]:
-        """Advertise the topics of `outputs`; there is no hurry: the master tells the consumers first."""
+        """Advertise the topics of `outputs`; there is no hurry: the master tells the consumers
+        first.
+        """
         return [command for each in outputs for command in self._advertise(each)]
 
     def leave_all_but(self, wanted: Collection[str], now: float) -> None:
@@ -48,7 +51,9 @@ class Advertising:
         self._withdrawals = {topic: now for topic in self._ready if topic not in wanted}
 
     def take(self, output: Signal, now: float) -> List[Command]:
-        """Advertise the topic of `output`, and soon no others: each that is withdrawn takes a call to the master."""
+        """Advertise the topic of `output`, and soon no others: each that is withdrawn takes a
+        call to the master.
+        """
         commands = self._advertise(output)
         topic = output.topic
         if self._ready[topic]:

@@ -1,4 +1,7 @@
-"""What a substitute's core hears (events) and says (commands). Times in s on one monotonic clock."""
+"""What a substitute's core hears (events) and says (commands).
+
+Times in s on one monotonic clock.
+"""
 from dataclasses import dataclass
 from typing import FrozenSet, Tuple, Union
 
@@ -37,7 +40,8 @@ class RowRemoved:
 
 @dataclass(frozen=True)
 class PlansChanged:
-    """The plans of warm services, for which an idle process prepares: those that are new, or not as they were.
+    """The plans of warm services, for which an idle process prepares: those that are new, or not as
+    they were.
 
     `removed`: the services that have none any more; `whole`: there are no others than `rows`.
     """
@@ -97,7 +101,9 @@ class CallFailed:
 
 @dataclass(frozen=True)
 class LookAtOriginal:
-    """Ask the node `original`, at the time `asked`, to whom it publishes a topic (OriginalServes)."""
+    """Ask the node `original`, at the time `asked`, to whom it publishes a topic
+    (OriginalServes).
+    """
 
     asked: float
     topic: str

@@ -14,8 +14,8 @@ Words = Tuple[Tuple[Tuple[str, ...], ...], str, Tuple[Tuple[str, ...], ...]]
 class Job:
     """The program of one row of the table of substitutions.
 
-    `latest`: what it yielded last, None if nothing. Raises ShsaError if the program is not valid, or if its outputs
-    are not of one topic.
+    `latest`: what it yielded last, None if nothing. Raises ShsaError if the program is not valid,
+    or if its outputs are not of one topic.
     """
 
     def __init__(self, row: Substitution, settings: Settings) -> None:
@@ -55,7 +55,8 @@ class Job:
     def evaluate(self, values: Tuple[float, ...], now: float) -> None:
         """Set `latest` to what the program yields of its inputs' `values`.
 
-        Two evaluations in close succession would take a derivative over next to no time: the second one is left out.
+        Two evaluations in close succession would take a derivative over next to no time: the second
+        one is left out.
         """
         soonest = self._stepped + self._settings.shortest_step_share * (self.period or 0.0)
         if self.latest is None or now >= soonest:
@@ -64,7 +65,9 @@ class Job:
 
 
 def words(row: Substitution) -> Words:
-    """What makes the program of a row: code, fields and types; the signals' periods and deadlines are no part of it."""
+    """What makes the program of a row: code, fields and types; the signals' periods and
+    deadlines are no part of it.
+    """
 
     def names(signals: Tuple[Signal, ...]) -> Tuple[Tuple[str, ...], ...]:
         return tuple((each.topic, each.field, each.type, each.node) for each in signals)

@@ -7,7 +7,10 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.service import Signal
 
 VARIABLE = "SHSA_SIGNALS"
-"""The environment variable in which a substitute's signals travel. One that has it starts muted, and asks nobody."""
+"""The environment variable in which a substitute's signals travel.
+
+One that has it starts muted, and asks nobody.
+"""
 
 Signals = Tuple[Signal, ...]
 

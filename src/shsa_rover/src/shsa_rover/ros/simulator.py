@@ -22,7 +22,9 @@ LONGEST_BACKLOG = 0.5  # s
 
 
 class Simulator:
-    """Steps the rover, feeds what the sensor nodes read, and plays the microcontroller on a pseudo-terminal."""
+    """Steps the rover, feeds what the sensor nodes read, and plays the microcontroller on a
+    pseudo-terminal.
+    """
 
     def __init__(self) -> None:
         self._rover = Rover(
@@ -36,7 +38,8 @@ class Simulator:
             name: rospy.Publisher(f"/simulation/{name}", Float64Stamped, queue_size=10)
             for name in Truth.__dataclass_fields__
         }
-        # rospy calls back from a thread of its own: the command is one tuple, so that it changes as a whole.
+        # rospy calls back from a thread of its own: the command is one tuple, so that it changes as
+        # a whole.
         self._command = (0.0, 0.0, 0)
         self._commands_seen = 0
         rospy.Subscriber("/cmd_vel", Twist, self._on_command, queue_size=1)

@@ -16,7 +16,9 @@ PERIOD = 0.05  # s
 
 
 def serve() -> None:
-    """Publishes `/cmd_vel` from the keys until q; restores the terminal and stops the rover at the end."""
+    """Publishes `/cmd_vel` from the keys until q; restores the terminal and stops the rover at
+    the end.
+    """
     publisher = rospy.Publisher("/cmd_vel", Twist, queue_size=1)
     rospy.on_shutdown(lambda: publisher.publish(Twist()))
     keys = sys.stdin.fileno()
@@ -47,7 +49,9 @@ def steer(publisher: rospy.Publisher, keys: int) -> None:
 
 
 def main() -> None:
-    """The node's entry point; it needs a terminal, and without one says so before it asks for a master."""
+    """The node's entry point; it needs a terminal, and without one says so before it asks for a
+    master.
+    """
     if not sys.stdin.isatty():
         sys.exit(
             "teleop needs a terminal to read keys from: start it by itself with"
