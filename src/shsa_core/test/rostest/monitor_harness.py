@@ -17,7 +17,7 @@ from shsa_core.model.checks import REGISTRY, ValueSample
 from shsa_core.ros.graph.tables import TableCopy
 from shsa_core.ros.wire.monitoring import health_row_key
 from shsa_testing.faulty_publisher import FaultyNode
-from shsa_testing.graph import publishers
+from shsa_testing.graph import is_connected
 from shsa_testing.processes import end_process, rosrun
 from shsa_testing.waiting import wait_until
 
@@ -65,6 +65,7 @@ class MonitorCase(unittest.TestCase):
         cls._write({"marker": entry(MARKER, "/nobody")})
         cls.monitor = rosrun("shsa_core", "monitor", "--som", cls._file)
         wait_until(lambda: failed.get_num_connections() > 0, 10.0, "the monitor is up")
+        wait_until(lambda: cls._health.rows, 10.0, "the monitor watches")
 
     @classmethod
     def tearDownClass(cls) -> None:
@@ -125,10 +126,10 @@ class MonitorCase(unittest.TestCase):
         return str(row.state) if row else None
 
     def hear_log(self, said: List[str]) -> rospy.Subscriber:
-        """Collect whatever any node logs from now on."""
+        """Collect whatever the monitor logs from now on."""
         subscriber = rospy.Subscriber("/rosout", Log, lambda log: said.append(log.msg))
-        all_heard = lambda: subscriber.get_num_connections() >= len(publishers("/rosout"))
-        self.until(all_heard, "every log is heard")
+        is_heard = lambda: is_connected(rospy.get_name(), "/rosout", "/monitor")
+        self.until(is_heard, "the monitor's log is heard")
         return subscriber
 
     def until(self, condition: Callable[[], bool], what: str, seconds: float = 10.0) -> None:

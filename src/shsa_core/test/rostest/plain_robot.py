@@ -1,4 +1,5 @@
 """A robot of plain `rostopic pub` topics, for tests of healing alone."""
+import math
 import subprocess
 import unittest
 from typing import Dict, List
@@ -54,7 +55,7 @@ class PlainRobot(unittest.TestCase):
     def start(self, node: str, value: float = float("nan")) -> "subprocess.Popen[bytes]":
         """Start a publisher as a person would: `rostopic pub -r 20`."""
         topic, usual = TOPICS[node]
-        text = str(usual if value != value else value)
+        text = {math.inf: ".inf"}.get(value, str(usual if math.isnan(value) else value))
         command = ["rostopic", "pub", "-r", "20", topic, "std_msgs/Float64", text]
         process = subprocess.Popen([*command, f"__name:={node[1:]}"], stdout=subprocess.DEVNULL)
         self.processes.setdefault(node, []).append(process)

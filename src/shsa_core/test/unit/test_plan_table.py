@@ -1,125 +1,157 @@
 """Plans made before they are asked for: the table says what a search would say."""
-import dataclasses
+from dataclasses import replace
 from random import Random
-from typing import Dict
+from typing import Dict, Iterable, List, Optional
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from search_models import law, ontology, random_model, service
+from search_models import law, ontology, random_model, service, som_of
 
-from shsa_core.codegen.plans import plan_service
+from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import NoSubstitute
 from shsa_core.healing.plan_table import PlanTable
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.som import Service, Som
+from shsa_core.model.service import Provision, Service
 
-def table(som: Som = SOM, robot: Ontology = ROBOT) -> PlanTable:
-    made = PlanTable(robot, som)
-    made.update(som)
-    while made.step() is not None:
-        pass
+ROBOT = ontology(
+    law("wheels", "speed", "left", "right"),
+    law("wheels", "turn", "right", "left"),
+    law("gyro", "turn", "gyration", quality=0.5),
+)
+
+
+def single(name: str, node: str = "", needed: bool = False, quality: float = 1.0) -> Service:
+    """A service that provides the property of its name."""
+    return service("/" + name, node or "/" + name, [Provision(name, "f", quality=quality)], needed)
+
+
+ODOM = service("/odom", "/drive", [Provision("speed", "v"), Provision("turn", "w")], needed=True)
+LEFT, RIGHT, GYRATION = (single(name) for name in ("left", "right", "gyration"))
+ALL = (ODOM, LEFT, RIGHT, GYRATION)
+
+
+def table(services: Iterable[Service] = ALL, robot: Ontology = ROBOT) -> PlanTable:
+    """A table of which every answer is made."""
+    services = tuple(services)
+    made = PlanTable(robot, [each for each in services if each.needed], "best")
+    made.change((), services)
+    make_all(made)
     return made
+
+
+def make_all(ready: PlanTable) -> List[str]:
+    """Make every answer; those that were made."""
+    made = []
+    name = ready.step()
+    while name is not None:
+        made.append(name)
+        name = ready.step()
+    return made
+
+
+def read(ready: PlanTable, name: str) -> List[str]:
+    """The topics that the plan of a service reads."""
+    plan = ready.plan(name)
+    assert plan is not None
+    return sorted({source.topic for source in plan.inputs})
 
 
 def test_the_table_has_the_plan_before_the_node_fails() -> None:
     ready = table()
-    assert ready.stale == ()
-    assert ready.lookup("/odom") == plan_topic(ROBOT, SOM, SOM, "/odom", excluded=["/drive"])
+    assert not ready.stale and ready.step() is None
+    assert read(ready, ODOM.name) == ["/left", "/right"]
+    ready.change([ODOM], ())
+    assert read(ready, ODOM.name) == ["/left", "/right"]
 
 
-def test_the_failure_itself_does_not_take_the_plan_away() -> None:
+def test_a_plan_whose_input_is_gone_is_made_anew() -> None:
     ready = table()
-    ready.update([LEFT, RIGHT, GYRATION])
-    plan = ready.lookup("/odom")
-    assert plan is not None and plan.services == (LEFT, RIGHT)
+    ready.change([RIGHT], ())
+    assert ready.plan(ODOM.name) is None and ready.stale
+    assert ready.step() == ODOM.name
+    assert ready.plan(ODOM.name) is None and not ready.stale  # there is none
 
 
-def test_a_plan_whose_input_has_just_died_is_not_used() -> None:
-    ready = table()
-    ready.update([s for s in SOM if s != RIGHT])
-    assert ready.lookup("/odom") is None
-    assert ready.stale == ("/odom",)
-    assert ready.step() == "/odom"
-    with pytest.raises(NoSubstitute, match="missing right"):
-        ready.lookup("/odom")
-
-
-def test_a_plan_whose_input_died_since_the_last_update_is_not_used() -> None:
-    ready = table()
-    assert ready.lookup("/odom", available={SPEED, TURN, LEFT, GYRATION}) is None
-    assert ready.lookup("/odom", available={LEFT, RIGHT}) is not None
-    assert ready.lookup("/odom", excluded={"/wheels"}) is None
-    assert ready.lookup("/odom", excluded={"/right"}) is None
-    assert ready.lookup("/odom", excluded={"/drive", "/odom"}) is not None
-
-
-def test_a_service_that_comes_makes_the_plans_it_could_improve_stale_and_no_others() -> None:
-    som = Som([*SOM, service("sound", needed=True), service("noise")])
+def test_a_service_that_comes_makes_the_plans_stale_that_it_could_improve_and_no_others() -> None:
     robot = ontology(*ROBOT.functions, law("ear", "sound", "noise"))
-    ready = table(som, robot)
-    heard = ready.lookup("/sound")
-    spare = service("speed", "/speed2")
-    ready.update([*som, spare])
-    assert ready.lookup("/odom") is None
-    assert ready.lookup("/sound") is heard
-    ready.step()
-    plan = ready.lookup("/odom")
-    assert plan is not None and spare in plan.services
+    sound, noise = single("sound", needed=True), single("noise")
+    ready = table([*ALL, sound, noise], robot)
+    heard = ready.plan(sound.name)
+    ready.change((), [single("speed", "/spare")])
+    assert ready.plan(ODOM.name) is None
+    assert ready.plan(sound.name) is heard
+    assert make_all(ready) == [ODOM.name]
+    assert "/speed" in read(ready, ODOM.name)
 
 
-def test_an_answer_that_there_is_none_is_made_anew_when_a_service_comes_or_goes() -> None:
-    ready = PlanTable(ROBOT, SOM)
-    ready.update([LEFT])
-    ready.step()
-    with pytest.raises(NoSubstitute, match="missing gyration, right"):
-        ready.lookup("/odom")
-    ready.update([])
-    assert ready.lookup("/odom") is None
-    ready.step()
-    with pytest.raises(NoSubstitute, match="missing gyration, left, right"):
-        ready.lookup("/odom")
-    ready.update(SOM)
-    ready.step()
-    assert ready.lookup("/odom") is not None
+def test_a_service_that_is_back_as_it_was_concerns_only_plans_made_without_it() -> None:
+    ready = table([*ALL, single("spare", needed=True)])
+    before = ready.plan(ODOM.name)
+    ready.change([GYRATION], ())
+    ready.change((), [GYRATION])
+    assert ready.plan(ODOM.name) is before and not ready.stale
+    ready.change([RIGHT], ())
+    make_all(ready)
+    ready.change((), [RIGHT])
+    assert make_all(ready) == [ODOM.name]
+    assert read(ready, ODOM.name) == ["/left", "/right"]
 
 
-def test_a_plan_never_uses_the_node_that_publishes_the_topic_now() -> None:
+def test_a_service_that_is_back_on_another_node_concerns_all_that_follow_from_it() -> None:
     ready = table()
-    moved = [dataclasses.replace(s, node="/wheels") for s in (SPEED, TURN)]
-    ready.update([*moved, LEFT, RIGHT, GYRATION])
-    assert ready.lookup("/odom") is None
-    ready.step()
-    with pytest.raises(NoSubstitute):
-        ready.lookup("/odom")
+    ready.change([GYRATION], ())
+    ready.change((), [replace(GYRATION, node="/other")])
+    assert ready.stale
 
 
-def test_the_table_answers_nothing_for_topics_that_are_not_needed() -> None:
-    assert table().lookup("/left") is None
+def test_a_plan_never_uses_the_node_that_publishes_the_service_now() -> None:
+    ready = table([*ALL, single("speed", "/left"), single("turn", "/turn")])
+    assert "/speed" in read(ready, ODOM.name)
+    ready.change([ODOM], [replace(ODOM, node="/left")])
+    assert ready.plan(ODOM.name) is None
+    make_all(ready)
+    assert ready.plan(ODOM.name) is None
+
+
+def test_the_table_answers_nothing_for_services_that_are_not_needed() -> None:
+    ready = table()
+    assert ready.plan(LEFT.name) is None
+    ready.forget(ODOM.name)
+    assert ready.plan(ODOM.name) is None and not ready.stale
 
 
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(st.integers(0, 2**32))
 def test_the_table_always_says_what_a_search_would_say(seed: int) -> None:
-    robot, services, _ = random_model(seed)
+    robot, sources, _ = random_model(seed)
     random = Random(seed)
-    fields: Dict[str, Service] = {}
-    for each in services:
-        fields.setdefault(each.path, dataclasses.replace(each, needed=random.random() < 0.5))
-    som = Som(fields.values())
-    ready = PlanTable(robot, som)
-    for _ in range(6):
-        available = [s for s in som if random.random() < 0.7]
-        ready.update(available)
+    every = [replace(each, needed=random.random() < 0.5) for each in som_of(sources)]
+    ready = PlanTable(robot, [each for each in every if each.needed], "best")
+    available: Dict[str, Service] = {}
+    for _ in range(8):
+        gone = [each for each in available.values() if random.random() < 0.3]
+        come = [each for each in every if each.name not in available and random.random() < 0.7]
+        if random.random() < 0.2:
+            come = [replace(each, node="/elsewhere") for each in come]
+        for each in gone:
+            del available[each.name]
+        available.update({each.name: each for each in come})
+        ready.change(gone, come)
         for _ in range(random.randint(0, 3)):
             ready.step()
-        for topic in {s.topic for s in som if s.needed}:
-            nodes = [s.node for s in som.of_topic(topic)]
-            try:
-                plan = ready.lookup(topic)
-            except NoSubstitute as none:
-                with pytest.raises(NoSubstitute) as searched:
-                    plan_topic(robot, som, available, topic, nodes)
-                assert none.missing == searched.value.missing
-            else:
-                assert plan is None or plan == plan_topic(robot, som, available, topic, nodes)
+        for each in every:
+            plan = ready.plan(each.name)
+            if plan is not None:
+                assert plan == searched(robot, each, ready)
+    make_all(ready)
+    for each in every:
+        if each.needed and ready.plan(each.name) is None:
+            assert searched(robot, each, ready) is None
+
+
+def searched(robot: Ontology, each: Service, ready: PlanTable) -> Optional[Plan]:
+    """The plan that a search gives."""
+    try:
+        return plan_service(robot, each, ready.sources, ready.to_avoid(each.name))
+    except NoSubstitute:
+        return None

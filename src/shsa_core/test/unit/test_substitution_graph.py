@@ -1,4 +1,6 @@
 """Whom a substitute tells of its topics, when it takes them back, and how it yields to the original."""
+from typing import Any
+
 import pytest
 from substitute_driver import (
     DEADLINE,
@@ -122,7 +124,7 @@ def test_a_call_that_failed_is_said() -> None:
     assert (log.level, log.text) == (events.Level.WARNING, "announcing /out: refused")
 
 
-def standing_in(**of: float) -> Driver:
+def standing_in(**of: Any) -> Driver:
     """A substitute that has just taken over from the node /node."""
     driver = running(original="/node", **of)
     driver.change(row(True, original="/node", outputs=driver.core._row.outputs))

@@ -12,7 +12,8 @@ from shsa_core.monitoring.events import PublisherHealth, PublisherState
 class Availability:
     """The running SOM, kept up service by service.
 
-    `services` has those that are available, each with the node that publishes it. `states` has a row for each.
+    `services` has those that are available, each with the node that publishes it. `states` has a
+    row for each.
     """
 
     def __init__(self, nodes: Nodes, open_: Callable[[str], bool]) -> None:

@@ -1,4 +1,7 @@
-"""What the reconfigurator hears (events) and what it wants done (commands). Times in s on one clock."""
+"""What the reconfigurator hears (events) and what it wants done (commands).
+
+Times in s on one clock.
+"""
 from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
@@ -70,7 +73,10 @@ class FailureSeen:
 
 @dataclass(frozen=True)
 class HealthSeen:
-    """What has changed in the monitor's table; `whole`: this is all of it. `removed`: topics and publishers."""
+    """What has changed in the monitor's table; `whole`: this is all of it.
+
+    `removed`: topics and publishers.
+    """
 
     time: float
     rows: Tuple[PublisherHealth, ...]
@@ -115,7 +121,9 @@ class NodeFound:
 
 @dataclass(frozen=True)
 class NodeLeft:
-    """The process of a node that is being killed has ended; or, if it runs elsewhere, it has answered `rosnode kill`."""
+    """The process of a node that is being killed has ended; or, if it runs elsewhere, it has
+    answered `rosnode kill`.
+    """
 
     time: float
     node: str
@@ -157,7 +165,9 @@ class SubstituteRequested:
 
 @dataclass(frozen=True)
 class NodeRestarted:
-    """A node was started again; `with_us`: whoever started it first has started the reconfigurator too."""
+    """A node was started again; `with_us`: whoever started it first has started the reconfigurator
+    too.
+    """
 
     time: float
     node: str
@@ -250,7 +260,8 @@ class AskToLeave:
 
 @dataclass(frozen=True)
 class EndProcess:
-    """`kill -9` the process of a node; answered by NodeLeft once it is gone, or ProcessUntouchable."""
+    """`kill -9` the process of a node; answered by NodeLeft once it is gone, or ProcessUntouchable.
+    """
 
     node: str
 
@@ -266,7 +277,8 @@ class ClearNode:
 class StartSubstitute:
     """Start a substitute's process, muted until the table of substitutions says that it publishes.
 
-    Without a program it waits, idle, until the table gives it one. `inputs` and `outputs` are those of the program.
+    Without a program it waits, idle, until the table gives it one. `inputs` and `outputs` are those
+    of the program.
     """
 
     node: str
@@ -277,7 +289,10 @@ class StartSubstitute:
 
 @dataclass(frozen=True)
 class AssignSubstitute:
-    """A running process has a program now: the table of substitutions tells it. Answered by SubstituteStarted."""
+    """A running process has a program now: the table of substitutions tells it.
+
+    Answered by SubstituteStarted.
+    """
 
     node: str
 
@@ -291,7 +306,9 @@ class StopSubstitute:
 
 @dataclass(frozen=True)
 class RestartNode:
-    """Start a faulty node again, as it was started before; answered by NodeRestarted or RestartFailed."""
+    """Start a faulty node again, as it was started before; answered by NodeRestarted or
+    RestartFailed.
+    """
 
     node: str
 
@@ -315,8 +332,8 @@ class RunCommand:
 class ShowSubstitutions:
     """What has changed in the table of substitutions; they heed it.
 
-    Rows without a node are the plans of warm services, which idle processes prepare for. `removed`: their nodes, or
-    the services of those plans.
+    Rows without a node are the plans of warm services, which idle processes prepare for. `removed`:
+    their nodes, or the services of those plans.
     """
 
     rows: Tuple[Substitution, ...]

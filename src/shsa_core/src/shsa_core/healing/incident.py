@@ -19,11 +19,14 @@ class State(Word):
 
 @dataclass(frozen=True)
 class Incident:
-    """The record of a failure and its repair. All times in s on one clock; None: has not happened.
+    """The record of a failure and its repair.
 
-    `last_good` is the last good message of the service before the latest outage. `quality` is None without a
-    substitute, and where that publishes safe values, which promise nothing. `restarts`: how often the faulty node
-    was started again. `kept_out`: it may not return until somebody releases the service.
+    All times in s on one clock; None: has not happened.
+
+    `last_good` is the last good message of the service before the latest outage. `quality` is None
+    without a substitute, and where that publishes safe values, which promise nothing. `restarts`:
+    how often the faulty node was started again. `kept_out`: it may not return until somebody
+    releases the service.
     """
 
     id: int

@@ -47,8 +47,9 @@ class _Kill:
 class Kills:
     """The kills that are under way.
 
-    `patience`: how long in s an urgent node may take to leave after `rosnode kill` before its process is ended; any
-    other gets EXIT_TIMEOUT_S. A node that is stopped is not asked, and one on another computer is only asked.
+    `patience`: how long in s an urgent node may take to leave after `rosnode kill` before its
+    process is ended; any other gets EXIT_TIMEOUT_S. A node that is stopped is not asked, and one on
+    another computer is only asked.
     """
 
     def __init__(self, patience: float) -> None:

@@ -1,7 +1,8 @@
 """The reconfigurator's decisions: events in, commands out (Section IV-C of the paper).
 
-An event is handled by those that it concerns: the services that it is about, and those whose substitutes read what it
-changes. What is known of the rest stays as it is, so that a decision costs the same on a large robot.
+An event is handled by those that it concerns: the services that it is about, and those whose
+substitutes read what it changes. What is known of the rest stays as it is, so that a decision costs
+the same on a large robot.
 """
 from typing import Any, Callable, Collection, Dict, Iterable, List, Optional, Tuple, Type
 
@@ -136,7 +137,10 @@ class Reconfigurator:
         return self._som.needed()
 
     def find(self, name: str) -> Service:
-        """The service of a name, a topic or a property; a needed one first. Raises ModelError if there is none."""
+        """The service of a name, a topic or a property; a needed one first.
+
+        Raises ModelError if there is none.
+        """
         som = self._som
         found = [som.services[name]] if name in som.services else list(som.of_topic(name))
         found += [source.service for source in som.of_property(name)]
@@ -155,7 +159,9 @@ class Reconfigurator:
         return healing.incident if healing else None
 
     def validate(self) -> None:
-        """Raises ShsaError if something is not as it must be: one publisher a service, no process without an owner."""
+        """Raises ShsaError if something is not as it must be: one publisher a service, no process
+        without an owner.
+        """
         owners: Dict[str, str] = {node: "the pool" for node in self._pool.nodes}
         for name, healing in self._healings.items():
             healing.validate()
@@ -204,7 +210,8 @@ class Reconfigurator:
         if service is None or self._is_old_substitute(event.publisher, service.name):
             return []
         if not service.needed:
-            text = f"{event.topic} failed: {event.detail.rstrip('.')}. It is not marked `needed`, ignored."
+            why = event.detail.rstrip(".")
+            text = f"{event.topic} failed: {why}. It is not marked `needed`, ignored."
             return [Log(Level.WARN, text)]
         self._nodes.note(event)
         self._unsettle([service.name])
@@ -322,7 +329,8 @@ class Reconfigurator:
         return commands
 
     def _offer(self, service: Service) -> None:
-        """Plans are made ahead for a service if it is needed, and the pool serves it if it is warm."""
+        """Plans are made ahead for a service if it is needed, and the pool serves it if it is warm.
+        """
         if service.needed:
             self._planner.plans.serve(service)
         else:

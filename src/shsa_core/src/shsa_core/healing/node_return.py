@@ -1,4 +1,5 @@
-"""The way back of a failed node: started again, trusted less each time that it fails, or kept out."""
+"""The way back of a failed node: started again, trusted less each time that it fails, or kept out.
+"""
 from typing import List, Optional
 
 from shsa_core.healing.events import Level, Log, RestartNode
@@ -10,8 +11,9 @@ from shsa_core.healing.snapshot import Request, Snapshot
 class NodeReturn:
     """What brings back the node of one service, and how far it is trusted.
 
-    By its policy it is started again, after pauses that double, and no more when it failed too often. Whoever
-    starts it, its hold-off doubles each time that it fails within it; then it is kept out.
+    By its policy it is started again, after pauses that double, and no more when it failed too
+    often. Whoever starts it, its hold-off doubles each time that it fails within it; then it is
+    kept out.
     """
 
     def __init__(self, settings: Settings) -> None:

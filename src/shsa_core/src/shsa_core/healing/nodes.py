@@ -1,4 +1,6 @@
-"""What the reconfigurator knows of the nodes: how they do as publishers, and what it has done to them."""
+"""What the reconfigurator knows of the nodes: how they do as publishers, and what it has done to
+them.
+"""
 from typing import Dict, FrozenSet, List, Optional, Set, Tuple
 
 from shsa_core.healing.agenda import Agenda
@@ -14,8 +16,8 @@ NOBODY: Dict[str, PublisherHealth] = {}
 class Nodes:
     """The monitor's table, and which nodes were killed or started again since.
 
-    `substitutes`: the names of all substitutes that ever were. `excluded`: the nodes that were killed and have not
-    been well since.
+    `substitutes`: the names of all substitutes that ever were. `excluded`: the nodes that were
+    killed and have not been well since.
     """
 
     def __init__(self) -> None:
@@ -27,7 +29,9 @@ class Nodes:
         self._restarting: Set[str] = set()
 
     def heed(self, change: HealthSeen) -> List[Tuple[str, str]]:
-        """Take over what has changed in the monitor's table; the topics and publishers that it concerns."""
+        """Take over what has changed in the monitor's table; the topics and publishers that it
+        concerns.
+        """
         concerned = [(row.topic, row.publisher) for row in change.rows]
         gone = list(change.removed)
         if change.whole:
@@ -98,7 +102,9 @@ class Nodes:
 
 
 class Acquaintance:
-    """Which processes the nodes are: learned while they are healthy, once each time that they come up."""
+    """Which processes the nodes are: learned while they are healthy, once each time that they come
+    up.
+    """
 
     def __init__(self) -> None:
         self._tries: Dict[str, int] = {}

@@ -11,9 +11,10 @@ from shsa_core.search.derivation import SourceTable
 class PlanTable:
     """For every needed service the plan for the case that its node has failed.
 
-    `change` says which services there are and drops the answers that this may change; `step` makes one of those anew,
-    and is called while nothing else is to do. A plan that is in the table is the one that a search would give now; an
-    error tells that there is none, though more may be missing by now. `sources` has what may be used.
+    `change` says which services there are and drops the answers that this may change; `step` makes
+    one of those anew, and is called while nothing else is to do. A plan that is in the table is the
+    one that a search would give now; an error tells that there is none, though more may be missing
+    by now. `sources` has what may be used.
     """
 
     def __init__(self, ontology: Ontology, needed: Iterable[Service], method: str) -> None:
@@ -22,7 +23,7 @@ class PlanTable:
         self._method = method
         self._needed: Dict[str, Service] = {}
         self._stale: Dict[str, None] = {}
-        self._publishers: Dict[str, str] = {}  # the node that publishes a service now
+        self._publishers: Dict[str, str] = {}  # the node that published a service last
         self._answers: Dict[str, Union[Plan, ShsaError]] = {}
         self._avoided: Dict[str, FrozenSet[str]] = {}  # the nodes that an answer does without
         self._made: Dict[str, int] = {}  # when an answer was made, the latest last
@@ -64,7 +65,6 @@ class PlanTable:
         """Some services are available no more, some are now."""
         gone, come = tuple(gone), tuple(come)
         for service in gone:
-            self._publishers.pop(service.name, None)
             for source in service.sources:
                 self.sources.discard(source)
         for service in come:
@@ -79,7 +79,7 @@ class PlanTable:
         self._gone.update({service.name: (self._moment, service) for service in gone})
         for service in come:
             if service.name in self._answers:
-                if not self.to_avoid(service.name) <= self._avoided[service.name]:
+                if self.to_avoid(service.name) != self._avoided[service.name]:
                     self._drop(service.name)
 
     def step(self) -> Optional[str]:
@@ -111,7 +111,7 @@ class PlanTable:
         return answer if isinstance(answer, Plan) else None
 
     def to_avoid(self, name: str) -> FrozenSet[str]:
-        """The nodes that are to publish a service or do."""
+        """The nodes that are to publish a service, or did last."""
         nodes = {self._needed[name].node, self._publishers.get(name, "")}
         return frozenset(nodes - {""})
 
@@ -134,7 +134,9 @@ class PlanTable:
         return found + self._derived_from(new)
 
     def _derived_from(self, services: Iterable[Service]) -> List[str]:
-        """The needed services with a property that can be derived from one that some services provide."""
+        """The needed services with a property that can be derived from one that some services
+        provide.
+        """
         numbers = [self._ontology.network.number(p) for s in services for p in s.properties]
         stack = list(dict.fromkeys(numbers))
         seen = set(stack)

@@ -32,7 +32,10 @@ class Planner:
         self._availability = availability
 
     def plan(self, service: Service, tried: Collection[Plan], faulty: str) -> Plan:
-        """The best plan for a service whose node `faulty` has failed, other than those tried. Raises ShsaError."""
+        """The best plan for a service whose node `faulty` has failed, other than those tried.
+
+        Raises ShsaError.
+        """
         excluded = self._nodes.excluded | {faulty}
         ready = self.plans.plan(service.name)
         if ready is not None and ready not in tried and self.usable(ready, excluded):
@@ -53,7 +56,8 @@ class Planner:
         return plan_service(self.ontology, service, self.plans.sources, excluded, method)
 
     def usable(self, plan: Plan, excluded: Collection[str] = ()) -> bool:
-        """Whether every service that a plan reads is available, from the node that it was made for."""
+        """Whether every service that a plan reads is available, from the node that it was made for.
+        """
         services = self._availability.services
         return all(
             source.service.name in services and services[source.service.name].node not in excluded

@@ -17,8 +17,8 @@ REFILL_DELAY_S = 1.0
 class Pool:
     """Idle processes, as many as the settings say, while there are warm services.
 
-    They prepare for `plans`, one row a warm service: they listen to its inputs and have advertised its outputs, so that
-    the consumers are connected; a roscpp consumer takes 0.2 s for that.
+    They prepare for `plans`, one row a warm service: they listen to its inputs and have advertised
+    its outputs, so that the consumers are connected; a roscpp consumer takes 0.2 s for that.
     """
 
     def __init__(self, settings: Settings) -> None:

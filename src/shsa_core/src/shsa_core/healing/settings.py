@@ -11,19 +11,20 @@ class Settings:
 
     `hold_off`: how long a returned original must stay healthy before the substitute is stopped.
     `hold_off_limit`: what `hold_off` doubles up to while an original keeps failing within it.
-    `switches`: after how many such failures in one incident it is kept out; 0: never.
-    `healings`: how often a service may be healed in a minute before it is given up; 0: any number will do.
+    `switches`: after how many such failures in one incident it is kept out; 0: never. `healings`:
+    how often a service may be healed in a minute before it is given up; 0: any number will do.
     `start_timeout`: how long a substitute may take from its start to its first message.
     `takeover_timeout`: the same for a process that runs already; then another one gets its work.
     `restarts`: how often a substitute that died is started again with the same plan.
-    `node_restarts`, `restart_pause`: how often a node is started again, and the first pause, which doubles.
-    `restart_timeout`: how long a node that was started again may take to its first message.
-    `stable`: how long a node must be well until its restarts are forgotten.
-    `retry`: after how long a service that could not be healed is tried anew; doubles up to `retry_limit`.
+    `node_restarts`, `restart_pause`: how often a node is started again, and the first pause, which
+    doubles. `restart_timeout`: how long a node that was started again may take to its first
+    message. `stable`: how long a node must be well until its restarts are forgotten. `retry`: after
+    how long a service that could not be healed is tried anew; doubles up to `retry_limit`.
     `method`: the search, `best` or `orr` (depth first).
     `pool`: how many idle processes the warm services share.
-    `kill_patience`: how long a node that may still publish may take to leave before its process is ended.
-    `deadline`, `minimum_deadline`: as the monitor's: periods, and s, after which values are stale.
+    `kill_patience`: how long a node that may still publish may take to leave before its process is
+    ended. `deadline`, `minimum_deadline`: as the monitor's: periods, and s, after which values are
+    stale.
     """
 
     hold_off: float = 2.0

@@ -1,4 +1,5 @@
-"""What the healing of one service is told about the rest of the robot, each time that it decides."""
+"""What the healing of one service is told about the rest of the robot, each time that it decides.
+"""
 from dataclasses import dataclass
 from typing import FrozenSet, Mapping, Tuple, Union
 
@@ -18,9 +19,10 @@ Request = Union[Command, KillNode]
 class Snapshot:
     """The robot at `time`, as far as `service` is concerned.
 
-    `publishers` of its topic, by name; `originals` are those of the service that are no substitutes. `killing`: the
-    nodes whose kill is under way. `incident`: the number of a new incident. `spare`: an idle process, empty if there
-    is none for this service; `fresh`: the name of a new one. At most one of the two is taken each time.
+    `publishers` of its topic, by name; `originals` are those of the service that are no
+    substitutes. `killing`: the nodes whose kill is under way. `incident`: the number of a new
+    incident. `spare`: an idle process, empty if there is none for this service; `fresh`: the name
+    of a new one. At most one of the two is taken each time.
     """
 
     time: float

@@ -1,4 +1,6 @@
-"""The substitute of one service: its process, what that computes, and which plans were tried in vain."""
+"""The substitute of one service: its process, what that computes, and which plans were tried in
+vain.
+"""
 from typing import List, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
@@ -14,9 +16,9 @@ CHANGEOVER_S = 1.0
 class SubstituteProcess:
     """At most one process that substitutes a service, and its plan.
 
-    `node` is its name, empty without a process. `working_since` is when it was set to work: what it has published
-    since counts. `patience` is how long its first message may take, in s; if that does not come, `plan_to_blame`, or
-    else the process is.
+    `node` is its name, empty without a process. `working_since` is when it was set to work: what it
+    has published since counts. `patience` is how long its first message may take, in s; if that
+    does not come, `plan_to_blame`, or else the process is.
     """
 
     def __init__(self) -> None:
@@ -43,7 +45,10 @@ class SubstituteProcess:
         return isinstance(self.plan, Plan) and not now.planner.usable(self.plan)
 
     def find(self, now: Snapshot, faulty: str) -> Plan:
-        """The plan to follow now: the one that is followed, if it still holds. Raises ShsaError if there is none."""
+        """The plan to follow now: the one that is followed, if it still holds.
+
+        Raises ShsaError if there is none.
+        """
         plan = self.plan
         if (
             isinstance(plan, Plan)
@@ -55,7 +60,9 @@ class SubstituteProcess:
         return now.planner.plan(now.service, tried, faulty)
 
     def use(self, now: Snapshot, plan: AnyPlan, publishes: bool = False) -> List[Command]:
-        """Set the process at hand, which may have been publishing, to work on a plan; else another one."""
+        """Set the process at hand, which may have been publishing, to work on a plan; else another
+        one.
+        """
         self.plan = plan
         self._changed = now.time
         command: Command = AssignSubstitute(self.node)

@@ -36,13 +36,16 @@ class TopicHealing(Repair):
         return self.incident.faulty_node if self.incident and self.incident.killed else ""
 
     def publishes(self, now: Snapshot) -> bool:
-        """Whether the substitute publishes: only when the faulty node is gone and the original is not back."""
+        """Whether the substitute publishes: only when the faulty node is gone and the original is
+        not back.
+        """
         if self.incident is None or self.incident.state not in PUBLISHED:
             return False
         return self._certainly_gone or self.incident.faulty_node not in now.killing
 
     def failed(self, now: Snapshot, event: FailureSeen) -> List[Request]:
-        """A publisher of the service failed: kill it, and heal unless another original carries on."""
+        """A publisher of the service failed: kill it, and heal unless another original carries on.
+        """
         if self.node and event.publisher == self.node:
             return self._own_failed(now, event)
         node = event.publisher or now.service.node
@@ -103,7 +106,9 @@ class TopicHealing(Repair):
         return self._substitute_failed(now, f"its process died ({detail})", False)
 
     def changed(self, now: Snapshot, service_came: bool = False) -> List[Request]:
-        """Health or the SOM changed: the first message, the original's return, a lost input, a new chance."""
+        """Health or the SOM changed: the first message, the original's return, a lost input, a new
+        chance.
+        """
         requests = self._notice_first_message(now) + self._notice_return(now)
         if self.state in SUBSTITUTED and self.substitute.lost_input(now):
             requests += self._fire(now, Trigger.INPUT_LOST)

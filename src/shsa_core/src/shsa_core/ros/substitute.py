@@ -1,4 +1,5 @@
 """The substitute: a node made of three strings that takes over a topic (Section V-A3 of the paper)."""
+import functools
 import os
 import sys
 from typing import Callable, Tuple
@@ -183,13 +184,18 @@ class SubstituteNode:
 
 def unusable(row: Substitution) -> events.Unusable:
     """The signals of a row that cannot be read or written here, each with the reason."""
-    found = []
-    for signal in (*row.inputs, *row.outputs):
-        try:
-            Field(message_class(signal.type), signal.field)
-        except ShsaError as error:
-            found.append((signal, str(error)))
-    return tuple(found)
+    problems = ((each, _problem(each.type, each.field)) for each in (*row.inputs, *row.outputs))
+    return tuple((signal, problem) for signal, problem in problems if problem)
+
+
+@functools.lru_cache(maxsize=None)
+def _problem(kind: str, field: str) -> str:
+    """Why a field cannot be read or written; empty if it can. A takeover asks for nothing that is new."""
+    try:
+        Field(message_class(kind), field)
+    except ShsaError as error:
+        return str(error)
+    return ""
 
 
 def _paths(text: str) -> Paths:

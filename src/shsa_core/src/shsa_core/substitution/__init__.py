@@ -1,1 +1,1 @@
-"""How a substitute computes, and when it publishes."""
+"""The substitute: what it computes, when it publishes and to whom, and when it is muted."""
