@@ -124,9 +124,12 @@ def plot(all_: List[Costs], path: Path) -> None:
         own = [each for each in all_ if each.standby == standby]
         sizes = [each.topics for each in own]
         for step, axis in (("takeover", axes[0]), ("health change", axes[1])):
-            axis.loglog(sizes, [1e3 * summary(e.steps[step])[0] for e in own], "o-", label=standby)
+            middles = [1e3 * summary(each.steps[step])[0] for each in own]
+            axis.semilogx(sizes, middles, "o-", label=standby)
         axes[2].loglog(sizes, [each.startup for each in own], "o-", label=standby)
     axes[0].axhline(1.0, color="black", linestyle=":", label="goal")
+    for axis in axes[:2]:
+        axis.set_ylim(bottom=0.0)
     axes[0].set_ylabel("deciding a failure until it is healed (ms)")
     axes[1].set_ylabel("a change of health (ms)")
     axes[2].set_ylabel("start until all plans are ready (s)")

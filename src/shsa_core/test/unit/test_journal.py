@@ -231,6 +231,18 @@ def test_a_full_disk_ends_the_recording_and_what_is_there_can_be_replayed(
     assert again and not any(step.differs for step in again) and journal.end == CUT
 
 
+def test_a_disk_that_is_full_just_at_the_end(
+    opened: Open, path: Path, warnings: List[str], monkeypatch: Any
+) -> None:
+    def full(file: int, data: bytes) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    writer = opened()
+    monkeypatch.setattr(writer_module.os, "write", full)
+    writer.close()
+    assert len(warnings) == 1 and "No space left" in warnings[0] and not writer.recording
+
+
 def test_a_deleted_file_ends_the_recording(opened: Open, path: Path, warnings: List[str]) -> None:
     writer = opened()
     path.unlink()

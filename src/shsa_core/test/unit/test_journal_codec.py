@@ -180,7 +180,8 @@ Change = Callable[[Dict[str, Any]], object]
         (lambda d: d.update(key=["a", 1]), "the event.key[1] must be a value of the type bool"),
         (lambda d: d.update(either="x"), "the event.either must be a number, not 'x'"),
         (lambda d: d.update(either=[]), "the event.either must be a flag or a null or a number"),
-        (lambda d: d.update(point=[1]), "the event.point must be a null or a object, not [1]"),
+        (lambda d: d.update(point=[1]), "the event.point must be a null or an object, not [1]"),
+        (lambda d: d.update(point=[]), "the event.point must be a null or an object, not []"),
         (lambda d: d.update(points=1), "the event.points must be a list, not 1"),
         (lambda d: d.update(points=[1]), "the event.points[0] must be an object, not 1"),
         (lambda d: d.update(points=[{"x": 1, "z": 2}]), "points[0]: Point has no field 'z'"),
@@ -191,7 +192,7 @@ Change = Callable[[Dict[str, Any]], object]
             lambda d: d.update(check={"class": "Point"}),
             "the event.check: there is no class 'Point'",
         ),
-        (lambda d: d.update(check=7 * "123456789 "), "must be a null or a object, not '123456789"),
+        (lambda d: d.update(check=7 * "123456789 "), "must be a null or an object, not '123456789"),
     ],
 )
 def test_what_the_program_could_not_have_written_is_refused(change: Change, told: str) -> None:
@@ -232,6 +233,7 @@ def test_a_field_that_has_a_default_may_be_missing() -> None:
         toy.Added(1.0, text=2),  # type: ignore[arg-type]
         toy.Added(1.0, points=3),  # type: ignore[arg-type]
         toy.Added(1.0, points=(toy.Show(1.0),)),  # type: ignore[arg-type]
+        toy.Added(1.0, point=toy.Show(1.0)),  # type: ignore[arg-type]
         toy.Added(1.0, key=("a",)),  # type: ignore[arg-type]
         toy.Added(1.0, either="a"),  # type: ignore[arg-type]
         toy.Added(1.0, either=()),  # type: ignore[arg-type]

@@ -277,7 +277,10 @@ class ChoiceCoder(Coder):
     def decode(self, data: Any, path: str) -> Any:
         coder = self._of_kind.get(kind_of(data))
         if coder is None:
-            raise _refusal(path, f"a {' or a '.join(sorted(self.kinds))}", data)
+            allowed = (
+                "an object" if kind == _OBJECT else f"a {kind}" for kind in sorted(self.kinds)
+            )
+            raise _refusal(path, " or ".join(allowed), data)
         return coder.decode(data, path)
 
 
