@@ -30,6 +30,7 @@ from report import print_table
 from shsa_testing.waiting import wait_until
 
 PERIOD = 0.02
+SILENCE = 0.1  # s; the monitor's deadline: five periods
 TOGETHER = 5
 COLUMNS = ("fault", "kind", "heard_ms", "after_last_good_ms")
 
@@ -99,7 +100,7 @@ def measure(
     value = {"range": [-5.0, 60.0]}
     services = [service(target.topic, target.name, PERIOD, value) for target in targets]
     som = write_som(graph.folder / "som.yaml", services)
-    monitor = graph.python(MONITOR, "--som", str(som))
+    monitor = graph.python(MONITOR, "--som", str(som), f"_minimum_deadline:={SILENCE}")
     rows = []
     for target in targets:
         listens = lambda: target.command.get_num_connections() > 0
