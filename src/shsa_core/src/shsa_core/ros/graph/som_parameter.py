@@ -3,7 +3,7 @@ import http.client
 import threading
 import time
 import xmlrpc.client
-from typing import Any, Callable, Optional, Set
+from typing import Callable, Optional, Set
 
 import rosgraph
 import rospy
@@ -12,13 +12,18 @@ from rospy.impl.paramserver import get_param_server_cache
 from shsa_core.errors import ModelError
 from shsa_core.files.som_file import PARAMETER, merge_parameters, som_parameters
 from shsa_core.model.som import Som
-from shsa_core.ros.graph.node_api import node_api
 
 POLL_S = 0.4
 SHARE = 0.02
-"""Of the time at most this much goes into looking: on a robot of 1,000 topics one look takes a
-tenth of a second.
-"""
+"""Of the time at most this much goes into looking: it takes half a second at 1,000 services."""
+
+FAILS = (
+    OSError,
+    http.client.HTTPException,
+    xmlrpc.client.Error,
+    rosgraph.MasterException,
+    rospy.ROSException,
+)
 
 
 def put_som(som: Som) -> None:
@@ -85,13 +90,12 @@ class SomWatch:
                     self._take(value)
             self._look.wait(max(POLL_S, (time.monotonic() - begin) / SHARE))
 
-    def _subscribe(self) -> object:
+    def _subscribe(self) -> Optional[object]:
         """The value; from now on the master tells of changes. A master that was started anew knows
         of nobody.
         """
-        name, uri = rospy.get_name(), rospy.get_node_uri()
-        answer: Any = node_api(rosgraph.get_master_uri()).subscribeParam(name, uri, self._name)
-        return answer[2] if answer[0] == 1 else None
+        master = rosgraph.Master(rospy.get_name())
+        return master.subscribeParam(rospy.get_node_uri(), self._name)
 
     def _take(self, value: object) -> None:
         seen = repr(value)  # as text: NaN equals itself
@@ -119,6 +123,6 @@ def _names(value: object) -> Set[str]:
 def _ask(question: Callable[[], Optional[object]]) -> Optional[object]:
     try:
         return question()
-    except (OSError, http.client.HTTPException, xmlrpc.client.Error, rospy.ROSException) as error:
+    except FAILS as error:
         rospy.logwarn_throttle(10.0, f"The master does not answer: {error}")
         return None
