@@ -1,5 +1,5 @@
 """Derivations: how a property is obtained from sources, and how good that is."""
-from typing import Collection, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from shsa_core.model.network import Network
 from shsa_core.model.quality import cost
@@ -141,21 +141,25 @@ class SourceTable:
         self._of: Dict[int, Dict[Source, None]] = {}
         self._best: Dict[int, Source] = {}
         self._ratings: Dict[int, Rating] = {}
-        self._named: Dict[str, Dict[Source, None]] = {}  # by service, topic and node
+        # By service, topic and node; made when something is left out for the first time.
+        self._named: Optional[Dict[str, Dict[Source, None]]] = None
         for source in sources:
             self.add(source)
 
     def add(self, source: Source) -> None:
         """Takes a source in; one that is there already stays as it is."""
         assert self._base is None, "a table that leaves something out is not changed"
-        number = self._network.number(source.property)
-        of = self._of.setdefault(number, {})
-        if source not in of:
+        number = self._network.number(source.provision.property)
+        of = self._of.get(number)
+        if not of:
+            self._of[number] = {source: None}
+            self._choose(number, source)
+        elif source not in of:
             of[source] = None
-            for name in source.names:
-                self._named.setdefault(name, {})[source] = None
-            if len(of) == 1 or _order(source) < _order(self._best[number]):
-                self._choose(number, [source])
+            if _order(source) < _order(self._best[number]):
+                self._choose(number, source)
+        if self._named is not None:
+            _index(self._named, source)
 
     def discard(self, source: Source) -> None:
         """Takes a source out, if it is there."""
@@ -164,10 +168,11 @@ class SourceTable:
         of = self._of.get(number, {})
         if source in of:
             del of[source]
-            for name in source.names:
-                self._named[name].pop(source, None)
+            if self._named is not None:
+                for name in source.names:
+                    self._named[name].pop(source, None)
             if source == self._best[number]:
-                self._choose(number, of)
+                self._choose(number, min(of, key=_order) if of else None)
 
     def excluding(self, names: Iterable[str]) -> "SourceTable":
         """The table without the sources of some services, topics or nodes, valid until the next
@@ -176,6 +181,10 @@ class SourceTable:
         It costs as much as there is to leave out, not as much as there is.
         """
         gone: Dict[int, Set[Source]] = {}
+        if self._named is None:
+            self._named = {}
+            for source in [source for of in self._of.values() for source in of]:
+                _index(self._named, source)
         for name in names:
             for source in self._named.get(name, ()):
                 gone.setdefault(self._network.number(source.property), set()).add(source)
@@ -186,7 +195,7 @@ class SourceTable:
         for number, sources in gone.items():
             left = {source: None for source in self.of(number) if source not in sources}
             table._of[number] = left
-            table._choose(number, left)
+            table._choose(number, min(left, key=_order) if left else None)
         return table
 
     def rating(self, number: int) -> Rating:
@@ -208,13 +217,19 @@ class SourceTable:
             return self._base.of(number)
         return sorted(self._of.get(number, ()), key=lambda source: (source.path, source.node))
 
-    def _choose(self, number: int, sources: Collection[Source]) -> None:
-        if not sources:
+    def _choose(self, number: int, source: Optional[Source]) -> None:
+        if source is None:
             self._best.pop(number, None)
             self._ratings[number] = LOST
         else:
-            source = self._best[number] = min(sources, key=_order)
-            self._ratings[number] = cost(source.quality), 0, 1, SOURCE, source.quality
+            self._best[number] = source
+            quality = source.provision.quality
+            self._ratings[number] = cost(quality), 0, 1, SOURCE, quality
+
+
+def _index(named: Dict[str, Dict[Source, None]], source: Source) -> None:
+    for name in source.names:
+        named.setdefault(name, {})[source] = None
 
 
 def _order(source: Source) -> Tuple[int, str, str]:

@@ -128,7 +128,9 @@ def find_first(
 
 
 def _table(network: Network, sources: Iterable[Source], excluded: Iterable[str]) -> SourceTable:
-    return SourceTable(network, sources).excluding(excluded)
+    without = frozenset(excluded)
+    left = [s for s in sources if without.isdisjoint(s.names)] if without else sources
+    return SourceTable(network, left)
 
 
 def _substitute(best: BestDerivations, number: int, proven_best: bool) -> Substitute:
