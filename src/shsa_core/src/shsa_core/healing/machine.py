@@ -32,6 +32,8 @@ from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 Ask = Callable[[TopicHealing, Snapshot], List[Request]]
 SUBSTITUTE_PREFIX = "substitute_"
+TELLING = (events.Log, events.ShowIncident, events.ShowSom)
+"""What only tells people comes after what acts: a line of the log takes as long as a takeover."""
 
 
 class Reconfigurator:
@@ -109,7 +111,9 @@ class Reconfigurator:
         if shown is not None:
             commands.insert(0, shown)  # first: it decides who publishes
         states = self._states.change()
-        return commands if states is None else [*commands, states]
+        if states is not None:
+            commands.append(states)
+        return sorted(commands, key=lambda command: isinstance(command, TELLING))
 
     @property
     def plans_ahead(self) -> bool:
