@@ -20,9 +20,10 @@ Nodes = FrozenSet[str]
 def analyse(ontology: Ontology, som: Som, size: int = 2) -> Report:
     """How resilient a robot is, with all cuts of up to `size` nodes, two at least.
 
-    Every service in the SOM counts as available until its node fails. Relations that cannot be executed do not
-    count. The cuts are exact: a set of nodes is a cut if no substitute avoids it, and each of its nodes lies on a
-    substitute that avoids the others (hitting sets; R. Reiter, A theory of diagnosis from first principles, 1987).
+    Every service in the SOM counts as available until its node fails. Relations that cannot be
+    executed do not count. The cuts are exact: a set of nodes is a cut if no substitute avoids it,
+    and each of its nodes lies on a substitute that avoids the others (hitting sets; R. Reiter, A
+    theory of diagnosis from first principles, 1987).
     """
     return _Analysis(ontology, som, max(size, 2)).report()
 
@@ -84,7 +85,9 @@ class _Analysis:
             )
 
     def _alternatives(self, name: str, failed: str) -> List[Alternative]:
-        """For a lost property each source of it, and each relation with its best inputs; best first."""
+        """For a lost property each source of it, and each relation with its best inputs; best
+        first.
+        """
         network, number = self._network, self._network.number(name)
         ratings = self._failures.after([failed], blocked=number).ratings
         found = [
@@ -122,7 +125,9 @@ class _Analysis:
         return _smallest(cuts)
 
     def _left_by(self, failed: Nodes) -> Dict[int, int]:
-        """The bits of each property after some failures, kept for the next service of the same node."""
+        """The bits of each property after some failures, kept for the next service of the same
+        node.
+        """
         if self._failed != failed:
             self._failed, self._left = failed, self._fragility.after(failed)
         return self._left
