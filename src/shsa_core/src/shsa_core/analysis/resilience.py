@@ -4,7 +4,7 @@ from math import comb
 from typing import Dict, FrozenSet, Iterable, Iterator, List, Sequence, Set, Tuple
 
 from shsa_core.analysis.failures import Failures
-from shsa_core.analysis.fragility import AS_IT_IS, Fragility
+from shsa_core.analysis.fragility import Fragility
 from shsa_core.analysis.remedies import Remedies
 from shsa_core.analysis.report import Alternative, Cut, NodeReport, Report, ServiceReport, Survival
 from shsa_core.model.ontology import Ontology
@@ -113,8 +113,6 @@ class _Analysis:
         if any(self._fragility.bits(names) & self._fragility.bit(node) for node in failed):
             return {failed}
         bits = self._fragility.bits(names, self._left_by(failed))
-        if bits & AS_IT_IS:
-            return {failed}
         cuts = {failed | {node} for node in self._fragility.names(bits) if node not in failed}
         if len(failed) + 1 < self._size:
             numbers = [self._network.number(name) for name in names]
