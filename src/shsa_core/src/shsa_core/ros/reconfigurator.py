@@ -84,7 +84,7 @@ class ReconfiguratorNode:
         self._som_state = TablePublisher(
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service
         )
-        self._carry_out = dispatch.table(
+        self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {
                 events.LearnNode: self._in_thread(self._learn),
