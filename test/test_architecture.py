@@ -1,6 +1,4 @@
-"""docs/architecture.md names every module of the core package, and says of each what it says of
-itself.
-"""
+"""docs/architecture.md has a row for every module of the core package, in its own words."""
 import ast
 from pathlib import Path
 from typing import List

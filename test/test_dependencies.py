@@ -1,5 +1,6 @@
-"""Whatever the code imports is packaged, in Debian 12 and in Ubuntu 20.04, and every package
-says what it needs.
+"""Whatever the code imports is packaged, in Debian 12 and in Ubuntu 20.04.
+
+Every package says what it needs.
 """
 import ast
 import csv

@@ -51,9 +51,7 @@ def test_folders_at_the_top_show_the_files_of_the_packages() -> None:
 
 
 class Installed:
-    """The packages, each built from a copy of its own against those that it needs, when asked
-    for.
-    """
+    """The packages, each built from a copy of its own against those that it needs."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

@@ -1,5 +1,6 @@
-"""Runs every rostest of the workspace, each with a master of its own, and looks for what it
-leaves behind.
+"""Runs every rostest of the workspace, and looks for what it leaves behind.
+
+Each has a master of its own.
 """
 import os
 import subprocess

@@ -1,6 +1,4 @@
-"""What can be done about a failed node, each ready to be measured: healing, respawn, and
-starting it by hand.
-"""
+"""What can be done about a failed node: healing, respawn, or starting it by hand."""
 import os
 import signal
 import time

@@ -1,5 +1,6 @@
-"""How long the monitor takes from a fault to the message on /shsa/failures: topics at 50 Hz, one
-rospy node each.
+"""How long the monitor takes from a fault to the message on /shsa/failures.
+
+Topics at 50 Hz, one rospy node each.
 
 `heard`: from causing the fault to a subscriber's hearing of it. `after_last_good`: from the last
 good message to the decision, as the monitor tells it. Writes results/bench/detection_latency.csv.

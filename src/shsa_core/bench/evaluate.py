@@ -1,5 +1,4 @@
-"""What one evaluation of a substitute costs, side by side with the same arithmetic as a
-hand-written function.
+"""What one evaluation of a substitute costs, beside a hand-written function.
 
 Both get the same inputs in turn, in many short rounds, so that other work on the machine hits both;
 the time is that of the processor. Prints the ratio (median and 95th percentile over the rounds) and

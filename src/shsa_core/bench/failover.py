@@ -1,5 +1,6 @@
-"""The outage at a consumer when a node fails: hot, warm and cold substitutes, and what ROS has
-without healing.
+"""The outage at a consumer when a node fails, with substitutes and without healing.
+
+Substitutes are hot, warm and cold.
 
 An outage lasts from the last good message before a failure to the first one after it, by the
 monotonic clock of the consumer. Two consumers listen side by side, one in rospy and one in roscpp.

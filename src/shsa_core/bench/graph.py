@@ -1,5 +1,6 @@
-"""A ROS graph of its own for a measurement: a master on a free port, nodes, and an end to all of
-them.
+"""A ROS graph of its own for a measurement: a master on a free port, and nodes.
+
+All of them are ended afterwards.
 """
 import json
 import os
@@ -157,8 +158,9 @@ def service(
     value: Optional[Mapping[str, object]] = None,
     **more: object,
 ) -> Dict[str, object]:
-    """A service on a topic of shsa_msgs/Float64Stamped as in a SOM file; it provides a property of
-    the topic's name.
+    """A service on a topic of shsa_msgs/Float64Stamped as in a SOM file.
+
+    It provides a property of the topic's name.
 
     `value` is what else is said of its value, and `more` what else is said of it.
     """
@@ -174,8 +176,9 @@ def service(
 
 
 def write_som(path: Path, services: Iterable[Mapping[str, object]]) -> Path:
-    """Write a SOM file of services, each with the name of its topic; no older one is left as
-    parameters.
+    """Write a SOM file of services, each with the name of its topic.
+
+    No older one is left as parameters.
     """
     if rospy.has_param(PARAMETER):
         rospy.delete_param(PARAMETER)

@@ -1,5 +1,4 @@
-"""Freedom of interference (Section III-A3): what reconfigurations do to ten topics that have
-nothing to do with them.
+"""Freedom of interference (Section III-A3): what reconfigurations do to ten unconcerned topics.
 
 Ten roscpp nodes publish at 50 Hz, and one roscpp node hears them all. Jitter is how far the time
 between two messages is from the period. The phases:

@@ -1,5 +1,4 @@
-"""The monitor's price: its share of a CPU, and what it does to the streams that it watches (the
-probe effect).
+"""The monitor's price: its share of a CPU, and its probe effect on the streams that it watches.
 
 50 topics at 1,000 and at 10,000 messages/s together; a consumer beside the monitor listens to 5 of
 them. Without the monitor; with it, values not checked; with it, values checked: taken in turns.

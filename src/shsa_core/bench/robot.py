@@ -1,6 +1,4 @@
-"""A small robot to measure healing on: two nodes, healing that watches over them, and two
-consumers.
-"""
+"""A small robot to measure healing on: two nodes, healing, and two consumers."""
 import subprocess
 import threading
 import time

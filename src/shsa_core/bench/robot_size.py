@@ -29,8 +29,9 @@ the substitute is seen publishing; a changed row of health; a tick; one plan mad
 
 
 class Costs(NamedTuple):
-    """What one robot costs: s of processor time for each step and for the start; lines of Python
-    and bytes sent a failure.
+    """What one robot costs: s of processor time for each step and for the start.
+
+    And for a failure, lines of Python and bytes sent.
     """
 
     topics: int
@@ -81,9 +82,7 @@ def measure(size: int, standby: Standby, rounds: int, bytes_of: Optional[Sent]) 
 
 
 def rows_of(all_: List[Costs]) -> List[List[str]]:
-    """The table: medians and 95th percentiles in us, and the ratio to the smallest robot's
-    median.
-    """
+    """The table: medians and 95th percentiles in us, and ratios to the smallest robot's median."""
     rows = []
     for costs in all_:
         small = next(each for each in all_ if each.standby == costs.standby)

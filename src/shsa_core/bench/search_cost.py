@@ -1,5 +1,4 @@
-"""What the search costs: by size and shape of the ontology, in memory, ready beforehand, and for
-the report.
+"""What the search costs: by size and shape of the ontology, in memory, and for the report.
 
     python3 search_cost.py [--largest N] [--results DIR]
 
@@ -84,8 +83,9 @@ def dense(size: int) -> Model:
 
 
 def cycles(size: int) -> Model:
-    """Laws in all three directions between neighbours, so that all depends on all; every fifth
-    is measured.
+    """Laws in all three directions between neighbours, so that all depends on all.
+
+    Every fifth is measured.
     """
     draw = random.Random(size)
     functions = []
@@ -97,9 +97,7 @@ def cycles(size: int) -> Model:
 
 
 def knot(size: int) -> Model:
-    """Four relations for each property from random ones: one cycle without any order, the worst
-    case.
-    """
+    """Four relations for each property from random ones: one cycle, the worst case."""
     draw = random.Random(size)
     count = size // 4
     functions = [
@@ -259,8 +257,9 @@ def anytime(size: int, say: Say) -> None:
 
 
 def ready_plans(size: int, say: Say, goals: Goals) -> None:
-    """Chains side by side, short enough for code to be generated; a hundred of their ends are
-    needed.
+    """Chains side by side, short enough for code to be generated.
+
+    A hundred of their ends are needed.
     """
     length = 50
     count = size // length
@@ -296,9 +295,7 @@ def ready_plans(size: int, say: Say, goals: Goals) -> None:
 
 
 def resilience(say: Say, goals: Goals) -> None:
-    """A robot of 1,000 nodes and 10,000 functions, a fifth of its topics needed; and all of
-    them.
-    """
+    """A robot of 1,000 nodes and 10,000 functions, a fifth of its topics needed, or all."""
     functions, _ = cycles(10000)
     ontology = Ontology({}, {}, functions)
     for share in (0.2, 1.0):
@@ -357,8 +354,9 @@ def unhealable(sizes: Sequence[int], say: Say, goals: Goals) -> None:
 
 
 def second_best(sizes: Sequence[int], say: Say, goals: Goals) -> None:
-    """The second-best substitute in a ring, where the best one uses every relation: quadratic,
-    as docs/ontology.md says.
+    """The second-best substitute in a ring, where the best one uses every relation.
+
+    Quadratic, as docs/ontology.md says.
     """
     times = []
     for size in sizes:

@@ -1,5 +1,6 @@
-"""A robot of any size around the pure reconfigurator: a monitor and a graph that answer at once,
-without ROS.
+"""A robot of any size around the pure reconfigurator, without ROS.
+
+Its monitor and its graph answer at once.
 """
 import sys
 from collections import deque

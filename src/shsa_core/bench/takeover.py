@@ -79,8 +79,6 @@ def gap(consumer: Consumer, failed_at: float) -> float:
 
 
 def _edges(consumer: Consumer, node: str, failed_at: float) -> Tuple[float, float]:
-    """When the last good message came before `node` published after a failure, and its first
-    one.
-    """
+    """When the last good message came before `node` published, and its first good one."""
     first = next(m.at for m in consumer.since(failed_at) if m.node == node and m.good)
     return max(m.at for m in list(consumer.messages) if m.at < first and m.good), first

@@ -1,5 +1,6 @@
-"""The paper's second experiment (Section V-B2, Fig. 11): a transfer node's times over the number of
-application nodes.
+"""The paper's second experiment (Section V-B2, Fig. 11): a transfer node's times.
+
+They are taken over the number of application nodes.
 
 A transfer node is a substitute, started by rosrun with its three strings. The paper's four times of
 each, in ms:
@@ -141,8 +142,9 @@ class TransferNode:
 
 
 def _kill(node: str, took: List[float]) -> None:
-    """The kill call, and how long it took (s). The node does not answer it: it lasts until the
-    process is gone.
+    """The kill call, and how long it took (s).
+
+    The node does not answer it: it lasts until the process is gone.
     """
     begun = time.monotonic()
     shut_down(node)

@@ -13,8 +13,9 @@ SOON_S = 0.15  # a bound for a busy machine, the figures are those of the benchm
 
 
 class FaultyRobot(unittest.TestCase):
-    """Every test begins with all nodes up and healthy. `nodes`: topic and value by the name of a
-    node.
+    """Every test begins with all nodes up and healthy.
+
+    `nodes`: topic and value by the name of a node.
     """
 
     nodes: Dict[str, Tuple[str, float]] = {}

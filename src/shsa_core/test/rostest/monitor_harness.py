@@ -1,6 +1,4 @@
-"""What the monitor's tests share: real publishers that fail on command, and what the monitor says
-of them.
-"""
+"""What the monitor's tests share: publishers that fail on command, and what is said of them."""
 import itertools
 import os
 import shutil
@@ -98,8 +96,7 @@ class MonitorCase(unittest.TestCase):
         return {(row.topic, row.publisher): row for row in self._health.rows.values()}
 
     def watch(self, *entries: Dict[str, object]) -> None:
-        """Put a SOM of these services into the file and onto the parameter server, and wait until
-        it counts.
+        """Put a SOM of these services into file and parameters, and wait until it counts.
 
         A topic of its own, that nobody publishes, shows in the monitor's table which SOM that is.
         """

@@ -1,6 +1,4 @@
-"""A reconfigurator between a monitor's table that the test writes and the commands that it
-gives.
-"""
+"""A reconfigurator between a table that the test writes and the commands that it gives."""
 from typing import Any, Dict, List, Optional, Sequence, Tuple, Type, TypeVar, Union
 
 from shsa_core.codegen.generator import Program
@@ -42,8 +40,9 @@ SOM = Som([service("a", A, needed=True), service("b", B), service("c", C)])
 
 
 class Robot:
-    """A reconfigurator with a monitor's table that the test writes; its invariants hold after
-    every event.
+    """A reconfigurator with a monitor's table that the test writes.
+
+    Its invariants hold after every event.
     """
 
     def __init__(

@@ -34,8 +34,9 @@ def service(topic: str, node: str, provides: Iterable[Provision], needed: bool =
 
 
 def som_of(sources: Iterable[Source]) -> Som:
-    """The SOM in which sources of the same topic and node are one service, which is needed if
-    one of them is.
+    """The SOM in which sources of one topic and node are one service.
+
+    It is needed if one of them is.
     """
     needed: Dict[Tuple[str, str], bool] = {}
     provides: Dict[Tuple[str, str], Dict[str, Provision]] = {}
@@ -62,8 +63,9 @@ Rank = Tuple[Fraction, int, int, List[Tuple[str, str]]]
 
 
 def rank(derivation: Derivation) -> Rank:
-    """How good a derivation is, exactly: minus quality, relations, inputs, names; the least is
-    the best.
+    """How good a derivation is, exactly: minus quality, relations, inputs, names.
+
+    The least is the best.
     """
     if derivation.source is not None:
         own = derivation.source

@@ -123,8 +123,9 @@ def served(commands: List[Any]) -> List[FrozenSet[str]]:
 
 
 def running(publishing: bool = False, **of: Any) -> Driver:
-    """A substitute with fresh inputs on an advertised topic, at the time 0; its next message is
-    due at PERIOD.
+    """A substitute with fresh inputs on an advertised topic, at the time 0.
+
+    Its next message is due at PERIOD.
     """
     driver = Driver(row(publishing, **of))
     for topic in dict.fromkeys(each.topic for each in driver.core._row.outputs):

@@ -1,6 +1,4 @@
-"""What the search touches: only what the target can be derived from, and of that only what may
-be better.
-"""
+"""What the search touches: only what may be part of a better derivation."""
 from typing import Any, List, Sequence
 
 from search_models import law, ontology, source

@@ -1,6 +1,4 @@
-"""The registry of checks is complete: each kind is a word, a constant of the message, and a row of
-the documentation.
-"""
+"""The registry of checks is complete: in words, in messages and in the documentation."""
 import re
 from pathlib import Path
 from typing import Dict, List, Set

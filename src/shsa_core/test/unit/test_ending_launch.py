@@ -31,8 +31,9 @@ SIGNAL = EXIT.replace("_post_run", "shutdown")
 
 
 class Launched:
-    """A node, and what stands for the roslaunch that started it; `wrapped`: through another
-    process.
+    """A node, and what stands for the roslaunch that started it.
+
+    `wrapped`: through another process.
     """
 
     def __init__(self, folder: Path, before: str = "started", wrapped: bool = False) -> None:

@@ -1,6 +1,4 @@
-"""What the reconfigurator makes of the rest of the robot: nodes, launches, models, and several
-services on a topic.
-"""
+"""What the reconfigurator makes of nodes, launches, models, and services that share a topic."""
 from dataclasses import replace
 from typing import List
 

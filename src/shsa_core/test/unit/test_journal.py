@@ -1,5 +1,6 @@
-"""The journal: what is recorded is replayed to the same decisions; what hinders recording
-hinders nobody else.
+"""The journal: what is recorded is replayed to the same decisions.
+
+What hinders recording hinders nobody else.
 """
 import errno
 import json

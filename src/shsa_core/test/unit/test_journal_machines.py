@@ -1,6 +1,4 @@
-"""The real machines: what they decided while they were recorded, they decide again, in another
-process too.
-"""
+"""The real machines decide again what they decided while recorded, in any process."""
 import json
 import os
 import subprocess

@@ -1,6 +1,4 @@
-"""A law is whatever says its inputs, units, ranges and code: a relation by a table is checked,
-planned and computed.
-"""
+"""A law is whatever says its inputs, units, ranges and code: here a relation by a table."""
 from typing import List, Mapping, NamedTuple, Optional, Tuple
 
 from search_models import source

@@ -1,6 +1,4 @@
-"""Each check of messages: found when it is on, silent when it is off, back to healthy when it is
-over.
-"""
+"""Each check of messages: found when on, silent when off, healthy again when over."""
 from math import nan
 from typing import Any, Dict, List
 

@@ -1,6 +1,4 @@
-"""Plans for services: all values by one substitute, nothing of what failed, the next best after
-a failure.
-"""
+"""Plans for services: all values by one substitute, nothing of what failed."""
 import dataclasses
 from typing import Collection, Iterable, List
 

@@ -1,5 +1,6 @@
-"""Beside substitution: nodes started again, trusted less, kept out; and what is done when
-nothing is left.
+"""Beside substitution: nodes started again, trusted less, kept out.
+
+And what is done when nothing is left.
 """
 from dataclasses import replace
 from typing import List

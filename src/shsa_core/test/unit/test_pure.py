@@ -1,6 +1,4 @@
-"""The core knows no ROS, and nothing in the package looks up or round: every import goes to a
-lower part.
-"""
+"""The core knows no ROS, and every import goes to a lower part."""
 import ast
 import pathlib
 import subprocess
@@ -50,8 +48,9 @@ def part_of(module: str) -> str:
 
 
 def imports_of(module: str) -> Set[str]:
-    """The modules of the package that a module imports, wherever in its text; types alone do not
-    count.
+    """The modules of the package that a module imports, wherever in its text.
+
+    Types alone do not count.
     """
     tree = ast.parse(MODULES[module].read_text("utf-8"))
     typing = {

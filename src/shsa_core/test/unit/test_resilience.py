@@ -1,6 +1,4 @@
-"""The resilience analysis: against trying every set of failed nodes, and in small robots worked
-out by hand.
-"""
+"""The resilience analysis: against trying every set of nodes, and by hand on small robots."""
 import dataclasses
 from itertools import combinations
 from math import comb

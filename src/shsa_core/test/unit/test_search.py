@@ -1,6 +1,4 @@
-"""The search: against exhaustive enumeration on random ontologies, and its rule for best on
-small ones.
-"""
+"""The search: against enumeration on random ontologies, and its rule for best."""
 from itertools import islice
 from typing import List, Sequence, Tuple
 

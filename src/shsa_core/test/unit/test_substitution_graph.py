@@ -1,6 +1,4 @@
-"""Whom a substitute tells of its topics, when it takes them back, and how it yields to the
-original.
-"""
+"""Whom a substitute tells of its topics, and how it yields them to the original."""
 from typing import Any
 
 import pytest

@@ -1,6 +1,4 @@
-"""The parts of a substitute's core: the schedule, the inputs, the program at work, the signals
-as text.
-"""
+"""The parts of a substitute's core: schedule, inputs, program, and signals as text."""
 import math
 
 import pytest

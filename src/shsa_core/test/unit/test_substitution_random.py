@@ -1,6 +1,4 @@
-"""Any story of a substitute: what must hold for its consumers, and the core's own invariants
-after every event.
-"""
+"""Any story of a substitute: what its consumers see, and its own invariants."""
 from typing import Any, Dict, List, Optional, Set, Tuple
 
 from hypothesis import settings

@@ -63,8 +63,9 @@ Command = Union[Show, Log]
 
 
 class Adder:
-    """Adds up numbers and shows the sum; a sum above `limit` breaks its invariant, a number of
-    13 raises.
+    """Adds up numbers and shows the sum.
+
+    A sum above `limit` breaks its invariant, a number of 13 raises.
     """
 
     def __init__(self, som: Som, step: float = 1.0, limit: float = 100.0) -> None:

@@ -24,9 +24,7 @@ WARM_UP_S = 60.0  # until the slowest filter has settled
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What was measured of `name`: error and span in the property's unit, and the quality that
-    its file states.
-    """
+    """What was measured of `name`: error and span in its unit, and its quality on file."""
 
     name: str
     output: str
@@ -61,8 +59,9 @@ def relations(ontology: Ontology, data: Dataset) -> List[Accuracy]:
 
 
 def substitutes(ontology: Ontology, som: Som, data: Dataset) -> List[Accuracy]:
-    """The accuracy of the best substitute of each value of each needed service, fed with
-    measurements.
+    """How accurate the best substitute of each value of each needed service is.
+
+    It is fed with measurements.
 
     As at a failure, nothing else of the failed node is used. Raises NoSubstitute if there is none.
     """
@@ -95,8 +94,9 @@ def _evaluate(
     time: np.ndarray,
     column: Callable[[str], np.ndarray],
 ) -> np.ndarray:
-    """The generated code of a derivation on recorded inputs; not a number where it has no
-    output.
+    """The generated code of a derivation on recorded inputs.
+
+    Not a number where it has no output.
     """
     program = generate([(derivation, "/result/x")], ontology.constants)
     compiled = compile_program(program.code, len(program.inputs), 1)

@@ -59,8 +59,9 @@ class Axis:
         self._acceleration_time = acceleration_time
 
     def step(self, target: float, dt: float) -> None:
-        """Follows `target`: a velocity loop with limited acceleration around a torque loop, each
-        of first order.
+        """Follows `target`: a velocity loop around a torque loop, each of first order.
+
+        The acceleration is limited.
         """
         wanted = (target - self.velocity) / self._velocity_time
         wanted = min(self._limit, max(-self._limit, wanted))
@@ -83,9 +84,7 @@ class Chassis:
         self._silence = 0.0
 
     def command(self, velocity: float, turn_rate: float) -> None:
-        """Sets the wanted velocity (m/s) and turn rate (rad/s), limited to what the robot can
-        do.
-        """
+        """Sets the wanted velocity (m/s) and turn rate (rad/s), within the robot's limits."""
         p = self.parameters
         self._target = (
             min(p.top_speed, max(-p.top_speed, velocity)),
@@ -94,8 +93,9 @@ class Chassis:
         self._silence = 0.0
 
     def step(self, dt: float, disturbance: float = 0.0) -> None:
-        """Moves on by `dt` seconds; `disturbance` is a standard normal number that makes the
-        floor uneven.
+        """Moves on by `dt` seconds.
+
+        `disturbance` is a standard normal number that makes the floor uneven.
         """
         p = self.parameters
         self._silence += dt
@@ -113,8 +113,7 @@ class Chassis:
         return rolling * math.tanh(speed / 0.01) + 0.5 * p.viscous_friction * speed
 
     def scrub(self, velocity: float, turn_rate: float) -> float:
-        """The torque (N m) that drags four tyres sideways at `velocity` (m/s) and `turn_rate`
-        (rad/s).
+        """The torque (N m) that drags four tyres sideways, by velocity (m/s) and turn rate (rad/s).
 
         In a wide bend the tyres mostly roll: their slip angle, and with it the drag, grows as the
         bend narrows.

@@ -65,9 +65,7 @@ def random_drive(seed: int, legs: int = 60) -> Drive:
 
 
 def simulate(drive: Drive, duration: float, seed: int, soc: float = 0.8) -> Dataset:
-    """What would be recorded in `duration` seconds of `drive` on the simulated rover with
-    `seed`.
-    """
+    """What would be recorded in `duration` s of `drive` on the simulated rover with `seed`."""
     rover, odometry, sensor = Rover(seed, soc), Odometry(), CurrentSensor()
     names = [field.name for field in fields(Truth)]
     measured: List[Tuple[float, ...]] = []

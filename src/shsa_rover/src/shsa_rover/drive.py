@@ -34,8 +34,9 @@ SCRIPTED: Tuple[Leg, ...] = (
 
 
 class Drive:
-    """Legs one after the other; the script starts again after its end if `loop`, else the rover
-    stands still.
+    """Legs one after the other.
+
+    The script starts again after its end if `loop`, else the rover stands still.
     """
 
     def __init__(self, legs: Sequence[Leg] = SCRIPTED, loop: bool = True) -> None:
@@ -55,8 +56,7 @@ class Drive:
 
 
 def parse_drive(lines: Iterable[str], where: str) -> List[Leg]:
-    """The legs of a script: a line each with duration (s), velocity (m/s), turn rate (rad/s), by
-    commas.
+    """The legs of a script: a line each, `duration (s), velocity (m/s), turn rate (rad/s)`.
 
     Empty lines and lines that start with # are skipped. Raises ModelError with file (`where`) and
     line.

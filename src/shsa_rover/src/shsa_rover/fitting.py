@@ -47,9 +47,7 @@ TIMES = np.arange(0.05, 1.0, 0.05)  # s, tried as time constants
 
 @dataclass(frozen=True)
 class Fit:
-    """A relation's coefficients, its root mean square error and the span of what it predicts, in
-    its unit.
-    """
+    """A relation's coefficients, and its root mean square error and span in its unit."""
 
     relation: str
     unit: str
@@ -66,8 +64,7 @@ def f1_terms(drives: Sequence[Dataset]) -> np.ndarray:
 
 
 def fit_f1(drives: Sequence[Dataset]) -> Fit:
-    """f1: the battery's current (A) from the magnitudes of velocities and accelerations, and from
-    the voltage.
+    """f1: the battery's current (A) from velocities, accelerations and the voltage.
 
     It is fitted to all the drives together. From one alone, hence at one state of charge, it would
     take the battery's voltage for the sag alone, and be wrong by amperes as soon as the battery has
@@ -78,9 +75,7 @@ def fit_f1(drives: Sequence[Dataset]) -> Fit:
 
 
 def f1_with(name: str, coefficients: Mapping[str, float], drives: Sequence[Dataset]) -> Fit:
-    """How well f1 with these coefficients, in the order of PUBLISHED, tells the current of the
-    drives (A).
-    """
+    """How well f1 with these coefficients, in the order of PUBLISHED, tells the current (A)."""
     predicted = f1_terms(drives) @ np.array([coefficients[each] for each in PUBLISHED])
     return _fit(name, "A", coefficients, predicted, _joined(drives, CURRENT))
 
@@ -108,9 +103,7 @@ def drive_power(data: Dataset) -> np.ndarray:
 
 
 def fit_motors(data: Dataset) -> Fit:
-    """motors: the battery's power (W) from the wheels' power, what skidding costs on top, and
-    the electronics.
-    """
+    """motors: the battery's power (W) from wheels, skidding and electronics."""
     power = data.measured[VOLTAGE] * data.measured[CURRENT]
     skid = np.abs(data.measured[TURN_RATE])
     terms = np.array([np.ones_like(power), np.maximum(0.0, drive_power(data)), skid]).T
@@ -139,9 +132,7 @@ def fit_lag(data: Dataset, relation: str, unit: str, command: str, response: str
 
 
 def f1_variants(drives: Sequence[Dataset]) -> List[Fit]:
-    """f1, and what it is compared with: without the voltage, from the first drive alone, and as
-    published.
-    """
+    """f1 and what it is compared with: no voltage, the first drive alone, as published."""
     alone = fit_f1(drives[:1]).coefficients
     return [
         fit_f1(drives),

@@ -23,9 +23,7 @@ TEST_CHARGES = (0.95, 0.8, 0.7, 0.5, 0.3)
 
 
 def fit_data() -> List[Dataset]:
-    """The scripted drive that the relations are fitted to, four times round at each state of
-    charge.
-    """
+    """The drive that the relations are fitted to, four times round at each state of charge."""
     return [simulate(Drive(), FIT_DURATION, FIT_SEED, charge) for charge in FIT_CHARGES]
 
 
@@ -35,8 +33,9 @@ def test_data(charge: float = 0.8) -> Dataset:
 
 
 def fit_main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Prints the fitted coefficients; returns the exit status (0 done, 2 the bag cannot be
-    used).
+    """Prints the fitted coefficients.
+
+    Returns the exit status (0 done, 2 the bag cannot be used).
     """
     parser = argparse.ArgumentParser(
         prog="fit_current",
@@ -71,8 +70,9 @@ def fit_main(arguments: Optional[Sequence[str]] = None) -> int:
 
 
 def accuracy_main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Prints the accuracies; returns 1 if a stated quality is not the measured one, 2 for
-    unusable files.
+    """Prints the accuracies.
+
+    Returns 1 if a stated quality is not the measured one, 2 for unusable files.
     """
     folder = Path(RosPack().get_path("shsa_rover")) / "ontology"
     parser = argparse.ArgumentParser(

@@ -9,8 +9,9 @@ from shsa_core.errors import ShsaError
 
 
 class PseudoTerminal:
-    """The microcontroller's end of a serial line; the other end is opened at `link` like any serial
-    port.
+    """The microcontroller's end of a serial line.
+
+    The other end is opened at `link` like any serial port.
 
     Writing never blocks. As on a UART, bytes are lost while nobody has the port open or when the
     reader is too slow. Raises ShsaError if something other than a symbolic link lies at `link`.

@@ -62,8 +62,9 @@ class Readings:
 
 
 class Rover:
-    """A rover at rest with its electronics on; the same `seed`, commands and steps give the same
-    run.
+    """A rover at rest with its electronics on.
+
+    The same `seed`, commands and steps give the same run.
     """
 
     def __init__(

@@ -1,6 +1,4 @@
-"""The serial framing: nothing good is lost, nothing bad gets through, and every byte is
-accounted for.
-"""
+"""The serial framing: nothing good is lost, nothing bad gets through, every byte counts."""
 from typing import List
 
 import pytest

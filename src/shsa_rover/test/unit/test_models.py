@@ -1,6 +1,4 @@
-"""The rover's ontology and SOM: valid, measured, sufficient, and never tripped by a healthy
-rover.
-"""
+"""The rover's models: valid, measured, sufficient, never tripped by a healthy rover."""
 from pathlib import Path
 from typing import List, Set
 
@@ -124,9 +122,7 @@ def test_a_healthy_rover_never_leaves_a_range(seed: int, soc: float) -> None:
 
 
 def test_the_fitted_coefficients_are_those_in_the_file(seen: List[Dataset]) -> None:
-    """Recomputes the fits: the file holds what `fit_current` prints, to the digits that it
-    gives.
-    """
+    """The file holds what `fit_current` prints, to the digits that it gives."""
     motors, sag = fit_motors(seen[0]).coefficients, fit_sag(seen[0]).coefficients
     for name, value in {**motors, **sag}.items():
         assert ONTOLOGY.constants[name].value == pytest.approx(value, rel=0.01), name

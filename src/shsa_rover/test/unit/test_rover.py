@@ -27,9 +27,7 @@ def drive(rover: Rover, script: Drive, duration: float) -> List[Truth]:
 
 
 def test_the_wheels_work_becomes_motion_and_friction() -> None:
-    """The energy balance over a drive with every manoeuvre: work = change of kinetic energy +
-    friction.
-    """
+    """Over a drive with every manoeuvre: work = change of kinetic energy + friction."""
     chassis, script, dt = Chassis(), random_drive(3), 0.001
     work = friction = 0.0
     before = chassis.kinetic_energy()

@@ -1,6 +1,4 @@
-"""A node that fails on command: `rosrun shsa_testing faulty_publisher`, and a test's handle on
-one.
-"""
+"""A node that fails on command (`rosrun shsa_testing faulty_publisher`), and a test's handle."""
 import subprocess
 import sys
 import time

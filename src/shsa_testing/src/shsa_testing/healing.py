@@ -67,8 +67,9 @@ class HealedRobot:
 
     @property
     def substitutions(self) -> List[Substitution]:
-        """The rows of processes in the table of substitutions; the others are plans of warm
-        services.
+        """The rows of processes in the table of substitutions.
+
+        The others are plans of warm services.
         """
         return [row for row in self._substitutions.values() if row.node]
 

@@ -1,5 +1,6 @@
-"""The best derivations after failures, from those before: only what used something that is gone
-is rated again.
+"""The best derivations after failures, from those before.
+
+Only what used something that is gone is rated again.
 """
 from typing import Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Sequence
 
@@ -12,18 +13,14 @@ from shsa_core.search.ratings import Ratings, dependents
 
 
 class Failure(NamedTuple):
-    """What a failure leaves: the best derivations, and the numbers of the properties that it
-    loses.
-    """
+    """What a failure leaves: the best derivations, and the numbers of lost properties."""
 
     ratings: Ratings
     lost: FrozenSet[int]
 
 
 class Failures:
-    """The best derivation of every property of a network, and what becomes of it when nodes
-    fail.
-    """
+    """The best derivation of every property, and what becomes of it when nodes fail."""
 
     def __init__(
         self, network: Network, sources: Iterable[Source], usable: Optional[Usable] = None

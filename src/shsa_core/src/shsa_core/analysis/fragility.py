@@ -11,8 +11,7 @@ AS_IT_IS = (
 
 
 class Fragility:
-    """For every property the nodes without any one of which it cannot be derived, as bits of a
-    number.
+    """For every property the nodes that it cannot be derived without, as bits of a number.
 
     A source is lost with its node, a function with any of its inputs, a property with all of its
     sources and functions. All begin as lost and are regained until nothing changes: what depends on
@@ -45,8 +44,9 @@ class Fragility:
 
     @contextmanager
     def remedied(self, output: str, input_: Optional[str]) -> Iterator[None]:
-        """With a further, independent node that measures a property; or a relation for it from one
-        input.
+        """With an independent node that measures a property, or a relation for it.
+
+        `input_` is what the relation yields it from.
 
         Only what this regains is worked out anew: the more there is, the less is lost.
         """

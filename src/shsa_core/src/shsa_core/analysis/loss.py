@@ -10,9 +10,7 @@ from shsa_core.search.derivation import LOST, SourceTable
 
 
 class Loss(NamedTuple):
-    """A lost property: the sources that are lost with it, those that stay, and what must not be
-    used.
-    """
+    """A lost property: its lost sources, those that stay, and what must not be used."""
 
     name: str
     lost: Tuple[Source, ...]
@@ -21,8 +19,9 @@ class Loss(NamedTuple):
 
     @property
     def output(self) -> str:
-        """Topic and field that a substitute would fill; the property's name if nothing provides
-        it.
+        """Topic and field that a substitute would fill.
+
+        The property's name if nothing provides it.
         """
         return self.lost[0].path if self.lost else self.name
 

@@ -18,8 +18,9 @@ Remedy = Tuple[
 
 
 class Remedies:
-    """New sensors, each on a node of its own, and new relations with one input, for what the
-    needed services lack.
+    """New sensors, each on a node of its own, and new relations with one input.
+
+    They give what the needed services lack.
     """
 
     def __init__(
@@ -59,8 +60,9 @@ class Remedies:
         return [pair for pair in pairs if pair[1] is not None]
 
     def _source(self, name: str) -> Optional[str]:
-        """The measured property that is lost with the fewest nodes, first of all of those that
-        host the services.
+        """The measured property lost with the fewest nodes.
+
+        Those that host the services count first of all.
         """
 
         def shared(other: str) -> Tuple[int, int]:

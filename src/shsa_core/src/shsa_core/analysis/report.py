@@ -54,9 +54,7 @@ class NodeReport:
 
 @dataclass(frozen=True)
 class Cut:
-    """A smallest set of nodes whose failure together is fatal, and the needed services that it
-    loses.
-    """
+    """A smallest set of nodes whose failure together loses needed services, and which."""
 
     nodes: Tuple[str, ...]
     services: Tuple[str, ...]
@@ -64,8 +62,7 @@ class Cut:
 
 @dataclass(frozen=True)
 class Survival:
-    """The share of failures of one node, and of two nodes at once, after which no needed service is
-    lost.
+    """The share of failures of one node, and of two at once, that lose no needed service.
 
     `double` is None where it was not worked out.
     """
@@ -76,8 +73,9 @@ class Survival:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A new sensor of a property, or a new relation for it from `source`, and what the robot
-    then survives.
+    """A new sensor or a new relation for a property, and what the robot then survives.
+
+    `source` is the input of the relation.
     """
 
     property: str

@@ -85,9 +85,7 @@ class _Analysis:
             )
 
     def _alternatives(self, name: str, failed: str) -> List[Alternative]:
-        """For a lost property each source of it, and each relation with its best inputs; best
-        first.
-        """
+        """For a lost property its sources, and relations with their best inputs; best first."""
         network, number = self._network, self._network.number(name)
         ratings = self._failures.after([failed], blocked=number).ratings
         found = [
@@ -123,8 +121,9 @@ class _Analysis:
         return _smallest(cuts)
 
     def _left_by(self, failed: Nodes) -> Dict[int, int]:
-        """The bits of each property after some failures, kept for the next service of the same
-        node.
+        """The bits of each property after some failures.
+
+        They are kept for the next service of the same node.
         """
         if self._failed != failed:
             self._failed, self._left = failed, self._fragility.after(failed)

@@ -1,5 +1,6 @@
-"""`shsa import`: a knowledge base of the predecessor library as an ontology and a draft of a
-SOM.
+"""`shsa import`: a knowledge base of the predecessor library as an ontology and a SOM.
+
+The SOM is a draft.
 """
 import argparse
 import json

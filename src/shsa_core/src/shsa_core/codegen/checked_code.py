@@ -39,9 +39,7 @@ class CheckedRelation:
 
 @dataclass(frozen=True)
 class CheckedCode:
-    """What a substitute's code says: the relations in order, and the variables that are its
-    outputs.
-    """
+    """What a substitute's code says: the relations in order, and the variables of its outputs."""
 
     n_inputs: int
     relations: Tuple[CheckedRelation, ...]
@@ -49,8 +47,7 @@ class CheckedCode:
 
 
 def check_code(code: str, n_inputs: int, n_outputs: int) -> CheckedCode:
-    """What the code says, once it is shown to have the shape of the paper's listing and the
-    generator's code.
+    """What the code says, if it has the shape of the paper's listing and the generator's code.
 
     Raises CodeError if it has not.
     """

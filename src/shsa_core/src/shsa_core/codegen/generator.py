@@ -83,8 +83,9 @@ def inputs_of(derivations: Sequence[Derivation]) -> Tuple[Source, ...]:
 
 
 def _place(source: Source) -> Tuple[str, str]:
-    """What two sources have in common if they are one input: nodes that share a topic give
-    different values.
+    """What two sources have in common if they are one input.
+
+    Nodes that share a topic give different values.
     """
     return source.path, source.node
 

@@ -42,8 +42,9 @@ class Plan:
 
 @dataclass(frozen=True)
 class SafeValues:
-    """How a service is taken over when nothing can be computed: a program that gives fixed
-    values for `outputs`.
+    """How a service is taken over when nothing can be computed.
+
+    The program gives fixed values for `outputs`.
     """
 
     service: str
@@ -140,9 +141,7 @@ def _program(
 def _derivations(
     network: Network, table: SourceTable, properties: Sequence[str], method: str
 ) -> Iterator[Tuple[Rated, bool]]:
-    """Joint derivations of the properties: the one by `method`, then all, best first; and if it
-    is proven best.
-    """
+    """Joint derivations of the properties: the one by `method`, then all; and if it is best."""
     numbers = [network.number(name) for name in properties]
 
     def executable(function: int) -> bool:

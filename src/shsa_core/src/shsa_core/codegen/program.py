@@ -28,8 +28,9 @@ class CompiledProgram:
 def compile_program(
     code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S
 ) -> CompiledProgram:
-    """Checks the code and compiles it. Stateful functions start anew after a gap of more than
-    `max_gap` (s).
+    """Checks the code and compiles it.
+
+    Stateful functions start anew after a gap of more than `max_gap` (s).
 
     Raises CodeError for everything that has not the shape of the generator's code.
     """

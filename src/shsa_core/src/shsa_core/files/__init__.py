@@ -1,3 +1,1 @@
-"""Ontology, SOM and settings as they stand in files and parameters: read strictly, written
-again.
-"""
+"""Ontology, SOM and settings in files and parameters: read strictly, written again."""

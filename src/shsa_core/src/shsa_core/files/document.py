@@ -48,9 +48,7 @@ class Value:
         return self.data
 
     def entry(self, what: str, allowed: Iterable[str], required: Iterable[str] = ()) -> "Entry":
-        """The mapping that this value must be, with no keys but the allowed ones and all of the
-        required ones.
-        """
+        """The mapping that this value must be: with allowed keys alone, and all required ones."""
         values = self.mapping(what)
         allowed = list(allowed)
         for key, value in values.items():
@@ -107,8 +105,9 @@ Entry = Dict[str, Value]
 
 
 def read_yaml(path: str) -> Value:
-    """The one document of a YAML file. Tags, anchors and aliases are refused; nothing in the file
-    is run.
+    """The one document of a YAML file. Tags, anchors and aliases are refused.
+
+    Nothing in the file is run.
 
     Raises ModelError, with file and line, if the file cannot be read.
     """

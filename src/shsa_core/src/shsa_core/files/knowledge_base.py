@@ -32,9 +32,7 @@ class Provision:
 
 @dataclass(frozen=True)
 class KnowledgeBase:
-    """What such a file holds: the ontology, the services it names, and notes on what could not
-    be taken over.
-    """
+    """What such a file holds: ontology, services, and notes on what could not be taken over."""
 
     ontology: Ontology
     provisions: Tuple[Provision, ...]
@@ -105,9 +103,7 @@ class _Reader:
                 self._add_function(relation, output, inputs, text, condition, entry)
 
     def _read_graph(self) -> None:
-        """Reads the form without functions: every node with its successors, and which nodes are
-        relations.
-        """
+        """Reads the form without functions: nodes with successors, and which are relations."""
         types = self._table("type")
         relations = {name for name, value in types.items() if value.data == 1.0}
         inputs: Dict[str, List[str]] = {}
@@ -215,9 +211,7 @@ class _Reader:
 def _executable(
     text: str, condition: str, inputs: Set[str]
 ) -> Tuple[Optional[Expression], Optional[Condition], str]:
-    """The function and its constraint, or the reason why they are not expressions of the
-    language.
-    """
+    """The function and its constraint, or why they are not expressions of the language."""
     try:
         expression = parse_expression(text)
         constraint = parse_constraint(condition) if condition else None

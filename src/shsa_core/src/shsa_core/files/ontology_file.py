@@ -27,8 +27,7 @@ def read_ontology(path: str) -> Ontology:
 
 
 def load_ontology(path: str) -> Tuple[Ontology, List[ModelError]]:
-    """The valid part of the ontology in a file, and everything that is wrong with the rest, in
-    order.
+    """The valid part of the ontology in a file, and all that is wrong with the rest, in order.
 
     Raises ModelError if the file as a whole cannot be read.
     """

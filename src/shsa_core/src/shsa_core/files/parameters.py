@@ -13,8 +13,9 @@ ONE_OF = "one_of"
 def read_settings(
     kind: Type[Settings], parameters: Mapping[str, object], where: str
 ) -> Tuple[Settings, List[ModelError]]:
-    """The settings of a dataclass among some parameters, and what is wrong with them: there the
-    default stays.
+    """The settings of a dataclass among some parameters, and what is wrong with them.
+
+    Where something is, the default stays.
 
     `where` is the parameters' namespace. Other parameters are left alone.
     """

@@ -170,8 +170,9 @@ def _load(path: str) -> CommentedMap:
 
 
 def _plain_exponents(tree: Any) -> None:
-    """ruamel.yaml writes a number that has an exponent with other digits than it read; a float
-    it writes exactly.
+    """ruamel.yaml writes a number that has an exponent with other digits than it read.
+
+    A float it writes exactly.
     """
     if isinstance(tree, (CommentedMap, CommentedSeq)):
         keys = tree.keys() if isinstance(tree, CommentedMap) else range(len(tree))

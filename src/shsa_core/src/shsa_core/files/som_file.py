@@ -58,8 +58,7 @@ def read_tree(tree: Value) -> Tuple[Som, List[ModelError]]:
 def merge_parameters(
     current: Som, value: object, where: str = PARAMETER
 ) -> Tuple[Som, List[ModelError]]:
-    """The SOM that a changed tree of parameters asks for, and everything that is wrong with the
-    tree.
+    """The SOM that a changed tree of parameters asks for, and all that is wrong with it.
 
     Parameters change the numbers of services that the file has. A service that is not valid, or
     that is not there, stays as it is in `current`; what FROM_FILE_ALONE names, fields and commands
@@ -135,8 +134,9 @@ def _check_last_resort(service: Service, entry: Dict[str, Value]) -> None:
 
 
 def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
-    """A service from the parameter server, with the command of its file. Raises ModelError if it
-    goes too far.
+    """A service from the parameter server, with the command of its file.
+
+    Raises ModelError if it goes too far.
     """
     for key in FROM_FILE_ALONE:
         if getattr(service, key) != getattr(old, key):

@@ -121,9 +121,7 @@ class NodeFound:
 
 @dataclass(frozen=True)
 class NodeLeft:
-    """The process of a node that is being killed has ended; or, if it runs elsewhere, it has
-    answered `rosnode kill`.
-    """
+    """The process of a node has ended or, elsewhere, has answered `rosnode kill`."""
 
     time: float
     node: str
@@ -165,8 +163,9 @@ class SubstituteRequested:
 
 @dataclass(frozen=True)
 class NodeRestarted:
-    """A node was started again; `with_us`: whoever started it first has started the reconfigurator
-    too.
+    """A node was started again.
+
+    `with_us`: whoever started it first has started the reconfigurator too.
     """
 
     time: float
@@ -305,8 +304,9 @@ class StopSubstitute:
 
 @dataclass(frozen=True)
 class RestartNode:
-    """Start a faulty node again, as it was started before; answered by NodeRestarted or
-    RestartFailed.
+    """Start a faulty node again, as it was started before.
+
+    Answered by NodeRestarted or RestartFailed.
     """
 
     node: str

@@ -163,8 +163,9 @@ class Reconfigurator:
         return healing.incident if healing else None
 
     def validate(self) -> None:
-        """Raises ShsaError if something is not as it must be: one publisher a service, no process
-        without an owner.
+        """Raises ShsaError if an invariant is broken.
+
+        These are: one publisher a service, no process without an owner.
         """
         owners: Dict[str, str] = {node: "the pool" for node in self._pool.nodes}
         for name, healing in self._healings.items():

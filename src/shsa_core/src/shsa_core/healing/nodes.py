@@ -1,6 +1,4 @@
-"""What the reconfigurator knows of the nodes: how they do as publishers, and what it has done to
-them.
-"""
+"""What the reconfigurator knows of the nodes: their health, and what it has done to them."""
 from typing import Dict, FrozenSet, List, Optional, Set, Tuple
 
 from shsa_core.healing.agenda import Agenda
@@ -29,8 +27,9 @@ class Nodes:
         self._restarting: Set[str] = set()
 
     def heed(self, change: HealthSeen) -> List[Tuple[str, str]]:
-        """Take over what has changed in the monitor's table; the topics and publishers that it
-        concerns.
+        """Take over what has changed in the monitor's table.
+
+        Returns the topics and publishers that it concerns.
         """
         concerned = [(row.topic, row.publisher) for row in change.rows]
         gone = list(change.removed)
@@ -102,8 +101,9 @@ class Nodes:
 
 
 class Acquaintance:
-    """Which processes the nodes are: learned while they are healthy, once each time that they come
-    up.
+    """Which processes the nodes are.
+
+    They are learned while they are healthy, once each time that they come up.
     """
 
     def __init__(self) -> None:

@@ -134,9 +134,7 @@ class PlanTable:
         return found + self._derived_from(new)
 
     def _derived_from(self, services: Iterable[Service]) -> List[str]:
-        """The needed services with a property that can be derived from one that some services
-        provide.
-        """
+        """The needed services with a property derived from one that some services provide."""
         numbers = [self._ontology.network.number(p) for s in services for p in s.properties]
         stack = list(dict.fromkeys(numbers))
         seen = set(stack)

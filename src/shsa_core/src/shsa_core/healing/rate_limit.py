@@ -6,8 +6,9 @@ WINDOW_S = 60.0
 
 
 class HealingRateLimit:
-    """Whether a service is healed too often: more than `most` times in a minute; 0: any number will
-    do.
+    """Whether a service is healed too often: more than `most` times in a minute.
+
+    If `most` is 0, any number will do.
 
     Once it was too often, it stays so until it is forgotten.
     """

@@ -26,8 +26,9 @@ NOTHING = Program((), "", ())
 
 
 class Repair:
-    """At most one open incident of one service, and at most one substitute; a method for each row
-    of the table.
+    """At most one open incident of one service, and at most one substitute.
+
+    A method for each row of the table.
 
     Each method is told how things stand, and says what is to be done.
     """
@@ -127,8 +128,9 @@ class Repair:
         return self._heal(now)
 
     def _replace_late(self, now: Snapshot) -> List[Request]:
-        """Its first message has not come: the process is replaced, with the next best plan if that
-        is to blame.
+        """Its first message has not come: the process is replaced.
+
+        The next best plan is taken if the plan is to blame.
         """
         why = f"no message within {self.substitute.patience:g} s"
         text = f"{now.service.topic}: the substitute failed: {why}."
@@ -258,9 +260,7 @@ class Repair:
         return min(self._settings.retry * 2.0 ** (self._pauses - 1), longest)
 
     def _first_message(self, now: Snapshot) -> Optional[float]:
-        """When the substitute published first in this takeover; if it did before, when it had
-        recovered.
-        """
+        """When the substitute published first in this takeover, or had recovered."""
         row = now.publishers[self.node]
         moments = (row.first_message, row.since)
         since = self.substitute.working_since

@@ -1,6 +1,4 @@
-"""The substitute of one service: its process, what that computes, and which plans were tried in
-vain.
-"""
+"""The substitute of one service: its process, its plan, and which plans were tried in vain."""
 from typing import List, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
@@ -60,9 +58,7 @@ class SubstituteProcess:
         return now.planner.plan(now.service, tried, faulty)
 
     def use(self, now: Snapshot, plan: AnyPlan, publishes: bool = False) -> List[Command]:
-        """Set the process at hand, which may have been publishing, to work on a plan; else another
-        one.
-        """
+        """Set the process at hand, which may publish already, or another to work on a plan."""
         self.plan = plan
         self._changed = now.time
         command: Command = AssignSubstitute(self.node)

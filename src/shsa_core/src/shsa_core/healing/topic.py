@@ -36,8 +36,9 @@ class TopicHealing(Repair):
         return self.incident.faulty_node if self.incident and self.incident.killed else ""
 
     def publishes(self, now: Snapshot) -> bool:
-        """Whether the substitute publishes: only when the faulty node is gone and the original is
-        not back.
+        """Whether the substitute publishes.
+
+        It does only when the faulty node is gone and the original is not back.
         """
         if self.incident is None or self.incident.state not in PUBLISHED:
             return False
@@ -105,9 +106,7 @@ class TopicHealing(Repair):
         return self._substitute_failed(now, f"its process died ({detail})", False)
 
     def changed(self, now: Snapshot, service_came: bool = False) -> List[Request]:
-        """Health or the SOM changed: the first message, the original's return, a lost input, a new
-        chance.
-        """
+        """Health or the SOM changed: a first message, a return, a lost input, a new chance."""
         requests = self._notice_first_message(now) + self._notice_return(now)
         if self.state in SUBSTITUTED and self.substitute.lost_input(now):
             requests += self._fire(now, Trigger.INPUT_LOST)

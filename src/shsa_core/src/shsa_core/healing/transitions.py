@@ -1,5 +1,6 @@
-"""The states of a service, and what leads from one to the other: the diagram in
-docs/architecture.md as a table.
+"""The states of a service, and what leads from one to the other.
+
+The diagram in docs/architecture.md as a table.
 """
 from collections import deque
 from typing import Deque, Dict, FrozenSet, Iterable, Tuple

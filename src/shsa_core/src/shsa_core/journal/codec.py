@@ -1,5 +1,6 @@
-"""Values as JSON and back without loss, as their types say; nothing else is read, and nothing is
-run.
+"""Values as JSON and back without loss, as their types say.
+
+Nothing else is read, and nothing is run.
 """
 import collections.abc
 import dataclasses
@@ -38,8 +39,9 @@ from shsa_core.journal.coders import (
 
 
 class Codec:
-    """The JSON form of one type: a dataclass or a union of them, made of dataclasses, enums, tuples
-    and plain values.
+    """The JSON form of a type: a dataclass or a union of them.
+
+    They are made of dataclasses, enums, tuples and plain values.
 
     Raises TypeError for a type that has no such form. `forms` are those of classes that are no
     dataclasses.
@@ -54,8 +56,9 @@ class Codec:
         return self._coder.encode(value)
 
     def decode(self, data: Any, where: str, what: str) -> Any:
-        """The value that `encode` made `data` of; `what` is its name in errors, `where` the file
-        and line.
+        """The value that `encode` made `data` of.
+
+        `what` is its name in errors, `where` the file and line.
 
         Raises ModelError if it could not have.
         """

@@ -25,9 +25,7 @@ _ENDLESS = {"inf": inf, "-inf": -inf, "nan": nan}
 
 
 class Form(NamedTuple):
-    """How a class that is no dataclass is written: as what type, how it is taken apart, and how
-    it is made again.
-    """
+    """How a class that is no dataclass is written: as what type, and how it is made again."""
 
     hint: Any
     take: Callable[[Any], Any]

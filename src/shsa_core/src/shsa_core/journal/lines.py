@@ -20,9 +20,7 @@ _write = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
 
 
 class Answer(NamedTuple):
-    """What a machine said to an event: the classes of the commands, and the SHA-1 of all that
-    they hold.
-    """
+    """What a machine said to an event: the classes of the commands, and their SHA-1."""
 
     names: Tuple[str, ...]
     digest: str

@@ -48,8 +48,7 @@ FORMS: Mapping[type, Form] = {
 
 
 class MachineKind:
-    """A sort of machine: how it is made from its setup, what it hears and says, and how all that is
-    written.
+    """A sort of machine: how it is made, what it hears and says, and how that is written.
 
     `make` is its class; the names and types of its arguments are those of its setup. `events` and
     `commands` are unions. Raises TypeError if one of these types cannot be written.

@@ -22,8 +22,9 @@ CUT = "the recording stops without an end, as when the process is killed"
 
 
 class Entry(NamedTuple):
-    """An event, where it stands, and what the machine answered; None: the recording ends before
-    that.
+    """An event, where it stands, and what the machine answered.
+
+    None: the recording ends before that.
     """
 
     where: str

@@ -42,8 +42,9 @@ class Domain(NamedTuple):
 
 @dataclass(frozen=True)
 class Function:
-    """A function without memory: `call` takes `least` to `most` floats (None: any number) and
-    returns a float.
+    """A function without memory: `call` takes `least` to `most` floats and returns one.
+
+    `most` is None where any number will do.
 
     `domain`: where it has a value, if not everywhere.
     """

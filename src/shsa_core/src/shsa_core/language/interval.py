@@ -6,8 +6,9 @@ from typing import Callable
 
 @dataclass(frozen=True)
 class Interval:
-    """Every value from `low` to `high`; not 0 if `nonzero`. `known`: only declared ranges went
-    into it.
+    """Every value from `low` to `high`.
+
+    If `nonzero`, 0 is not among them. `known`: only declared ranges went into it.
     """
 
     low: float = -math.inf

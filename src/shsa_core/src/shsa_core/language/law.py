@@ -8,8 +8,9 @@ from shsa_core.language.units import Unit
 
 
 class Law(Protocol):
-    """How a number is computed from others: an expression, or whatever else can say all of this
-    of itself.
+    """How a number is computed from others.
+
+    By an expression, or by whatever else can say all of this of itself.
     """
 
     @property
@@ -27,16 +28,16 @@ class Law(Protocol):
     def mismatches(
         self, units: Mapping[str, Optional[Unit]], result: Optional[Unit]
     ) -> List[Mismatch]:
-        """What cannot match if its inputs are in `units` and its output is to be in `result`;
+        """What cannot match if its inputs are in `units` and its output is to be in `result`.
+
         None: not known.
         """
 
     def troubles(self, ranges: Mapping[str, Interval]) -> List[Trouble]:
-        """Where it may have no value while its inputs stay in their ranges; one without a range
-        does not count.
+        """Where it may have no value while its inputs stay in their ranges.
+
+        One without a range does not count.
         """
 
     def code(self, inputs: Mapping[str, str]) -> str:
-        """The expression of generated code that computes it, with each input as it is called
-        there.
-        """
+        """The generated code's expression for it; each input as it is called there."""

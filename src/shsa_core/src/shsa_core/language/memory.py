@@ -69,8 +69,9 @@ def derivative(max_gap: float = MAX_GAP_S) -> Memory:
 
 
 def integral(max_gap: float = MAX_GAP_S) -> Memory:
-    """`integral(x)`: the area under the samples (trapezoidal rule) since the start, in seconds
-    times x.
+    """`integral(x)`: the area under the samples since the start, in seconds times x.
+
+    By the trapezoidal rule.
 
     It starts at 0. What happened during a gap is not known and is not added. A sum that has
     overflowed starts anew with it.
@@ -96,8 +97,7 @@ def integral(max_gap: float = MAX_GAP_S) -> Memory:
 
 
 def lowpass(max_gap: float = MAX_GAP_S) -> Memory:
-    """`lowpass(x, tau)`: x behind a filter of first order with the time constant `tau` (s,
-    positive).
+    """`lowpass(x, tau)`: x behind a first-order filter with time constant `tau` (s, positive).
 
     It starts at the first sample. Between two samples x is taken to hold the later one, which the
     filter follows exactly, whatever the time between them.

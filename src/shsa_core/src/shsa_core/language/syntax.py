@@ -45,8 +45,7 @@ def name_nodes(tree: ast.AST) -> List[ast.Name]:
 
 
 def check_tree(tree: ast.expr, condition: bool) -> Tuple[str, ...]:
-    """The names that the tree uses, in order of first use, once it is shown to be within the
-    language.
+    """The names that the tree uses, in order, once it is shown to be within the language.
 
     Raises ExpressionError if it is not.
     """

@@ -41,8 +41,9 @@ class Unit:
 
 @dataclass(frozen=True)
 class Number:
-    """A number as it is written: in a sum it takes any unit; a plain one such as 2 is a factor
-    without a unit.
+    """A number as it is written: in a sum it takes any unit.
+
+    A plain one such as 2 is a factor without a unit.
     """
 
     plain: bool
@@ -54,8 +55,9 @@ NO_UNIT = Unit()
 
 
 def parse_unit(text: str) -> Optional[Unit]:
-    """The unit that `text` names: `A`, `m/s^2`, `1` for none; None if the text is empty (not
-    known).
+    """The unit that `text` names: `A`, `m/s^2`, `1` for none.
+
+    None if the text is empty (not known).
 
     Raises UnitError if there is no such unit.
     """

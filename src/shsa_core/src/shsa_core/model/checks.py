@@ -14,7 +14,8 @@ Limit = Union[bool, float]
 
 @dataclass(frozen=True)
 class ValueSample:
-    """One value of a message: of which property, in its unit; `still`: s since it changed;
+    """One value of a message: of which property, in its unit; `still`: s since it changed.
+
     `last_good`: the one before it that was.
     """
 
@@ -27,9 +28,7 @@ class ValueSample:
 
 @dataclass(frozen=True)
 class RateSample:
-    """`count` periods of `period` s passed between messages: at most `longest` and at least
-    `shortest` s.
-    """
+    """`count` periods of `period` s passed between messages: in `shortest` to `longest` s."""
 
     count: int
     period: float
@@ -39,8 +38,9 @@ class RateSample:
 
 @dataclass(frozen=True)
 class StampSample:
-    """A message arrived `age` s after its stamp; it may have waited `waited` s of these for its
-    reader.
+    """A message arrived `age` s after its stamp.
+
+    It may have waited `waited` s of these for its reader.
     """
 
     age: float

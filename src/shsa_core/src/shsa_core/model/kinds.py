@@ -1,5 +1,6 @@
-"""The words that files, messages and the core share: kinds of failure, and what a service may
-ask for.
+"""The words that files, messages and the core share.
+
+Kinds of failure, and what a service may ask for.
 """
 from enum import Enum
 

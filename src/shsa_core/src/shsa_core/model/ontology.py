@@ -1,6 +1,4 @@
-"""The ontology: properties of a robot and the relations between them (Section III-B of the
-paper).
-"""
+"""The ontology: properties and the relations between them (Section III-B of the paper)."""
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Mapping, Sequence, Tuple
 
@@ -13,8 +11,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Property:
-    """A quantity of the robot. `unit` is its unit as text, `""` if it is not known; `where` is
-    file and line.
+    """A quantity of the robot. `unit` is its unit as text, `""` if it is not known.
+
+    `where` is file and line.
     """
 
     name: str

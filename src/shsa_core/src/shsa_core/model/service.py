@@ -1,6 +1,4 @@
-"""A service: one topic of one node, and the properties that it provides (Section III-B of the
-paper).
-"""
+"""A service: one topic of one node, and what it provides (Section III-B of the paper)."""
 import dataclasses
 from dataclasses import dataclass
 from typing import Optional, Tuple
@@ -11,8 +9,7 @@ from shsa_core.model.kinds import Policy, Standby
 
 @dataclass(frozen=True)
 class Provision:
-    """One value of a service: the property that it provides, and the field of the message that
-    holds it.
+    """One value of a service: the property, and the field of the message that holds it.
 
     `range` (lowest, highest) in the property's unit, None for no limit; `quality` in (0, 1];
     `checks` are those of this value; `where`: file and line, or parameter.
@@ -28,8 +25,9 @@ class Provision:
 
 @dataclass(frozen=True)
 class LastResort:
-    """What is done when nothing can substitute: publish `values` (property and value, in its unit),
-    run `command`.
+    """What is done when nothing can substitute: publish `values`, run `command`.
+
+    A value is a property and a number in its unit.
 
     With neither, the topic is silent. `command` is a program and its arguments; it goes through no
     shell.
@@ -149,8 +147,9 @@ class Signal:
 
 @dataclass(frozen=True)
 class Deadlines:
-    """How long a service may be silent: `periods` where it has no deadline of its own, but at least
-    `minimum` s.
+    """How long a service may be silent, if it has no deadline of its own.
+
+    That is `periods`, but at least `minimum` s.
 
     A healthy stream of a 10 ms period has gaps of 53 ms on a loaded machine.
     """

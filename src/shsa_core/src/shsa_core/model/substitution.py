@@ -1,6 +1,4 @@
-"""The table of substitutions: which substitutes run, what each computes, and whether it
-publishes.
-"""
+"""The table of substitutions: which substitutes run, what each computes, and which publish."""
 from dataclasses import dataclass
 from typing import Tuple
 

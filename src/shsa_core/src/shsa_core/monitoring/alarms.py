@@ -7,8 +7,9 @@ What = TypeVar("What", bound=Hashable)
 
 
 class Alarms(Generic[What]):
-    """One alarm for each thing, at a time in s. An alarm may come early: whoever hears it looks,
-    and sets it again.
+    """One alarm for each thing, at a time in s.
+
+    An alarm may come early: whoever hears it looks, and sets it again.
     """
 
     def __init__(self) -> None:

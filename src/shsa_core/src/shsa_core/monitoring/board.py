@@ -160,8 +160,9 @@ class Board:
             self.drop(topic, name)
 
     def _miss_no_more(self, topic: WatchedTopic, watched: Optional[WatchedService]) -> None:
-        """Somebody provides a service: drop the publisher without a name, unless it stands for
-        another service.
+        """Somebody provides a service: drop the publisher without a name.
+
+        It stays if it stands for another service.
         """
         nobody = topic.publishers.get(NOBODY)
         if nobody is not None and (nobody.state is not FAILED or nobody.watched is watched):

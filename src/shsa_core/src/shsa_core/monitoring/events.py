@@ -47,7 +47,8 @@ class SomChanged:
 
 @dataclass(frozen=True)
 class SubstitutionsChanged:
-    """New and changed rows of the table of substitutions, and the nodes whose rows are gone;
+    """New and changed rows of the table of substitutions, and the nodes whose rows are gone.
+
     `whole`: all rows.
     """
 
@@ -77,8 +78,9 @@ class Disconnected:
 
 @dataclass(frozen=True)
 class Message:
-    """A message came. `values` are those of `checked_provisions` of its service; None: they were
-    not decoded.
+    """A message came. `values` are those of `checked_provisions` of its service.
+
+    None: they were not decoded.
 
     `error` says why a message could not be decoded. `age`: s since its stamp, None if it has none.
     `waited`: s that it may have waited at most for the monitor to read it.

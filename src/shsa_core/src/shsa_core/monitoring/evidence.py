@@ -61,8 +61,9 @@ class _Value:
         self._changed = 0.0
 
     def look(self, value: float, time: float, failed: bool) -> Optional[Finding]:
-        """What is wrong with a new value; a failed publisher may start anew elsewhere, but must be
-        steady there.
+        """What is wrong with a new value.
+
+        A failed publisher may start anew elsewhere, but must be steady there.
         """
         before = self._value if failed else self._good
         if value != self._value:
@@ -94,8 +95,9 @@ class Evidence:
         self._history = 0
 
     def weigh(self, message: Message, failed: bool) -> Tuple[bool, Optional[Finding]]:
-        """Whether a message is good, and the failure that it completes, if any; `failed`: there was
-        one already.
+        """Whether a message is good, and the failure that it completes, if any.
+
+        `failed`: there was one already.
         """
         # All of them look, so that each remembers what it saw; the first finding counts.
         finding = next(iter([each for each in self._findings(message, failed) if each]), None)

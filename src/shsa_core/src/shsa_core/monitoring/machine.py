@@ -82,8 +82,9 @@ class Monitor:
         }
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
-        """The service that a publisher of `topic` provides, by whose checks it is judged; None if
-        nobody can tell.
+        """The service that a publisher of `topic` provides, by whose checks it is judged.
+
+        None if nobody can tell.
         """
         found = self._board.topics.get(topic)
         if found is None:

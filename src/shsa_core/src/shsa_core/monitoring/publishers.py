@@ -15,8 +15,9 @@ NOBODY = ""
 
 @dataclass
 class WatchedService:
-    """One service of a topic. `deadline`: s of silence that are allowed, inf: any; `began`: when it
-    was first watched.
+    """One service of a topic. `deadline`: s of silence that are allowed, inf: any.
+
+    `began`: when it was first watched.
 
     `appeared`: somebody connected for it; `published`: a message came; `overdue`: it was told that
     none did.
@@ -32,8 +33,9 @@ class WatchedService:
 
 @dataclass
 class Publisher:
-    """What is known of one publisher of one topic. Times in s; `granted`: extra time until it
-    counts as silent.
+    """What is known of one publisher of one topic. Times in s.
+
+    `granted`: extra time until it counts as silent.
 
     `watched` is the service that it provides, None: nobody can tell, so that only its connection is
     watched.
@@ -143,8 +145,9 @@ class WatchedTopic:
         return [name for name, watched in self.services.items() if watched is not old.get(name)]
 
     def service_of(self, publisher: str, substituted: str) -> Optional[WatchedService]:
-        """The service that a publisher provides; `substituted`: the one whose place it takes, if it
-        is a substitute.
+        """The service that a publisher provides.
+
+        `substituted`: the one whose place it takes, if it is a substitute.
 
         Whoever is not known stands for the topic's service if there is only one.
         """
@@ -163,9 +166,7 @@ class WatchedTopic:
         return [p for p in self.publishers.values() if p.state is PublisherState.HEALTHY]
 
     def missed_by_nobody(self) -> List[str]:
-        """Publishers that are gone and may be forgotten: neither a node of the SOM nor the last
-        hope.
-        """
+        """Publishers that may be forgotten: neither a node of the SOM nor the last hope."""
         if not self.healthy():
             return []
         gone = [p.name for p in self.publishers.values() if not p.connected and p.name != NOBODY]

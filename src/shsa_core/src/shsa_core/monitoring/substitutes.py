@@ -41,9 +41,7 @@ class Substitutes:
         return node in self._rows or (topic, node) in self.retired
 
     def may_be_silent(self, topic: str, node: str) -> bool:
-        """Whether silence is no fault: a substitute that is muted on this topic, or that is being
-        stopped.
-        """
+        """Whether silence is no fault: a muted substitute, or one that is being stopped."""
         if (topic, node) in self.retired:
             return True
         row = self._rows.get(node)

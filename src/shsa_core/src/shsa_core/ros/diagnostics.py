@@ -24,9 +24,7 @@ by.
 
 
 class Diagnostics:
-    """Shows the snapshots that it is given, from a thread of its own: whoever gives one never
-    waits.
-    """
+    """Shows snapshots from a thread of its own: whoever gives one never waits."""
 
     def __init__(self) -> None:
         self._snapshots: "queue.Queue[Snapshot]" = queue.Queue()

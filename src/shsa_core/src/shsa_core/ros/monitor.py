@@ -45,8 +45,9 @@ class _Report:
 
 
 class MonitorNode:
-    """Hears connections, messages and tables, and says what the core finds. Raises ModelError if
-    the SOM is not valid.
+    """Hears connections, messages and tables, and says what the core finds.
+
+    Raises ModelError if the SOM is not valid.
 
     Parameters: those of shsa_core.monitoring.settings.
     """

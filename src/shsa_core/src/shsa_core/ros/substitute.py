@@ -1,6 +1,4 @@
-"""The substitute: a node made of three strings that takes over a topic (Section V-A3 of the
-paper).
-"""
+"""The substitute: a node made of three strings that takes over a topic (Section V-A3)."""
 import functools
 import os
 import sys
@@ -76,8 +74,9 @@ class SubstituteNode:
         )
 
     def spin(self) -> None:
-        """Follow the table of substitutions until ROS shuts down; raises ShsaError if the core
-        gives up.
+        """Follow the table of substitutions until ROS shuts down.
+
+        Raises ShsaError if the core gives up.
         """
         self._feed(events.Started(clock.now(), self._row, unusable(self._row)))
         message_class = only_rows_of(self._name, lambda: self._idle)
@@ -223,9 +222,7 @@ def _by_hand(inputs: Paths, code: str, outputs: Paths) -> Substitution:
 
 
 def _by_reconfigurator(inputs: Paths, code: str, outputs: Paths, text: str) -> Substitution:
-    """The row of a substitute whose signals came with its strings: muted, until the table says
-    otherwise.
-    """
+    """The row of a substitute whose signals came with its strings: muted at first."""
     signals = decode(text)
     if tuple(tuple(signal.path for signal in each) for each in signals) != (inputs, outputs):
         raise ShsaError(f"{VARIABLE} does not hold the signals of INPUTS and OUTPUT")

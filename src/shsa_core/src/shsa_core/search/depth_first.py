@@ -1,5 +1,6 @@
-"""The search of the paper: depth first, the first substitute found (method `depth_first`, or
-`orr`).
+"""The search of the paper: depth first, the first substitute found.
+
+The method is called `depth_first`, or `orr`.
 """
 from typing import Iterator, List, Optional, Set
 
@@ -21,8 +22,7 @@ class Branch:
 def first_found(
     network: Network, sources: SourceTable, target: int, usable: Optional[Usable] = None
 ) -> Optional[Rated]:
-    """A derivation of `target`: its source, else its first function whose inputs can be derived, in
-    turn.
+    """A derivation of `target`: its source, else its first function that can be derived.
 
     Within a round, a property that failed is not tried again, though it may have failed only
     because of what was on the path then. So there are more rounds, each with what was found before,

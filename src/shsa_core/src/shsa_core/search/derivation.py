@@ -89,8 +89,7 @@ class JointDerivation(Derivation):
 
 
 def names_before(one: Derivation, other: Derivation) -> bool:
-    """Whether `one` comes before `other` in the order of names, for two derivations of one
-    property.
+    """Whether `one` comes before `other` by name, for two derivations of one property.
 
     Names are compared from the result to the inputs, left to right: a source's path and node, a
     relation's name.
@@ -150,8 +149,9 @@ def _rate(
 
 
 class SourceTable:
-    """The sources that may be used, by the number of their property; kept up by `add` and
-    `discard`.
+    """The sources that may be used, by the number of their property.
+
+    Kept up by `add` and `discard`.
     """
 
     def __init__(self, network: Network, sources: Iterable[Source] = ()) -> None:
@@ -194,8 +194,9 @@ class SourceTable:
                 self._choose(number, min(of, key=_order) if of else None)
 
     def excluding(self, names: Iterable[str]) -> "SourceTable":
-        """The table without the sources of some services, topics or nodes, valid until the next
-        change of this one.
+        """The table without the sources of some services, topics or nodes.
+
+        It is valid until the next change of this one.
 
         It costs as much as there is to leave out, not as much as there is.
         """

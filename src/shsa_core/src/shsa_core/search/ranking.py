@@ -44,9 +44,7 @@ class Candidate:
 
 
 class Ranked:
-    """The derivations of one property that keep off the properties in `path`, best first, as far
-    as known.
-    """
+    """The known derivations of one property that keep off those in `path`, best first."""
 
     def __init__(self, number: int, path: FrozenSet[int], first: Rated) -> None:
         self.number = number
@@ -86,8 +84,9 @@ class Ranked:
         return None
 
     def take(self) -> Candidate:
-        """Takes the best candidate as the last item: its successors become candidates when the
-        next is asked for.
+        """Takes the best candidate as the last item.
+
+        Its successors become candidates when the next is asked for.
         """
         assert self.candidates
         self._last = heappop(self.candidates)
@@ -112,8 +111,9 @@ class Ranking:
         self._users: Dict[int, Mapping[int, Sequence[int]]] = {}  # by the first property of a cycle
 
     def joint(self, targets: Sequence[int]) -> Iterator[Rated]:
-        """Every way to derive all the targets, best first; the derivation's inputs follow the
-        targets.
+        """Every way to derive all the targets, best first.
+
+        The derivation's inputs follow the targets.
         """
         for target in targets:
             self._best.settle(target)

@@ -12,8 +12,9 @@ SIZE, PACK, UNPACK = RECORD.size, RECORD.pack_into, RECORD.unpack_from
 
 
 class Ratings:
-    """The best derivations of properties, by number; of those not rated here, in `base` if there is
-    one.
+    """The best derivations of properties, by number.
+
+    Of those not rated here, in `base` if there is one.
 
     The memory is all zeros, that is not rated, and the system provides it where it is first
     written: where a large ontology is not reached it costs nothing.
@@ -38,8 +39,9 @@ class Ratings:
         PACK(self.memory, SIZE * number, *rating)
 
     def by_function(self, function: int) -> Rating:
-        """How good a function is with the best inputs; UNRATED if one is not rated, else LOST if
-        one is lost.
+        """How good a function is with the best inputs.
+
+        UNRATED if one is not rated, else LOST if one is lost.
         """
         network, memory = self._network, self.memory
         start, relations, leaves, lost = network.start, 1, 0, False

@@ -28,9 +28,7 @@ SMALLEST_QUALITY = (
 
 @dataclass(frozen=True)
 class Substitute:
-    """The result of a search: the derivation, its quality in (0, 1], and whether it is proven
-    the best.
-    """
+    """The result of a search: derivation, quality in (0, 1], and whether it is proven best."""
 
     derivation: Derivation
     quality: float
@@ -40,8 +38,9 @@ class Substitute:
 def find_substitute(
     ontology: Ontology, sources: Iterable[Source], target: str, excluded: Iterable[str] = ()
 ) -> Substitute:
-    """The best substitute of the property `target`; `excluded` names nodes, topics and services not
-    to be used.
+    """The best substitute of the property `target`.
+
+    `excluded` names nodes, topics and services not to be used.
 
     Best is the highest quality, then the fewest relations, then the fewest inputs, then names in
     order. The time is linear in the relations that the target can be reached from, save n log n
@@ -58,8 +57,9 @@ def find_substitute(
 def iter_substitutes(
     ontology: Ontology, sources: Iterable[Source], target: str, excluded: Iterable[str] = ()
 ) -> Iterator[Substitute]:
-    """Every substitute of the property `target`, best first, each found when it is asked for;
-    maybe none.
+    """Every substitute of the property `target`, best first, each found when it is asked for.
+
+    Maybe none.
     """
     network = ontology.network
     number = network.number(target)
@@ -77,8 +77,9 @@ def improving_substitutes(
     expired: Callable[[], bool] = lambda: False,
     first_circle: int = 64,
 ) -> Iterator[Substitute]:
-    """A substitute of the property `target` early, then better ones, until the best is proven or
-    time has expired.
+    """A substitute of `target` early, then better ones, until the best is proven.
+
+    It ends as well when time has expired.
 
     The search starts with the `first_circle` properties nearest to the target and takes in four
     times as many each time, while `expired` says False. The last substitute says whether it is
@@ -111,8 +112,7 @@ def improving_substitutes(
 def find_first(
     ontology: Ontology, sources: Iterable[Source], target: str, excluded: Iterable[str] = ()
 ) -> Substitute:
-    """The substitute of the property `target` that the paper's search finds: depth first, the first
-    one.
+    """The substitute of the property `target` that the paper's search finds first.
 
     Raises NoSubstitute with what is missing.
     """

@@ -1,5 +1,4 @@
-"""Which topics a substitute has advertised, who must be told of them again, and when it takes them
-back.
+"""Which topics a substitute has advertised, to whom, and when it takes them back.
 
 A rospy subscriber that is told twice, by us and by the master, may connect twice at the same time.
 Then each end drops a connection, now and then not the same one, and none is left: nobody but us
@@ -41,8 +40,9 @@ class Advertising:
         return self._ready.get(topic, False)
 
     def prepare(self, outputs: Iterable[Signal]) -> List[Command]:
-        """Advertise the topics of `outputs`; there is no hurry: the master tells the consumers
-        first.
+        """Advertise the topics of `outputs`.
+
+        There is no hurry: the master tells the consumers first.
         """
         return [command for each in outputs for command in self._advertise(each)]
 
@@ -51,8 +51,9 @@ class Advertising:
         self._withdrawals = {topic: now for topic in self._ready if topic not in wanted}
 
     def take(self, output: Signal, now: float) -> List[Command]:
-        """Advertise the topic of `output`, and soon no others: each that is withdrawn takes a
-        call to the master.
+        """Advertise the topic of `output`, and soon no others.
+
+        Each that is withdrawn takes a call to the master.
         """
         commands = self._advertise(output)
         topic = output.topic

@@ -40,8 +40,7 @@ class RowRemoved:
 
 @dataclass(frozen=True)
 class PlansChanged:
-    """The plans of warm services, for which an idle process prepares: those that are new, or not as
-    they were.
+    """The plans of warm services, for which an idle process prepares, that are new or changed.
 
     `removed`: the services that have none any more; `whole`: there are no others than `rows`.
     """
@@ -101,8 +100,9 @@ class CallFailed:
 
 @dataclass(frozen=True)
 class LookAtOriginal:
-    """Ask the node `original`, at the time `asked`, to whom it publishes a topic
-    (OriginalServes).
+    """Ask the node `original` to whom it publishes a topic (OriginalServes).
+
+    `asked` is the time of the question.
     """
 
     asked: float

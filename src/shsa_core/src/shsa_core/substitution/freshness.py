@@ -10,8 +10,9 @@ Reading = Tuple[float, float]
 
 
 class Freshness:
-    """Values and how old each is. What was listened to once stays so: its value may be wanted
-    again at any time.
+    """Values and how old each is.
+
+    What was listened to once stays so: its value may be wanted again at any time.
     """
 
     def __init__(self) -> None:
@@ -39,8 +40,9 @@ class Freshness:
                     readings[key] = time, value
 
     def values(self, signals: Sequence[Signal], now: float) -> Optional[Tuple[float, ...]]:
-        """The values of `signals`; None if one has never come or is older than its deadline: no
-        value is invented.
+        """The values of `signals`.
+
+        None if one has never come or is older than its deadline: no value is invented.
         """
         found = []
         for signal in signals:

@@ -65,8 +65,9 @@ class Job:
 
 
 def words(row: Substitution) -> Words:
-    """What makes the program of a row: code, fields and types; the signals' periods and
-    deadlines are no part of it.
+    """What makes the program of a row: code, fields and types.
+
+    The signals' periods and deadlines are no part of it.
     """
 
     def names(signals: Tuple[Signal, ...]) -> Tuple[Tuple[str, ...], ...]:

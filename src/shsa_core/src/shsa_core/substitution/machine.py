@@ -17,8 +17,9 @@ from shsa_core.substitution.yielding import Yielding
 
 
 class Substitute:
-    """Follows its row of the table of substitutions: the program, whether it publishes, and whom it
-    stands in for.
+    """Follows its row of the table of substitutions.
+
+    The program, whether it publishes, and whom it stands in for.
 
     Muted, it goes on computing, so that it can publish at once. Idle, it listens to what it might
     have to compute from, and advertises what it might have to publish.
@@ -55,8 +56,9 @@ class Substitute:
         )
 
     def handle(self, event: Event) -> List[Command]:
-        """The commands that an event calls for; what has become due meanwhile is among them,
-        messages first.
+        """The commands that an event calls for.
+
+        What has become due meanwhile is among them, messages first.
         """
         self._now = max(self._now, event.time)
         commands: List[Command] = self._handlers[type(event)](event)
@@ -119,8 +121,9 @@ class Substitute:
         return self._heed(event.row, event.unusable)
 
     def _row_removed(self, _: events.RowRemoved) -> List[Command]:
-        """Whoever made the table may have started anew, and learns of us later: go on as told
-        last.
+        """Whoever made the table may have started anew, and learns of us later.
+
+        Go on as told last.
         """
         return [Log(Level.DEBUG, "the table has no row of this node any more")]
 
@@ -160,9 +163,7 @@ class Substitute:
     def _prepare(
         self, row: Substitution, plans: Iterable[Substitution], unusable: Unusable
     ) -> List[Command]:
-        """Have no program, and be ready for one: what cannot be used here must not hurt the
-        rest.
-        """
+        """Have no program, and be ready for one: what cannot be used must not hurt the rest."""
         self._job, self._refused = None, None
         self._schedule = Schedule(None, math.inf)
         commands: List[Command] = []
@@ -234,8 +235,9 @@ class Substitute:
         return []
 
     def _consumer_joined(self, event: events.ConsumerJoined) -> List[Command]:
-        """It may have waited for long: it hears the newest message at once, and alone; nobody
-        hears it twice.
+        """It may have waited for long: it hears the newest message at once, and alone.
+
+        Nobody hears it twice.
         """
         job = self._job
         if job is None or job.latest is None or self._values() is None:
@@ -252,8 +254,9 @@ class Substitute:
         return self._freshness.values(self._job.inputs, self._now)
 
     def _publish(self) -> List[Command]:
-        """Evaluate the program if that is due; what is due while an input is stale follows as
-        soon as it is not.
+        """Evaluate the program if that is due.
+
+        What is due while an input is stale follows as soon as it is not.
         """
         job, values = self._job, self._values()
         if job is None or values is None or self._now < self._schedule.due:

@@ -20,8 +20,9 @@ class Schedule:
         self.due = min(self.due, moment)
 
     def done(self, now: float) -> None:
-        """The next one is a period later; in phase, unless this one was so late that two would
-        follow closely.
+        """The next one is a period later.
+
+        In phase, unless this one was so late that two would follow closely.
         """
         self.due += self.period
         if self.due < now + SHORTEST_SHARE * self.period:

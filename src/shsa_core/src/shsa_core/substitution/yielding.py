@@ -1,5 +1,6 @@
-"""Yields a topic to its returning original, consumer by consumer, so that each hears one publisher
-and no gap.
+"""Yields a topic to its returning original, consumer by consumer, without a gap.
+
+Each consumer hears one publisher.
 
 Subscribers connect to a new publisher one after the other, up to 0.2 s apart. A substitute that was
 muted at the original's first message would leave the last of them without any; one that went on
@@ -15,8 +16,9 @@ NOBODY: FrozenSet[str] = frozenset()
 
 
 class Yielding:
-    """Which consumers the original serves; looked up once a period while the substitute stands
-    in for it.
+    """Which consumers the original serves.
+
+    Looked up once a period while the substitute stands in for it.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -30,8 +32,9 @@ class Yielding:
         self._awaited: Optional[LookAtOriginal] = None
 
     def stand_in(self, topic: str, original: str, period: Optional[float], now: float) -> None:
-        """Stand in for the node `original`, empty: for nobody; as far as is known, it serves
-        nobody.
+        """Stand in for the node `original`, empty: for nobody.
+
+        As far as is known, it serves nobody.
 
         The first look can wait: the first messages have precedence.
         """
@@ -42,9 +45,7 @@ class Yielding:
         self._awaited = None
 
     def mute(self, now: float) -> None:
-        """The substitute is muted: it serves for a while those whom the original does not serve
-        yet.
-        """
+        """The substitute is muted: it still serves those whom the original does not serve yet."""
         if self.original:
             self.until = now + self._settings.yield_s
             if self._awaited is None:

@@ -22,9 +22,7 @@ LONGEST_BACKLOG_S = 0.5
 
 
 class Simulator:
-    """Steps the rover, feeds what the sensor nodes read, and plays the microcontroller on a
-    pseudo-terminal.
-    """
+    """Steps the rover, feeds the sensor nodes, and plays the microcontroller on its port."""
 
     def __init__(self) -> None:
         self._rover = Rover(

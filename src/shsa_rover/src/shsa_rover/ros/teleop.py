@@ -16,8 +16,9 @@ PERIOD_S = 0.05
 
 
 def serve() -> None:
-    """Publishes `/cmd_vel` from the keys until q; restores the terminal and stops the rover at
-    the end.
+    """Publishes `/cmd_vel` from the keys until q.
+
+    Restores the terminal and stops the rover at the end.
     """
     publisher = rospy.Publisher("/cmd_vel", Twist, queue_size=1)
     rospy.on_shutdown(lambda: publisher.publish(Twist()))
@@ -49,8 +50,9 @@ def steer(publisher: rospy.Publisher, keys: int) -> None:
 
 
 def main() -> None:
-    """The node's entry point; it needs a terminal, and without one says so before it asks for a
-    master.
+    """The node's entry point.
+
+    It needs a terminal, and without one says so before it asks for a master.
     """
     if not sys.stdin.isatty():
         sys.exit(

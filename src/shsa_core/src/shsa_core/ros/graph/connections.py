@@ -211,8 +211,9 @@ class Connections:
             yield Lost(topic, connection.publisher)
 
     def _settle(self, topic: str, transport: Any) -> Iterator[Happening]:
-        """A successor stands or has failed: its predecessor's publisher is lost unless it is
-        connected again.
+        """A successor stands or has failed.
+
+        Its predecessor's publisher is lost unless it is connected again.
         """
         publisher = self._expected.get((topic, transport.endpoint_id))
         if publisher is None:

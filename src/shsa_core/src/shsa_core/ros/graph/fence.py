@@ -32,8 +32,9 @@ class Known:
 
 
 class Fence:
-    """Knows which process each node is. Calls take as long as the network does: each in a thread
-    of its own.
+    """Knows which process each node is.
+
+    Calls take as long as the network does: each in a thread of its own.
     """
 
     def __init__(self, caller_id: str) -> None:
@@ -55,9 +56,7 @@ class Fence:
         return known
 
     def find(self, node: str) -> Where:
-        """Where the process of a node runs: the one that was learned, or its successor of the
-        same name.
-        """
+        """Where the process of a node runs: the learned one, or its successor."""
         known = self._find(node)
         if known is None:
             return Where.NOWHERE
@@ -74,8 +73,9 @@ class Fence:
         return Where.STOPPED if stopped else Where.HERE
 
     def ask_to_leave(self, node: str, left: Callable[[], None]) -> None:
-        """`rosnode kill`; calls `left` once the process has ended or, elsewhere, the node has
-        answered.
+        """`rosnode kill`; calls `left` once the process has ended.
+
+        Elsewhere, once the node has answered.
         """
         asked = threading.Thread(target=rosnode.kill_nodes, args=([node],), daemon=True)
         asked.start()
@@ -118,9 +118,7 @@ class Fence:
         return known.process if known else None
 
     def _find(self, node: str) -> Optional[Known]:
-        """What is known of a node: the living process, its successor of the same name, or the
-        dead one.
-        """
+        """What is known of a node: the living process, its successor, or the dead one."""
         with self._lock:
             known = self._known.get(node)
         if known is not None and (known.process is None or not gone(known.process)):

@@ -1,5 +1,6 @@
-"""Whether the launch that this node belongs to is ending: then nodes stop on purpose, and nothing
-is to be healed.
+"""Whether the launch that this node belongs to is ending.
+
+Then nodes stop on purpose, and nothing is to be healed.
 
 roslaunch signals its nodes ten at a time, in no certain order, each in a session of its own: a
 healthy node may be gone up to seconds before we are told to go. It writes to its log that it shuts

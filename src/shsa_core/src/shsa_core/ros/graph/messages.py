@@ -21,8 +21,7 @@ def message_class(name: str) -> Type[genpy.Message]:
 
 
 class Decoder:
-    """Reads fields from the bytes of messages of one type, as a publisher's connection header
-    describes it.
+    """Reads fields from the bytes of messages of one type, as a connection header gives it.
 
     Raises ShsaError if the type is not known here or is another version, or if a field is not a
     number of it.

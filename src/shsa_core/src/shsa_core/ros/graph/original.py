@@ -7,8 +7,9 @@ from shsa_core.ros.graph.node_api import FAILURES, master_api, node_api
 
 
 def served_consumers(topic: str, original: str) -> FrozenSet[str]:
-    """The consumers to which the node `original` has published on a topic already; nobody if it
-    does not answer.
+    """The consumers to which the node `original` has published on a topic already.
+
+    Nobody if it does not answer.
     """
     try:
         api = node_api(master_api().lookupNode(original))

@@ -85,8 +85,9 @@ class Outputs:
         served: FrozenSet[str],
         only: str,
     ) -> None:
-        """Publish `values` in the fields `outputs` of one message, to `only` or, if empty, to
-        all but those `served`.
+        """Publish `values` in the fields `outputs` of one message.
+
+        To `only` or, if empty, to all but those `served`.
         """
         publisher = self._publishers.get(outputs[0].topic)
         if publisher is None:

@@ -31,8 +31,9 @@ class Processes:
         self._executables = {name: _path(name) for name in ("substitute", "standby")}
 
     def start(self, command: StartSubstitute) -> None:
-        """Start a muted substitute, idle without a program; raises OSError if the process cannot
-        be made.
+        """Start a muted substitute, idle without a program.
+
+        Raises OSError if the process cannot be made.
         """
         node, program = command.node, command.program
         namespace, name = node.rsplit("/", 1)
@@ -70,8 +71,9 @@ class Processes:
 
 
 def _path(executable: str) -> str:
-    """An executable of this package as a path in it: rosrun takes twice as long where it has to
-    look for a name.
+    """An executable of this package as a path in it.
+
+    rosrun takes twice as long where it has to look for a name.
 
     Raises ShsaError if it is not built.
     """
@@ -82,8 +84,9 @@ def _path(executable: str) -> str:
 
 
 def run_command(words: Sequence[str], ended: Callable[[str], None]) -> None:
-    """Run a program, given as a list and through no shell; `ended(detail)` is called when it has
-    ended, in a thread.
+    """Run a program, given as a list and through no shell.
+
+    `ended(detail)` is called when it has ended, in a thread.
     """
 
     def work() -> None:

@@ -1,5 +1,6 @@
-"""Looks up what a substitute that was started by hand must know of a path such as
-`/odom/twist/twist/linear/x`.
+"""Looks up what a substitute that was started by hand must know of a path.
+
+Such a path is `/odom/twist/twist/linear/x`.
 """
 import dataclasses
 from typing import Dict, Optional, Sequence, Tuple
@@ -18,8 +19,7 @@ UNKNOWN_DEADLINE_S = 0.5
 
 
 def look_up(paths: Sequence[str]) -> Tuple[Signal, ...]:
-    """The signals at `paths`: by the SOM on the parameter server, and by the master for what that
-    does not have.
+    """The signals at `paths`, by the SOM on the parameter server, else by the master.
 
     Raises ShsaError if neither has one of them, or the master does not answer. No type is loaded.
     """

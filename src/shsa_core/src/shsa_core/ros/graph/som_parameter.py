@@ -91,8 +91,9 @@ class SomWatch:
             self._look.wait(max(POLL_S, (time.monotonic() - begin) / SHARE))
 
     def _subscribe(self) -> Optional[object]:
-        """The value; from now on the master tells of changes. A master that was started anew knows
-        of nobody.
+        """The value; from now on the master tells of changes.
+
+        A master that was started anew knows of nobody.
         """
         master = rosgraph.Master(rospy.get_name())
         return master.subscribeParam(rospy.get_node_uri(), self._name)

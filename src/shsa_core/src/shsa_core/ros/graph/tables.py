@@ -1,5 +1,4 @@
-"""Tables that are sent as changes: a new subscriber gets the whole first, one that missed a change
-gets it again.
+"""Tables sent as changes: a new subscriber, or one that missed a change, gets the whole.
 
 The messages have the fields `header`, `sequence`, `whole`, `removed` and one with rows; see
 shsa_msgs/Health.
@@ -40,9 +39,7 @@ class TablePublisher(rospy.SubscribeListener):
         )
 
     def update(self, changed: Iterable[genpy.Message], removed: Iterable[str] = ()) -> None:
-        """Publish new and changed rows and the keys of those that are gone; nothing, if that is
-        nothing.
-        """
+        """Publish new and changed rows, and the keys of those that are gone, if any."""
         rows = {self._key(row): row for row in changed}
         with self._lock:
             gone = [key for key in removed if key in self._rows and key not in rows]
@@ -73,8 +70,7 @@ class TablePublisher(rospy.SubscribeListener):
 
 
 class TableSubscriber:
-    """Calls `heard(message)` with a whole table, or with changes that follow what was heard before;
-    never with others.
+    """Calls `heard(message)` with a whole table, or with the changes that follow; never others.
 
     `heard` is called in rospy's threads, by one at a time. A table needs a subscriber of its own: a
     process may have one for each topic, since rospy shares the connections among all of a process's
@@ -137,8 +133,9 @@ class TableSubscriber:
 
 
 class TableCopy:
-    """A copy of a table that is kept up: `rows` by key. `changed`, if given, is called after each
-    change.
+    """A copy of a table that is kept up: `rows` by key.
+
+    `changed`, if given, is called after each change.
     """
 
     def __init__(
