@@ -174,7 +174,9 @@ def service(
 
 
 def write_som(path: Path, services: Iterable[Mapping[str, object]]) -> Path:
-    """Write a SOM file of services, each with the name of its topic; no older one is left as parameters."""
+    """Write a SOM file of services, each with the name of its topic; no older one is left as
+    parameters.
+    """
     if rospy.has_param(PARAMETER):
         rospy.delete_param(PARAMETER)
     named = {str(each["topic"]).strip("/"): each for each in services}

@@ -1,7 +1,20 @@
 """The reconfigurator's decisions: events in, commands out."""
 from dataclasses import replace
 
-from core_robot import A, B, C, SOM, Robot, function, has, last_incident, only, service, publishing, reads
+from core_robot import (
+    A,
+    B,
+    C,
+    SOM,
+    Robot,
+    function,
+    has,
+    last_incident,
+    only,
+    service,
+    publishing,
+    reads,
+)
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.model.ontology import Ontology, Property

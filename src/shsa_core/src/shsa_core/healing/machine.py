@@ -333,8 +333,7 @@ class Reconfigurator:
         return commands
 
     def _offer(self, service: Service) -> None:
-        """Plans are made ahead for a service if it is needed, and the pool serves it if it is warm.
-        """
+        """Plan ahead for a service if it is needed, and let the pool serve it if it is warm."""
         if service.needed:
             self._planner.plans.serve(service)
         else:

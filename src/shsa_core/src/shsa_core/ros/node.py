@@ -16,10 +16,11 @@ JOIN_TIMEOUT = 5.0
 
 
 def run(name: str, work: Callable[[], None]) -> None:
-    """Initialise the node `name` and run `work`, in a thread of its own; exit status 1 if that fails.
+    """Initialise the node `name` and run `work`, in a thread of its own; exit status 1 if that
+    fails.
 
-    rospy shuts down inside the signal handler, in the main thread. If that thread published or called the master
-    itself, it could wait there for a lock that it holds, for good.
+    rospy shuts down inside the signal handler, in the main thread. If that thread published or
+    called the master itself, it could wait there for a lock that it holds, for good.
     """
     sys.setswitchinterval(SWITCH_INTERVAL)
     rospy.init_node(name)

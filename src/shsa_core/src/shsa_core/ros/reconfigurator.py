@@ -84,7 +84,7 @@ class ReconfiguratorNode:
         self._som_state = TablePublisher(
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service
         )
-        self._carry_out = dispatch.table(
+        self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {
                 events.LearnNode: self._in_thread(self._learn),
@@ -111,7 +111,9 @@ class ReconfiguratorNode:
         self._put(events.Started(clock.now(), _leftovers(self._core.prefix)))
         rospy.Subscriber(names.FAILURES, msg.Failure, self._failure, tcp_nodelay=True)
         TableSubscriber(names.HEALTH, msg.Health, self._health)
-        self._services = Services(self._core, self._queue.put, self._put, self._incidents, self.reload)
+        self._services = Services(
+            self._core, self._queue.put, self._put, self._incidents, self.reload
+        )
 
     def spin(self) -> None:
         """Handle events in order until ROS shuts down; then stop every substitute."""

@@ -1,4 +1,6 @@
-"""The substitute: a node made of three strings that takes over a topic (Section V-A3 of the paper)."""
+"""The substitute: a node made of three strings that takes over a topic (Section V-A3 of the
+paper).
+"""
 import functools
 import os
 import sys
@@ -9,7 +11,6 @@ from shsa_msgs import msg
 
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
-from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.ros.graph import announce, clock
 from shsa_core.ros.graph.fields import Field
@@ -42,8 +43,8 @@ LOG = {
 class SubstituteNode:
     """Brings events to the core, and carries out what it says.
 
-    One thread handles events in order, and publishes. What waits for the master or for another node has threads of its
-    own: a takeover needs neither.
+    One thread handles events in order, and publishes. What waits for the master or for another node
+    has threads of its own: a takeover needs neither.
     """
 
     def __init__(self, row: Substitution) -> None:
@@ -75,7 +76,9 @@ class SubstituteNode:
         )
 
     def spin(self) -> None:
-        """Follow the table of substitutions until ROS shuts down; raises ShsaError if the core gives up."""
+        """Follow the table of substitutions until ROS shuts down; raises ShsaError if the core
+        gives up.
+        """
         self._feed(events.Started(clock.now(), self._row, unusable(self._row)))
         message_class = only_rows_of(self._name, lambda: self._idle)
         TableSubscriber(names.SUBSTITUTIONS, message_class, self._table)
@@ -190,7 +193,10 @@ def unusable(row: Substitution) -> events.Unusable:
 
 @functools.lru_cache(maxsize=None)
 def _problem(kind: str, field: str) -> str:
-    """Why a field cannot be read or written; empty if it can. A takeover asks for nothing that is new."""
+    """Why a field cannot be read or written; empty if it can.
+
+    A takeover asks for nothing that is new.
+    """
     try:
         Field(message_class(kind), field)
     except ShsaError as error:
@@ -217,7 +223,9 @@ def _by_hand(inputs: Paths, code: str, outputs: Paths) -> Substitution:
 
 
 def _by_reconfigurator(inputs: Paths, code: str, outputs: Paths, text: str) -> Substitution:
-    """The row of a substitute whose signals came with its strings: muted, until the table says otherwise."""
+    """The row of a substitute whose signals came with its strings: muted, until the table says
+    otherwise.
+    """
     signals = decode(text)
     if tuple(tuple(signal.path for signal in each) for each in signals) != (inputs, outputs):
         raise ShsaError(f"{VARIABLE} does not hold the signals of INPUTS and OUTPUT")

@@ -18,8 +18,8 @@ STOP_TIMEOUT_S = 2.0
 class Processes:
     """Starts and stops substitutes.
 
-    `ended(node, detail)` is called, in a thread of its own, whenever a process has ended that nobody stopped;
-    `cleared(node)` after each end, to clear what the node left registered.
+    `ended(node, detail)` is called, in a thread of its own, whenever a process has ended that
+    nobody stopped; `cleared(node)` after each end, to clear what the node left registered.
     """
 
     def __init__(self, ended: Callable[[str, str], None], cleared: Callable[[str], None]) -> None:
@@ -31,7 +31,9 @@ class Processes:
         self._executables = {name: _path(name) for name in ("substitute", "standby")}
 
     def start(self, command: StartSubstitute) -> None:
-        """Start a muted substitute, idle without a program; raises OSError if the process cannot be made."""
+        """Start a muted substitute, idle without a program; raises OSError if the process cannot
+        be made.
+        """
         node, program = command.node, command.program
         namespace, name = node.rsplit("/", 1)
         environment = dict(os.environ, ROS_NAMESPACE=namespace or "/")
@@ -68,7 +70,8 @@ class Processes:
 
 
 def _path(executable: str) -> str:
-    """An executable of this package as a path in it: rosrun takes twice as long where it has to look for a name.
+    """An executable of this package as a path in it: rosrun takes twice as long where it has to
+    look for a name.
 
     Raises ShsaError if it is not built.
     """
@@ -79,7 +82,9 @@ def _path(executable: str) -> str:
 
 
 def run_command(words: Sequence[str], ended: Callable[[str], None]) -> None:
-    """Run a program, given as a list and through no shell; `ended(detail)` is called when it has ended, in a thread."""
+    """Run a program, given as a list and through no shell; `ended(detail)` is called when it has
+    ended, in a thread.
+    """
 
     def work() -> None:
         try:
