@@ -364,3 +364,12 @@ def test_the_same_topic_heals_any_number_of_times() -> None:
         assert last_incident(robot.handle(events.Tick(start + 13))).id == round_ + 1
         assert not robot.core.substitutes
     assert len(names) == 20
+
+
+def test_a_failure_that_is_told_late_leaves_its_substitute_the_usual_time() -> None:
+    robot = Robot()
+    robot.handle(events.Tick(100.0))
+    robot.fail("/a", A, 10.0)
+    deadline = robot.core.deadline
+    assert deadline is not None and deadline >= 100.0
+    assert not any(isinstance(each, events.StopSubstitute) for each in robot.handle(events.Tick(101.0)))

@@ -1,5 +1,6 @@
 """The reconfigurator's ROS shell: brings events to the core, and carries out its commands."""
 import argparse
+import os
 import queue
 import sys
 import threading
@@ -72,6 +73,7 @@ class ReconfiguratorNode:
         self._processes = Processes(
             lambda node, detail: self._put(events.ProcessExited(clock.now(), node, detail)),
             self._fence.clear,
+            _substitute_journals(arguments.journal),
         )
         self._restarts = Restarts(lambda node: self._put(events.StarterEnded(clock.now(), node)))
         self._incidents = Incidents(arguments.incident_log)
@@ -270,6 +272,11 @@ def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     if errors:
         raise ModelError(errors[0].where, "; ".join([errors[0].what, *map(str, errors[1:])]))
     return read_ontology, read_som
+
+
+def _substitute_journals(journal: str) -> str:
+    """What the journals of the substitutes begin with, beside the reconfigurator's own."""
+    return os.path.splitext(journal)[0] + ".substitute_" if journal else ""
 
 
 def _leftovers(prefix: str) -> Tuple[str, ...]:
