@@ -35,6 +35,7 @@ def test_a_warm_process_that_does_not_publish_soon_makes_room_for_another_with_t
 ):
     robot = Robot(standby("warm"))
     silent = only(robot.said, events.StartSubstitute).node
+    robot.connects(2.0, "/a", silent)
     assert only(robot.fail("/a", A, 10.0), events.AssignSubstitute).node == silent
     robot.killed(10.01, A)
     assert not has(robot.handle(events.Tick(11.9)), events.StopSubstitute)
@@ -51,6 +52,7 @@ def test_a_process_that_is_still_starting_is_given_the_time_of_a_start(mode: str
     assert only(robot.fail("/a", A, 2.0), events.AssignSubstitute).node == node
     robot.killed(2.01, A)
     assert not has(robot.handle(events.Tick(5.9)), events.StopSubstitute)
+    robot.connects(5.95, "/a", node)
     assert events.StopSubstitute(node) in robot.handle(events.Tick(6.0))
 
 

@@ -130,7 +130,11 @@ class Repair:
         """Its first message has not come: the process is replaced, with the next best plan if that
         is to blame.
         """
-        why = f"no message within {self.substitute.patience:g} s"
+        if self.node not in now.publishers and self.substitute.starting(now.time):
+            # It is not up yet: another process would only make the machine busier.
+            self._timers[Trigger.LATE] = now.time + self.substitute.patience
+            return []
+        why = f"no message within {self.substitute.patience:.1f} s"
         text = f"{now.service.topic}: the substitute failed: {why}."
         blamed = self.substitute.plan_to_blame
         return [*self.substitute.failed(now, blamed), Log(Level.WARN, text), *self._heal(now)]

@@ -11,6 +11,8 @@ from shsa_core.healing.snapshot import Snapshot
 
 CHANGEOVER_S = 1.0
 """After a change of program, silence is no failure yet for so long."""
+LONGEST_START_S = 20.0
+"""A process that nobody is connected to by then will not come up any more."""
 
 
 class SubstituteProcess:
@@ -40,6 +42,10 @@ class SubstituteProcess:
     def changing(self, time: float) -> bool:
         """Whether it may be silent, as it has changed its program."""
         return time < self._changed + CHANGEOVER_S
+
+    def starting(self, time: float) -> bool:
+        """Whether its process may still be on its way up, as on a busy machine."""
+        return time < self._started + LONGEST_START_S
 
     def lost_input(self, now: Snapshot) -> bool:
         """Whether something that it reads is not available any more."""
