@@ -1,4 +1,6 @@
-"""docs/architecture.md names every module of the core package, and says of each what it says of itself."""
+"""docs/architecture.md names every module of the core package, and says of each what it says of
+itself.
+"""
 import ast
 from pathlib import Path
 from typing import List

@@ -10,7 +10,7 @@ import pytest
 from shsa_testing.processes import marked
 
 ROOT = Path(__file__).resolve().parent.parent
-TIMEOUT = 120.0
+TIMEOUT_S = 120.0
 TRANSFER = ("start", "up", "shut", "down", "registered", "unregistered", "gone")
 ROWS = {
     "failover": {"hot", "rosrun by hand, rospy"},
@@ -35,7 +35,7 @@ def test_short_form(name: str, tmp_path: Path) -> None:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         universal_newlines=True,
-        timeout=TIMEOUT,
+        timeout=TIMEOUT_S,
     )
     assert done.returncode == 0, done.stdout[-8000:]
     with open(str(tmp_path / f"{name}.csv"), newline="") as file:
@@ -59,7 +59,7 @@ def test_a_measurement_goes_on_where_it_was(tmp_path: Path) -> None:
         [sys.executable, str(script), "--short", "--results", str(tmp_path)],
         stdout=subprocess.PIPE,
         universal_newlines=True,
-        timeout=TIMEOUT,
+        timeout=TIMEOUT_S,
     )
     assert done.returncode == 0
     assert "6 repetitions are there already" in done.stdout
@@ -74,7 +74,7 @@ def test_a_measurement_by_other_definitions_is_not_gone_on_with(tmp_path: Path) 
         [sys.executable, str(script), "--short", "--results", str(tmp_path)],
         stderr=subprocess.PIPE,
         universal_newlines=True,
-        timeout=TIMEOUT,
+        timeout=TIMEOUT_S,
     )
     assert done.returncode == 1
     assert f"{path} holds other measures; --fresh begins anew." in done.stderr

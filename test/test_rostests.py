@@ -12,8 +12,8 @@ from shsa_testing.processes import marked
 from shsa_testing.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parent.parent
-TIMEOUT = 240.0
-LEAVING = 15.0  # s that processes may take to end after the test
+TIMEOUT_S = 240.0
+LEAVING_S = 15.0  # s that processes may take to end after the test
 MARK = "SHSA_ROSTEST"
 ROSTESTS = sorted(ROOT.glob("src/*/test/rostest/*.test"))
 
@@ -27,9 +27,9 @@ def test_rostest(path: Path) -> None:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         universal_newlines=True,
-        timeout=TIMEOUT,
+        timeout=TIMEOUT_S,
         env={**os.environ, MARK: mark},
     )
     assert done.returncode == 0, done.stdout[-8000:]
     started = [process.name() for process in marked(MARK, mark)]
-    wait_until(lambda: not marked(MARK, mark), LEAVING, f"these have ended: {started}")
+    wait_until(lambda: not marked(MARK, mark), LEAVING_S, f"these have ended: {started}")

@@ -8,7 +8,7 @@ from typing import Callable, Dict, Protocol, TypeVar
 
 from tqdm import tqdm
 
-from graph import PATIENCE, Graph, ask_to_leave, shut_down
+from graph import PATIENCE_S, Graph, ask_to_leave, shut_down
 from robot import NODE, TOPIC, Consumers, HealthyRobot, talker
 from shsa_testing.graph import node_pid, node_process, publishers
 from shsa_testing.waiting import wait_until
@@ -119,7 +119,9 @@ class Healed:
     def await_well(self) -> None:
         self._robot.await_well()
         wait_until(
-            lambda: self._robot.fault.get_num_connections() == 1, PATIENCE, "obedience of the node"
+            lambda: self._robot.fault.get_num_connections() == 1,
+            PATIENCE_S,
+            "obedience of the node",
         )
 
     def fail(self) -> Takeover:
@@ -138,7 +140,7 @@ class Healed:
             incident = self._robot.healing.latest(TOPIC)
             return incident is not None and incident.id > number and incident.state == "healed"
 
-        wait_until(is_healed, PATIENCE, "the topic is healed")
+        wait_until(is_healed, PATIENCE_S, "the topic is healed")
         incident = self._robot.healing.latest(TOPIC)
         assert incident is not None
         self._consumers.await_node(incident.substitute, failed_at)
@@ -169,7 +171,7 @@ class Respawned:
         self._launch = graph.start("roslaunch", str(path))
 
     def await_well(self) -> None:
-        wait_until(lambda: node_process(NODE) is not None, PATIENCE, "the node is up")
+        wait_until(lambda: node_process(NODE) is not None, PATIENCE_S, "the node is up")
         self._consumers.await_node(NODE, time.monotonic())
         for consumer in self._consumers:
             consumer.forget()
@@ -178,10 +180,10 @@ class Respawned:
         pid = node_pid(NODE)
         failed_at = time.monotonic()
         os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: node_process(NODE) is not None, PATIENCE, "the node is up again")
+        wait_until(lambda: node_process(NODE) is not None, PATIENCE_S, "the node is up again")
         for consumer in self._consumers:
             wait_until(
-                lambda: len(consumer.since(failed_at)) > 5, PATIENCE, f"{consumer.node} hears it"
+                lambda: len(consumer.since(failed_at)) > 5, PATIENCE_S, f"{consumer.node} hears it"
             )
         rospy_ms, roscpp_ms = (gap(consumer, failed_at) for consumer in self._consumers)
         return Takeover(rospy_ms, roscpp_ms)
@@ -200,7 +202,7 @@ class ByHand:
         self._consumers = consumers
 
     def await_well(self) -> None:
-        wait_until(lambda: not publishers(TOPIC), PATIENCE, "nobody publishes")
+        wait_until(lambda: not publishers(TOPIC), PATIENCE_S, "nobody publishes")
 
     def fail(self) -> Takeover:
         started = time.monotonic()
@@ -210,7 +212,7 @@ class ByHand:
         self._consumers.await_node(NODE, started)
         rospy_at, roscpp_at = (consumer.since(started)[0].at for consumer in self._consumers)
         shut_down(NODE)
-        process.wait(PATIENCE)
+        process.wait(PATIENCE_S)
         return Takeover(1e3 * (rospy_at - started), 1e3 * (roscpp_at - started))
 
     def end(self) -> None:

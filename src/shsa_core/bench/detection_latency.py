@@ -19,7 +19,7 @@ from std_msgs.msg import String
 from graph import (
     FAULTY_PUBLISHER,
     MONITOR,
-    PATIENCE,
+    PATIENCE_S,
     Graph,
     ask_to_leave,
     service,
@@ -29,9 +29,9 @@ from graph import (
 from report import print_table
 from shsa_testing.waiting import wait_until
 
-PERIOD = 0.02
-SILENCE = 0.1  # s; the monitor's deadline: five periods
-TOGETHER = 5
+PERIOD_S = 0.02
+SILENCE_S = 0.1  # the monitor's deadline: five periods
+NODES_AT_ONCE = 5
 COLUMNS = ("fault", "kind", "heard_ms", "after_last_good_ms")
 
 
@@ -41,7 +41,7 @@ class Target:
     def __init__(self, graph: Graph, name: str) -> None:
         self.name, self.topic = "/" + name, f"/topic_{name}"
         self.process = graph.python(
-            FAULTY_PUBLISHER, f"__name:={name}", f"_topic:={self.topic}", f"_period:={PERIOD}"
+            FAULTY_PUBLISHER, f"__name:={name}", f"_topic:={self.topic}", f"_period:={PERIOD_S}"
         )
         self.command = rospy.Publisher(self.name + "/fault", String, queue_size=1)
 
@@ -94,19 +94,19 @@ class Witness:
 def measure(
     graph: Graph, witness: Witness, fault: str, number: int
 ) -> List[Tuple[str, str, float, float]]:
-    """One fault in TOGETHER nodes, one after the other; the rows of figures."""
+    """One fault in NODES_AT_ONCE nodes, one after the other; the rows of figures."""
     word = "".join(letter for letter in fault if letter.isalnum())
-    targets = [Target(graph, f"{word}_{number}_{i}") for i in range(TOGETHER)]
+    targets = [Target(graph, f"{word}_{number}_{i}") for i in range(NODES_AT_ONCE)]
     value = {"range": [-5.0, 60.0]}
-    services = [service(target.topic, target.name, PERIOD, value) for target in targets]
+    services = [service(target.topic, target.name, PERIOD_S, value) for target in targets]
     som = write_som(graph.folder / "som.yaml", services)
-    monitor = graph.python(MONITOR, "--som", str(som), f"_minimum_deadline:={SILENCE}")
+    monitor = graph.python(MONITOR, "--som", str(som), f"_minimum_deadline:={SILENCE_S}")
     rows = []
     for target in targets:
         listens = lambda: target.command.get_num_connections() > 0
         healthy = lambda: witness.healthy.get(target.topic, False)
-        wait_until(lambda: listens() and healthy(), PATIENCE, f"{target.name} is healthy")
-        rospy.rostime.wallsleep(0.1 + PERIOD * np.random.random())
+        wait_until(lambda: listens() and healthy(), PATIENCE_S, f"{target.name} is healthy")
+        rospy.rostime.wallsleep(0.1 + PERIOD_S * np.random.random())
         caused = time.monotonic()
         FAULTS[fault](target)
         wait_until(lambda: target.topic in witness.failures, 10.0, f"{fault} is seen")
@@ -135,7 +135,7 @@ def main() -> None:
         witness = Witness()
         for fault in FAULTS:
             rows: List[Tuple[str, str, float, float]] = []
-            for number in range(-(-options.count // TOGETHER)):
+            for number in range(-(-options.count // NODES_AT_ONCE)):
                 rows += measure(graph, witness, fault, number)
             writer.writerows(rows)
             heard = [row[2] for row in rows]

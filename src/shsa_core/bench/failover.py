@@ -19,7 +19,7 @@ from contenders import FAULTS, ByHand, Contender, Healed, Respawned, repeat
 from failover_plot import plot
 from graph import Graph
 from report import Goals, in_words, print_table, summary
-from robot import SILENCE, TOPIC, Applications, Consumers
+from robot import SILENCE_S, TOPIC, Applications, Consumers
 from takeover import STEPS, Takeover
 
 COLUMNS = ("row", "number", *Takeover._fields)
@@ -82,7 +82,7 @@ def judge(rows: Dict[str, List[Takeover]]) -> Goals:
         ratio("warm", "respawn, rospy", 1 / 6)
         ratio("hot", "respawn, roscpp", 1 / 3)
         at_most("hot, rosnode kill", 30.0, "1.5 periods")
-        at_most("hot, SIGSTOP", 1e3 * SILENCE + 30.0, "the deadline and 1.5 periods")
+        at_most("hot, SIGSTOP", 1e3 * SILENCE_S + 30.0, "the deadline and 1.5 periods")
         for count in (100, 500):
             at_most(f"hot, {count} other nodes", 30.0, "1.5 periods")
     return goals

@@ -16,12 +16,12 @@ import rospy
 from tqdm import tqdm
 from shsa_msgs.msg import Failure, Health
 
-from graph import BENCH, MONITOR, PATIENCE, Graph, service, write_som
+from graph import BENCH, MONITOR, PATIENCE_S, Graph, service, write_som
 from shsa_testing.waiting import wait_until
 
 TOPICS = 50
 NODES = 5
-PERIOD = 0.02
+PERIOD_S = 0.02
 LOAD = 4  # busy processes a core
 BUSY = "while True: pass"
 COLUMNS = ("topic_hours", "busy_processes", "cores", "messages", "largest_gap_ms", "false_alarms")
@@ -46,14 +46,14 @@ def main() -> int:
         share = TOPICS // NODES
         services: List[Dict[str, object]] = []
         for node in range(NODES):
-            arguments = [str(share), str(PERIOD), str(node * share), f"__name:=source_{node}"]
+            arguments = [str(share), str(PERIOD_S), str(node * share), f"__name:=source_{node}"]
             graph.python(BENCH / "stream_source.py", *arguments)
             for i in range(node * share, (node + 1) * share):
-                services.append(service(f"/stream_{i}", f"/source_{node}", PERIOD))
+                services.append(service(f"/stream_{i}", f"/source_{node}", PERIOD_S))
         graph.python(MONITOR, "--som", str(write_som(graph.folder / "som.yaml", services)))
         path = graph.folder / "rows.npy"
         well = lambda: len(healthy) == TOPICS and all(healthy.values())
-        wait_until(well, PATIENCE, "all topics are healthy")
+        wait_until(well, PATIENCE_S, "all topics are healthy")
         rospy.Subscriber(
             "/shsa/failures", Failure, lambda f: alarms.append(f"{f.topic}: {f.kind}: {f.detail}")
         )

@@ -32,7 +32,7 @@ BENCH = PACKAGE / "bench"
 FAULTY_PUBLISHER = PACKAGE.parent / "shsa_testing" / "nodes" / "faulty_publisher"
 MONITOR = PACKAGE / "nodes" / "monitor"
 MARK = "SHSA_BENCH"
-PATIENCE = 30.0  # s; with hundreds of nodes up, everything takes longer
+PATIENCE_S = 30.0  # with hundreds of nodes up, everything takes longer
 
 
 class Graph:
@@ -60,7 +60,7 @@ class Graph:
             }
         )
         self.start("rosmaster", "--core", "-p", str(port))
-        wait_until(rosgraph.is_master_online, PATIENCE, "the master")
+        wait_until(rosgraph.is_master_online, PATIENCE_S, "the master")
         rospy.init_node("bench", disable_signals=True)
         return self
 
@@ -174,7 +174,9 @@ def service(
 
 
 def write_som(path: Path, services: Iterable[Mapping[str, object]]) -> Path:
-    """Write a SOM file of services, each with the name of its topic; no older one is left as parameters."""
+    """Write a SOM file of services, each with the name of its topic; no older one is left as
+    parameters.
+    """
     if rospy.has_param(PARAMETER):
         rospy.delete_param(PARAMETER)
     named = {str(each["topic"]).strip("/"): each for each in services}

@@ -21,16 +21,16 @@ import numpy as np
 from tqdm import tqdm
 
 from contenders import Healed, kill_hard, repeat
-from graph import PATIENCE, Graph
+from graph import PATIENCE_S, Graph
 from report import Goals, print_table
 from robot import TOPIC, Consumer, Consumers
 from shsa_testing.waiting import wait_until
 
-PERIOD = 0.02
+PERIOD_S = 0.02
 TOPICS = tuple(f"/uninvolved_{number}" for number in range(10))
 PHASES = ("before", "takeover", "return", "after")
-TAKEOVER = 0.5  # s
-GOAL = 0.5 * 1e3 * PERIOD  # ms; by so much the 99th percentile of jitter may grow
+TAKEOVER_S = 0.5
+GOAL = 0.5 * 1e3 * PERIOD_S  # ms; by so much the 99th percentile of jitter may grow
 STANDBYS = ("cold", "warm", "hot")
 COLUMNS = ("standby", "phase", "topic", "at_s", "interval_ms", "lost")
 
@@ -58,11 +58,11 @@ def pause(seconds: float) -> Tuple[float, float]:
 
 def disturb(robot: Healed, windows: Windows) -> None:
     """Fail and come back; note when."""
-    time.sleep(PERIOD * random.random())
+    time.sleep(PERIOD_S * random.random())
     begun = time.monotonic()
     robot.take_over()
-    time.sleep(max(0.0, begun + TAKEOVER - time.monotonic()))
-    windows["takeover"].append((begun, begun + TAKEOVER))
+    time.sleep(max(0.0, begun + TAKEOVER_S - time.monotonic()))
+    windows["takeover"].append((begun, begun + TAKEOVER_S))
     begun = time.monotonic()
     robot.bring_back()
     robot.await_well()
@@ -88,7 +88,7 @@ def intervals(standby: str, listener: Consumer, windows: Windows) -> Iterator[In
 def jitter(found: List[Interval], standby: str, phase: str) -> np.ndarray:
     """How far each interval of a phase is from the period, in ms."""
     values = [each.ms for each in found if (each.standby, each.phase) == (standby, phase)]
-    return np.abs(np.array(values) - 1e3 * PERIOD)
+    return np.abs(np.array(values) - 1e3 * PERIOD_S)
 
 
 def show(found: List[Interval]) -> Goals:
@@ -154,13 +154,13 @@ def main() -> int:
     with Graph() as graph:
         consumers = Consumers(graph, TOPIC)
         for topic in TOPICS:
-            graph.cpp("talker", topic, str(PERIOD), f"__name:={topic[1:]}")
+            graph.cpp("talker", topic, str(PERIOD_S), f"__name:={topic[1:]}")
         for standby in ("hot",) if options.short else options.only:
             progress = tqdm(total=count, desc=standby, disable=None)
-            make = lambda: Healed(graph, consumers, standby, PERIOD, kill_hard)
+            make = lambda: Healed(graph, consumers, standby, PERIOD_S, kill_hard)
             process = graph.cpp("consumer", *TOPICS, "__name:=listener", heard=True)
             listener = Consumer(process, "/listener")
-            wait_until(lambda: len(_heard(listener)) == len(TOPICS), PATIENCE, "all topics")
+            wait_until(lambda: len(_heard(listener)) == len(TOPICS), PATIENCE_S, "all topics")
             windows: Windows = {phase: [] for phase in PHASES}
 
             def once(robot: Healed) -> None:

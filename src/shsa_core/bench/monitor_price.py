@@ -18,7 +18,7 @@ from report import print_table
 
 TOPICS = 50
 PROBED = 5
-SETTLE = 3.0
+SETTLING_TIME_S = 3.0
 MODES = ("no monitor", "values not checked", "values checked")
 COLUMNS = (
     "messages_per_s",
@@ -42,7 +42,7 @@ def measure(graph: Graph, rate: float, mode: str, seconds: float) -> Dict[str, o
     source = graph.python(BENCH / "stream_source.py", str(TOPICS), str(period))
     monitor = None if mode == "no monitor" else graph.python(MONITOR, "--som", str(som))
     path = graph.folder / "rows.npy"
-    wanted = SETTLE + seconds
+    wanted = SETTLING_TIME_S + seconds
     probe = graph.python(BENCH / "stream_probe.py", str(path), str(PROBED), str(wanted))
     share = _cpu_share(monitor.pid if monitor else None, seconds)
     probe.wait(wanted + 30.0)
@@ -55,7 +55,7 @@ def measure(graph: Graph, rate: float, mode: str, seconds: float) -> Dict[str, o
 
 
 def _cpu_share(process: Optional[int], seconds: float) -> Dict[str, object]:
-    psutil.cpu_percent(interval=SETTLE)
+    psutil.cpu_percent(interval=SETTLING_TIME_S)
     if process is None:
         return {"monitor_cpu_percent": 0.0}
     return {"monitor_cpu_percent": psutil.Process(process).cpu_percent(interval=seconds)}

@@ -12,18 +12,18 @@ import rosgraph
 import rospy
 from std_msgs.msg import String
 
-from graph import BENCH, FAULTY_PUBLISHER, PATIENCE, Graph, ask_to_leave, service, write_som
+from graph import BENCH, FAULTY_PUBLISHER, PATIENCE_S, Graph, ask_to_leave, service, write_som
 from shsa_testing.graph import is_connected, node_pid, registered_nodes
 from shsa_testing.waiting import wait_until
 
 TOPIC, NODE = "/lost", "/failing"
 KEPT_TOPIC, KEPT_NODE = "/kept", "/steady"
 LIMIT = 10.0  # of the good values of TOPIC
-SILENCE = 0.1  # s; the monitor's deadline for a topic at 50 Hz: five periods
-HOLD_OFF = 1.0  # s; until then a substitute has handed over all consumers
+SILENCE_S = 0.1  # the monitor's deadline for a topic at 50 Hz: five periods
+HOLD_OFF_S = 1.0  # until then a substitute has handed over all consumers
 POOL = 2
 # The same node fails again and again here: that is not to be taken for a node that flaps.
-TIRELESS = {"hold_off_limit": HOLD_OFF, "switches": 0, "healings": 0}
+TIRELESS = {"hold_off_limit": HOLD_OFF_S, "switches": 0, "healings": 0}
 
 ONTOLOGY = """
 properties:
@@ -50,7 +50,7 @@ class Applications:
             self._processes.append(
                 self._graph.cpp("application", str(number), str(self._rate), name)
             )
-        wait_until(lambda: _applications() >= count, PATIENCE, f"{count} application nodes")
+        wait_until(lambda: _applications() >= count, PATIENCE_S, f"{count} application nodes")
 
 
 def _applications() -> int:
@@ -136,7 +136,7 @@ class Consumers:
         for consumer in self:
             wait_until(
                 lambda: any(each.node == node for each in consumer.since(since)[-20:]),
-                PATIENCE,
+                PATIENCE_S,
                 f"{consumer.node} hears {node}",
             )
 
@@ -158,25 +158,25 @@ class HealthyRobot:
             rospy.set_param(f"/reconfigurator/{name}", value)
         self._launch = graph.start(
             *("roslaunch", "shsa_core", "shsa.launch"),
-            *(f"ontology:={paths[0]}", f"som:={paths[1]}", f"hold_off:={HOLD_OFF}"),
-            f"minimum_deadline:={SILENCE}",
+            *(f"ontology:={paths[0]}", f"som:={paths[1]}", f"hold_off:={HOLD_OFF_S}"),
+            f"minimum_deadline:={SILENCE_S}",
             *(f"pool:={POOL}", f"incident_log:={graph.folder / 'incidents.jsonl'}"),
         )
 
     def await_well(self) -> None:
         """Wait until no incident is open, the original is heard, and what stands by is ready."""
         consumers, healing = self._consumers, self.healing
-        wait_until(lambda: not self._open(), PATIENCE, "the incident's end")
-        healing.await_available(TOPIC, KEPT_TOPIC, seconds=PATIENCE)
+        wait_until(lambda: not self._open(), PATIENCE_S, "the incident's end")
+        healing.await_available(TOPIC, KEPT_TOPIC, seconds=PATIENCE_S)
         consumers.await_node(NODE, time.monotonic())
         hot = self.standby == "hot"
         rows = lambda: [r for r in healing.substitutions if r.service == TOPIC.strip("/")]
-        wait_until(lambda: len(rows()) == hot, PATIENCE, "what stands by is as it should be")
+        wait_until(lambda: len(rows()) == hot, PATIENCE_S, "what stands by is as it should be")
         if hot:
             served = lambda: any(self._served_by(row.node) for row in rows())
-            wait_until(served, PATIENCE, "all are connected")
+            wait_until(served, PATIENCE_S, "all are connected")
         if self.standby == "warm":
-            wait_until(self._pool_ready, PATIENCE, "the pool is full")
+            wait_until(self._pool_ready, PATIENCE_S, "the pool is full")
         for each in consumers:
             each.forget()
 

@@ -2,8 +2,9 @@
 
     python3 robot_size.py [--largest N] [--rounds N] [--results DIR]
 
-The pure core between a monitor and a graph that answer at once. Prints processor times and their ratio to the smallest
-robot's, and the goals; leaves robot_size.json, .txt, .png and robot_size_goals.csv.
+The pure core between a monitor and a graph that answer at once. Prints processor times and their
+ratio to the smallest robot's, and the goals; leaves robot_size.json, .txt, .png and
+robot_size_goals.csv.
 """
 import argparse
 import json
@@ -23,12 +24,14 @@ Sent = Callable[[Iterable[events.Command]], int]
 
 SIZES = (10, 30, 100, 300, 1000)
 STEPS = ("failure", "takeover", "health change", "tick", "plan ahead")
-"""What is measured: the event of a failure until its commands are out; all events from there until the substitute is
-seen publishing; a changed row of health; a tick; one plan made ahead."""
+"""What is measured: the event of a failure until its commands are out; all events from there until
+the substitute is seen publishing; a changed row of health; a tick; one plan made ahead."""
 
 
 class Costs(NamedTuple):
-    """What one robot costs: s of processor time for each step and for the start; lines of Python and bytes sent a failure."""
+    """What one robot costs: s of processor time for each step and for the start; lines of Python
+    and bytes sent a failure.
+    """
 
     topics: int
     standby: str
@@ -78,7 +81,9 @@ def measure(size: int, standby: Standby, rounds: int, bytes_of: Optional[Sent]) 
 
 
 def rows_of(all_: List[Costs]) -> List[List[str]]:
-    """The table: medians and 95th percentiles in us, and the ratio to the smallest robot's median."""
+    """The table: medians and 95th percentiles in us, and the ratio to the smallest robot's
+    median.
+    """
     rows = []
     for costs in all_:
         small = next(each for each in all_ if each.standby == costs.standby)

@@ -357,7 +357,9 @@ def unhealable(sizes: Sequence[int], say: Say, goals: Goals) -> None:
 
 
 def second_best(sizes: Sequence[int], say: Say, goals: Goals) -> None:
-    """The second-best substitute in a ring, where the best one uses every relation: quadratic, as docs/ontology.md says."""
+    """The second-best substitute in a ring, where the best one uses every relation: quadratic,
+    as docs/ontology.md says.
+    """
     times = []
     for size in sizes:
         ring = [law(i, i, [(i + 1) % size], 0.9999) for i in range(size)]

@@ -1,4 +1,6 @@
-"""A robot of any size around the pure reconfigurator: a monitor and a graph that answer at once, without ROS."""
+"""A robot of any size around the pure reconfigurator: a monitor and a graph that answer at once,
+without ROS.
+"""
 import sys
 from collections import deque
 from time import thread_time
@@ -142,7 +144,8 @@ class Robot:
     def fail(self, node: str) -> Tuple[float, float]:
         """A node dies and its services are taken over.
 
-        Returns the processor time in s of the first event, and of all until the substitutes are seen publishing.
+        Returns the processor time in s of the first event, and of all until the substitutes are
+        seen publishing.
         """
         taken: List[float] = []
         for service in self._of_node[node]:

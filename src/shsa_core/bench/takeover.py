@@ -49,7 +49,7 @@ def healed(consumers: Consumers, failed_at: float, incident: Incident) -> Takeov
     moments = [last, failed_at]
     for stamp in (incident.detected, incident.found, incident.spawned):
         moments.append(clock.from_stamp(stamp) or 0.0)
-    # A node whose connection is lost has no voice: nobody waits until it is gone.
+    # A node whose connection is lost publishes no more: nobody waits until it is gone.
     moments.append(
         0.0 if incident.kind == "node_gone" else clock.from_stamp(incident.killed) or 0.0
     )
@@ -79,7 +79,7 @@ def gap(consumer: Consumer, failed_at: float) -> float:
 
 
 def _edges(consumer: Consumer, node: str, failed_at: float) -> Tuple[float, float]:
-    """When the last good message came before `node` spoke, after a failure, and its first good
+    """When the last good message came before `node` published after a failure, and its first
     one.
     """
     first = next(m.at for m in consumer.since(failed_at) if m.node == node and m.good)

@@ -31,7 +31,7 @@ import rospy
 from tqdm import tqdm
 
 from contenders import Healed, kill_hard, repeat
-from graph import FAULTY_PUBLISHER, PATIENCE, Graph, ask_to_leave, shut_down, uri_of
+from graph import FAULTY_PUBLISHER, PATIENCE_S, Graph, ask_to_leave, shut_down, uri_of
 from report import in_words, print_table
 from robot import KEPT_NODE, KEPT_TOPIC, TOPIC, Applications, Consumers, talker, write_model
 from shsa_core.codegen.plans import plan_service
@@ -41,7 +41,7 @@ from shsa_core.ros.graph.som_parameter import put_som
 from shsa_core.search.derivation import SourceTable
 from shsa_testing.waiting import wait_until
 
-PERIOD = 0.02
+PERIOD_S = 0.02
 SILENT_PERIODS = 5  # without a message: there will be no more
 NUMBERS = itertools.count(1)
 RATE = 1.0  # Hz, of each application node
@@ -93,19 +93,19 @@ class TransferNode:
     def __init__(self, graph: Graph, consumers: Consumers) -> None:
         self._graph = graph
         self._consumer = consumers.rospy
-        paths = write_model(graph.folder, "cold", PERIOD)
+        paths = write_model(graph.folder, "cold", PERIOD_S)
         ontology, som = read_ontology(str(paths[0])), read_som(str(paths[1]))
         put_som(som)
         table = SourceTable(ontology.network, som.sources)
         (lost,) = som.of_topic(TOPIC)
         self._program = plan_service(ontology, lost, table).program
-        arguments = talker(KEPT_NODE, KEPT_TOPIC, 2.0, PERIOD)
+        arguments = talker(KEPT_NODE, KEPT_TOPIC, 2.0, PERIOD_S)
         self._steady = graph.python(FAULTY_PUBLISHER, *arguments)
 
     def measure(self) -> Tuple[float, ...]:
         """Start one and stop it; its times in ms, in the order of TRANSFER."""
         node = f"/transfer_{next(NUMBERS)}"
-        wait_until(lambda: uri_of(KEPT_NODE) != "", PATIENCE, f"{KEPT_NODE} is up")
+        wait_until(lambda: uri_of(KEPT_NODE) != "", PATIENCE_S, f"{KEPT_NODE} is up")
         self._consumer.forget()
         program = self._program
         strings = (",".join(program.inputs), program.code, ",".join(program.outputs))
@@ -115,23 +115,23 @@ class TransferNode:
         )
         start = time.monotonic() - begun
         heard = lambda: [m.at for m in self._consumer.since(begun) if m.node == node]
-        wait_until(lambda: uri_of(node) != "", PATIENCE, f"{node} registers")
+        wait_until(lambda: uri_of(node) != "", PATIENCE_S, f"{node} registers")
         registered = time.monotonic() - begun
-        wait_until(lambda: bool(heard()), PATIENCE, f"{node} publishes")
+        wait_until(lambda: bool(heard()), PATIENCE_S, f"{node} publishes")
         up = heard()[0] - begun
-        time.sleep(random.random() * PERIOD)
+        time.sleep(random.random() * PERIOD_S)
         asked = time.monotonic()
         shut: List[float] = []
         killer = threading.Thread(target=_kill, args=(node, shut))
         killer.start()
-        wait_until(lambda: not _has_services(node), PATIENCE, f"{node} unregisters")
+        wait_until(lambda: not _has_services(node), PATIENCE_S, f"{node} unregisters")
         unregistered = time.monotonic() - asked
-        wait_until(lambda: process.poll() is not None, PATIENCE, f"the process of {node} ends")
+        wait_until(lambda: process.poll() is not None, PATIENCE_S, f"the process of {node} ends")
         gone = time.monotonic() - asked
         killer.join()
-        silent = lambda: time.monotonic() > heard()[-1] + SILENT_PERIODS * PERIOD
-        wait_until(silent, PATIENCE, f"nobody hears {node} any more")
-        down = heard()[-1] + PERIOD - asked
+        silent = lambda: time.monotonic() > heard()[-1] + SILENT_PERIODS * PERIOD_S
+        wait_until(silent, PATIENCE_S, f"nobody hears {node} any more")
+        down = heard()[-1] + PERIOD_S - asked
         times = (start, up, shut[0], down, registered, unregistered, gone)
         return tuple(1e3 * each for each in times)
 
@@ -248,7 +248,7 @@ def main() -> int:
                     results.add(standby, nodes, robot.fail().rospy_ms)
                     progress.update()
 
-                make = lambda: Healed(graph, consumers, standby, PERIOD, kill_hard)
+                make = lambda: Healed(graph, consumers, standby, PERIOD_S, kill_hard)
                 enough = lambda: results.count(standby, nodes) >= repetitions
                 misses += repeat(graph, make, take_over, enough)
     show(results)

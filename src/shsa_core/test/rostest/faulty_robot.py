@@ -9,7 +9,7 @@ from shsa_testing.faulty_publisher import FaultyNode
 from shsa_testing.graph import node_process
 from shsa_testing.healing import HealedRobot, TopicRecord
 
-SOON = 0.15  # s; a bound for a busy machine, the figures are those of the benchmark
+SOON_S = 0.15  # a bound for a busy machine, the figures are those of the benchmark
 
 
 class FaultyRobot(unittest.TestCase):
@@ -20,7 +20,7 @@ class FaultyRobot(unittest.TestCase):
     nodes: Dict[str, Tuple[str, float]] = {}
     topics: Tuple[str, ...] = ()
     robot: HealedRobot
-    voices: Dict[str, TopicRecord]
+    records: Dict[str, TopicRecord]
     processes: List[FaultyNode]
     began: float
     incidents_before: Dict[str, int]
@@ -28,7 +28,7 @@ class FaultyRobot(unittest.TestCase):
     @classmethod
     def setUpClass(cls) -> None:
         cls.robot = HealedRobot()
-        cls.voices = {name: TopicRecord(name, Float64Stamped) for name in cls.topics}
+        cls.records = {name: TopicRecord(name, Float64Stamped) for name in cls.topics}
         cls.processes = []
 
     @classmethod
@@ -54,17 +54,17 @@ class FaultyRobot(unittest.TestCase):
         self.processes.append(FaultyNode(node, topic, value=value))
 
     def healed(self, topic: str, node: str) -> str:
-        """Wait for the substitute's voice."""
+        """Wait until the substitute publishes."""
         incident = self.robot.await_state(topic, "healed")
         self.assertEqual(incident.faulty_node, node)
-        self.voices[topic].await_node(incident.substitute)
-        self.assertAlmostEqual(self.voices[topic].last.data, 10.0)
+        self.records[topic].await_node(incident.substitute)
+        self.assertAlmostEqual(self.records[topic].last.data, 10.0)
         return str(incident.substitute)
 
     def returns(self, topic: str, node: str, substitute: str) -> None:
-        """Wait for the original's voice: from its first word on it is the only one."""
+        """Wait until the original publishes: from then on it is the only one."""
         self.robot.await_state(topic, "ended", 30.0)
-        self.voices[topic].await_node(node)
-        spoke = [at for at in self.voices[topic].times(substitute) if at > self.began]
-        first = next(at for at in self.voices[topic].times(node) if at > spoke[0] + SOON)
-        self.assertLess(spoke[-1], first + SOON, f"two voices on {topic}")
+        self.records[topic].await_node(node)
+        published = [at for at in self.records[topic].times(substitute) if at > self.began]
+        first = next(at for at in self.records[topic].times(node) if at > published[0] + SOON_S)
+        self.assertLess(published[-1], first + SOON_S, f"two publishers on {topic}")

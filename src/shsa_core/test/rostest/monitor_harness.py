@@ -23,7 +23,7 @@ from shsa_testing.graph import is_connected
 from shsa_testing.processes import end_process, rosrun
 from shsa_testing.waiting import wait_until
 
-PERIOD = 0.02
+PERIOD_S = 0.02
 MARKER = "/som_version_"
 
 
@@ -34,7 +34,7 @@ def entry(topic: str, node: str, **changes: object) -> Dict[str, object]:
         "topic": topic,
         "type": "shsa_msgs/Float64Stamped",
         "node": node,
-        "period": PERIOD,
+        "period": PERIOD_S,
         "provides": {"value": value},
         "checks": {},
     }

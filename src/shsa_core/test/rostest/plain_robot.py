@@ -24,7 +24,7 @@ class PlainRobot(unittest.TestCase):
     """Every test begins with all four publishers up and healthy, and no incident open."""
 
     robot: HealedRobot
-    voices: Dict[str, TopicRecord]
+    records: Dict[str, TopicRecord]
     processes: Dict[str, List["subprocess.Popen[bytes]"]]
 
     def incident(self, topic: str) -> Incident:
@@ -36,7 +36,7 @@ class PlainRobot(unittest.TestCase):
     @classmethod
     def setUpClass(cls) -> None:
         cls.robot = HealedRobot()
-        cls.voices = {topic: TopicRecord(topic, Float64) for topic, _ in TOPICS.values()}
+        cls.records = {topic: TopicRecord(topic, Float64) for topic, _ in TOPICS.values()}
         cls.processes = {}
 
     @classmethod
@@ -49,7 +49,7 @@ class PlainRobot(unittest.TestCase):
         for node in TOPICS:
             if node_process(node) is None:
                 self.start(node)
-        self.robot.await_available(*self.voices, seconds=40.0)
+        self.robot.await_available(*self.records, seconds=40.0)
         wait_until(lambda: not self.robot.substitutions, 10.0, "peace")
 
     def start(self, node: str, value: float = float("nan")) -> "subprocess.Popen[bytes]":
@@ -63,7 +63,7 @@ class PlainRobot(unittest.TestCase):
 
     def value(self, topic: str) -> float:
         """The next value on a topic."""
-        voices = self.voices[topic]
-        count = len(voices.heard)
-        wait_until(lambda: len(voices.heard) > count, 10.0, f"a message on {topic}")
-        return float(voices.last.data)
+        record = self.records[topic]
+        count = len(record.heard)
+        wait_until(lambda: len(record.heard) > count, 10.0, f"a message on {topic}")
+        return float(record.last.data)

@@ -3,6 +3,7 @@ gives.
 """
 from typing import Any, Dict, List, Optional, Sequence, Tuple, Type, TypeVar, Union
 
+from shsa_core.codegen.generator import Program
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.machine import Reconfigurator
@@ -76,7 +77,7 @@ class Robot:
         return commands
 
     def failure(
-        self, topic: str, node: str, time: float, kind: str, detail: str, last_good: float
+        self, topic: str, node: str, time: float, kind: str, detail: str, last_good: Optional[float]
     ) -> List[events.Command]:
         """The monitor reports a failure."""
         return self.handle(events.FailureSeen(time, "", topic, node, Kind(kind), detail, last_good))
@@ -130,6 +131,13 @@ def only(commands: Sequence[events.Command], kind: Type[C_]) -> C_:
     found = [command for command in commands if isinstance(command, kind)]
     assert len(found) == 1, commands
     return found[0]
+
+
+def program_of(commands: Sequence[events.Command]) -> Program:
+    """The program of the only substitute that is started."""
+    program = only(commands, events.StartSubstitute).program
+    assert program is not None
+    return program
 
 
 def has(commands: Sequence[events.Command], kind: type) -> bool:

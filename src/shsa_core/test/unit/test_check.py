@@ -129,7 +129,8 @@ def test_errors_of_units(check: Check) -> None:
 
 def test_units_that_are_none(check: Check) -> None:
     findings = check(
-        "properties:\n  a: {unit: foo}\n  b: {unit: m**9**9}\nconstants:\n  k: {value: 1, unit: x9}\nrelations:\n  r:\n    a: b*k\n"
+        "properties:\n  a: {unit: foo}\n  b: {unit: m**9**9}\n"
+        "constants:\n  k: {value: 1, unit: x9}\nrelations:\n  r:\n    a: b*k\n"
     )
     assert [(f.level, f.where.rsplit(":")[-1]) for f in findings] == [
         ("error", "2"),
@@ -150,7 +151,8 @@ def test_functions_that_cannot_be_executed(check: Check) -> None:
 
 def test_what_a_constant_makes_impossible(check: Check) -> None:
     findings = check(
-        "properties: {a: , b: }\nconstants: {k: {value: 500}}\nrelations:\n  r:\n    a: b**(k + 0)\n"
+        "properties: {a: , b: }\nconstants: {k: {value: 500}}\n"
+        "relations:\n  r:\n    a: b**(k + 0)\n"
     )
     assert [f.where.rsplit(":")[-1] for f in findings] == ["5"]
     assert "no code for the relations r" in findings[0].what and findings[0].level == "error"
@@ -190,7 +192,10 @@ def test_a_relation_without_inputs_reaches_its_output(check: Check) -> None:
 
 def test_a_cycle_reaches_nothing(check: Check) -> None:
     text = "properties: {a: , b: , c: }\nrelations:\n  r: {a: b, b: a}\n"
-    som = "services:\n  c: {topic: /c, type: a/B, node: /c, period: 1, provides: {c: {field: data}}}\n"
+    som = (
+        "services:\n"
+        "  c: {topic: /c, type: a/B, node: /c, period: 1, provides: {c: {field: data}}}\n"
+    )
     assert [f.what.split()[0] for f in check(text, som)] == ["a", "b"]
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from shsa_core.language.functions import FUNCTIONS, STATEFUL, ceil, floor, namespace, power, sign
 from shsa_core.language.memory import (
-    MAX_GAP,
+    MAX_GAP_S,
     Memory,
     derivative,
     elapsed,
@@ -190,7 +190,7 @@ def test_lowpass_starts_at_the_sample_after_a_gap() -> None:
 
 
 def test_the_gap_is_one_second_unless_told_otherwise() -> None:
-    assert MAX_GAP == 1.0
+    assert MAX_GAP_S == 1.0
     memory = previous()
     memory(1.0, 0.0)
     assert memory(2.0, 1.0) == 1.0

@@ -52,7 +52,7 @@ st.register_type_strategy(Service, record(Service))
 st.register_type_strategy(
     Som, st.lists(record(Service), max_size=3, unique_by=lambda service: service.name).map(Som)
 )
-st.register_type_strategy(Law, EXPRESSIONS.map(parse_expression))
+st.register_type_strategy(Law, EXPRESSIONS.map(parse_expression))  # type: ignore[type-abstract]
 NAMES = st.sampled_from("abc")
 QUALITIES = st.sampled_from([1.0, 0.9, 1 / 3])
 st.register_type_strategy(

@@ -1,4 +1,6 @@
-"""The real machines: what they decided while they were recorded, they decide again, in another process too."""
+"""The real machines: what they decided while they were recorded, they decide again, in another
+process too.
+"""
 import json
 import os
 import subprocess

@@ -6,7 +6,7 @@ from typing import List
 
 import pytest
 
-from core_robot import A, SOM, Robot, has, last_incident, only, service, publishing
+from core_robot import A, SOM, Robot, has, last_incident, only, program_of, publishing, service
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.files.parameters import read_settings
@@ -198,8 +198,8 @@ def test_the_safe_value_is_published_when_nothing_is_left() -> None:
     robot = nothing_left(LastResort(values=(("a", -1.5),)))
     commands = robot.fail("/a", A, 10.0)
     start = only(commands, events.StartSubstitute)
-    assert start.program.inputs == () and start.program.outputs == ("/a/data",)
-    assert "-1.5" in start.program.code
+    assert program_of([start]).inputs == () and program_of([start]).outputs == ("/a/data",)
+    assert "-1.5" in program_of([start]).code
     robot.killed(10.1, A)
     incident = last_incident(robot.said)
     assert incident.state is State.SAFE and incident.missing == ("b", "c")

@@ -1,4 +1,6 @@
-"""The core knows no ROS, and nothing in the package looks up or round: every import goes to a lower part."""
+"""The core knows no ROS, and nothing in the package looks up or round: every import goes to a
+lower part.
+"""
 import ast
 import pathlib
 import subprocess
@@ -48,7 +50,9 @@ def part_of(module: str) -> str:
 
 
 def imports_of(module: str) -> Set[str]:
-    """The modules of the package that a module imports, wherever in its text; types alone do not count."""
+    """The modules of the package that a module imports, wherever in its text; types alone do not
+    count.
+    """
     tree = ast.parse(MODULES[module].read_text("utf-8"))
     typing = {
         node
@@ -111,8 +115,8 @@ for name in sys.argv[2:]:
 assert not FORBIDDEN & {name.split(".")[0] for name in sys.modules}
 """
 ROS = (
-    "actionlib,catkin,genpy,rosbag,rosgraph,roslaunch,roslib,rosnode,rosparam,rospkg,rospy,rostopic,"
-    "rosservice,shsa_msgs,std_msgs,xmlrpc"
+    "actionlib,catkin,genpy,rosbag,rosgraph,roslaunch,roslib,rosnode,rosparam,rospkg,rospy,"
+    "rosservice,rostopic,shsa_msgs,std_msgs,xmlrpc"
 )
 LIBRARIES = "networkx,matplotlib,pint,ruamel,jinja2,tabulate,numpy"
 

@@ -1,7 +1,21 @@
 """The reconfigurator's decisions: events in, commands out."""
 from dataclasses import replace
 
-from core_robot import A, B, C, SOM, Robot, function, has, last_incident, only, service, publishing, reads
+from core_robot import (
+    A,
+    B,
+    C,
+    SOM,
+    Robot,
+    function,
+    has,
+    last_incident,
+    only,
+    program_of,
+    service,
+    publishing,
+    reads,
+)
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.model.ontology import Ontology, Property
@@ -14,8 +28,8 @@ def test_a_failure_kills_the_node_and_starts_the_best_substitute() -> None:
     commands = robot.fail("/a", A, 10.0)
     assert only(commands, events.FindNode) == events.FindNode(A)
     start = only(commands, events.StartSubstitute)
-    assert start.program.inputs == ("/b/data",)
-    assert start.program.outputs == ("/a/data",)
+    assert program_of([start]).inputs == ("/b/data",)
+    assert program_of([start]).outputs == ("/a/data",)
     incident = last_incident(commands)
     assert incident.state is State.HEALING
     assert (incident.topic, incident.faulty_node, incident.last_good) == ("/a", A, 9.98)
@@ -103,7 +117,7 @@ def test_a_substitute_that_fails_is_replaced_by_the_next_best() -> None:
     node = robot.heal(10.0)
     commands = robot.failure("/a", node, 15.0, "out_of_range", "it is too high.", 14.9)
     assert only(commands, events.StopSubstitute).node == node
-    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+    assert program_of(commands).inputs == ("/c/data",)
     assert not has(commands, events.FindNode)
 
 
@@ -113,7 +127,7 @@ def test_a_substitute_whose_process_dies_is_started_again_under_another_name() -
     start = only(
         robot.handle(events.ProcessExited(15.0, node, "status -9")), events.StartSubstitute
     )
-    assert start.program.inputs == ("/b/data",)
+    assert program_of([start]).inputs == ("/b/data",)
     assert start.node != node
 
 
@@ -125,7 +139,7 @@ def test_a_substitute_that_keeps_dying_makes_room_for_the_next_best() -> None:
             robot.handle(events.ProcessExited(time, node, "status 1")), events.StartSubstitute
         ).node
     commands = robot.handle(events.ProcessExited(17.0, node, "status 1"))
-    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+    assert program_of(commands).inputs == ("/c/data",)
 
 
 def test_a_substitute_without_a_first_message_makes_room_for_the_next_best() -> None:
@@ -135,7 +149,7 @@ def test_a_substitute_without_a_first_message_makes_room_for_the_next_best() -> 
     assert not has(robot.handle(events.Tick(14.9)), events.StartSubstitute)
     commands = robot.handle(events.Tick(15.1))
     assert only(commands, events.StopSubstitute).node == first.node
-    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+    assert program_of(commands).inputs == ("/c/data",)
 
 
 def test_a_lost_input_is_replaced_before_the_substitute_falls_silent() -> None:
@@ -183,7 +197,7 @@ def test_without_a_substitute_it_says_what_is_missing_and_tries_when_one_appears
     assert incident.state is State.UNHEALED and incident.missing == ("b", "c")
     robot.row("/c", C, "healthy", 12.0)
     commands = robot.table(12.0)
-    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+    assert program_of(commands).inputs == ("/c/data",)
     assert last_incident(commands).state is State.HEALING
 
 
@@ -223,7 +237,7 @@ def test_what_the_failed_node_also_provides_is_not_used() -> None:
     som = Som([service("a", A, needed=True), service("b", A), service("c", C)])
     robot = Robot(som)
     commands = robot.fail("/a", A, 10.0)
-    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+    assert program_of(commands).inputs == ("/c/data",)
 
 
 def test_two_topics_of_one_node_are_killed_once_and_healed_both() -> None:
@@ -252,7 +266,7 @@ def test_one_substitute_fills_every_field_of_the_topic() -> None:
     two = Service("ab", "/ab", "pkg/Type", A, 0.02, both, needed=True)
     robot = Robot(Som([two, service("c", C)]), ontology)
     start = only(robot.fail("/ab", A, 10.0), events.StartSubstitute)
-    assert start.program.outputs == ("/ab/data", "/ab/other")
+    assert program_of([start]).outputs == ("/ab/data", "/ab/other")
 
 
 def test_a_failure_that_was_only_in_the_table_is_healed() -> None:
@@ -297,7 +311,7 @@ def test_a_service_that_appears_in_the_som_is_used() -> None:
     robot.row("/spare", "/spare_node", "healthy", 3.0)
     robot.table(3.0)
     start = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
-    assert start.program.inputs == ("/spare/data",)
+    assert program_of([start]).inputs == ("/spare/data",)
 
 
 def test_a_topic_that_leaves_the_som_ends_its_incident() -> None:
@@ -350,3 +364,12 @@ def test_the_same_topic_heals_any_number_of_times() -> None:
         assert last_incident(robot.handle(events.Tick(start + 13))).id == round_ + 1
         assert not robot.core.substitutes
     assert len(names) == 20
+
+
+def test_a_failure_that_is_told_late_leaves_its_substitute_the_usual_time() -> None:
+    robot = Robot()
+    robot.handle(events.Tick(100.0))
+    robot.fail("/a", A, 10.0)
+    deadline = robot.core.deadline
+    assert deadline is not None and deadline >= 100.0
+    assert not any(isinstance(each, events.StopSubstitute) for each in robot.handle(events.Tick(101.0)))

@@ -1,7 +1,7 @@
 """`shsa replay`: what it prints and returns."""
 import json
 from pathlib import Path
-from typing import Any, Callable, Tuple
+from typing import Any, Callable, Dict, List, Tuple
 
 import pytest
 
@@ -13,7 +13,7 @@ from shsa_core.journal.writer import JournalWriter
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 
-EVENTS = [
+EVENTS: List[toy.Event] = [
     toy.Tick(100.0),
     toy.Added(101.0, 3.0, text="/odom"),
     toy.Added(102.5, 4.0, text="/imu"),
@@ -48,7 +48,7 @@ def journal(tmp_path: Path) -> Path:
 
 
 def record(path: Path, *events: toy.Event) -> None:
-    setup = {"som": Som()}
+    setup: Dict[str, Any] = {"som": Som()}
     writer = JournalWriter(str(path), toy.ADDER, setup, print)
     machine = toy.Adder(**setup)
     for event in events:

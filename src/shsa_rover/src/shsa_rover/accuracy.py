@@ -19,7 +19,7 @@ from shsa_core.search.substitutes import Derivation, find_substitute
 from shsa_rover.dataset import Dataset
 
 FULL_SPAN = {"state_of_charge": 1.0}
-WARM_UP = 60.0  # s, until the slowest filter has settled
+WARM_UP_S = 60.0  # until the slowest filter has settled
 
 
 @dataclass(frozen=True)
@@ -107,6 +107,6 @@ def _evaluate(
 
 def _accuracy(name: str, prop: str, stated: float, values: np.ndarray, data: Dataset) -> Accuracy:
     truth = data.truth[prop]
-    settled = (data.time >= WARM_UP) & np.isfinite(values)
+    settled = (data.time >= WARM_UP_S) & np.isfinite(values)
     error = float(np.sqrt(np.mean((values[settled] - truth[settled]) ** 2)))
     return Accuracy(name, prop, error, FULL_SPAN.get(prop, float(np.ptp(truth))), stated)

@@ -11,7 +11,7 @@ from shsa_rover.drive import Drive, Leg
 from shsa_rover.odometry import Odometry
 from shsa_rover.rover import Rover, Truth
 
-PERIOD = 0.02  # s
+PERIOD_S = 0.02
 STEPS = 2  # of the simulation, a row
 COMMAND_ROWS = 3  # rows between two commands: about the driver's 20 Hz
 START_ROWS = 50  # rows that the state of charge is started from
@@ -72,14 +72,14 @@ def simulate(drive: Drive, duration: float, seed: int, soc: float = 0.8) -> Data
     names = [field.name for field in fields(Truth)]
     measured: List[Tuple[float, ...]] = []
     truth: List[Tuple[float, ...]] = []
-    time = np.arange(int(duration / PERIOD)) * PERIOD
+    time = np.arange(int(duration / PERIOD_S)) * PERIOD_S
     velocity, turn_rate = 0.0, 0.0
     for row, now in enumerate(time):
         if row % COMMAND_ROWS == 0:
             velocity, turn_rate = drive.command(float(now))
             rover.command(velocity, turn_rate)
         for _ in range(STEPS):
-            rover.step(PERIOD / STEPS)
+            rover.step(PERIOD_S / STEPS)
         reading = rover.measure()
         odometry.update(float(now), reading.wheel_velocity, reading.wheel_turn_rate)
         state = asdict(rover.truth())
@@ -115,5 +115,5 @@ def _counted(current: np.ndarray, voltage: np.ndarray) -> np.ndarray:
     source = np.mean(voltage[:START_ROWS]) + battery.resting_resistance * np.mean(
         current[:START_ROWS]
     )
-    used = np.cumsum(current) * PERIOD / 3600.0 / battery.capacity
+    used = np.cumsum(current) * PERIOD_S / 3600.0 / battery.capacity
     return np.interp(source, voltages, charges) - used

@@ -15,8 +15,8 @@ from tabulate import tabulate
 from shsa_rover.figure import draw
 from shsa_rover.recording import Recording, Series, read_recording
 
-TIMEOUT = 180.0  # s; the run itself takes about 45 s
-END = 35.0  # s; the drive's end
+TIMEOUT_S = 180.0  # the run itself takes about 45 s
+DRIVE_END_S = 35.0  # the drive's end
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
@@ -35,7 +35,9 @@ def main(arguments: Optional[List[str]] = None) -> int:
     recording = read_recording(results / "run.bag", results / "incidents.jsonl")
     # The drive begins after the first message. What ends later is ended by roslaunch, and is no
     # failure.
-    recording.incidents[:] = [i for i in recording.incidents if float(str(i["detected"])) < END]
+    recording.incidents[:] = [
+        i for i in recording.incidents if float(str(i["detected"])) < DRIVE_END_S
+    ]
     draw(recording, results / "figure.png")
     return _report(recording, results)
 
@@ -47,10 +49,10 @@ def _launch(results: Path) -> int:
         port = probe.getsockname()[1]
     environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}")
     command = ["roslaunch", "-p", str(port), "shsa_rover", "demo.launch"]
-    command += [f"results:={results}", f"end_at:={END}"]
+    command += [f"results:={results}", f"end_at:={DRIVE_END_S}"]
     with subprocess.Popen(command, env=environment) as roslaunch:
         try:
-            return roslaunch.wait(TIMEOUT)
+            return roslaunch.wait(TIMEOUT_S)
         except subprocess.TimeoutExpired:
             roslaunch.send_signal(signal.SIGINT)
             return roslaunch.wait()

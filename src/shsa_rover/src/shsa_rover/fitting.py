@@ -12,7 +12,7 @@ from shsa_rover.dataset import (
     COMMANDED_VELOCITY,
     CURRENT,
     GYROSCOPE,
-    PERIOD,
+    PERIOD_S,
     STATE_OF_CHARGE,
     TURN_ACCELERATION,
     TURN_RATE,
@@ -41,7 +41,7 @@ PUBLISHED = {
 """The paper's f1, learned on the authors' rover: A, and A by the unit of each input."""
 
 OCV_EMPTY, OCV_FULL = 11.75, 12.88  # V, a straight line through the battery's table
-POLARISATION_TIME = 20.0  # s
+POLARISATION_TIME_S = 20.0
 TIMES = np.arange(0.05, 1.0, 0.05)  # s, tried as time constants
 
 
@@ -127,7 +127,7 @@ def fit_sag(data: Dataset) -> Fit:
     """sag: the battery's voltage (V) below its open-circuit voltage, at once and after a while."""
     current, voltage = data.measured[CURRENT], data.measured[VOLTAGE]
     source = OCV_EMPTY + (OCV_FULL - OCV_EMPTY) * data.measured[STATE_OF_CHARGE]
-    terms = np.array([current, lowpass(current, POLARISATION_TIME)]).T
+    terms = np.array([current, lowpass(current, POLARISATION_TIME_S)]).T
     solution = _solve(terms, source - voltage)
     names = ("internal_resistance", "polarisation_resistance")
     return _fit("sag", "V", dict(zip(names, solution)), source - terms @ solution, voltage)
@@ -163,7 +163,7 @@ def fit_others(data: Dataset) -> List[Fit]:
 
 def lowpass(values: np.ndarray, time: float) -> np.ndarray:
     """A filter of first order with the time constant `time` (s), starting at the first value."""
-    share = -math.expm1(-PERIOD / time)
+    share = -math.expm1(-PERIOD_S / time)
     filtered = np.empty_like(values)
     state = values[0]
     for row, value in enumerate(values):

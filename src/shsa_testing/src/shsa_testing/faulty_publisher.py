@@ -17,7 +17,7 @@ class FaultyPublisher:
     """Publishes shsa_msgs/Float64Stamped and obeys what it hears on `~fault`.
 
     Parameters: ~topic, ~period in s, ~value, ~mute. Commands: `value X`, `period S`, `stamp S`
-    (seconds added to the stamp), `ramp X` (added to the value at every message), `mute`, `speak`,
+    (seconds added to the stamp), `ramp X` (added to the value at every message), `mute`, `publish`,
     `burst N`, `unadvertise`, `advertise`.
     """
 
@@ -46,7 +46,7 @@ class FaultyPublisher:
         elif word == "burst":
             for _ in range(int(argument)):
                 self.publish()
-        elif word in ("mute", "speak"):
+        elif word in ("mute", "publish"):
             self.mute = word == "mute"
         elif word in ("value", "period", "stamp", "ramp"):
             setattr(self, word, float(argument))

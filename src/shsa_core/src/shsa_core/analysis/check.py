@@ -19,7 +19,10 @@ from shsa_core.search.derivation import LOST, Derivation
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a check found: where (file and line), what, and what to do. `level` is error or warning."""
+    """One thing that a check found: where (file and line), what, and what to do.
+
+    `level` is error or warning.
+    """
 
     level: str
     where: str
@@ -32,7 +35,10 @@ class Finding:
 
 
 def check_files(ontology_path: str, som_path: Optional[str] = None) -> List[Finding]:
-    """Everything found in the files, by file and line. The model is valid if no finding is an error."""
+    """Everything found in the files, by file and line.
+
+    The model is valid if no finding is an error.
+    """
     try:
         ontology, errors = load_ontology(ontology_path)
     except ModelError as error:

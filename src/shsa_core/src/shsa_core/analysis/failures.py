@@ -1,5 +1,7 @@
-"""The best derivations after failures, from those before: only what used something that is gone is rated again."""
-from typing import Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Sequence, Set
+"""The best derivations after failures, from those before: only what used something that is gone
+is rated again.
+"""
+from typing import Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Sequence
 
 from shsa_core.model.network import Network
 from shsa_core.model.service import Source
@@ -10,14 +12,18 @@ from shsa_core.search.ratings import Ratings, dependents
 
 
 class Failure(NamedTuple):
-    """What a failure leaves: the best derivations, and the numbers of the properties that it loses."""
+    """What a failure leaves: the best derivations, and the numbers of the properties that it
+    loses.
+    """
 
     ratings: Ratings
     lost: FrozenSet[int]
 
 
 class Failures:
-    """The best derivation of every property of a network, and what becomes of it when nodes fail."""
+    """The best derivation of every property of a network, and what becomes of it when nodes
+    fail.
+    """
 
     def __init__(
         self, network: Network, sources: Iterable[Source], usable: Optional[Usable] = None
@@ -56,8 +62,8 @@ class Failures:
     def missing(self, target: int, failure: Failure) -> List[str]:
         """What a lost property lacks after a failure; as BestDerivations.missing.
 
-        What is lost without any failure is looked up once; it is the same for all targets, save what uses the target
-        or what the failure loses.
+        What is lost without any failure is looked up once; it is the same for all targets, save
+        what uses the target or what the failure loses.
         """
         lost = failure.lost
         others = {user for number in (target, *lost) for user in self._users_of(number)} | lost

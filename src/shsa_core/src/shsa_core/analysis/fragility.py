@@ -11,11 +11,12 @@ AS_IT_IS = (
 
 
 class Fragility:
-    """For every property the nodes without any one of which it cannot be derived, as bits of a number.
+    """For every property the nodes without any one of which it cannot be derived, as bits of a
+    number.
 
-    A source is lost with its node, a function with any of its inputs, a property with all of its sources and
-    functions. All begin as lost and are regained until nothing changes: what depends on itself alone stays lost.
-    Functions that cannot be executed do not count.
+    A source is lost with its node, a function with any of its inputs, a property with all of its
+    sources and functions. All begin as lost and are regained until nothing changes: what depends on
+    itself alone stays lost. Functions that cannot be executed do not count.
     """
 
     def __init__(self, ontology: Ontology, som: Som) -> None:
@@ -44,7 +45,8 @@ class Fragility:
 
     @contextmanager
     def remedied(self, output: str, input_: Optional[str]) -> Iterator[None]:
-        """With a further, independent node that measures a property; or a relation for it from one input.
+        """With a further, independent node that measures a property; or a relation for it from one
+        input.
 
         Only what this regains is worked out anew: the more there is, the less is lost.
         """
@@ -89,7 +91,10 @@ class Fragility:
         return tuple(node for node in self.nodes if self._bits[node] & bits)
 
     def bits(self, names: Iterable[str], lost: Optional[Dict[int, int]] = None) -> int:
-        """The bits of several properties together: one lost is all lost. `lost` as by `after`, or as it is."""
+        """The bits of several properties together: one lost is all lost.
+
+        `lost` as by `after`, or as it is.
+        """
         together = 0
         for name in names:
             together |= (self._lost if lost is None else lost)[self._number(name)]

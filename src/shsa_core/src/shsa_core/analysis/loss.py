@@ -10,7 +10,9 @@ from shsa_core.search.derivation import LOST, SourceTable
 
 
 class Loss(NamedTuple):
-    """A lost property: the sources that are lost with it, those that stay, and what must not be used."""
+    """A lost property: the sources that are lost with it, those that stay, and what must not be
+    used.
+    """
 
     name: str
     lost: Tuple[Source, ...]
@@ -19,14 +21,17 @@ class Loss(NamedTuple):
 
     @property
     def output(self) -> str:
-        """Topic and field that a substitute would fill; the property's name if nothing provides it."""
+        """Topic and field that a substitute would fill; the property's name if nothing provides
+        it.
+        """
         return self.lost[0].path if self.lost else self.name
 
 
 def lose(som: Som, name: str, without: Iterable[str] = ()) -> Loss:
     """The loss of the property `name`: of its needed sources, or its first one if none is needed.
 
-    What their services and nodes provide, and the services, topics and nodes in `without`, are lost with it.
+    What their services and nodes provide, and the services, topics and nodes in `without`, are lost
+    with it.
     """
     own = som.of_property(name)
     lost = tuple(source for source in own if source.service.needed) or own[:1]

@@ -18,7 +18,9 @@ Remedy = Tuple[
 
 
 class Remedies:
-    """New sensors, each on a node of its own, and new relations with one input, for what the needed services lack."""
+    """New sensors, each on a node of its own, and new relations with one input, for what the
+    needed services lack.
+    """
 
     def __init__(
         self,
@@ -57,7 +59,9 @@ class Remedies:
         return [pair for pair in pairs if pair[1] is not None]
 
     def _source(self, name: str) -> Optional[str]:
-        """The measured property that is lost with the fewest nodes, first of all of those that host the services."""
+        """The measured property that is lost with the fewest nodes, first of all of those that
+        host the services.
+        """
 
         def shared(other: str) -> Tuple[int, int]:
             bits = self._fragility.bits([other])
@@ -71,7 +75,8 @@ class Remedies:
     ) -> Optional[Suggestion]:
         """The remedy with which the robot survives most, None if none helps.
 
-        Of two that do the same for the failure of one node, that of two nodes decides, in a robot that is not large.
+        Of two that do the same for the failure of one node, that of two nodes decides, in a robot
+        that is not large.
         """
         rated = []
         for name, source in candidates:

@@ -7,7 +7,8 @@ from typing import Optional, Tuple
 class Alternative:
     """The best derivation of a lost property by one relation, or by another source of it.
 
-    `by` is the relation's name or the source's path, `inputs` the paths read, `nodes` those that publish them.
+    `by` is the relation's name or the source's path, `inputs` the paths read, `nodes` those that
+    publish them.
     """
 
     property: str
@@ -21,9 +22,9 @@ class Alternative:
 class ServiceReport:
     """A needed service, and what is left of it when its node fails.
 
-    `quality` of its best substitute, None if there is none; `reads`, the nodes that it needs; `missing`, what it
-    lacks; `alternatives` for each of its properties, the best first; `cuts`, the smallest sets of nodes whose failure
-    together loses the service.
+    `quality` of its best substitute, None if there is none; `reads`, the nodes that it needs;
+    `missing`, what it lacks; `alternatives` for each of its properties, the best first; `cuts`, the
+    smallest sets of nodes whose failure together loses the service.
     """
 
     service: str
@@ -41,8 +42,8 @@ class ServiceReport:
 class NodeReport:
     """What the loss of a node costs.
 
-    `lost`: its needed services that nothing replaces; `healed`: those with a substitute, and its quality;
-    `leaned_on`: needed services of other nodes whose best substitute reads this node.
+    `lost`: its needed services that nothing replaces; `healed`: those with a substitute, and its
+    quality; `leaned_on`: needed services of other nodes whose best substitute reads this node.
     """
 
     node: str
@@ -53,7 +54,9 @@ class NodeReport:
 
 @dataclass(frozen=True)
 class Cut:
-    """A smallest set of nodes whose failure together is fatal, and the needed services that it loses."""
+    """A smallest set of nodes whose failure together is fatal, and the needed services that it
+    loses.
+    """
 
     nodes: Tuple[str, ...]
     services: Tuple[str, ...]
@@ -61,7 +64,8 @@ class Cut:
 
 @dataclass(frozen=True)
 class Survival:
-    """The share of failures of one node, and of two nodes at once, after which no needed service is lost.
+    """The share of failures of one node, and of two nodes at once, after which no needed service is
+    lost.
 
     `double` is None where it was not worked out.
     """
@@ -72,7 +76,9 @@ class Survival:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A new sensor of a property, or a new relation for it from `source`, and what the robot then survives."""
+    """A new sensor of a property, or a new relation for it from `source`, and what the robot
+    then survives.
+    """
 
     property: str
     source: Optional[str]

@@ -4,7 +4,7 @@ from math import comb
 from typing import Dict, FrozenSet, Iterable, Iterator, List, Sequence, Set, Tuple
 
 from shsa_core.analysis.failures import Failures
-from shsa_core.analysis.fragility import AS_IT_IS, Fragility
+from shsa_core.analysis.fragility import Fragility
 from shsa_core.analysis.remedies import Remedies
 from shsa_core.analysis.report import Alternative, Cut, NodeReport, Report, ServiceReport, Survival
 from shsa_core.model.ontology import Ontology
@@ -20,9 +20,10 @@ Nodes = FrozenSet[str]
 def analyse(ontology: Ontology, som: Som, size: int = 2) -> Report:
     """How resilient a robot is, with all cuts of up to `size` nodes, two at least.
 
-    Every service in the SOM counts as available until its node fails. Relations that cannot be executed do not
-    count. The cuts are exact: a set of nodes is a cut if no substitute avoids it, and each of its nodes lies on a
-    substitute that avoids the others (hitting sets; R. Reiter, A theory of diagnosis from first principles, 1987).
+    Every service in the SOM counts as available until its node fails. Relations that cannot be
+    executed do not count. The cuts are exact: a set of nodes is a cut if no substitute avoids it,
+    and each of its nodes lies on a substitute that avoids the others (hitting sets; R. Reiter, A
+    theory of diagnosis from first principles, 1987).
     """
     return _Analysis(ontology, som, max(size, 2)).report()
 
@@ -84,7 +85,9 @@ class _Analysis:
             )
 
     def _alternatives(self, name: str, failed: str) -> List[Alternative]:
-        """For a lost property each source of it, and each relation with its best inputs; best first."""
+        """For a lost property each source of it, and each relation with its best inputs; best
+        first.
+        """
         network, number = self._network, self._network.number(name)
         ratings = self._failures.after([failed], blocked=number).ratings
         found = [
@@ -110,8 +113,6 @@ class _Analysis:
         if any(self._fragility.bits(names) & self._fragility.bit(node) for node in failed):
             return {failed}
         bits = self._fragility.bits(names, self._left_by(failed))
-        if bits & AS_IT_IS:
-            return {failed}
         cuts = {failed | {node} for node in self._fragility.names(bits) if node not in failed}
         if len(failed) + 1 < self._size:
             numbers = [self._network.number(name) for name in names]
@@ -122,7 +123,9 @@ class _Analysis:
         return _smallest(cuts)
 
     def _left_by(self, failed: Nodes) -> Dict[int, int]:
-        """The bits of each property after some failures, kept for the next service of the same node."""
+        """The bits of each property after some failures, kept for the next service of the same
+        node.
+        """
         if self._failed != failed:
             self._failed, self._left = failed, self._fragility.after(failed)
         return self._left

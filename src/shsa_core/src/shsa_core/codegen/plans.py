@@ -10,7 +10,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.depth_first import first_found
-from shsa_core.search.derivation import Derivation, Rated, SourceTable, joint, rate_function
+from shsa_core.search.derivation import Derivation, Rated, SourceTable, rate_joint
 from shsa_core.search.ranking import Ranking
 from shsa_core.search.substitutes import SMALLEST_QUALITY
 
@@ -157,7 +157,7 @@ def _derivations(
         firsts = [first_found(network, table, number, executable) for number in numbers]
     parts = [rated for rated in firsts if rated is not None]
     if len(parts) == len(properties):
-        yield rate_function(joint(properties), parts), method == "best"
+        yield rate_joint(parts), method == "best"
         for rated in Ranking(network, table, executable).joint(numbers):
             yield rated, True
 

@@ -6,7 +6,7 @@ from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Seque
 
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
 from shsa_core.language.functions import CONSTANTS, ELAPSED, STATEFUL, namespace, power
-from shsa_core.language.memory import MAX_GAP, Memory, elapsed
+from shsa_core.language.memory import MAX_GAP_S, Memory, elapsed
 from shsa_core.language.syntax import literal
 
 Step = Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]
@@ -26,7 +26,7 @@ class CompiledProgram:
 
 
 def compile_program(
-    code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP
+    code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S
 ) -> CompiledProgram:
     """Checks the code and compiles it. Stateful functions start anew after a gap of more than
     `max_gap` (s).

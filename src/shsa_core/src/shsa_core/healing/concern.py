@@ -29,7 +29,7 @@ class Concern:
         return sorted(self._faulty.get(node, ()))
 
     def follow(self, healing: TopicHealing, before: Optional[Incident], node: str) -> None:
-        """A healing has decided; `before` and `node` were its incident and its substitute's node."""
+        """A healing has decided; `before` and `node` were its incident and substitute's node."""
         name, incident = healing.service, healing.incident
         if before is not None:
             self._faulty.get(before.faulty_node, set()).discard(name)

@@ -260,7 +260,7 @@ class AskToLeave:
 
 @dataclass(frozen=True)
 class EndProcess:
-    """`kill -9` the process of a node; answered by NodeLeft once it is gone, or ProcessUntouchable."""
+    """`kill -9` the process of a node; answered by NodeLeft or ProcessUntouchable."""
 
     node: str
 

@@ -103,7 +103,7 @@ class Reconfigurator:
 
     def handle(self, event: Event) -> List[Command]:
         """What is to be done about `event`."""
-        self._time = event.time
+        self._time = max(self._time, event.time)  # a failure is heard after it was seen
         commands = self._handlers[type(event)](event)
         commands += self._settle()
         commands += self._refill()
@@ -336,7 +336,7 @@ class Reconfigurator:
         return commands
 
     def _offer(self, service: Service) -> None:
-        """Plans are made ahead for a service if it is needed, and the pool serves it if it is warm."""
+        """Plan ahead for a service if it is needed, and let the pool serve it if it is warm."""
         if service.needed:
             self._planner.plans.serve(service)
         else:
@@ -463,7 +463,7 @@ class Reconfigurator:
         due = self._pool.deadline
         while due is not None and self._time >= due:
             name = self._name("standby")
-            commands += self._absorb(self._pool.start(name))
+            commands += self._absorb(self._pool.start(self._time, name))
             self._substitutions.set(name, Substitution(name, "", (), "", ()))
             due = self._pool.deadline
         return commands
@@ -499,6 +499,7 @@ class Reconfigurator:
             killing=self._kills.nodes,
             incident=self._incidents + 1,
             spare=self._pool.spare if self._pool.serves(service) else "",
+            spare_started=self._pool.spare_started,
             fresh=self._name(service.topic.strip("/").replace("/", "_")),
         )
 

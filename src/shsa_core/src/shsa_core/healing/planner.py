@@ -56,7 +56,7 @@ class Planner:
         return plan_service(self.ontology, service, self.plans.sources, excluded, method)
 
     def usable(self, plan: Plan, excluded: Collection[str] = ()) -> bool:
-        """Whether every service that a plan reads is available, from the node that it was made for."""
+        """Whether all that a plan reads is available, from the nodes that it was made for."""
         services = self._availability.services
         return all(
             source.service.name in services and services[source.service.name].node not in excluded

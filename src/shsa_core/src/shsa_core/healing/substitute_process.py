@@ -28,6 +28,7 @@ class SubstituteProcess:
         self.patience = 0.0
         self.plan_to_blame = True
         self._changed = 0.0
+        self._started = 0.0
         self._tried: Set[AnyPlan] = set()
         self._deaths = 0
 
@@ -68,11 +69,13 @@ class SubstituteProcess:
         command: Command = AssignSubstitute(self.node)
         if not self.node:
             self.working_since = now.time
+            self._started = now.spare_started if now.spare else now.time
             self.node, command = self._process(now, plan)
         settings = now.settings
-        fresh = isinstance(command, StartSubstitute)
-        self.patience = settings.start_timeout if fresh else settings.takeover_timeout
-        self.plan_to_blame = fresh or publishes
+        # One that was started a moment ago is on its way: another one would come up no sooner.
+        starting = self._started + settings.start_timeout - now.time
+        self.patience = max(settings.takeover_timeout, starting)
+        self.plan_to_blame = isinstance(command, StartSubstitute) or publishes
         return [command]
 
     def begin(self, time: float) -> None:

@@ -43,7 +43,7 @@ class TopicHealing(Repair):
         return self.state in PUBLISHED and not self._may_publish
 
     def failed(self, now: Snapshot, event: FailureSeen) -> List[Request]:
-        """A publisher of the service failed: kill it, and heal unless another original carries on."""
+        """A publisher failed: kill it, and heal unless another original carries on."""
         if self.node and event.publisher == self.node:
             return self._own_failed(now, event)
         node = event.publisher or now.service.node

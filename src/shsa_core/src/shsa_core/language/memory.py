@@ -2,7 +2,7 @@
 import math
 from typing import Callable
 
-MAX_GAP = 1.0  # s
+MAX_GAP_S = 1.0
 NO_VALUE = math.nan
 
 Memory = Callable[..., float]
@@ -15,7 +15,7 @@ function: a call inside would double its cost.
 """
 
 
-def elapsed(max_gap: float = MAX_GAP) -> Memory:
+def elapsed(max_gap: float = MAX_GAP_S) -> Memory:
     """`dt`: seconds since the last evaluation; its argument is not used."""
     last = result = NO_VALUE
 
@@ -32,7 +32,7 @@ def elapsed(max_gap: float = MAX_GAP) -> Memory:
     return sample
 
 
-def previous(max_gap: float = MAX_GAP) -> Memory:
+def previous(max_gap: float = MAX_GAP_S) -> Memory:
     """`previous(x)`: the sample before."""
     last = before = result = NO_VALUE
 
@@ -50,7 +50,7 @@ def previous(max_gap: float = MAX_GAP) -> Memory:
     return sample
 
 
-def derivative(max_gap: float = MAX_GAP) -> Memory:
+def derivative(max_gap: float = MAX_GAP_S) -> Memory:
     """`derivative(x)`: the change since the sample before, per second."""
     last = before = result = NO_VALUE
 
@@ -68,7 +68,7 @@ def derivative(max_gap: float = MAX_GAP) -> Memory:
     return sample
 
 
-def integral(max_gap: float = MAX_GAP) -> Memory:
+def integral(max_gap: float = MAX_GAP_S) -> Memory:
     """`integral(x)`: the area under the samples (trapezoidal rule) since the start, in seconds
     times x.
 
@@ -95,7 +95,7 @@ def integral(max_gap: float = MAX_GAP) -> Memory:
     return sample
 
 
-def lowpass(max_gap: float = MAX_GAP) -> Memory:
+def lowpass(max_gap: float = MAX_GAP_S) -> Memory:
     """`lowpass(x, tau)`: x behind a filter of first order with the time constant `tau` (s,
     positive).
 

@@ -18,11 +18,15 @@ LEVELS = {
 }
 
 Snapshot = Tuple[Tuple[PublisherHealth, ...], Dict[Key, int], Set[Key]]
-"""The health table, how many messages came from each publisher so far, and which of them stand by."""
+"""The health table, how many messages came from each publisher so far, and which of them stand
+by.
+"""
 
 
 class Diagnostics:
-    """Shows the snapshots that it is given, from a thread of its own: whoever gives one never waits."""
+    """Shows the snapshots that it is given, from a thread of its own: whoever gives one never
+    waits.
+    """
 
     def __init__(self) -> None:
         self._snapshots: "queue.Queue[Snapshot]" = queue.Queue()

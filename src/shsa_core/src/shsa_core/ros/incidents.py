@@ -47,7 +47,8 @@ class Incidents:
     def await_settled(
         self, service: str, changed: Callable[[Incident], None], cancelled: Callable[[], bool]
     ) -> Optional[Incident]:
-        """The incident of a service once it is healed or cannot be; None if it was cancelled before.
+        """The incident of a service once it is healed or cannot be; None if it was cancelled
+        before.
 
         `changed` is called at each step.
         """

@@ -74,6 +74,20 @@ class Derivation:
         return tuple(dict.fromkeys(function.relation for function in functions))
 
 
+class JointDerivation(Derivation):
+    """Derivations of several properties at once: its `inputs`."""
+
+    __slots__ = ()
+
+    def __init__(self, inputs: Tuple[Derivation, ...]) -> None:
+        super().__init__("", None, None, inputs)
+
+    @property
+    def name(self) -> Tuple[str, str]:
+        """There is nothing to order it by but its inputs."""
+        return "", ""
+
+
 def names_before(one: Derivation, other: Derivation) -> bool:
     """Whether `one` comes before `other` in the order of names, for two derivations of one
     property.
@@ -114,20 +128,25 @@ def rate_source(source: Source) -> Rated:
 
 def rate_function(function: TransferFunction, inputs: Sequence[Rated]) -> Rated:
     """The derivation of a function's output from derivations of its inputs."""
-    price, relations, leaves, quality = cost(function.quality), 1, 0, function.quality
+    derivation = Derivation(function.output, None, function, tuple(r.derivation for r in inputs))
+    return _rate(derivation, cost(function.quality), 1, function.quality, inputs)
+
+
+def rate_joint(parts: Sequence[Rated]) -> Rated:
+    """Derivations of several properties at once."""
+    return _rate(JointDerivation(tuple(part.derivation for part in parts)), 0, 0, 1.0, parts)
+
+
+def _rate(
+    derivation: Derivation, price: int, relations: int, quality: float, inputs: Sequence[Rated]
+) -> Rated:
+    leaves = 0
     for rated in inputs:
         price += rated.key[0]
         relations += rated.key[1]
         leaves += rated.key[2]
         quality *= rated.quality
-    key = min(price, MOST), min(relations, MOST), min(leaves, MOST)
-    derivation = Derivation(function.output, None, function, tuple(r.derivation for r in inputs))
-    return Rated(key, quality, derivation)
-
-
-def joint(names: Sequence[str]) -> TransferFunction:
-    """A function of quality 1 that stands for several properties at once."""
-    return TransferFunction("", "", tuple(names), None)
+    return Rated((min(price, MOST), min(relations, MOST), min(leaves, MOST)), quality, derivation)
 
 
 class SourceTable:

@@ -8,8 +8,9 @@ DONE = 2**62  # later than any visit
 def last_parts(target: int, inputs: Inputs) -> Set[int]:
     """The members of those parts in reach of `target` from which no other part is reached.
 
-    A part is a property, or several that depend on one another; `inputs` are those that a property depends on at once.
-    Linear in what is in reach (R. Tarjan: Depth-first search and linear graph algorithms, SIAM J. Computing 1, 1972).
+    A part is a property, or several that depend on one another; `inputs` are those that a property
+    depends on at once. Linear in what is in reach (R. Tarjan: Depth-first search and linear graph
+    algorithms, SIAM J. Computing 1, 1972).
     """
     last: Set[int] = set()
     order: Dict[int, int] = {target: 0}  # of the visits; DONE once the part is complete

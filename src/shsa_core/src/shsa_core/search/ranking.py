@@ -5,34 +5,35 @@ from one found before in one input alone, by one place (L. Huang, D. Chiang: Bet
 IWPT 2005). Where properties depend on one another, an input's derivations are those that keep off
 the path that leads to it.
 """
+from functools import partial
 from heapq import heapify, heappop, heappush
-from typing import Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence, Tuple
+from typing import Callable, Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.model.network import Network
-from shsa_core.model.relation import TransferFunction
 from shsa_core.search.best import BestDerivations, Usable
 from shsa_core.search.derivation import LOST, Rated, SourceTable
-from shsa_core.search.derivation import joint, names_before, rate_function, rate_source
+from shsa_core.search.derivation import names_before, rate_function, rate_joint, rate_source
 from shsa_core.search.ratings import Ratings, dependents
 
 EVERYWHERE: FrozenSet[int] = frozenset()
 ROOT = -1
 
+Rate = Callable[[Sequence[Rated]], Rated]
+"""Makes a derivation of derivations of its inputs."""
+
 
 class Candidate:
-    """A derivation from a source, or by a function from the derivations at `places` in its
-    inputs' lists.
-    """
+    """A derivation from a source, or what `rate` makes of those at `places` of its inputs."""
 
     def __init__(
         self,
         rated: Rated,
-        function: Optional[TransferFunction] = None,
+        rate: Optional[Rate] = None,
         inputs: Sequence["Ranked"] = (),
         places: Tuple[int, ...] = (),
     ) -> None:
         self.rated = rated
-        self.function = function
+        self.rate = rate
         self.inputs = inputs
         self.places = places
 
@@ -65,15 +66,15 @@ class Ranked:
         """
         assert self.candidates is not None
         while self._changes:
-            assert self._last is not None and self._last.function is not None
+            assert self._last is not None and self._last.rate is not None
             inputs, places = self._last.inputs, self._last.places
             change = self._changes[-1]
             place = places[change] + 1
             if len(inputs[change].items) > place:
                 places = places[:change] + (place,) + places[change + 1 :]
                 rated = [ranked.items[place] for ranked, place in zip(inputs, places)]
-                function = self._last.function
-                successor = Candidate(rate_function(function, rated), function, inputs, places)
+                rate = self._last.rate
+                successor = Candidate(rate(rated), rate, inputs, places)
                 heappush(self.candidates, successor)
             elif not inputs[change].complete:
                 return inputs[change], place
@@ -116,8 +117,7 @@ class Ranking:
         """
         for target in targets:
             self._best.settle(target)
-        function = joint([self._network.names[target] for target in targets])
-        candidate = self._candidate(function, targets, self._best.ratings)
+        candidate = self._candidate(rate_joint, targets, self._best.ratings)
         if candidate is None:
             return
         root = Ranked(ROOT, EVERYWHERE, candidate.rated)
@@ -158,7 +158,8 @@ class Ranking:
         candidates = [Candidate(rate_source(source)) for source in self._sources.of(number)]
         for f in best.functions(number):
             inputs = self._network.inputs_of(f)
-            candidate = self._candidate(self._network.functions[f], inputs, ratings, cycle, path)
+            rate = partial(rate_function, self._network.functions[f])
+            candidate = self._candidate(rate, inputs, ratings, cycle, path)
             if candidate is not None:
                 candidates.append(candidate)
         heapify(candidates)
@@ -173,15 +174,13 @@ class Ranking:
 
     def _candidate(
         self,
-        function: TransferFunction,
+        rate: Rate,
         inputs: Sequence[int],
         ratings: Ratings,
         cycle: Optional[Sequence[int]] = None,
         path: FrozenSet[int] = EVERYWHERE,
     ) -> Optional[Candidate]:
-        """The best derivation by a function, None if there is none; inputs on `cycle` keep off
-        `path`.
-        """
+        """What `rate` makes of the best inputs; None if one has none."""
         lists = []
         for number in inputs:
             first = ratings.rated(number)
@@ -189,5 +188,5 @@ class Ranking:
                 return None
             off = path if self._best.cycles.get(number) is cycle else EVERYWHERE
             lists.append(self._ranked.setdefault((number, off), Ranked(number, off, first)))
-        rated = rate_function(function, [ranked.items[0] for ranked in lists])
-        return Candidate(rated, function, lists, (0,) * len(lists))
+        rated = rate([ranked.items[0] for ranked in lists])
+        return Candidate(rated, rate, lists, (0,) * len(lists))

@@ -16,9 +16,9 @@ from shsa_rover.pseudo_terminal import PseudoTerminal
 from shsa_rover.ros.parameters import number_parameter, text_parameter
 from shsa_rover.rover import Readings, Rover, Truth
 
-STEP = 0.01  # s
+STEP_S = 0.01
 STEPS_PER_SAMPLE = 2
-LONGEST_BACKLOG = 0.5  # s
+LONGEST_BACKLOG_S = 0.5
 
 
 class Simulator:
@@ -54,7 +54,7 @@ class Simulator:
             line.close()
 
     def _loop(self, line: PseudoTerminal) -> None:
-        period = STEP * STEPS_PER_SAMPLE
+        period = STEP_S * STEPS_PER_SAMPLE
         due = time.monotonic()
         while not rospy.is_shutdown():
             self._sample(line)
@@ -62,7 +62,7 @@ class Simulator:
             wait = due - time.monotonic()
             if wait > 0.0:
                 time.sleep(wait)
-            elif -wait > LONGEST_BACKLOG:
+            elif -wait > LONGEST_BACKLOG_S:
                 rospy.logwarn("The simulation was held up for %.1f s, which it skips.", -wait)
                 due = time.monotonic()
 
@@ -72,7 +72,7 @@ class Simulator:
             self._commands_seen = number
             self._rover.command(velocity, turn_rate)
         for _ in range(STEPS_PER_SAMPLE):
-            self._rover.step(STEP)
+            self._rover.step(STEP_S)
         readings = self._rover.measure()
         line.write(encode([readings.current_counts]))
         stamp = rospy.Time.now()

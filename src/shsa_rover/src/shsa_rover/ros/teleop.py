@@ -12,7 +12,7 @@ from geometry_msgs.msg import Twist
 from shsa_core.ros.node import run
 from shsa_rover.steering import HELP, Steering
 
-PERIOD = 0.05  # s
+PERIOD_S = 0.05
 
 
 def serve() -> None:
@@ -42,7 +42,7 @@ def steer(publisher: rospy.Publisher, keys: int) -> None:
             if not pressed or not steering.press(pressed.decode("ascii", "ignore")):
                 return
             continue
-        due = time.monotonic() + PERIOD
+        due = time.monotonic() + PERIOD_S
         command = Twist()
         command.linear.x, command.angular.z = steering.velocity, steering.turn_rate
         publisher.publish(command)

@@ -12,7 +12,9 @@ Graph = Sequence[Tuple[str, List[str]]]
 
 
 def announce(topic: str, kind: str) -> None:
-    """Tell every subscriber of a topic that this node publishes it; raises one of node_api.FAILURES."""
+    """Tell every subscriber of a topic that this node publishes it; raises one of
+    node_api.FAILURES.
+    """
     master = master_api()
     uri = rospy.get_node_uri()
     subscribers: List[str] = master.registerPublisher(topic, kind, uri)
@@ -42,7 +44,9 @@ def of_topic(state: Graph, topic: str) -> List[str]:
 
 
 def _tell(subscribers: Iterable[str], topic: str, publishers: List[str]) -> None:
-    """Tell the full list of publishers. Each call has a thread and a timeout: a hung subscriber delays nobody."""
+    """Tell the full list of publishers. Each call has a thread and a timeout: a hung subscriber
+    delays nobody.
+    """
 
     def call(subscriber: str) -> None:
         try:

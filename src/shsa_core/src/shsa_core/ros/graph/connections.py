@@ -1,8 +1,9 @@
 """The connections to the publishers of topics, read by one thread of our own.
 
-rospy makes the connections, each in a thread that then reads and calls back. Here that thread ends when the connection
-stands, and whoever calls `read` gets the messages straight from the sockets: what the kernel has received by then is
-handled before anybody is judged, and a connection that ends is seen after its last message, when it ends.
+rospy makes the connections, each in a thread that then reads and calls back. Here that thread ends
+when the connection stands, and whoever calls `read` gets the messages straight from the sockets:
+what the kernel has received by then is handled before anybody is judged, and a connection that ends
+is seen after its last message, when it ends.
 """
 import struct
 import weakref
@@ -109,8 +110,9 @@ class _Implementation(_SubscriberImpl):
     def add_connection(self, transport: Any) -> bool:
         """Called by rospy for every new connection; it may replace one to the same publisher."""
         topic, inbox = self._topic, self._inbox
-        # What rospy drops while it connects must be freed, and so closed, at once: a connection that stays without
-        # a header keeps a rospy publisher from serving anybody else. So it may not hold itself.
+        # What rospy drops while it connects must be freed, and so closed, at once: a connection
+        # that stays without a header keeps a rospy publisher from serving anybody else. So it may
+        # not hold itself.
         weak = weakref.ref(transport)
         transport.receive_loop = lambda callback: inbox.put(Made(topic, weak()))
         transport.set_cleanup_callback(lambda closing: inbox.put(Closed(topic, closing)))
@@ -126,7 +128,10 @@ class _Implementation(_SubscriberImpl):
 
 
 class Connections:
-    """The connections of every subscribed topic. All methods are for one thread, the one that reads `inbox`."""
+    """The connections of every subscribed topic.
+
+    All methods are for one thread, the one that reads `inbox`.
+    """
 
     def __init__(self, inbox: Inbox) -> None:
         self._inbox = inbox
@@ -206,7 +211,9 @@ class Connections:
             yield Lost(topic, connection.publisher)
 
     def _settle(self, topic: str, transport: Any) -> Iterator[Happening]:
-        """A successor stands or has failed: its predecessor's publisher is lost unless it is connected again."""
+        """A successor stands or has failed: its predecessor's publisher is lost unless it is
+        connected again.
+        """
         publisher = self._expected.get((topic, transport.endpoint_id))
         if publisher is None:
             return

@@ -32,7 +32,9 @@ class Known:
 
 
 class Fence:
-    """Knows which process each node is. Calls take as long as the network does: each in a thread of its own."""
+    """Knows which process each node is. Calls take as long as the network does: each in a thread
+    of its own.
+    """
 
     def __init__(self, caller_id: str) -> None:
         self._caller_id = caller_id
@@ -42,8 +44,8 @@ class Fence:
     def learn(self, node: str) -> Optional[Known]:
         """Remember the process of a node; None: it has none that can be told.
 
-        A healthy node tells its process, and is believed if that listens where the node does. A hung one is found
-        by that address.
+        A healthy node tells its process, and is believed if that listens where the node does. A
+        hung one is found by that address.
         """
         known = self._look(node)
         if known is None or (known.process is None and _is_local(known.uri)):
@@ -53,7 +55,9 @@ class Fence:
         return known
 
     def find(self, node: str) -> Where:
-        """Where the process of a node runs: the one that was learned, or its successor of the same name."""
+        """Where the process of a node runs: the one that was learned, or its successor of the
+        same name.
+        """
         known = self._find(node)
         if known is None:
             return Where.NOWHERE
@@ -70,7 +74,9 @@ class Fence:
         return Where.STOPPED if stopped else Where.HERE
 
     def ask_to_leave(self, node: str, left: Callable[[], None]) -> None:
-        """`rosnode kill`; calls `left` once the process has ended or, elsewhere, the node has answered."""
+        """`rosnode kill`; calls `left` once the process has ended or, elsewhere, the node has
+        answered.
+        """
         asked = threading.Thread(target=rosnode.kill_nodes, args=([node],), daemon=True)
         asked.start()
         process = self._process(node)
@@ -82,7 +88,10 @@ class Fence:
             left()
 
     def end_process(self, node: str, left: Callable[[], None]) -> None:
-        """`kill -9`; calls `left` once the process has ended. Raises psutil.AccessDenied if it is somebody else's."""
+        """`kill -9`; calls `left` once the process has ended.
+
+        Raises psutil.AccessDenied if it is somebody else's.
+        """
         process = self._process(node)
         if process is None:
             return
@@ -109,7 +118,9 @@ class Fence:
         return known.process if known else None
 
     def _find(self, node: str) -> Optional[Known]:
-        """What is known of a node: the living process, its successor of the same name, or the dead one."""
+        """What is known of a node: the living process, its successor of the same name, or the
+        dead one.
+        """
         with self._lock:
             known = self._known.get(node)
         if known is not None and (known.process is None or not gone(known.process)):

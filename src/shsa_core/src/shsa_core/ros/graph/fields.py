@@ -83,7 +83,8 @@ def _parse(message_type: str, path: str) -> List[Tuple[str, Any]]:
 
 
 def unknown_message(message_class: Type[genpy.Message]) -> genpy.Message:
-    """A message whose floating-point fields are all NaN, so that nothing is claimed that is not known.
+    """A message whose floating-point fields are all NaN, so that nothing is claimed that is not
+    known.
 
     Headers, arrays and whole numbers keep their defaults.
     """

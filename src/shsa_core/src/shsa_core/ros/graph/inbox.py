@@ -7,7 +7,9 @@ from typing import Any, Deque, List, Set
 
 
 class Inbox:
-    """Waits on the kernel's monotonic clock: a jump of the wall clock neither wakes nor holds its reader."""
+    """Waits on the kernel's monotonic clock: a jump of the wall clock neither wakes nor holds
+    its reader.
+    """
 
     def __init__(self) -> None:
         self._items: Deque[Any] = deque()

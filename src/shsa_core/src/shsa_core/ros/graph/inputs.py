@@ -13,7 +13,8 @@ Values = Tuple[Tuple[str, float], ...]
 
 
 class Inputs:
-    """Subscriptions, one a topic; `heard(topic, publisher, values)` is called, from rospy's threads, at every message.
+    """Subscriptions, one a topic; `heard(topic, publisher, values)` is called, from rospy's
+    threads, at every message.
 
     What was subscribed once stays so: a topic that is left and joined again at once can hang rospy.
     """

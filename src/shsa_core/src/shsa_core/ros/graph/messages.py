@@ -21,9 +21,11 @@ def message_class(name: str) -> Type[genpy.Message]:
 
 
 class Decoder:
-    """Reads fields from the bytes of messages of one type, as a publisher's connection header describes it.
+    """Reads fields from the bytes of messages of one type, as a publisher's connection header
+    describes it.
 
-    Raises ShsaError if the type is not known here or is another version, or if a field is not a number of it.
+    Raises ShsaError if the type is not known here or is another version, or if a field is not a
+    number of it.
     """
 
     def __init__(self, header: Mapping[str, str], fields: Sequence[str]) -> None:

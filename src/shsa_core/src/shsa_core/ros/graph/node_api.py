@@ -5,17 +5,17 @@ import xmlrpc.client
 import rosgraph
 import rospy
 
-TIMEOUT = 0.5
+TIMEOUT_S = 0.5
 FAILURES = (rosgraph.MasterException, OSError, xmlrpc.client.Error, http.client.HTTPException)
 """What a call raises if there is no answer, or a refusal."""
 
 
 class _TimeoutTransport(xmlrpc.client.Transport):
-    """A hung node accepts the connection and never answers: give up after TIMEOUT."""
+    """A hung node accepts the connection and never answers: give up after TIMEOUT_S."""
 
     def make_connection(self, host):  # type: ignore[no-untyped-def]
         connection = super().make_connection(host)
-        connection.timeout = TIMEOUT
+        connection.timeout = TIMEOUT_S
         return connection
 
 

@@ -22,8 +22,8 @@ class _Joining(rospy.SubscribeListener):
 class Outputs:
     """Publishers of topics.
 
-    `advertised(topic)` is called when messages can be published on a topic, `joined(topic, consumer)` when a consumer
-    has connected to one, never before that; from any thread.
+    `advertised(topic)` is called when messages can be published on a topic, `joined(topic,
+    consumer)` when a consumer has connected to one, never before that; from any thread.
     """
 
     def __init__(
@@ -85,7 +85,9 @@ class Outputs:
         served: FrozenSet[str],
         only: str,
     ) -> None:
-        """Publish `values` in the fields `outputs` of one message, to `only` or, if empty, to all but those `served`."""
+        """Publish `values` in the fields `outputs` of one message, to `only` or, if empty, to
+        all but those `served`.
+        """
         publisher = self._publishers.get(outputs[0].topic)
         if publisher is None:
             return  # withdrawn already

@@ -26,8 +26,8 @@ class _Start:
 class Restarts:
     """Learns from the process of each healthy node how it was started.
 
-    `starter_ended(node)` is called, in a thread of its own, once whoever started a node first has ended, while the
-    node that was started again still runs.
+    `starter_ended(node)` is called, in a thread of its own, once whoever started a node first has
+    ended, while the node that was started again still runs.
     """
 
     def __init__(self, starter_ended: Callable[[str], None]) -> None:

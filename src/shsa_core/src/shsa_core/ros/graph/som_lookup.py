@@ -1,4 +1,6 @@
-"""Looks up what a substitute that was started by hand must know of a path such as `/odom/twist/twist/linear/x`."""
+"""Looks up what a substitute that was started by hand must know of a path such as
+`/odom/twist/twist/linear/x`.
+"""
 import dataclasses
 from typing import Dict, Optional, Sequence, Tuple
 
@@ -16,7 +18,8 @@ UNKNOWN_DEADLINE_S = 0.5
 
 
 def look_up(paths: Sequence[str]) -> Tuple[Signal, ...]:
-    """The signals at `paths`: by the SOM on the parameter server, and by the master for what that does not have.
+    """The signals at `paths`: by the SOM on the parameter server, and by the master for what that
+    does not have.
 
     Raises ShsaError if neither has one of them, or the master does not answer. No type is loaded.
     """

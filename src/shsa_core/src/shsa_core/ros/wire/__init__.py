@@ -1,1 +1,3 @@
-"""How the nodes talk: names of topics, services and parameters, and what their messages say to the cores."""
+"""How the nodes talk: names of topics, services and parameters, and what their messages say to
+the cores.
+"""

@@ -15,10 +15,11 @@ _COUNTERS = struct.Struct("<QB")
 
 
 def only_rows_of(node: str, all_: Callable[[], bool]) -> Type[msg.Substitutions]:
-    """The message type of the table, for a reader whom only the rows of `node` concern, or all while `all_` says so.
+    """The message type of the table, for a reader whom only the rows of `node` concern, or all
+    while `all_` says so.
 
-    It decodes a message that names the node, and of any other only its sequence and whether it is the whole: else
-    every substitute would decode the rows of all.
+    It decodes a message that names the node, and of any other only its sequence and whether it is
+    the whole: else every substitute would decode the rows of all.
     """
     name = _LENGTH.pack(len(node.encode())) + node.encode()
 
