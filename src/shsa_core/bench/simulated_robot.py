@@ -189,9 +189,10 @@ def lines_of(work: Callable[[], object]) -> int:
         count += event == "line"
         return trace
 
+    before = sys.gettrace()
     sys.settrace(trace)
     try:
         work()
     finally:
-        sys.settrace(None)
+        sys.settrace(before)  # as that of a coverage run
     return count

@@ -108,6 +108,11 @@ class Robot:
                 self.shown.update({row.node or row.service: row for row in command.rows})
         return commands
 
+    def connects(self, time: float, topic: str, node: str) -> None:
+        """The monitor is connected to a process that has published nothing yet."""
+        self.row(topic, node, "unknown", time)
+        self.table(time)
+
     def working(self) -> List[Substitution]:
         """The rows of the substitutes that have a program."""
         return [row for row in self.shown.values() if row.node and not row.idle]

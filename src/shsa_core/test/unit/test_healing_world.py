@@ -266,3 +266,43 @@ def test_broken_invariants_are_told() -> None:
     healing.substitute.plan = None
     with pytest.raises(ShsaError, match="a process without a plan"):
         robot.core.validate()
+
+
+def test_a_service_that_moves_to_another_topic_is_healed_there() -> None:
+    first, *others = SOM
+    robot = Robot()
+    node = robot.heal(10.0)
+    commands = robot.handle(events.SomChanged(12.0, Som([replace(first, topic="/moved"), *others])))
+    assert only(commands, events.StopSubstitute).node == node
+    assert last_incident(commands).state is State.ENDED
+    start = only(robot.fail("/moved", A, 20.0), events.StartSubstitute)
+    assert start.program is not None and start.program.outputs == ("/moved/data",)
+
+
+def test_a_node_that_is_well_again_counts_for_all_that_it_publishes() -> None:
+    robot = Robot(Som([service("a", A, needed=True), service("b", B), service("c", A)]))
+    robot.fail("/a", A, 10.0, "silent")
+    robot.killed(10.1, A)
+    robot.rows["/c", A] = replace(robot.rows["/c", A], since=10.2)
+    robot.table(10.2)
+    states = {row.service.name: row.available for row in robot.core._availability.states.values()}
+    assert states == {"a": False, "b": True, "c": True}
+    robot.row("/a", A, "healthy", 20.0)
+    robot.handle(events.HealthSeen(20.0, (robot.rows["/a", A],)))
+    robot.killed(20.1, B)
+    robot.handle(
+        events.HealthSeen(
+            20.2, (replace(robot.rows["/c", A], topic="/x", publisher=B, since=20.2),)
+        )
+    )
+    assert robot.core._availability.states["b"].available
+
+
+def test_silence_of_a_substitute_beside_its_returning_original_is_no_step() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    robot.row("/b", B, "failed", 15.0)
+    robot.table(15.01)
+    robot.row("/a", A, "healthy", 15.02)
+    robot.table(15.03)
+    assert robot.failure("/a", node, 15.1, "silent", "no message", 14.9) == []

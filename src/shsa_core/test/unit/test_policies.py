@@ -260,3 +260,39 @@ def test_settings_are_read_and_bad_ones_named() -> None:
     assert settings == Settings() and len(errors) == 5
     for name in bad:
         assert any(f"/r/{name}" in str(error) for error in errors)
+
+
+def test_a_substitute_goes_on_while_a_node_that_did_not_come_back_is_killed() -> None:
+    robot = Robot(som("restart_and_substitute"), restart_pause=1.0, restart_timeout=5.0)
+    robot.heal(10.0)
+    robot.handle(events.Tick(11.1))
+    assert has(robot.handle(events.Tick(16.2)), events.FindNode)
+    assert publishing(robot) == (True,)
+
+
+def test_a_substitute_is_muted_while_its_node_publishes_nonsense_again() -> None:
+    robot = Robot()
+    robot.heal(10.0)
+    assert has(robot.fail("/a", A, 20.0, "out_of_range"), events.FindNode)
+    assert publishing(robot) == (False,)
+    robot.killed(20.1, A)
+    assert publishing(robot) == (True,)
+
+
+def test_a_policy_that_changes_while_the_node_is_awaited_counts_at_once() -> None:
+    robot = Robot(som("restart"), restart_pause=1.0)
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.1, A)
+    assert only(robot.handle(events.SomChanged(10.2, som())), events.StartSubstitute)
+    assert not has(robot.handle(events.Tick(12.0)), events.RestartNode)
+
+
+def test_a_node_that_was_killed_under_another_policy_is_started_again() -> None:
+    robot = Robot(restart_pause=1.0)
+    node = robot.heal(10.0)
+    robot.handle(events.SomChanged(11.0, som("restart")))
+    assert publishing(robot) == (True,)
+    commands = robot.handle(events.ProcessExited(12.0, node, "status 1"))
+    assert not has(commands, events.StartSubstitute)
+    assert last_incident(commands).substitute == ""
+    assert only(robot.handle(events.Tick(13.1)), events.RestartNode).node == A

@@ -146,10 +146,21 @@ def test_a_substitute_without_a_first_message_makes_room_for_the_next_best() -> 
     robot = Robot()
     first = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
     robot.killed(10.01, A)
+    robot.connects(12.0, "/a", first.node)
     assert not has(robot.handle(events.Tick(14.9)), events.StartSubstitute)
     commands = robot.handle(events.Tick(15.1))
     assert only(commands, events.StopSubstitute).node == first.node
     assert program_of(commands).inputs == ("/c/data",)
+
+
+def test_a_process_that_is_not_up_yet_is_not_replaced_by_another_that_takes_as_long() -> None:
+    robot = Robot()
+    first = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
+    robot.killed(10.01, A)
+    for time in (15.0, 20.0, 25.0):
+        assert not has(robot.handle(events.Tick(time)), events.StopSubstitute)
+    commands = robot.handle(events.Tick(30.0))
+    assert only(commands, events.StopSubstitute).node == first.node
 
 
 def test_a_lost_input_is_replaced_before_the_substitute_falls_silent() -> None:
@@ -364,3 +375,14 @@ def test_the_same_topic_heals_any_number_of_times() -> None:
         assert last_incident(robot.handle(events.Tick(start + 13))).id == round_ + 1
         assert not robot.core.substitutes
     assert len(names) == 20
+
+
+def test_a_failure_that_is_told_late_leaves_its_substitute_the_usual_time() -> None:
+    robot = Robot()
+    robot.handle(events.Tick(100.0))
+    robot.fail("/a", A, 10.0)
+    deadline = robot.core.deadline
+    assert deadline is not None and deadline >= 100.0
+    assert not any(
+        isinstance(each, events.StopSubstitute) for each in robot.handle(events.Tick(101.0))
+    )

@@ -1,6 +1,8 @@
 """Warm and hot: what the reconfigurator has ready before a failure."""
 from dataclasses import replace
 
+import pytest
+
 from core_robot import A, B, C, Robot, has, last_incident, only, publishing, reads, service
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
@@ -33,6 +35,7 @@ def test_a_warm_process_that_does_not_publish_soon_makes_room_for_another_with_t
 ):
     robot = Robot(standby("warm"))
     silent = only(robot.said, events.StartSubstitute).node
+    robot.connects(2.0, "/a", silent)
     assert only(robot.fail("/a", A, 10.0), events.AssignSubstitute).node == silent
     robot.killed(10.01, A)
     assert not has(robot.handle(events.Tick(11.9)), events.StopSubstitute)
@@ -40,6 +43,17 @@ def test_a_warm_process_that_does_not_publish_soon_makes_room_for_another_with_t
     assert events.StopSubstitute(silent) in commands
     assert last_incident(commands).state is State.HEALING
     assert last_incident(commands).relations == ("good",)
+
+
+@pytest.mark.parametrize("mode", ("warm", "hot"))
+def test_a_process_that_is_still_starting_is_given_the_time_of_a_start(mode: str) -> None:
+    robot = Robot(standby(mode))
+    node = only(robot.said, events.StartSubstitute).node  # at 1.0
+    assert only(robot.fail("/a", A, 2.0), events.AssignSubstitute).node == node
+    robot.killed(2.01, A)
+    assert not has(robot.handle(events.Tick(5.9)), events.StopSubstitute)
+    robot.connects(5.95, "/a", node)
+    assert events.StopSubstitute(node) in robot.handle(events.Tick(6.0))
 
 
 def test_the_table_tells_idle_processes_what_the_plans_of_warm_services_read_and_give() -> None:

@@ -1,6 +1,6 @@
 """Which services are available: published by a healthy original now."""
 from dataclasses import replace
-from typing import Callable, Dict, Iterable, List, Tuple
+from typing import Callable, Dict, List, Mapping, Tuple
 
 from shsa_core.healing.events import ServiceState
 from shsa_core.healing.nodes import Nodes
@@ -22,11 +22,14 @@ class Availability:
         self._nodes = nodes
         self._open = open_
 
-    def update(self, som: Som, names: Iterable[str]) -> Tuple[List[Service], List[Service]]:
-        """Look at some services again: those that are available no more, and those that are now."""
+    def update(self, som: Som, names: Mapping[str, bool]) -> Tuple[List[Service], List[Service]]:
+        """Look at some services again: those that are available no more, and those that are now.
+
+        True with a name: it is another one now, though it may look the same.
+        """
         gone: List[Service] = []
         come: List[Service] = []
-        for name in names:
+        for name, another in names.items():
             before = self.services.pop(name, None)
             service = som.services.get(name)
             if service is None:
@@ -36,7 +39,7 @@ class Availability:
                 self.states[name] = state
                 if state.available:
                     self.services[name] = service = replace(service, node=state.node)
-                    if service == before:
+                    if service == before and not another:
                         self.services[name] = before
                         continue
                     come.append(service)

@@ -66,7 +66,7 @@ class Reconfigurator:
         self._healings: Dict[str, TopicHealing] = {}
         self._agenda: Agenda[str] = Agenda()
         self._concern = Concern()
-        self._unsettled: Dict[str, None] = {}  # services whose availability may have changed
+        self._unsettled: Dict[str, bool] = {}  # services whose availability may have changed
         self._with_us: Dict[str, bool] = {}  # nodes that were started again
         self._substitutions = SubstitutionTable()
         self._states = SomTable()
@@ -103,7 +103,7 @@ class Reconfigurator:
 
     def handle(self, event: Event) -> List[Command]:
         """What is to be done about `event`."""
-        self._time = event.time
+        self._time = max(self._time, event.time)  # a failure is heard after it was seen
         commands = self._handlers[type(event)](event)
         commands += self._settle()
         commands += self._refill()
@@ -174,6 +174,10 @@ class Reconfigurator:
                 raise ShsaError(f"{healing.node} works for {name} and for {owners[healing.node]}")
             if healing.node:
                 owners[healing.node] = name
+            waits = healing.state is State.HEALING and healing.deadline is None
+            incident = healing.incident
+            if waits and incident and incident.faulty_node not in self._kills.nodes:
+                raise ShsaError(f"{name} is being healed, and nothing will ever happen")
             state = self._availability.states[name]
             if healing.state is not State.WELL and state.available:
                 raise ShsaError(f"{name} is {healing.state} and available at the same time")
@@ -296,8 +300,11 @@ class Reconfigurator:
             before = old.services.get(service.name)
             if before is None:
                 self._add(service)
-            elif before != service:
-                commands += self._change(before, service)
+            elif before.topic != service.topic:
+                commands += self._remove(before)
+                self._add(service)
+            elif before != service or _is_shared(old, service) != _is_shared(event.som, service):
+                commands += self._change(service)
         return commands
 
     def _models_reloaded(self, event: events.ModelsReloaded) -> List[Command]:
@@ -312,12 +319,8 @@ class Reconfigurator:
         self._unsettle([service.name])
         self._offer(service)
 
-    def _change(self, before: Service, service: Service) -> List[Command]:
-        if before.provides != service.provides:
-            # Its values are to be used in another way.
-            available = self._availability.services.pop(service.name, None)
-            self._planner.plans.change([available] if available else [], [])
-        self._unsettle([service.name])
+    def _change(self, service: Service) -> List[Command]:
+        self._unsettle([service.name], another=True)
         self._offer(service)
         if not service.needed:
             return self._ask(service.name, lambda healing, now: healing.close(now), service)
@@ -444,7 +447,7 @@ class Reconfigurator:
         """See which services come and go by what has happened, and tell those whom it concerns."""
         commands: List[Command] = []
         while self._unsettled:
-            names, self._unsettled = list(self._unsettled), {}
+            names, self._unsettled = self._unsettled, {}
             gone, come = self._availability.update(self._som, names)
             for name in names:
                 self._states.set(name, self._availability.states.get(name))
@@ -461,7 +464,7 @@ class Reconfigurator:
         due = self._pool.deadline
         while due is not None and self._time >= due:
             name = self._name("standby")
-            commands += self._absorb(self._pool.start(name))
+            commands += self._absorb(self._pool.start(self._time, name))
             self._substitutions.set(name, Substitution(name, "", (), "", ()))
             due = self._pool.deadline
         return commands
@@ -497,6 +500,7 @@ class Reconfigurator:
             killing=self._kills.nodes,
             incident=self._incidents + 1,
             spare=self._pool.spare if self._pool.serves(service) else "",
+            spare_started=self._pool.spare_started,
             fresh=self._name(service.topic.strip("/").replace("/", "_")),
         )
 
@@ -532,14 +536,14 @@ class Reconfigurator:
             self._planner.outputs(plan),
             plan.relations if isinstance(plan, Plan) else (),
             plan.quality if isinstance(plan, Plan) else 0.0,
-            healing.publishes(self._snapshot(service)),
+            healing.publishes,
             healing.original,
         )
         self._substitutions.set(healing.node, row)
 
-    def _unsettle(self, names: Iterable[str]) -> None:
+    def _unsettle(self, names: Iterable[str], another: bool = False) -> None:
         for name in names:
-            self._unsettled[name] = None
+            self._unsettled[name] = another or self._unsettled.get(name, False)
 
     def _unsettle_node(self, node: str) -> None:
         for topic in self._nodes.topics(node):
@@ -548,3 +552,7 @@ class Reconfigurator:
     def _name(self, of: str) -> str:
         """A node name that was never used before."""
         return f"{self.prefix}{of}_{self._next_substitute}"
+
+
+def _is_shared(som: Som, service: Service) -> bool:
+    return len(som.of_topic(service.topic)) > 1

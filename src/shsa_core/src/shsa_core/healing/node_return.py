@@ -68,6 +68,8 @@ class NodeReturn:
     def tick(self, now: Snapshot, node: str) -> List[Request]:
         """Time passed: the node is to be started, or did not come back in time."""
         topic = now.service.topic
+        if not now.service.policy.restarts:
+            self.cancel()  # it is another one by now
         if self._start_at is not None and now.time >= self._start_at:
             self._start_at = None
             self._awaited_by = now.time + self._settings.restart_timeout

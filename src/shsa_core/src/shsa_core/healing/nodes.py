@@ -42,8 +42,8 @@ class Nodes:
             self._topics.get(publisher, set()).discard(topic)
         for row in change.rows:
             self._put(row)
-            if row.state is PublisherState.HEALTHY:
-                self._notice_recovery(row)
+            if row.state is PublisherState.HEALTHY and self._has_recovered(row):
+                concerned += [(topic, row.publisher) for topic in self.topics(row.publisher)]
         return concerned + gone
 
     def note(self, failure: FailureSeen) -> None:
@@ -93,11 +93,14 @@ class Nodes:
         if row.publisher:
             self._topics.setdefault(row.publisher, set()).add(row.topic)
 
-    def _notice_recovery(self, row: PublisherHealth) -> None:
-        if row.since > self._killed.get(row.publisher, row.since):
-            del self._killed[row.publisher]
-            self.excluded = frozenset(self._killed)
-            self._restarting.discard(row.publisher)
+    def _has_recovered(self, row: PublisherHealth) -> bool:
+        """Whether a healthy publisher counts again, after it was killed."""
+        if row.since <= self._killed.get(row.publisher, row.since):
+            return False
+        del self._killed[row.publisher]
+        self.excluded = frozenset(self._killed)
+        self._restarting.discard(row.publisher)
+        return True
 
 
 class Acquaintance:

@@ -26,6 +26,7 @@ class Pool:
         self.plans: Dict[str, Substitution] = {}
         self._settings = settings
         self._refill_at = -inf
+        self._started: Dict[str, float] = {}
 
     @staticmethod
     def serves(service: Service) -> bool:
@@ -42,6 +43,11 @@ class Pool:
     def spare(self) -> str:
         """A process to set to work; empty if there is none."""
         return self.nodes[0] if self.nodes else ""
+
+    @property
+    def spare_started(self) -> float:
+        """When `spare` was started, in s; it may still be on its way up."""
+        return self._started.get(self.spare, -inf)
 
     def serve(self, service: Service, planner: Planner, plan: Optional[Plan]) -> None:
         """Be ready for a warm service, as far as its plan is known."""
@@ -65,18 +71,23 @@ class Pool:
         """A service is not warm any more."""
         self.plans.pop(name, None)
 
-    def start(self, name: str) -> List[Command]:
+    def start(self, time: float, name: str) -> List[Command]:
         """Start the process `name`."""
         self.nodes.append(name)
+        self._started[name] = time
         return [StartSubstitute(name, None)]
 
     def take(self, time: float, node: str) -> None:
         """An idle process has been set to work."""
         self._refill_at = time + REFILL_DELAY_S
-        self.nodes.remove(node)
+        self._remove(node)
 
     def died(self, time: float, node: str, detail: str) -> List[Command]:
         """An idle process has ended by itself; it is replaced after a pause."""
-        self.nodes.remove(node)
+        self._remove(node)
         self._refill_at = time + self._settings.retry
         return [Log(Level.WARN, f"An idle substitute's process died ({detail}).")]
+
+    def _remove(self, node: str) -> None:
+        self.nodes.remove(node)
+        del self._started[node]

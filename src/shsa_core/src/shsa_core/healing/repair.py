@@ -38,7 +38,7 @@ class Repair:
         self.incident: Optional[Incident] = None
         self.substitute = SubstituteProcess()
         self._settings = settings
-        self._certainly_gone = False
+        self._may_publish = False  # the faulty node: its kill is not over
         self._pauses = 0
         self._timers: Dict[Trigger, float] = {}
         self._return = NodeReturn(settings)
@@ -71,7 +71,7 @@ class Repair:
         return requests
 
     def _open(self, now: Snapshot, event: FailureSeen) -> List[Request]:
-        self._certainly_gone = event.kind is Kind.NODE_GONE
+        self._may_publish = event.kind is not Kind.NODE_GONE
         self._timers.clear()
         self.substitute.forget()
         self.substitute.begin(now.time)
@@ -88,17 +88,20 @@ class Repair:
             detected=event.time,
             last_good=event.last_good,
         )
-        killing = "" if self._certainly_gone else f" Killing {event.publisher}."
+        killing = f" Killing {event.publisher}." if self._may_publish else ""
         text = f"{now.service.topic} failed: {event.detail.rstrip('.')}.{killing}"
         return [Log(Level.WARN, text), ShowIncident(self.incident), *self._heal(now)]
 
     def _still_failing(self, now: Snapshot, event: FailureSeen) -> List[Request]:
+        assert self.incident is not None
+        if event.publisher == self.incident.faulty_node:
+            self._may_publish = event.kind is not Kind.NODE_GONE
         text = f"{now.service.topic}: {event.publisher} failed again: {event.detail}."
         return [Log(Level.WARN, text)]
 
     def _failed_again(self, now: Snapshot, event: FailureSeen) -> List[Request]:
         requests = self._still_failing(now, event)
-        self._certainly_gone = event.kind is Kind.NODE_GONE
+        self._may_publish = event.kind is not Kind.NODE_GONE
         self._timers.clear()
         self._return.failed_again()
         detail = f"{event.publisher} failed again: {event.detail}"
@@ -132,7 +135,11 @@ class Repair:
 
         The next best plan is taken if the plan is to blame.
         """
-        why = f"no message within {self.substitute.patience:g} s"
+        if self.node not in now.publishers and self.substitute.starting(now.time):
+            # It is not up yet: another process would only make the machine busier.
+            self._timers[Trigger.LATE] = now.time + self.substitute.patience
+            return []
+        why = f"no message within {self.substitute.patience:.1f} s"
         text = f"{now.service.topic}: the substitute failed: {why}."
         blamed = self.substitute.plan_to_blame
         return [*self.substitute.failed(now, blamed), Log(Level.WARN, text), *self._heal(now)]
@@ -242,8 +249,13 @@ class Repair:
 
     def _wait_for_node(self, now: Snapshot) -> List[Request]:
         """The node's start is all that can heal the service: give up if it was tried in vain."""
+        assert self.incident is not None
+        if self.incident.killed is not None and self._return.deadline is None:
+            self._return.gone(now)  # the policy may have been another one when it was killed
         if self._return.exhausted:
             return self._exhausted(now)
+        if self.incident.substitute and not self.node:
+            return self._step(state=State.HEALING, substitute="")
         if self.state in STUCK:
             self._timers.setdefault(Trigger.RETRY, now.time + self._pause())
         return []

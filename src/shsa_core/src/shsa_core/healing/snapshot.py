@@ -21,8 +21,8 @@ class Snapshot:
 
     `publishers` of its topic, by name; `originals` are those of the service that are no
     substitutes. `killing`: the nodes whose kill is under way. `incident`: the number of a new
-    incident. `spare`: an idle process, empty if there is none for this service; `fresh`: the name
-    of a new one. At most one of the two is taken each time.
+    incident. `spare`: an idle process, empty if there is none for this service, and when it was
+    started; `fresh`: the name of a new one. At most one of the two is taken each time.
     """
 
     time: float
@@ -34,6 +34,7 @@ class Snapshot:
     killing: FrozenSet[str]
     incident: int
     spare: str
+    spare_started: float
     fresh: str
 
     @property

@@ -9,6 +9,8 @@ from shsa_core.healing.snapshot import Snapshot
 
 CHANGEOVER_S = 1.0
 """After a change of program, silence is no failure yet for so long."""
+LONGEST_START_S = 20.0
+"""A process that nobody is connected to by then will not come up any more."""
 
 
 class SubstituteProcess:
@@ -26,6 +28,7 @@ class SubstituteProcess:
         self.patience = 0.0
         self.plan_to_blame = True
         self._changed = 0.0
+        self._started = 0.0
         self._tried: Set[AnyPlan] = set()
         self._deaths = 0
 
@@ -37,6 +40,10 @@ class SubstituteProcess:
     def changing(self, time: float) -> bool:
         """Whether it may be silent, as it has changed its program."""
         return time < self._changed + CHANGEOVER_S
+
+    def starting(self, time: float) -> bool:
+        """Whether its process may still be on its way up, as on a busy machine."""
+        return time < self._started + LONGEST_START_S
 
     def lost_input(self, now: Snapshot) -> bool:
         """Whether something that it reads is not available any more."""
@@ -64,11 +71,13 @@ class SubstituteProcess:
         command: Command = AssignSubstitute(self.node)
         if not self.node:
             self.working_since = now.time
+            self._started = now.spare_started if now.spare else now.time
             self.node, command = self._process(now, plan)
         settings = now.settings
-        fresh = isinstance(command, StartSubstitute)
-        self.patience = settings.start_timeout if fresh else settings.takeover_timeout
-        self.plan_to_blame = fresh or publishes
+        # One that was started a moment ago is on its way: another one would come up no sooner.
+        starting = self._started + settings.start_timeout - now.time
+        self.patience = max(settings.takeover_timeout, starting)
+        self.plan_to_blame = isinstance(command, StartSubstitute) or publishes
         return [command]
 
     def begin(self, time: float) -> None:

@@ -35,14 +35,13 @@ class TopicHealing(Repair):
         """The node that the substitute stands in for, once that is gone; empty before."""
         return self.incident.faulty_node if self.incident and self.incident.killed else ""
 
-    def publishes(self, now: Snapshot) -> bool:
+    @property
+    def publishes(self) -> bool:
         """Whether the substitute publishes.
 
         It does only when the faulty node is gone and the original is not back.
         """
-        if self.incident is None or self.incident.state not in PUBLISHED:
-            return False
-        return self._certainly_gone or self.incident.faulty_node not in now.killing
+        return self.state in PUBLISHED and not self._may_publish
 
     def failed(self, now: Snapshot, event: FailureSeen) -> List[Request]:
         """A publisher failed: kill it, and heal unless another original carries on."""
@@ -52,9 +51,7 @@ class TopicHealing(Repair):
         gone = event.kind is Kind.NODE_GONE
         if self.incident is not None and node == self.incident.faulty_node:
             if gone and node in now.killing:
-                self._certainly_gone = (
-                    True  # its process may take a while longer, but it is cut off
-                )
+                self._may_publish = False  # its process may take a while longer
                 return []
             if event.time <= self.incident.detected:
                 return []  # told twice
@@ -74,6 +71,7 @@ class TopicHealing(Repair):
         """A faulty node is gone, or cannot be reached to make sure."""
         if self.incident is None or self.incident.faulty_node != event.node:
             return []
+        self._may_publish = False  # for all that can be done
         if event.certain:
             if self.incident.state is not State.RETURNING and not self._kept_out:
                 self._return.gone(now)
@@ -115,8 +113,10 @@ class TopicHealing(Repair):
         return requests
 
     def replan(self, now: Snapshot) -> List[Request]:
-        """The plan for a failure of a service that is well may be another one."""
-        if self.state is not State.WELL or Trigger.RETRY in self._timers:
+        """The plan for a failure of a service may be another one, or its policy."""
+        waits = self.state is State.HEALING and not self.node
+        well = self.state is State.WELL and Trigger.RETRY not in self._timers
+        if not waits and not well:
             return []
         return self._fire(now, Trigger.PREPARE)
 
@@ -158,10 +158,13 @@ class TopicHealing(Repair):
 
     def _own_failed(self, now: Snapshot, event: FailureSeen) -> List[Request]:
         """Our substitute failed, or fell silent while it changes its program."""
+        changing = event.kind is Kind.SILENT and self.substitute.changing(event.time)
+        if changing and self.state not in SUBSTITUTED:
+            return []
         if self.incident is not None and event.last_good is not None:
             self.incident = replace(self.incident, last_good=event.last_good)
-        if event.kind is Kind.SILENT and self.substitute.changing(event.time):
-            return self._fire(now, Trigger.SILENT) if self.state in SUBSTITUTED else []
+        if changing:
+            return self._fire(now, Trigger.SILENT)
         return self._substitute_failed(now, event.detail, event.kind is not Kind.NODE_GONE)
 
     def _substitute_failed(self, now: Snapshot, why: str, tried: bool) -> List[Request]:
@@ -196,7 +199,7 @@ class TopicHealing(Repair):
         for row in now.originals:
             if row.state is PublisherState.HEALTHY and row.since > failed_at:
                 if self._kept_out and row.publisher == incident.faulty_node:
-                    self._certainly_gone = False
+                    self._may_publish = True
                     return [KillNode(row.publisher, urgent=True)]
                 return self._fire(now, Trigger.RETURNED)
         return []

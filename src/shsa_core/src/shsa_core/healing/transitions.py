@@ -47,6 +47,7 @@ def _rows() -> Iterable[Tuple[State, Trigger, str, Tuple[State, ...]]]:
     yield healing, Trigger.FIRST_MESSAGE, "_publishes", (healed,)
     yield healing, Trigger.LATE, "_replace_late", _STUCK_OR_HEALING
     yield healing, Trigger.EXHAUSTED, "_exhausted", (unhealed, safe)
+    yield healing, Trigger.PREPARE, "_heal", _STUCK_OR_HEALING
     yield healed, Trigger.INPUT_LOST, "_change_inputs", (healed, unhealed, safe)
     yield healing, Trigger.INPUT_LOST, "_change_inputs", _STUCK_OR_HEALING
     for state in (healing, healed):

@@ -1,5 +1,6 @@
 """The reconfigurator's ROS shell: brings events to the core, and carries out its commands."""
 import argparse
+import os
 import queue
 import sys
 import threading
@@ -72,6 +73,7 @@ class ReconfiguratorNode:
         self._processes = Processes(
             lambda node, detail: self._put(events.ProcessExited(clock.now(), node, detail)),
             self._fence.clear,
+            _substitute_journals(arguments.journal),
         )
         self._restarts = Restarts(lambda node: self._put(events.StarterEnded(clock.now(), node)))
         self._incidents = Incidents(arguments.incident_log)
@@ -108,7 +110,6 @@ class ReconfiguratorNode:
         self._decided = clock.now()
         put_som(som)
         self._som_watch = SomWatch(som, lambda s: self._put(events.SomChanged(clock.now(), s)))
-        self._put(events.Started(clock.now(), _leftovers(self._core.prefix)))
         rospy.Subscriber(names.FAILURES, msg.Failure, self._failure, tcp_nodelay=True)
         TableSubscriber(names.HEALTH, msg.Health, self._health)
         self._services = Services(
@@ -117,7 +118,8 @@ class ReconfiguratorNode:
 
     def spin(self) -> None:
         """Handle events in order until ROS shuts down; then stop every substitute."""
-        self._handle(events.Tick(clock.now()))
+        # First of all: it tells which names of substitutes were used already.
+        self._handle(events.Started(clock.now(), _leftovers(self._core.prefix)))
         needed = ", ".join(service.topic for service in self._core.needed())
         rospy.loginfo("Reconfigurator ready, healing: %s.", needed or "nothing")
         while not rospy.is_shutdown():
@@ -270,6 +272,11 @@ def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     if errors:
         raise ModelError(errors[0].where, "; ".join([errors[0].what, *map(str, errors[1:])]))
     return read_ontology, read_som
+
+
+def _substitute_journals(journal: str) -> str:
+    """What the journals of the substitutes begin with, beside the reconfigurator's own."""
+    return os.path.splitext(journal)[0] + ".substitute_" if journal else ""
 
 
 def _leftovers(prefix: str) -> Tuple[str, ...]:

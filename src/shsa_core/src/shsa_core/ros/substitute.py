@@ -2,7 +2,7 @@
 import functools
 import os
 import sys
-from typing import Callable, Tuple
+from typing import TYPE_CHECKING, Callable, Tuple
 
 import rospy
 from shsa_msgs import msg
@@ -24,7 +24,10 @@ from shsa_core.ros.graph.tables import TableSubscriber
 from shsa_core.ros.graph.worker import Worker
 from shsa_core.ros.node import run
 from shsa_core.substitution import events, machine
-from shsa_core.substitution.signals import VARIABLE, decode
+from shsa_core.substitution.signals import JOURNAL, VARIABLE, decode
+
+if TYPE_CHECKING:
+    from shsa_core.journal.writer import JournalWriter
 
 POLL_S = 0.1  # between two looks whether ROS shuts down
 USAGE = "usage: rosrun shsa_core substitute INPUTS CODE OUTPUT"
@@ -42,15 +45,17 @@ class SubstituteNode:
     """Brings events to the core, and carries out what it says.
 
     One thread handles events in order, and publishes. What waits for the master or for another node
-    has threads of its own: a takeover needs neither.
+    has threads of its own: a takeover needs neither. `journal`: a file for every event; empty:
+    none.
     """
 
-    def __init__(self, row: Substitution) -> None:
+    def __init__(self, row: Substitution, journal: str) -> None:
         self._name = row.node
         self._row = row
         self._listed = False
         self._idle = row.idle
         self._core = machine.Substitute()
+        self._journal = _journal(journal) if journal else None
         self._inbox = Inbox()
         self._inputs = Inputs(self._heard)
         self._outputs = Outputs(self._advertised, self._joined)
@@ -78,6 +83,13 @@ class SubstituteNode:
 
         Raises ShsaError if the core gives up.
         """
+        try:
+            self._follow()
+        finally:
+            if self._journal is not None:
+                self._journal.close()
+
+    def _follow(self) -> None:
         self._feed(events.Started(clock.now(), self._row, unusable(self._row)))
         message_class = only_rows_of(self._name, lambda: self._idle)
         TableSubscriber(names.SUBSTITUTIONS, message_class, self._table)
@@ -93,7 +105,12 @@ class SubstituteNode:
                 self._feed(events.Tick(clock.now()))
 
     def _feed(self, event: events.Event) -> None:
-        for command in self._core.handle(event):
+        if self._journal is not None:
+            self._journal.record(event)
+        commands = self._core.handle(event)
+        if self._journal is not None:
+            self._journal.answered(commands)
+        for command in commands:
             self._carry_out[type(command)](command)
 
     # Events, from rospy's threads.
@@ -229,8 +246,16 @@ def _by_reconfigurator(inputs: Paths, code: str, outputs: Paths, text: str) -> S
     return Substitution(rospy.get_name(), "", signals[0], code, signals[1])
 
 
+def _journal(path: str) -> "JournalWriter":
+    from shsa_core.journal.writer import JournalWriter  # not for those without: it takes long
+
+    return JournalWriter(path, "substitution", {}, rospy.logwarn)
+
+
 def main() -> None:
-    """Run the node: three strings on the command line; `~muted` starts it muted."""
+    """Run the node: three strings on the command line; `~muted` starts it muted, `~journal` is a
+    file for every event.
+    """
     arguments = rospy.myargv(sys.argv)[1:]
     if len(arguments) != 3:
         raise SystemExit(USAGE)
@@ -238,12 +263,19 @@ def main() -> None:
     text = os.environ.get(VARIABLE)
 
     def work() -> None:
-        row = _by_hand(*strings) if text is None else _by_reconfigurator(*strings, text)
-        SubstituteNode(row).spin()
+        if text is None:
+            SubstituteNode(_by_hand(*strings), rospy.get_param("~journal", "")).spin()
+        else:
+            SubstituteNode(_by_reconfigurator(*strings, text), os.environ.get(JOURNAL, "")).spin()
 
     run("substitute", work)
 
 
 def standby() -> None:
     """Run an idle substitute, to be given its program by its row."""
-    run("standby", lambda: SubstituteNode(Substitution(rospy.get_name(), "", (), "", ())).spin())
+
+    def work() -> None:
+        row = Substitution(rospy.get_name(), "", (), "", ())
+        SubstituteNode(row, os.environ.get(JOURNAL, "")).spin()
+
+    run("standby", work)

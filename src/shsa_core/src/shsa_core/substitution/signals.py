@@ -12,6 +12,9 @@ VARIABLE = "SHSA_SIGNALS"
 One that has it starts muted, and asks nobody.
 """
 
+JOURNAL = "SHSA_JOURNAL"
+"""The environment variable that names the file for the journal of a substitute, if it keeps one."""
+
 Signals = Tuple[Signal, ...]
 
 

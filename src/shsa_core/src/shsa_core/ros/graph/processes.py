@@ -1,4 +1,5 @@
 """The substitutes' processes, each started by rosrun."""
+import itertools
 import os
 import signal
 import subprocess
@@ -20,11 +21,20 @@ class Processes:
 
     `ended(node, detail)` is called, in a thread of its own, whenever a process has ended that
     nobody stopped; `cleared(node)` after each end, to clear what the node left registered.
+    `journals`: what the paths of the substitutes' journals begin with; empty: they keep none. Who
+    comes later takes the path of one that has ended, so that there are never many.
     """
 
-    def __init__(self, ended: Callable[[str, str], None], cleared: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        ended: Callable[[str, str], None],
+        cleared: Callable[[str], None],
+        journals: str,
+    ) -> None:
         self._ended = ended
         self._cleared = cleared
+        self._journals = journals
+        self._slots: Dict[str, int] = {}
         self._running: Dict[str, "subprocess.Popen[bytes]"] = {}
         self._stopped: Set[str] = set()
         self._lock = threading.Lock()
@@ -43,13 +53,23 @@ class Processes:
             strings = (",".join(program.inputs), program.code, ",".join(program.outputs))
             words = ["rosrun", PACKAGE, self._executables["substitute"], *strings]
             environment[signals.VARIABLE] = signals.encode(command.inputs, command.outputs)
+        slot = self._free_slot()
+        if self._journals:
+            environment[signals.JOURNAL] = f"{self._journals}{slot}.journal"
         words.append(f"__name:={name}")
         process = subprocess.Popen(
             words, env=environment, stdin=subprocess.DEVNULL, start_new_session=True
         )
         with self._lock:
             self._running[node] = process
+            self._slots[node] = slot
         threading.Thread(target=self._wait, args=(node, process), daemon=True).start()
+
+    def _free_slot(self) -> int:
+        """The smallest number that no running process has."""
+        with self._lock:
+            taken = set(self._slots.values())
+        return next(number for number in itertools.count(1) if number not in taken)
 
     def stop(self, node: str) -> None:
         """Ask a substitute to leave, kill it if it does not, and wait until it is gone."""
@@ -62,7 +82,7 @@ class Processes:
     def _wait(self, node: str, process: "subprocess.Popen[bytes]") -> None:
         status = process.wait()
         with self._lock:
-            del self._running[node]
+            del self._running[node], self._slots[node]
             planned = node in self._stopped
             self._stopped.discard(node)
         self._cleared(node)

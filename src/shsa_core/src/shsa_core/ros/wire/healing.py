@@ -27,9 +27,13 @@ LONGEST_TEXT = 1000
 
 
 def failure_seen(failure: msg.Failure) -> events.FailureSeen:
-    """The event that a message on /shsa/failures tells of. Raises ShsaError if it is none."""
+    """The event that a message on /shsa/failures tells of. Raises ShsaError if it is none.
+
+    A sender whose clock is ahead must not set ours: what it tells of has happened by now.
+    """
+    now = clock.now()
     return events.FailureSeen(
-        time=clock.from_stamp(failure.header.stamp) or clock.now(),
+        time=min(now, clock.from_stamp(failure.header.stamp) or now),
         service=failure.service,
         topic=failure.topic,
         publisher=failure.publisher,
