@@ -110,7 +110,6 @@ class ReconfiguratorNode:
         self._decided = clock.now()
         put_som(som)
         self._som_watch = SomWatch(som, lambda s: self._put(events.SomChanged(clock.now(), s)))
-        self._put(events.Started(clock.now(), _leftovers(self._core.prefix)))
         rospy.Subscriber(names.FAILURES, msg.Failure, self._failure, tcp_nodelay=True)
         TableSubscriber(names.HEALTH, msg.Health, self._health)
         self._services = Services(
@@ -119,7 +118,8 @@ class ReconfiguratorNode:
 
     def spin(self) -> None:
         """Handle events in order until ROS shuts down; then stop every substitute."""
-        self._handle(events.Tick(clock.now()))
+        # First of all: no substitute may take the name of one that was left behind.
+        self._handle(events.Started(clock.now(), _leftovers(self._core.prefix)))
         needed = ", ".join(service.topic for service in self._core.needed())
         rospy.loginfo("Reconfigurator ready, healing: %s.", needed or "nothing")
         while not rospy.is_shutdown():
