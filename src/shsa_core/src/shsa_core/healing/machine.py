@@ -464,7 +464,8 @@ class Reconfigurator:
             for name in names:
                 self._states.set(name, self._availability.states.get(name))
             self._planner.plans.change(gone, come)
-            for name in self._concern.readers(service.name for service in gone):
+            others = [name for name, another in names.items() if another]
+            for name in self._concern.readers([*others, *(service.name for service in gone)]):
                 commands += self._ask(name, lambda healing, now: healing.changed(now))
             for name in list(self._concern.stuck) if come else ():
                 commands += self._ask(name, lambda healing, now: healing.changed(now, True))
