@@ -314,3 +314,28 @@ def test_silence_of_a_substitute_beside_its_returning_original_is_no_step() -> N
     robot.row("/a", A, "healthy", 15.02)
     robot.table(15.03)
     assert robot.failure("/a", node, 15.1, "silent", "no message", 14.9) == []
+
+
+def test_a_node_that_is_back_before_its_kill_is_over_is_not_healed_for_ever() -> None:
+    robot = Robot()
+    commands = robot.fail("/a", A, 10.0)
+    assert only(commands, events.FindNode) == events.FindNode(A, successor=False)
+    robot.row("/a", A, "healthy", 10.3)
+    robot.table(10.31)
+    assert publishing(robot) == (True,)
+    commands = robot.handle(events.NodeFound(10.5, A, events.Where.DEAD))
+    assert publishing(robot) == (False,)
+    assert last_incident(commands).state is State.RETURNING
+    assert learned(commands) == [A]
+    assert last_incident(robot.handle(events.Tick(12.6))).state is State.ENDED
+    start = only(robot.fail("/a", A, 20.0, "silent"), events.FindNode)
+    assert start.successor
+
+
+def test_a_node_that_was_well_before_it_was_killed_is_not_back() -> None:
+    robot = Robot()
+    robot.fail("/a", A, 10.0, "out_of_range")
+    robot.row("/a", A, "healthy", 10.03)
+    robot.table(10.04)
+    robot.killed(10.1, A)
+    assert last_incident(robot.said).state is State.HEALING and publishing(robot) == (True,)

@@ -21,7 +21,7 @@ N = "/node"
 
 def begun(urgent: bool = True) -> Kills:
     kills = Kills(patience=0.1)
-    assert kills.begin(10.0, KillNode(N, urgent)) == [FindNode(N)]
+    assert kills.begin(10.0, KillNode(N, urgent)) == [FindNode(N, successor=urgent)]
     assert kills.nodes == {N}
     return kills
 

@@ -26,7 +26,7 @@ from shsa_core.model.som import Som
 def test_a_failure_kills_the_node_and_starts_the_best_substitute() -> None:
     robot = Robot()
     commands = robot.fail("/a", A, 10.0)
-    assert only(commands, events.FindNode) == events.FindNode(A)
+    assert only(commands, events.FindNode) == events.FindNode(A, successor=False)
     start = only(commands, events.StartSubstitute)
     assert program_of([start]).inputs == ("/b/data",)
     assert program_of([start]).outputs == ("/a/data",)

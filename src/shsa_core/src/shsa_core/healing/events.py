@@ -245,9 +245,13 @@ class LearnNode:
 
 @dataclass(frozen=True)
 class FindNode:
-    """Find out where the process of a node runs that is to be killed; answered by NodeFound."""
+    """Find out where the process of a node runs that is to be killed; answered by NodeFound.
+
+    `successor`: if the process that was learned is dead, the one that has its name now is meant.
+    """
 
     node: str
+    successor: bool = True
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,10 @@ class KillNode:
 
 @dataclass(frozen=True)
 class NodeKilled:
-    """The kill of a node is over: it is gone for certain, or could not be reached to make sure."""
+    """The kill of a node is over: it is gone for certain, or could not be reached to make sure.
+
+    It was gone at `time`, which is when the kill began if it was dead already.
+    """
 
     time: float
     node: str
@@ -39,6 +42,7 @@ class NodeKilled:
 
 @dataclass
 class _Kill:
+    begun: float
     urgent: bool
     where: Optional[Where] = None
     forced: bool = False
@@ -67,10 +71,10 @@ class Kills:
         """Kill a node; nothing is done if that is under way."""
         if not kill.node or kill.node in self._kills:
             return []
-        self._kills[kill.node] = _Kill(kill.urgent)
+        self._kills[kill.node] = _Kill(time, kill.urgent)
         self.nodes = frozenset(self._kills)
         self._agenda.set(kill.node, time + FIND_TIMEOUT_S)
-        return [FindNode(kill.node)]
+        return [FindNode(kill.node, successor=kill.urgent)]
 
     def found(self, event: NodeFound) -> Tuple[List[Command], Optional[NodeKilled]]:
         """It is known where the process of a node runs."""
@@ -78,6 +82,8 @@ class Kills:
         if kill is None or kill.where is not None:
             return [], None
         kill.where = event.where
+        if event.where in (Where.NOWHERE, Where.DEAD):
+            time = kill.begun  # whoever is well since then is another process
         if event.where is Where.NOWHERE:
             return [], self._over(time, node, True, "it is not registered")
         if event.where is Where.DEAD:

@@ -377,6 +377,8 @@ class Reconfigurator:
         for kill in kills:
             self._nodes.killed(kill.node, kill.time)
             self._acquaintance.went(kill.node)
+            if kill.node not in self._nodes.excluded:  # it is back already, as another process
+                commands += self._acquaintance.came_up(self._time, kill.node)
             self._with_us.pop(kill.node, None)
             self._unsettle_node(kill.node)
             if kill.certain:
@@ -385,6 +387,7 @@ class Reconfigurator:
                 commands += self._kill_orphan(kill.node)
             for name in self._concern.blaming(kill.node):
                 commands += self._ask(name, lambda healing, now: healing.killed(now, kill))
+                commands += self._ask(name, lambda healing, now: healing.changed(now))
         return commands
 
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:

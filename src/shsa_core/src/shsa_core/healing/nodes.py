@@ -72,10 +72,14 @@ class Nodes:
         return tuple(sorted(self._topics.get(node, ())))
 
     def killed(self, node: str, time: float) -> None:
-        """`node` was killed."""
+        """`node` was gone at `time`; if it is well since, that is another process."""
         self._restarting.discard(node)
         self._killed[node] = time
         self.excluded = frozenset(self._killed)
+        for topic in self.topics(node):
+            row = self._health[topic][node]
+            if row.state is PublisherState.HEALTHY and self._has_recovered(row):
+                return
 
     def begin_restart(self, node: str) -> bool:
         """Whether `node` is to be started again now: it is not if that is under way."""

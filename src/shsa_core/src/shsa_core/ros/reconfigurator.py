@@ -202,7 +202,7 @@ class ReconfiguratorNode:
         self._put(events.NodeLearned(clock.now(), command.node, known is not None))
 
     def _find(self, command: events.FindNode) -> None:
-        where = self._fence.find(command.node)
+        where = self._fence.find(command.node, command.successor)
         self._put(events.NodeFound(clock.now(), command.node, where))
 
     def _ask_to_leave(self, command: events.AskToLeave) -> None:

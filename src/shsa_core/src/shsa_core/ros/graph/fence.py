@@ -30,6 +30,11 @@ class Known:
     process: Optional[psutil.Process]
     dead: bool = False
 
+    @property
+    def lives(self) -> bool:
+        """Whether it may still run."""
+        return not self.dead and (self.process is None or not gone(self.process))
+
 
 class Fence:
     """Knows which process each node is.
@@ -55,9 +60,9 @@ class Fence:
             self._known[node] = known
         return known
 
-    def find(self, node: str) -> Where:
-        """Where the process of a node runs: the learned one, or its successor."""
-        known = self._find(node)
+    def find(self, node: str, successor: bool) -> Where:
+        """Where the process of a node runs: the learned one, or if that is dead, its successor."""
+        known = self._find(node, successor)
         if known is None:
             return Where.NOWHERE
         with self._lock:
@@ -103,9 +108,12 @@ class Fence:
         _await_end(process, left)
 
     def clear(self, node: str) -> None:
-        """Clear what a dead node left registered at the master."""
+        """Clear what a dead node left registered at the master, and nothing of a successor."""
         with self._lock:
-            known = self._known.pop(node, None)
+            known = self._known.get(node)
+            if known is not None and known.process is not None and known.lives:
+                return
+            self._known.pop(node, None)
         try:
             uri = known.uri if known else rosgraph.Master(self._caller_id).lookupNode(node)
             _unregister(node, uri)
@@ -117,11 +125,11 @@ class Fence:
             known = self._known.get(node)
         return known.process if known else None
 
-    def _find(self, node: str) -> Optional[Known]:
+    def _find(self, node: str, successor: bool) -> Optional[Known]:
         """What is known of a node: the living process, its successor, or the dead one."""
         with self._lock:
             known = self._known.get(node)
-        if known is not None and (known.process is None or not gone(known.process)):
+        if known is not None and (known.lives or (known.process is not None and not successor)):
             return known
         current = self._look(node)
         if known is None or (current is not None and current.uri != known.uri):
