@@ -74,6 +74,14 @@ def test_substitutes_that_were_left_behind_are_ended_and_their_names_not_used_ag
     assert start.node == "/substitute_a_8"
 
 
+def test_a_substitute_that_was_left_behind_and_not_found_in_time_is_looked_for_again() -> None:
+    robot = Robot()
+    robot.handle(events.Started(1.0, ("/substitute_a_7",)))
+    for time in (3.0, 5.0, 7.0, 9.0):
+        assert events.FindNode("/substitute_a_7") in robot.handle(events.Tick(time))
+    assert not has(robot.handle(events.Tick(11.0)), events.FindNode)
+
+
 def test_at_the_end_every_substitute_is_stopped_and_what_our_launch_had_started_first() -> None:
     first, *others = SOM
     robot = Robot(Som([replace(first, policy=Policy.RESTART_AND_SUBSTITUTE), *others]))

@@ -623,6 +623,14 @@ def test_a_service_becomes_event_driven_and_periodic_again() -> None:
     assert bench.kinds() == [(NODE, "never_published")]
 
 
+def test_who_was_well_by_its_connection_alone_is_not_for_a_periodic_service() -> None:
+    bench = Bench(service(period=None))
+    bench.connect()
+    assert bench.state() == "healthy"
+    bench.watch(service(name="other", node="/other"))
+    assert bench.state() == "unknown"
+
+
 def test_the_deadlines_come_from_the_settings() -> None:
     bench = Bench(settings=Settings(deadline=10.0, minimum_deadline=0.3))
     bench.connect()

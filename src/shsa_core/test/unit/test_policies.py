@@ -296,3 +296,13 @@ def test_a_node_that_was_killed_under_another_policy_is_started_again() -> None:
     assert not has(commands, events.StartSubstitute)
     assert last_incident(commands).substitute == ""
     assert only(robot.handle(events.Tick(13.1)), events.RestartNode).node == A
+
+
+def test_what_leaves_the_som_is_not_started_again() -> None:
+    robot = Robot(som("restart"), restart_pause=1.0)
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.1, A)
+    first, *others = som("restart")
+    robot.handle(events.SomChanged(10.2, Som([replace(first, needed=False), *others])))
+    assert robot.core.deadline is None
+    assert not has(robot.handle(events.Tick(12.0)), events.RestartNode)

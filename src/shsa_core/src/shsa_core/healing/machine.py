@@ -32,6 +32,8 @@ from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 Ask = Callable[[TopicHealing, Snapshot], List[Request]]
 SUBSTITUTE_PREFIX = "substitute_"
+ORPHAN_KILLS = 5
+"""Tries to end a substitute that was left behind: a busy machine may not find it in time."""
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
 """What only tells people comes after what acts: a line of the log takes as long as a takeover."""
 
@@ -71,6 +73,7 @@ class Reconfigurator:
         self._substitutions = SubstitutionTable()
         self._states = SomTable()
         self._ending = False
+        self._orphans: Dict[str, int] = {}  # what was left behind, and how often to try yet
         self._incidents = 0
         self._next_substitute = 1
         for service in som:
@@ -199,8 +202,13 @@ class Reconfigurator:
         commands: List[Command] = []
         for node in event.leftovers:
             commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-            commands += self._absorb([KillNode(node, urgent=True)])
+            self._orphans[node] = ORPHAN_KILLS
+            commands += self._kill_orphan(node)
         return commands
+
+    def _kill_orphan(self, node: str) -> List[Command]:
+        self._orphans[node] -= 1
+        return self._absorb([KillNode(node, urgent=True)])
 
     def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
         """End every substitute, and the nodes that whoever ends us has started first."""
@@ -371,6 +379,10 @@ class Reconfigurator:
             self._acquaintance.went(kill.node)
             self._with_us.pop(kill.node, None)
             self._unsettle_node(kill.node)
+            if kill.certain:
+                self._orphans.pop(kill.node, None)
+            elif self._orphans.get(kill.node):
+                commands += self._kill_orphan(kill.node)
             for name in self._concern.blaming(kill.node):
                 commands += self._ask(name, lambda healing, now: healing.killed(now, kill))
         return commands
@@ -452,7 +464,8 @@ class Reconfigurator:
             for name in names:
                 self._states.set(name, self._availability.states.get(name))
             self._planner.plans.change(gone, come)
-            for name in self._concern.readers(service.name for service in gone):
+            others = [name for name, another in names.items() if another]
+            for name in self._concern.readers([*others, *(service.name for service in gone)]):
                 commands += self._ask(name, lambda healing, now: healing.changed(now))
             for name in list(self._concern.stuck) if come else ():
                 commands += self._ask(name, lambda healing, now: healing.changed(now, True))

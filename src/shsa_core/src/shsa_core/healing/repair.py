@@ -319,6 +319,7 @@ class Repair:
         self.incident = None
         self._timers.clear()
         self._pauses = 0
+        self._return.cancel()
         self._return.well(now.time)
         return [*requests, Log(Level.INFO, why)]
 

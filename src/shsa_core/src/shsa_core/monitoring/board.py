@@ -105,8 +105,9 @@ class Board:
         if watched is None or not publisher.connected or self.may_be_silent(topic, publisher):
             return
         watched.appeared = True
-        if publisher.last_message is None and publisher.name == watched.service.node:
-            if watched.service.event_driven and publisher.state is UNKNOWN:
+        if publisher.last_message is None:
+            named = publisher.name == watched.service.node
+            if watched.service.event_driven and named and publisher.state is UNKNOWN:
                 self.become_healthy(topic, publisher, time)
             elif not watched.service.event_driven and publisher.state is HEALTHY:
                 self.mute(topic, publisher, time)

@@ -118,7 +118,7 @@ class ReconfiguratorNode:
 
     def spin(self) -> None:
         """Handle events in order until ROS shuts down; then stop every substitute."""
-        # First of all: it tells which names of substitutes were used already.
+        # First of all: no substitute may take the name of one that was left behind.
         self._handle(events.Started(clock.now(), _leftovers(self._core.prefix)))
         needed = ", ".join(service.topic for service in self._core.needed())
         rospy.loginfo("Reconfigurator ready, healing: %s.", needed or "nothing")
