@@ -2,6 +2,7 @@
 
 Its monitor and its graph answer at once.
 """
+import gc
 import sys
 from collections import deque
 from time import thread_time
@@ -189,10 +190,13 @@ def lines_of(work: Callable[[], object]) -> int:
         count += event == "line"
         return trace
 
-    before = sys.gettrace()
+    before, collecting = sys.gettrace(), gc.isenabled()
+    gc.disable()  # others may have hung Python of their own on a collection
     sys.settrace(trace)
     try:
         work()
     finally:
         sys.settrace(before)  # as that of a coverage run
+        if collecting:
+            gc.enable()
     return count

@@ -1,6 +1,4 @@
-"""Any story of a robot: what must hold for its consumers and its nodes, and the core's own
-invariants after every event.
-"""
+"""Any story of a robot: what its consumers and nodes see, and the core's own invariants."""
 from dataclasses import replace
 from typing import Any, Dict, List, Optional, Set, Tuple
 

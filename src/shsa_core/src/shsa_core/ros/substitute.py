@@ -253,8 +253,9 @@ def _journal(path: str) -> "JournalWriter":
 
 
 def main() -> None:
-    """Run the node: three strings on the command line; `~muted` starts it muted, `~journal` is a
-    file for every event.
+    """Run the node: three strings on the command line.
+
+    `~muted` starts it muted, `~journal` is a file for every event.
     """
     arguments = rospy.myargv(sys.argv)[1:]
     if len(arguments) != 3:
