@@ -339,3 +339,21 @@ def test_a_node_that_was_well_before_it_was_killed_is_not_back() -> None:
     robot.table(10.04)
     robot.killed(10.1, A)
     assert last_incident(robot.said).state is State.HEALING and publishing(robot) == (True,)
+
+
+def test_a_hot_service_that_nothing_can_replace_any_more_has_no_substitute() -> None:
+    first, *others = SOM
+    robot = Robot(Som([replace(first, standby=Standby.HOT), *others]))
+    (row,) = robot.working()
+    robot.rows = {("/a", A): robot.rows["/a", A]}
+    robot.table(5.0)
+    assert only(robot.idle(5.1), events.StopSubstitute).node == row.node
+    assert robot.working() == []
+
+
+def test_an_outage_has_a_beginning_and_an_end() -> None:
+    robot = Robot()
+    incident = last_incident(robot.fail("/a", A, 10.0))
+    assert incident.outage is None
+    assert replace(incident, first_message=10.5).outage == pytest.approx(0.52)
+    assert replace(incident, first_message=10.5, last_good=None).outage is None

@@ -69,6 +69,7 @@ class ReconfiguratorNode:
             self._journal = JournalWriter(arguments.journal, "healing", setup, rospy.logwarn)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
+        self._ends = False
         self._fence = Fence(rospy.get_name())
         self._processes = Processes(
             lambda node, detail: self._put(events.ProcessExited(clock.now(), node, detail)),
@@ -163,7 +164,8 @@ class ReconfiguratorNode:
         self._queue.put(lambda: self._handle(event))
 
     def _handle(self, event: Event) -> None:
-        if self._launch.ending() and not isinstance(event, events.ShuttingDown):
+        if not self._ends and self._launch.ending():
+            self._ends = True
             self._decide(events.LaunchEnding(event.time))
         self._decide(event)
 
