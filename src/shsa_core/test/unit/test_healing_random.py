@@ -100,7 +100,7 @@ class AnyRobot(RuleBasedStateMachine):
         self.used: Set[str] = set(left)
         self.running: Set[str] = set()
         self.ending = False
-        self.accused = set(left)
+        self.orphans = left
         self.hear(events.Started(self.now, tuple(sorted(left))))
         self.rows([(each.topic, each.node, PublisherState.HEALTHY, 1.0) for each in som])
 
@@ -137,7 +137,7 @@ class AnyRobot(RuleBasedStateMachine):
     def on_FindNode(self, command: events.FindNode) -> None:
         open_ = {incident.faulty_node for incident in self.incidents.values()}
         told = {node for _, node in self.failed}
-        assert command.node in self.accused | told | open_, "an innocent node is killed"
+        assert command.node in self.accused | told | open_ | self.orphans, "it is innocent"
 
     def on_RestartNode(self, command: events.RestartNode) -> None:
         blaming = [each for each in self.incidents.values() if each.faulty_node == command.node]
