@@ -1,7 +1,7 @@
 """Any story of watched topics: what must hold for the table of health, and the core's own
 invariants after every event.
 """
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, Optional, Tuple
 
 from hypothesis import settings
 from hypothesis import strategies as st
