@@ -1,6 +1,6 @@
 """What the reconfigurator makes of nodes, launches, models, and services that share a topic."""
 from dataclasses import replace
-from typing import List
+from typing import Any, Callable, List
 
 import pytest
 
@@ -22,6 +22,7 @@ from core_robot import (
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
+from shsa_core.healing.transitions import Trigger
 from shsa_core.model.kinds import Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Provision, Service
@@ -267,13 +268,46 @@ def test_safe_values_promise_nothing() -> None:
     assert robot.shown[start.node].quality == 0.0
 
 
-def test_broken_invariants_are_told() -> None:
+@pytest.mark.parametrize(
+    "spoil, told",
+    [
+        (lambda core, a: setattr(a.substitute, "plan", None), "a process without a plan"),
+        (lambda core, a: a._timers.update({Trigger.STEADY: 20.0}), "a: healed with the timers"),
+        (
+            lambda core, a: setattr(a, "incident", replace(a.incident, state=State.UNHEALED)),
+            "a: unhealed, and nothing will ever be tried again",
+        ),
+        (lambda core, a: a.substitute.drop(), "a: healed without a substitute"),
+        (lambda core, a: core._pool.nodes.append(a.node), "works for a and for the pool"),
+        (
+            lambda core, a: setattr(a, "incident", replace(a.incident, state=State.HEALING)),
+            "a is being healed, and nothing will ever happen",
+        ),
+        (
+            lambda core, a: core._availability.states.update(a=core._availability.states["b"]),
+            "a is healed and available at the same time",
+        ),
+        (
+            lambda core, a: (setattr(a, "incident", None), a.substitute.drop()),
+            "is in the table of substitutions, but has no owner",
+        ),
+        (lambda core, a: setattr(a, "incident", None), "publishes for a, which is well"),
+    ],
+)
+def test_a_broken_invariant_is_told(spoil: Callable[[Any, Any], object], told: str) -> None:
     robot = Robot()
     robot.heal(10.0)
-    healing = robot.core._healings["a"]
-    healing.substitute.plan = None
-    with pytest.raises(ShsaError, match="a process without a plan"):
+    spoil(robot.core, robot.core._healings["a"])
+    with pytest.raises(ShsaError, match=told):
         robot.core.validate()
+
+
+def test_a_service_is_found_by_a_property_alone() -> None:
+    two = Service("both", "/both", "p/T", A, 0.1, (Provision("b", "x"),), needed=True)
+    robot = Robot(Som([service("b", B), two]))
+    assert robot.core.find("/both") == two
+    named = Service("other", "/other", "p/T", A, 0.1, (Provision("c", "x"),))
+    assert Robot(Som([named, two])).core.find("c") == named
 
 
 def test_a_service_that_moves_to_another_topic_is_healed_there() -> None:

@@ -306,3 +306,12 @@ def test_what_leaves_the_som_is_not_started_again() -> None:
     robot.handle(events.SomChanged(10.2, Som([replace(first, needed=False), *others])))
     assert robot.core.deadline is None
     assert not has(robot.handle(events.Tick(12.0)), events.RestartNode)
+
+
+def test_a_node_that_is_given_up_is_not_awaited_any_more() -> None:
+    robot = Robot(som("restart"), node_restarts=1, restart_pause=1.0, restart_timeout=5.0)
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.1, A)
+    assert has(robot.handle(events.Tick(11.2)), events.RestartNode)
+    robot.handle(events.RestartFailed(11.3, A, "no such file"))
+    assert not has(robot.handle(events.Tick(17.0)), events.FindNode)

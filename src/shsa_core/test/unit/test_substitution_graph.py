@@ -1,4 +1,5 @@
 """Whom a substitute tells of its topics, and how it yields them to the original."""
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -287,3 +288,20 @@ def test_an_idle_process_leaves_the_topics_of_plans_that_are_gone() -> None:
     commands = core.handle(events.PlansChanged(4.0, (plan,)))
     assert events.Advertise("/out", "std_msgs/Float64") in commands
     assert events.Withdraw(("/out",)) in core.handle(events.PlansChanged(5.0, (), whole=True))
+
+
+def test_plans_that_are_not_in_the_whole_table_are_prepared_for_no_more() -> None:
+    driver = Driver(idle())
+    plans = [replace(row(outputs=(each,)), node="", service=each.topic) for each in (A, B)]
+    driver.tell(events.PlansChanged, tuple(plans), (), True)
+    driver.ready("/a")
+    driver.ready("/b")
+    commands = driver.tell(events.PlansChanged, (plans[1],), (), True)
+    assert [each.topics for each in only(commands, events.Withdraw)] == [("/a",)]
+
+
+def test_a_topic_that_was_prepared_keeps_its_type() -> None:
+    driver = Driver(idle(outputs=(signal("/out"),)))
+    commands = driver.change(row(outputs=(signal("/out", type="std_msgs/Int8"),)))
+    (told,) = only(commands, events.Log)
+    assert "it is a std_msgs/Float64 to this process" in told.text

@@ -69,8 +69,7 @@ class TopicHealing(Repair):
 
     def killed(self, now: Snapshot, event: NodeKilled) -> List[Request]:
         """A faulty node is gone, or cannot be reached to make sure."""
-        if self.incident is None or self.incident.faulty_node != event.node:
-            return []
+        assert self.incident is not None and self.incident.faulty_node == event.node
         self._may_publish = False  # for all that can be done
         if event.certain:
             if self.incident.state is not State.RETURNING and not self._kept_out:
@@ -83,8 +82,7 @@ class TopicHealing(Repair):
 
     def restart_failed(self, now: Snapshot, node: str, detail: str) -> List[Request]:
         """The faulty node could not be started again."""
-        if self.incident is None or self.incident.faulty_node != node:
-            return []
+        assert self.incident is not None and self.incident.faulty_node == node
         self._return.gone(now)
         text = f"{self.incident.topic}: {node} cannot be started again: {detail}."
         return [Log(Level.ERROR, text), *self._notice_exhaustion(now)]
@@ -169,8 +167,6 @@ class TopicHealing(Repair):
 
     def _substitute_failed(self, now: Snapshot, why: str, tried: bool) -> List[Request]:
         """Stop the substitute; its plan is not tried again if `tried`."""
-        if not self.node:
-            return []
         text = f"{now.service.topic}: the substitute failed: {why}."
         requests: List[Request] = [*self.substitute.failed(now, tried), Log(Level.WARN, text)]
         return requests + self._fire(now, Trigger.SUBSTITUTE_FAILED)
