@@ -17,7 +17,10 @@ from substitute_driver import (
     values,
 )
 
+from shsa_core.model.service import Signal
+from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
+from shsa_core.substitution.machine import Substitute
 
 FLOAT = "std_msgs/Float64"
 A, B = signal("/a"), signal("/b")
@@ -271,3 +274,34 @@ def test_a_topic_that_was_prepared_keeps_its_type() -> None:
     commands = driver.change(row(outputs=(signal("/out", type="std_msgs/Int8"),)))
     (told,) = only(commands, events.Log)
     assert "it is a std_msgs/Float64 to this process" in told.text
+
+
+def test_what_an_idle_process_cannot_use_is_not_listened_to_when_other_plans_come() -> None:
+    strange = Signal("/strange", "data", "no/Type", "", 0.1, 0.5)
+    fine = Signal("/fine", "data", "std_msgs/Float64", "", 0.1, 0.5)
+    out = Signal("/out", "data", "std_msgs/Float64", "", 0.1, 0.5)
+    core = Substitute()
+    row = Substitution("/s", "", (strange,), "", ())
+    commands = core.handle(events.Started(1.0, row, ((strange, "it is not built"),)))
+    commands += core.handle(
+        events.PlansChanged(2.0, (Substitution("", "a", (fine, strange), "", (out,)),), whole=True)
+    )
+    commands += core.handle(events.PlansChanged(3.0, (Substitution("", "b", (fine,), "", ()),)))
+    listened = [each.inputs for each in commands if isinstance(each, events.Listen)]
+    assert listened == [(fine,)]
+    core.validate()
+
+
+def test_an_idle_process_leaves_the_topics_of_plans_that_are_gone() -> None:
+    out = Signal("/out", "data", "std_msgs/Float64", "", 0.1, 0.5)
+    core = Substitute()
+    core.handle(events.Started(1.0, Substitution("/s", "", (), "", ())))
+    plan = Substitution("", "a", (), "", (out,))
+    commands = core.handle(events.PlansChanged(2.0, (plan,), whole=True))
+    assert events.Advertise("/out", "std_msgs/Float64") in commands
+    core.handle(events.Advertised(2.1, "/out"))
+    commands = core.handle(events.PlansChanged(3.0, (), removed=("a",)))
+    assert events.Withdraw(("/out",)) in commands
+    commands = core.handle(events.PlansChanged(4.0, (plan,)))
+    assert events.Advertise("/out", "std_msgs/Float64") in commands
+    assert events.Withdraw(("/out",)) in core.handle(events.PlansChanged(5.0, (), whole=True))

@@ -130,6 +130,8 @@ class ReconfiguratorNode:
             except Exception as error:  # whatever it is, healing goes on
                 if not rospy.core.is_shutdown_requested():
                     rospy.logerr("The reconfigurator could not handle an event: %r", error)
+        for node in self._restarts.left_alone():
+            self._handle(events.StarterEnded(clock.now(), node))
         self._handle(events.ShuttingDown(clock.now()))
         for thread in self._endings:
             thread.join()

@@ -35,6 +35,7 @@ class Substitute:
         self._said: List[Command] = []
         self._types: Dict[str, str] = {}
         self._plans: Dict[str, Substitution] = {}
+        self._unusable: Dict[Signal, str] = {}
         self._freshness = Freshness()
         self._advertising = Advertising(settings)
         self._yielding = Yielding(settings)
@@ -134,13 +135,15 @@ class Substitute:
         for name in gone:
             self._plans.pop(name, None)
         self._plans.update(told)
-        return self._prepare(self._row, event.rows, event.unusable) if self._row.idle else []
+        self._unusable.update(event.unusable)
+        return self._prepare(event.rows) if self._row.idle else []
 
     def _heed(self, row: Substitution, unusable: Unusable) -> List[Command]:
         before, topic = self.publishing, self._topic
         self._row = row
+        self._unusable.update(unusable)
         plans = self._plans.values()
-        commands = self._prepare(row, plans, unusable) if row.idle else self._work(row, unusable)
+        commands = self._prepare((row, *plans)) if row.idle else self._work(row)
         after, stays = self.publishing, self._topic == topic and topic in row.topics
         period = None if self._job is None else self._job.period
         same = stays and row.original == self._yielding.original
@@ -160,29 +163,27 @@ class Substitute:
         """The topic of its program; empty if it has none."""
         return "" if self._job is None else self._job.topic
 
-    def _prepare(
-        self, row: Substitution, plans: Iterable[Substitution], unusable: Unusable
-    ) -> List[Command]:
+    def _prepare(self, rows: Iterable[Substitution]) -> List[Command]:
         """Have no program, and be ready for one: what cannot be used must not hurt the rest."""
         self._job, self._refused = None, None
         self._schedule = Schedule(None, math.inf)
         commands: List[Command] = []
-        for each in (row, *plans):
-            problems = self._problems(each, unusable)
+        for row in rows:
+            problems = self._problems(row)
             commands += [
                 Log(Level.WARNING, f"does not prepare for {signal.path}: {why}")
                 for signal, why in problems.items()
             ]
-            usable = tuple(signal for signal in each.inputs if signal not in problems)
+            usable = tuple(signal for signal in row.inputs if signal not in problems)
             commands += self._listen(usable)
-            outputs = tuple(signal for signal in each.outputs if signal not in problems)
+            outputs = tuple(signal for signal in row.outputs if signal not in problems)
             self._types.update({signal.topic: signal.type for signal in outputs})
             commands += self._advertising.prepare(outputs)
-        wanted = {topic for each in (row, *self._plans.values()) for topic in each.topics}
+        wanted = {topic for row in (self._row, *self._plans.values()) for topic in row.topics}
         self._advertising.leave_all_but(wanted, self._now)
         return commands
 
-    def _work(self, row: Substitution, unusable: Unusable) -> List[Command]:
+    def _work(self, row: Substitution) -> List[Command]:
         """Compute the program of a row; if that is not possible, the old one goes on."""
         if self._job is not None and self._job.follow(row):
             self._refused = None
@@ -191,7 +192,7 @@ class Substitute:
         if words(row) == self._refused:
             return []
         try:
-            for signal, why in self._problems(row, unusable).items():
+            for signal, why in self._problems(row).items():
                 raise ShsaError(f"{signal.path}: {why}")
             job = Job(row, self._settings)
         except ShsaError as error:
@@ -206,11 +207,14 @@ class Substitute:
         self._types[job.topic] = job.outputs[0].type
         return commands + self._advertising.take(job.outputs[0], self._now)
 
-    def _problems(self, row: Substitution, unusable: Unusable) -> Dict[Signal, str]:
-        problems = dict(unusable)
+    def _problems(self, row: Substitution) -> Dict[Signal, str]:
+        """The signals of a row that cannot be used here, each with the reason."""
+        problems: Dict[Signal, str] = {}
         for signal in (*row.inputs, *row.outputs):
             known = self._types.get(signal.topic, signal.type)
-            if known != signal.type:
+            if signal in self._unusable:
+                problems[signal] = self._unusable[signal]
+            elif known != signal.type:
                 problems[signal] = f"it is a {known} to this process, and cannot be a {signal.type}"
         return problems
 

@@ -75,6 +75,13 @@ class Restarts:
         threading.Thread(target=self._wait, args=(node, process, start), daemon=True).start()
         return start.starter is not None and start.starter.pid == os.getppid()
 
+    def left_alone(self) -> List[str]:
+        """The nodes that were started again and still run, and whose first starter has ended."""
+        with self._lock:
+            running = list(self._running)
+            starters = {node: self._starts[node].starter for node in running}
+        return [node for node, starter in starters.items() if starter and gone(starter)]
+
     def stop(self, node: str) -> None:
         """End a node that was started again, and wait until it is gone."""
         with self._lock:

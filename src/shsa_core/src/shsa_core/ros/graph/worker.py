@@ -22,7 +22,7 @@ class Worker:
             call = self._calls.get()
             try:
                 call()
-            except rospy.ROSException as error:
+            except Exception as error:  # whatever it is, the calls after it are made
                 # At shutdown rospy closes the topics under the feet of whoever uses them.
                 if not rospy.core.is_shutdown_requested():
-                    rospy.logerr("%s", error)
+                    rospy.logerr("%s: %r", threading.current_thread().name, error)
