@@ -22,6 +22,7 @@ from core_robot import (
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
+from shsa_core.healing.substitute_process import SubstituteProcess
 from shsa_core.healing.transitions import Trigger
 from shsa_core.model.kinds import Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
@@ -288,7 +289,7 @@ def test_safe_values_promise_nothing() -> None:
             "a is healed and available at the same time",
         ),
         (
-            lambda core, a: (setattr(a, "incident", None), a.substitute.drop()),
+            lambda core, a: a.__dict__.update(incident=None, substitute=SubstituteProcess()),
             "is in the table of substitutions, but has no owner",
         ),
         (lambda core, a: setattr(a, "incident", None), "publishes for a, which is well"),
