@@ -3,12 +3,13 @@ SHELL := /bin/bash
 PYTHON := /usr/bin/python3
 ENV := source tools/env.bash
 
-.PHONY: help setup build test demo bench clean
+.PHONY: help setup build test coverage mutation demo bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
 	@echo "make test    run every test"
 	@echo "make bench   measure; see results/bench/"
+	@echo "make coverage, make mutation   how well the core is tested; see docs/contributing.md"
 	@echo "make build   set up and build only"
 	@echo "make clean   delete what was built"
 
@@ -21,6 +22,12 @@ build: setup
 
 test: build
 	@$(ENV) && $(PYTHON) -m pytest
+
+coverage: build
+	@$(ENV) && $(PYTHON) -m pytest -q src/shsa_core/test/unit --cov --cov-report=term
+
+mutation: build
+	@$(ENV) && tools/mutation
 
 demo: build
 	@$(ENV) && rosrun shsa_rover demo --results results/demo

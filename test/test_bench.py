@@ -4,17 +4,18 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Dict
 
-import psutil
 import pytest
 
+from shsa_testing.processes import marked
+
 ROOT = Path(__file__).resolve().parent.parent
-TIMEOUT = 120.0
+TIMEOUT_S = 120.0
+TRANSFER = ("start", "up", "shut", "down", "registered", "unregistered", "gone")
 ROWS = {
     "failover": {"hot", "rosrun by hand, rospy"},
     "interference": {"hot"},
-    "transfer_nodes": {"start", "up", "shut", "down", "warm", "hot"},
+    "transfer_nodes": {*TRANSFER, "warm", "hot"},
 }
 
 
@@ -34,7 +35,7 @@ def test_short_form(name: str, tmp_path: Path) -> None:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         universal_newlines=True,
-        timeout=TIMEOUT,
+        timeout=TIMEOUT_S,
     )
     assert done.returncode == 0, done.stdout[-8000:]
     with open(str(tmp_path / f"{name}.csv"), newline="") as file:
@@ -42,32 +43,42 @@ def test_short_form(name: str, tmp_path: Path) -> None:
     assert {row[0] for row in rows[1:]} == ROWS[name]
     assert all(len(row) == len(rows[0]) for row in rows)
     assert (tmp_path / f"{name}.png").stat().st_size > 10000
-    left = [p.cmdline() for p in psutil.process_iter() if environment(p).get("SHSA_TEST") == mark]
-    assert not left
-
-
-def environment(process: psutil.Process) -> Dict[str, str]:
-    try:
-        return dict(process.environ())
-    except (psutil.Error, OSError):
-        return {}
+    assert not marked("SHSA_TEST", mark)
 
 
 def test_a_measurement_goes_on_where_it_was(tmp_path: Path) -> None:
     script = ROOT / "src" / "shsa_core" / "bench" / "transfer_nodes.py"
-    measures = ("start", "up", "shut", "down", "warm", "hot")
-    lines = ["measure,nodes,repetition,ms", *(f"{m},{n},1,10" for m in measures for n in (0, 5))]
+    measures = (*TRANSFER, "warm", "hot")
+    lines = [
+        "measure,nodes,repetition,time_ms",
+        *(f"{m},{n},1,10" for m in measures for n in (0, 5)),
+    ]
     path = tmp_path / "transfer_nodes.csv"
     path.write_text("\n".join(lines) + "\n")
     done = subprocess.run(
         [sys.executable, str(script), "--short", "--results", str(tmp_path)],
         stdout=subprocess.PIPE,
         universal_newlines=True,
-        timeout=TIMEOUT,
+        timeout=TIMEOUT_S,
     )
     assert done.returncode == 0
     assert "6 repetitions are there already" in done.stdout
     assert path.read_text().splitlines() == lines
+
+
+def test_a_measurement_by_other_definitions_is_not_gone_on_with(tmp_path: Path) -> None:
+    script = ROOT / "src" / "shsa_core" / "bench" / "transfer_nodes.py"
+    path = tmp_path / "transfer_nodes.csv"
+    path.write_text("measure,nodes,repetition,ms\nstart,0,1,600\n")
+    done = subprocess.run(
+        [sys.executable, str(script), "--short", "--results", str(tmp_path)],
+        stderr=subprocess.PIPE,
+        universal_newlines=True,
+        timeout=TIMEOUT_S,
+    )
+    assert done.returncode == 1
+    assert f"{path} holds other measures; --fresh begins anew." in done.stderr
+    assert path.read_text().endswith("start,0,1,600\n")
 
 
 def test_a_missing_or_failing_benchmark_is_said(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ def build(folder: Path) -> Path:
 
 
 def environment_of(install: Path, port: int) -> Dict[str, str]:
-    """What `source install/setup.bash` makes of an environment that does not know the devel space."""
+    """What `source install/setup.bash` makes of an environment without the devel space."""
     devel = str(ROOT / "devel")
     clean = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}")
     for name in OURS:

@@ -1,32 +1,22 @@
-"""Runs every rostest of the workspace, each with a master of its own, and looks for what it leaves behind."""
+"""Runs every rostest of the workspace, and looks for what it leaves behind.
+
+Each has a master of its own.
+"""
 import os
 import subprocess
-import time
 import uuid
 from pathlib import Path
-from typing import List
 
-import psutil
 import pytest
 
+from shsa_testing.processes import marked
+from shsa_testing.waiting import wait_until
+
 ROOT = Path(__file__).resolve().parent.parent
-TIMEOUT = 240.0
-LEAVING = 15.0  # s that processes may take to end after the test
+TIMEOUT_S = 240.0
+LEAVING_S = 15.0  # s that processes may take to end after the test
 MARK = "SHSA_ROSTEST"
 ROSTESTS = sorted(ROOT.glob("src/*/test/rostest/*.test"))
-
-
-def marked(mark: str) -> List[str]:
-    """The processes that inherited a mark."""
-    found = []
-    for process in psutil.process_iter():
-        try:
-            ended = process.status() == psutil.STATUS_ZOMBIE
-            if not ended and process.environ().get(MARK) == mark:
-                found.append(" ".join(process.cmdline()))
-        except (psutil.Error, OSError):
-            continue
-    return found
 
 
 @pytest.mark.parametrize("path", ROSTESTS, ids=lambda path: path.stem)
@@ -38,11 +28,9 @@ def test_rostest(path: Path) -> None:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         universal_newlines=True,
-        timeout=TIMEOUT,
+        timeout=TIMEOUT_S,
         env={**os.environ, MARK: mark},
     )
     assert done.returncode == 0, done.stdout[-8000:]
-    end = time.monotonic() + LEAVING
-    while marked(mark):
-        assert time.monotonic() < end, f"left behind: {marked(mark)}"
-        time.sleep(0.1)
+    started = [process.name() for process in marked(MARK, mark)]
+    wait_until(lambda: not marked(MARK, mark), LEAVING_S, f"these have ended: {started}")

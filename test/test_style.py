@@ -1,4 +1,5 @@
-"""Types, format and package files are clean."""
+"""Format, names, types and package files are clean."""
+import os
 import subprocess
 from pathlib import Path
 from shutil import which
@@ -8,6 +9,10 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 BLACK = "23."  # other versions format otherwise
+PACKAGES = sorted(path.parent.name for path in ROOT.glob("src/*/setup.py"))
+BESIDE = ("src/*/test/unit", "src/*/test/rostest", "src/*/bench", "test")
+FOLDERS = sorted(str(path.relative_to(ROOT)) for each in BESIDE for path in ROOT.glob(each))
+UNTYPED = ("setup.py",)  # a package each: three modules of one name
 
 
 def python_files() -> List[str]:
@@ -29,10 +34,15 @@ def _is_python(path: Path) -> bool:
     return path.suffix == "" and path.read_bytes()[:30].startswith(b"#!/usr/bin/env python3")
 
 
-def run(command: List[str]) -> None:
+def run(command: List[str], **environment: str) -> None:
     """Run a checker; fail with what it prints."""
     done = subprocess.run(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True
+        command,
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        universal_newlines=True,
     )
     assert done.returncode == 0, done.stdout
 
@@ -54,13 +64,20 @@ def test_format() -> None:
     run([tool("black", BLACK), "--check", "--quiet", "--diff", *python_files()])
 
 
-@pytest.mark.parametrize("package", ["shsa_core", "shsa_rover"])
-def test_types(package: str) -> None:
-    run([tool("mypy", "1."), f"src/{package}/src/{package}"])
+def test_lint() -> None:
+    run([tool("flake8"), *python_files()])
 
 
-def test_types_of_executables() -> None:
-    run([tool("mypy", "1."), *(name for name in python_files() if "." not in Path(name).name)])
+def test_types() -> None:
+    # The modules of a folder import each other by their names alone; no two have one name.
+    files = [name for name in python_files() if Path(name).name not in UNTYPED]
+    run([tool("mypy", "1."), *files], MYPYPATH=os.pathsep.join(FOLDERS))
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_says_that_it_is_typed(package: str) -> None:
+    assert (ROOT / "src" / package / "src" / package / "py.typed").is_file()
+    assert "py.typed" in (ROOT / "src" / package / "setup.py").read_text()
 
 
 def test_catkin_lint() -> None:

@@ -1,11 +1,10 @@
 from catkin_pkg.python_setup import generate_distutils_setup
-from setuptools import setup
-
-PARTS = ("model", "search", "codegen", "analysis", "health", "healing", "cli", "ros")
+from setuptools import find_packages, setup
 
 setup(
     **generate_distutils_setup(
-        packages=["shsa_core"] + ["shsa_core." + name for name in PARTS],
+        packages=find_packages("src"),
         package_dir={"": "src"},
+        package_data={"shsa_core": ["py.typed", "cli/templates/*.html"]},
     )
 )

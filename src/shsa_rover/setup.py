@@ -1,9 +1,10 @@
 from catkin_pkg.python_setup import generate_distutils_setup
-from setuptools import setup
+from setuptools import find_packages, setup
 
 setup(
     **generate_distutils_setup(
-        packages=["shsa_rover", "shsa_rover.ros"],
+        packages=find_packages("src"),
         package_dir={"": "src"},
+        package_data={"shsa_rover": ["py.typed"]},
     )
 )

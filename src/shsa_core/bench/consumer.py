@@ -1,6 +1,7 @@
-"""A consumer in rospy: prints every message of its topics, and every publisher it contacts, with the monotonic time.
+"""A consumer in rospy: prints its messages and the publishers it contacts, with the monotonic time.
 
-Usage: consumer.py TOPIC...  Lines: `message TIME TOPIC NODE VALUE` and `connection TIME TOPIC URI`, TIME in s.
+Usage: consumer.py TOPIC...  Lines: `message TIME TOPIC NODE VALUE` and `connection TIME TOPIC URI`,
+TIME in s.
 """
 import os
 import sys

@@ -1,21 +1,21 @@
-"""What can be done about a failed node, each ready to be measured: healing, respawn, and starting it by hand."""
+"""What can be done about a failed node: healing, respawn, or starting it by hand."""
 import os
 import signal
 import time
 from typing import Callable, Dict, Protocol, TypeVar
 
-import rospy
+from tqdm import tqdm
 
-from graph import PATIENCE, Graph, ask_to_leave, shut_down
-from report import CONSOLE
+from graph import PATIENCE_S, Graph, ask_to_leave, shut_down
 from robot import NODE, TOPIC, Consumers, HealthyRobot, talker
-from shsa_core.ros.testing import node_pid, node_process, publishers, wait_until
+from shsa_testing.graph import node_pid, node_process, publishers
+from shsa_testing.waiting import wait_until
 from takeover import Takeover, gap, healed
 
 MISSES = 5
 LAUNCH = """
 <launch>
-  <node pkg="shsa_core" type="{executable}" name="{name}" args="{arguments}" respawn="true" />
+  <node pkg="{package}" type="{executable}" name="{name}" args="{arguments}" respawn="true" />
 </launch>
 """
 
@@ -33,7 +33,10 @@ class Contender(Endable, Protocol):
     period: float
 
     def await_well(self) -> None:
-        """Wait until it is ready for the next failure. Raises AssertionError if it does not become so."""
+        """Wait until it is ready for the next failure.
+
+        Raises AssertionError if it does not become so.
+        """
 
     def fail(self) -> Takeover:
         """Fail once. Raises AssertionError if the topic does not come back."""
@@ -48,7 +51,10 @@ def repeat(
     once: Callable[[Subject], None],
     enough: Callable[[], bool],
 ) -> int:
-    """Measure until it is enough; a new subject after each miss, an AssertionError. The number of misses."""
+    """Measure until it is enough; a new subject after each miss, an AssertionError.
+
+    The number of misses.
+    """
     misses = 0
     subject = make()
     while not enough() and misses < MISSES:
@@ -56,8 +62,8 @@ def repeat(
             once(subject)
         except AssertionError as error:
             misses += 1
-            CONSOLE.print(f"[red]missed: {error}[/red]")
-            CONSOLE.print(graph.last_words(), markup=False, highlight=False)
+            tqdm.write(f"missed: {error}")
+            tqdm.write(graph.last_words())
             subject.end()
             subject = make()
     subject.end()
@@ -111,7 +117,9 @@ class Healed:
     def await_well(self) -> None:
         self._robot.await_well()
         wait_until(
-            lambda: self._robot.fault.get_num_connections() == 1, PATIENCE, "obedience of the node"
+            lambda: self._robot.fault.get_num_connections() == 1,
+            PATIENCE_S,
+            "obedience of the node",
         )
 
     def fail(self) -> Takeover:
@@ -130,7 +138,7 @@ class Healed:
             incident = self._robot.healing.latest(TOPIC)
             return incident is not None and incident.id > number and incident.state == "healed"
 
-        wait_until(is_healed, PATIENCE, "the topic is healed")
+        wait_until(is_healed, PATIENCE_S, "the topic is healed")
         incident = self._robot.healing.latest(TOPIC)
         assert incident is not None
         self._consumers.await_node(incident.substitute, failed_at)
@@ -151,16 +159,17 @@ class Respawned:
 
     def __init__(self, graph: Graph, consumers: Consumers, executable: str) -> None:
         self._consumers = consumers
-        arguments = f"{TOPIC} {self.period}"
+        package, arguments = "shsa_core", f"{TOPIC} {self.period}"
         if executable == "faulty_publisher":
+            package = "shsa_testing"
             arguments = " ".join(talker(NODE, TOPIC, 1.0, self.period)[:-1])
         path = graph.folder / "respawn.launch"
-        text = LAUNCH.format(executable=executable, name=NODE[1:], arguments=arguments)
-        path.write_text(text)
+        names = {"package": package, "executable": executable, "name": NODE[1:]}
+        path.write_text(LAUNCH.format(arguments=arguments, **names))
         self._launch = graph.start("roslaunch", str(path))
 
     def await_well(self) -> None:
-        wait_until(lambda: node_process(NODE) is not None, PATIENCE, "the node is up")
+        wait_until(lambda: node_process(NODE) is not None, PATIENCE_S, "the node is up")
         self._consumers.await_node(NODE, time.monotonic())
         for consumer in self._consumers:
             consumer.forget()
@@ -169,12 +178,13 @@ class Respawned:
         pid = node_pid(NODE)
         failed_at = time.monotonic()
         os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: node_process(NODE) is not None, PATIENCE, "the node is up again")
+        wait_until(lambda: node_process(NODE) is not None, PATIENCE_S, "the node is up again")
         for consumer in self._consumers:
             wait_until(
-                lambda: len(consumer.since(failed_at)) > 5, PATIENCE, f"{consumer.node} hears it"
+                lambda: len(consumer.since(failed_at)) > 5, PATIENCE_S, f"{consumer.node} hears it"
             )
-        return Takeover(*(gap(consumer, failed_at) for consumer in self._consumers))
+        rospy_ms, roscpp_ms = (gap(consumer, failed_at) for consumer in self._consumers)
+        return Takeover(rospy_ms, roscpp_ms)
 
     def end(self) -> None:
         ask_to_leave(self._launch, 30.0)
@@ -190,18 +200,18 @@ class ByHand:
         self._consumers = consumers
 
     def await_well(self) -> None:
-        wait_until(lambda: not publishers(TOPIC), PATIENCE, "nobody publishes")
+        wait_until(lambda: not publishers(TOPIC), PATIENCE_S, "nobody publishes")
 
     def fail(self) -> Takeover:
         started = time.monotonic()
         process = self._graph.start(
-            *("rosrun", "shsa_core", "faulty_publisher"), *talker(NODE, TOPIC, 1.0, self.period)
+            *("rosrun", "shsa_testing", "faulty_publisher"), *talker(NODE, TOPIC, 1.0, self.period)
         )
         self._consumers.await_node(NODE, started)
-        first = [consumer.since(started)[0].at for consumer in self._consumers]
+        rospy_at, roscpp_at = (consumer.since(started)[0].at for consumer in self._consumers)
         shut_down(NODE)
-        process.wait(PATIENCE)
-        return Takeover(*(1e3 * (at - started) for at in first))
+        process.wait(PATIENCE_S)
+        return Takeover(1e3 * (rospy_at - started), 1e3 * (roscpp_at - started))
 
     def end(self) -> None:
         pass

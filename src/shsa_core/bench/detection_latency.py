@@ -1,7 +1,9 @@
-"""How long the monitor takes from a fault to the message on /shsa/failures: topics at 50 Hz, one rospy node each.
+"""How long the monitor takes from a fault to the message on /shsa/failures.
 
-`heard`: from causing the fault to a subscriber's hearing of it. `after_last_good`: from the last good message to the
-decision, as the monitor tells it. Writes results/bench/detection_latency.csv.
+Topics at 50 Hz, one rospy node each.
+
+`heard`: from causing the fault to a subscriber's hearing of it. `after_last_good`: from the last
+good message to the decision, as the monitor tells it. Writes results/bench/detection_latency.csv.
 """
 import argparse
 import csv
@@ -12,17 +14,25 @@ from typing import Callable, Dict, List, Tuple
 
 import numpy as np
 import rospy
-from rich.console import Console
-from rich.table import Table
 from shsa_msgs.msg import Failure, Health
 from std_msgs.msg import String
 
-from graph import FAULTY_PUBLISHER, MONITOR, PATIENCE, Graph, service, shut_down
-from shsa_core.ros.som_parameter import SOM_PARAMETER
-from shsa_core.ros.testing import wait_until
+from graph import (
+    FAULTY_PUBLISHER,
+    MONITOR,
+    PATIENCE_S,
+    Graph,
+    ask_to_leave,
+    service,
+    shut_down,
+    write_som,
+)
+from report import print_table
+from shsa_testing.waiting import wait_until
 
-PERIOD = 0.02
-TOGETHER = 5
+PERIOD_S = 0.02
+SILENCE_S = 0.1  # the monitor's deadline: five periods
+NODES_AT_ONCE = 5
 COLUMNS = ("fault", "kind", "heard_ms", "after_last_good_ms")
 
 
@@ -32,7 +42,7 @@ class Target:
     def __init__(self, graph: Graph, name: str) -> None:
         self.name, self.topic = "/" + name, f"/topic_{name}"
         self.process = graph.python(
-            FAULTY_PUBLISHER, f"__name:={name}", f"_topic:={self.topic}", f"_period:={PERIOD}"
+            FAULTY_PUBLISHER, f"__name:={name}", f"_topic:={self.topic}", f"_period:={PERIOD_S}"
         )
         self.command = rospy.Publisher(self.name + "/fault", String, queue_size=1)
 
@@ -78,32 +88,33 @@ class Witness:
         self.failures.setdefault(failure.topic, (time.monotonic(), failure))
 
     def _health(self, table: Health) -> None:
-        self.healthy = {row.topic: row.state == "healthy" for row in table.publishers}
+        for row in table.publishers:
+            self.healthy[row.topic] = row.state == "healthy"
 
 
 def measure(
     graph: Graph, witness: Witness, fault: str, number: int
 ) -> List[Tuple[str, str, float, float]]:
-    """One fault in TOGETHER nodes, one after the other; the rows of figures."""
+    """One fault in NODES_AT_ONCE nodes, one after the other; the rows of figures."""
     word = "".join(letter for letter in fault if letter.isalnum())
-    targets = [Target(graph, f"{word}_{number}_{i}") for i in range(TOGETHER)]
-    som = {
-        f"p{i}": [service(t.topic, t.name, PERIOD, range=[-5.0, 60.0])]
-        for i, t in enumerate(targets)
-    }
-    rospy.set_param(SOM_PARAMETER, som)
+    targets = [Target(graph, f"{word}_{number}_{i}") for i in range(NODES_AT_ONCE)]
+    value = {"range": [-5.0, 60.0]}
+    services = [service(target.topic, target.name, PERIOD_S, value) for target in targets]
+    som = write_som(graph.folder / "som.yaml", services)
+    monitor = graph.python(MONITOR, "--som", str(som), f"_minimum_deadline:={SILENCE_S}")
     rows = []
     for target in targets:
         listens = lambda: target.command.get_num_connections() > 0
         healthy = lambda: witness.healthy.get(target.topic, False)
-        wait_until(lambda: listens() and healthy(), PATIENCE, f"{target.name} is healthy")
-        rospy.rostime.wallsleep(0.1 + PERIOD * np.random.random())
+        wait_until(lambda: listens() and healthy(), PATIENCE_S, f"{target.name} is healthy")
+        rospy.rostime.wallsleep(0.1 + PERIOD_S * np.random.random())
         caused = time.monotonic()
         FAULTS[fault](target)
         wait_until(lambda: target.topic in witness.failures, 10.0, f"{fault} is seen")
         heard, failure = witness.failures[target.topic]
         after = (failure.header.stamp - failure.last_good).to_sec()
         rows.append((fault, failure.kind, 1e3 * (heard - caused), 1e3 * after))
+    ask_to_leave(monitor)
     for target in targets:
         target.process.kill()
         target.command.unregister()
@@ -117,23 +128,23 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=Path("results/bench"))
     options = parser.parse_args()
     options.results.mkdir(parents=True, exist_ok=True)
-    table = Table("fault", "kind", "n", "median", "p95", "max", "median after last good, ms")
+    columns = ("fault", "kind", "n", "median", "p95", "max", "median after last good")
+    table: List[Tuple[str, ...]] = []
     with Graph() as graph, open(options.results / "detection_latency.csv", "w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         witness = Witness()
-        graph.python(MONITOR)
         for fault in FAULTS:
             rows: List[Tuple[str, str, float, float]] = []
-            for number in range(-(-options.count // TOGETHER)):
+            for number in range(-(-options.count // NODES_AT_ONCE)):
                 rows += measure(graph, witness, fault, number)
             writer.writerows(rows)
             heard = [row[2] for row in rows]
             figures = (np.median(heard), np.percentile(heard, 95), max(heard))
             after = np.median([row[3] for row in rows])
             words = [f"{figure:.1f}" for figure in (*figures, after)]
-            table.add_row(fault, rows[0][1], str(len(rows)), *words)
-    Console().print(table)
+            table.append((fault, rows[0][1], str(len(rows)), *words))
+    print_table("From the fault to the failure message, ms", columns, table)
 
 
 if __name__ == "__main__":

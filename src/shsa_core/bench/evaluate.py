@@ -1,8 +1,8 @@
-"""What one evaluation of a substitute costs, side by side with the same arithmetic as a hand-written function.
+"""What one evaluation of a substitute costs, beside a hand-written function.
 
-Both get the same inputs in turn, in many short rounds, so that other work on the machine hits both; the time is that of
-the processor. Prints the ratio (median and 95th percentile over the rounds) and writes evaluate.csv and
-evaluate_goals.csv.
+Both get the same inputs in turn, in many short rounds, so that other work on the machine hits both;
+the time is that of the processor. Prints the ratio (median and 95th percentile over the rounds) and
+writes evaluate.csv and evaluate_goals.csv.
 """
 import argparse
 import csv
@@ -12,14 +12,14 @@ import timeit
 from pathlib import Path
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
-from report import CONSOLE, Goals, summary
-from rich.table import Table
+from report import Goals, print_table, summary
 
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
-from shsa_core.model.expression import parse_constraint, parse_expression
-from shsa_core.model.ontology import Constant, TransferFunction
-from shsa_core.model.som import Service
+from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.model.ontology import Constant
+from shsa_core.model.relation import TransferFunction
+from shsa_core.model.service import Provision, Service
 from shsa_core.search.derivation import Derivation
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -145,10 +145,11 @@ CONSTANTS = {"mass": Constant("mass", 29.7, "kg")}
 
 def compiled(case: Case) -> Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]:
     """The case as a substitute evaluates it."""
-    known: Dict[str, Derivation] = {
-        name: Derivation(name, Service(name, "/" + name, "data", "p/T", "/n", 0.02), None)
-        for name in case.inputs
-    }
+    known: Dict[str, Derivation] = {}
+    for name in case.inputs:
+        provides = (Provision(name, "data"),)
+        (source,) = Service(name, "/" + name, "package/Type", "/n", 0.02, provides).sources
+        known[name] = Derivation(name, source, None)
     inputs = [known[name] for name in case.inputs]
     result = inputs[0]
     for number, (output, law, condition) in enumerate(case.laws, 1):
@@ -161,7 +162,7 @@ def compiled(case: Case) -> Callable[[Sequence[float], float], Optional[Tuple[fl
         known[output] = result
     program = generate([(result, "/output/data")], CONSTANTS)
     assert program.inputs == tuple(
-        derivation.service.path for derivation in inputs if derivation.service
+        derivation.source.path for derivation in inputs if derivation.source
     )
     return compile_program(program.code, len(program.inputs), 1).step
 
@@ -192,7 +193,8 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=ROOT / "results" / "bench")
     args = parser.parse_args()
     args.results.mkdir(parents=True, exist_ok=True)
-    table = Table("substitute", "ns", "by hand, ns", "times (median)", "p95")
+    columns = ("substitute", "ns", "by hand, ns", "times (median)", "p95")
+    table: List[Tuple[str, ...]] = []
     goals = Goals()
     with open(args.results / "evaluate.csv", "w", newline="") as stream:
         writer = csv.writer(stream)
@@ -202,9 +204,10 @@ def main() -> None:
             writer.writerows([case.name, i, *pair] for i, pair in enumerate(times))
             median, p95, _ = summary([mine / hand for mine, hand in times])
             mine, hand = (summary([pair[i] for pair in times])[0] * 1e9 for i in (0, 1))
-            table.add_row(case.name, f"{mine:.0f}", f"{hand:.0f}", f"{median:.2f}", f"{p95:.2f}")
+            figures = (f"{mine:.0f}", f"{hand:.0f}", f"{median:.2f}", f"{p95:.2f}")
+            table.append((case.name, *figures))
             goals.at_most(f"{case.name}, times the same by hand", "", GOAL, median, "")
-    CONSOLE.print(table)
+    print_table("One evaluation", columns, table)
     goals.show(args.results / "evaluate_goals.csv")
 
 

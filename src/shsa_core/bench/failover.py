@@ -1,8 +1,10 @@
-"""The outage at a consumer when a node fails: hot, warm and cold substitutes, and what ROS has without healing.
+"""The outage at a consumer when a node fails, with substitutes and without healing.
 
-An outage lasts from the last good message before a failure to the first one after it, by the monotonic clock of the
-consumer. Two consumers listen side by side, one in rospy and one in roscpp. Writes failover.csv (every failure with
-every step), failover_goals.csv and failover.png.
+Substitutes are hot, warm and cold.
+
+An outage lasts from the last good message before a failure to the first one after it, by the
+monotonic clock of the consumer. Two consumers listen side by side, one in rospy and one in roscpp.
+Writes failover.csv (every failure with every step), failover_goals.csv and failover.png.
 """
 import argparse
 import csv
@@ -10,16 +12,15 @@ import random
 import sys
 import time
 from pathlib import Path
-from typing import Callable, Dict, List, NamedTuple, Sequence
+from typing import Callable, Dict, List, NamedTuple, Sequence, Tuple
 
-from rich.progress import Progress
-from rich.table import Table
+from tqdm import tqdm
 
 from contenders import FAULTS, ByHand, Contender, Healed, Respawned, repeat
 from failover_plot import plot
 from graph import Graph
-from report import CONSOLE, Goals, in_words, summary
-from robot import SILENCE, TOPIC, Applications, Consumers
+from report import Goals, in_words, print_table, summary
+from robot import SILENCE_S, TOPIC, Applications, Consumers
 from takeover import STEPS, Takeover
 
 COLUMNS = ("row", "number", *Takeover._fields)
@@ -82,7 +83,7 @@ def judge(rows: Dict[str, List[Takeover]]) -> Goals:
         ratio("warm", "respawn, rospy", 1 / 6)
         ratio("hot", "respawn, roscpp", 1 / 3)
         at_most("hot, rosnode kill", 30.0, "1.5 periods")
-        at_most("hot, SIGSTOP", 1e3 * SILENCE + 30.0, "the deadline and 1.5 periods")
+        at_most("hot, SIGSTOP", 1e3 * SILENCE_S + 30.0, "the deadline and 1.5 periods")
         for count in (100, 500):
             at_most(f"hot, {count} other nodes", 30.0, "1.5 periods")
     return goals
@@ -90,23 +91,25 @@ def judge(rows: Dict[str, List[Takeover]]) -> Goals:
 
 def show(rows: Dict[str, List[Takeover]]) -> None:
     """Print the outages, and the medians of the steps."""
-    outages = Table(title="Outage at a consumer, ms: median / p95 / max")
-    for column in ("", "n", "rospy consumer", "roscpp consumer", "bad messages", "late messages"):
-        outages.add_column(column, justify="left" if column == "" else "right")
-    steps = Table("", *STEPS, title="Steps of the outage at the rospy consumer, ms: medians")
+    columns = ("", "n", "rospy consumer", "roscpp consumer", "bad messages", "late messages")
+    outages: List[Tuple[str, ...]] = []
+    steps: List[Tuple[str, ...]] = []
     for name, takeovers in rows.items():
         of = lambda field: [getattr(each, field) for each in takeovers]
-        outages.add_row(
-            name,
-            str(len(takeovers)),
-            in_words(of("rospy_ms")),
-            in_words(of("roscpp_ms")),
-            str(max(of("rospy_bad") + of("roscpp_bad"), default=0)),
-            str(max(of("late"), default=0)),
+        outages.append(
+            (
+                name,
+                str(len(takeovers)),
+                in_words(of("rospy_ms")),
+                in_words(of("roscpp_ms")),
+                str(max(of("rospy_bad") + of("roscpp_bad"), default=0)),
+                str(max(of("late"), default=0)),
+            )
         )
         if takeovers and takeovers[0].substitute:
-            steps.add_row(name, *(f"{summary(of(step + '_ms'))[0]:.1f}" for step in STEPS))
-    CONSOLE.print(outages, steps)
+            steps.append((name, *(f"{summary(of(step + '_ms'))[0]:.1f}" for step in STEPS)))
+    print_table("Outage at a consumer, ms: median / p95 / max", columns, outages)
+    print_table("Steps of the outage at the rospy consumer, ms: medians", ("", *STEPS), steps)
 
 
 def main() -> int:
@@ -125,9 +128,7 @@ def main() -> int:
     misses = 0
     rows: Dict[str, List[Takeover]] = {}
     path = options.results / "failover.csv"
-    with Graph() as graph, open(path, "w", newline="") as file, Progress(
-        console=CONSOLE
-    ) as progress:
+    with Graph() as graph, open(path, "w", newline="") as file:
         consumers = Consumers(graph, TOPIC)
         applications = Applications(graph, rate=0.0)
         writer = csv.writer(file)
@@ -150,16 +151,17 @@ def main() -> int:
         for name in sorted(wanted, key=lambda each: others.get(each, 0)):
             applications.grow(others.get(name, 0))
             rows[name] = []
-            task = progress.add_task(f"{name:24}", total=failures)
+            progress = tqdm(total=failures, desc=f"{name:24}", disable=None)
 
             def once(contender: Contender) -> None:
                 rows[name].append(fail(contender))
                 writer.writerow([name, len(rows[name]), *rows[name][-1].in_words()])
                 file.flush()
-                progress.advance(task)
+                progress.update()
 
             enough = lambda: len(rows[name]) >= failures
             misses += repeat(graph, contenders[name], once, enough)
+            progress.close()
     show(rows)
     plot(rows, options.results / "failover.png")
     goals = judge(rows)

@@ -9,21 +9,19 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import List
+from typing import Dict, List
 
 import numpy as np
 import rospy
-from rich.console import Console
-from rich.progress import track
+from tqdm import tqdm
 from shsa_msgs.msg import Failure, Health
 
-from graph import BENCH, MONITOR, PATIENCE, Graph, service
-from shsa_core.ros.som_parameter import SOM_PARAMETER
-from shsa_core.ros.testing import wait_until
+from graph import BENCH, MONITOR, PATIENCE_S, Graph, service, write_som
+from shsa_testing.waiting import wait_until
 
 TOPICS = 50
 NODES = 5
-PERIOD = 0.02
+PERIOD_S = 0.02
 LOAD = 4  # busy processes a core
 BUSY = "while True: pass"
 COLUMNS = ("topic_hours", "busy_processes", "cores", "messages", "largest_gap_ms", "false_alarms")
@@ -38,25 +36,24 @@ def main() -> int:
     options.results.mkdir(parents=True, exist_ok=True)
     seconds = options.hours * 3600.0 / TOPICS
     alarms: List[str] = []
-    healthy: List[bool] = []
+    healthy: Dict[str, bool] = {}
 
     def look(table: Health) -> None:
-        healthy[:] = [row.state == "healthy" for row in table.publishers]
+        healthy.update({row.topic: row.state == "healthy" for row in table.publishers})
 
     with Graph() as graph:
         rospy.Subscriber("/shsa/health", Health, look)
         share = TOPICS // NODES
-        som = {}
+        services: List[Dict[str, object]] = []
         for node in range(NODES):
-            arguments = [str(share), str(PERIOD), str(node * share), f"__name:=source_{node}"]
+            arguments = [str(share), str(PERIOD_S), str(node * share), f"__name:=source_{node}"]
             graph.python(BENCH / "stream_source.py", *arguments)
             for i in range(node * share, (node + 1) * share):
-                som[f"p{i}"] = [service(f"/stream_{i}", f"/source_{node}", PERIOD)]
-        rospy.set_param(SOM_PARAMETER, som)
-        graph.python(MONITOR)
+                services.append(service(f"/stream_{i}", f"/source_{node}", PERIOD_S))
+        graph.python(MONITOR, "--som", str(write_som(graph.folder / "som.yaml", services)))
         path = graph.folder / "rows.npy"
-        well = lambda: len(healthy) == TOPICS and all(healthy)
-        wait_until(well, PATIENCE, "all topics are healthy")
+        well = lambda: len(healthy) == TOPICS and all(healthy.values())
+        wait_until(well, PATIENCE_S, "all topics are healthy")
         rospy.Subscriber(
             "/shsa/failures", Failure, lambda f: alarms.append(f"{f.topic}: {f.kind}: {f.detail}")
         )
@@ -65,7 +62,7 @@ def main() -> int:
         for _ in range(LOAD * cores):
             graph.start(sys.executable, "-c", BUSY)
         end = time.monotonic() + seconds
-        for _ in track(range(round(seconds)), description="watching"):
+        for _ in tqdm(range(round(seconds)), desc="watching", disable=None):
             rospy.rostime.wallsleep(min(1.0, max(0.0, end - time.monotonic())))
         probe.wait(60.0)
         rows = np.load(path)
@@ -86,11 +83,10 @@ def main() -> int:
         if new:
             writer.writerow(COLUMNS)
         writer.writerow(row)
-    console = Console()
     for name, value in zip(COLUMNS, row):
-        console.print(f"{name}: {value}")
+        print(f"{name}: {value}")
     for alarm in alarms:
-        console.print(alarm)
+        print(alarm)
     return 1 if alarms else 0
 
 

@@ -1,4 +1,8 @@
-"""A ROS graph of its own for a measurement: a master on a free port, nodes, and an end to all of them."""
+"""A ROS graph of its own for a measurement: a master on a free port, and nodes.
+
+All of them are ended afterwards.
+"""
+import json
 import os
 import shutil
 import signal
@@ -11,28 +15,32 @@ from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Dict, Iterator, Optional, Type
+from typing import Any, Dict, Iterable, Iterator, Mapping, Optional, Type
 
 import psutil
 import rosgraph
 import rospy
 from roslib.packages import find_node
 
-from shsa_core.ros.slave import slave
-from shsa_core.ros.testing import HealedRobot, running, wait_until
+from shsa_core.files.som_file import PARAMETER
+from shsa_core.ros.graph.node_api import node_api
+from shsa_testing.healing import HealedRobot
+from shsa_testing.processes import marked
+from shsa_testing.waiting import wait_until
 
 PACKAGE = Path(__file__).resolve().parent.parent
 BENCH = PACKAGE / "bench"
-FAULTY_PUBLISHER = PACKAGE / "test" / "rostest" / "faulty_publisher"
+FAULTY_PUBLISHER = PACKAGE.parent / "shsa_testing" / "nodes" / "faulty_publisher"
 MONITOR = PACKAGE / "nodes" / "monitor"
 MARK = "SHSA_BENCH"
-PATIENCE = 30.0  # s; with hundreds of nodes up, everything takes longer
+PATIENCE_S = 30.0  # with hundreds of nodes up, everything takes longer
 
 
 class Graph:
     """`with Graph() as graph:` has a master on a free port; this process is a node of it.
 
-    Whatever was started inside has ended after it, however it ends: every process that inherits the mark.
+    Whatever was started inside has ended after it, however it ends: every process that inherits the
+    mark.
     """
 
     def __init__(self) -> None:
@@ -53,7 +61,7 @@ class Graph:
             }
         )
         self.start("rosmaster", "--core", "-p", str(port))
-        wait_until(rosgraph.is_master_online, PATIENCE, "the master")
+        wait_until(rosgraph.is_master_online, PATIENCE_S, "the master")
         rospy.init_node("bench", disable_signals=True)
         return self
 
@@ -107,18 +115,11 @@ class Graph:
     def _started(self) -> Iterator[psutil.Process]:
         """Every process with our mark, until there is none."""
         while True:
-            ours = [process for process in psutil.process_iter() if self._is_ours(process)]
+            ours = [each for each in marked(MARK, self._mark) if each.pid != os.getpid()]
             if not ours:
                 return
             yield from ours
             psutil.wait_procs(ours, timeout=1.0)
-
-    def _is_ours(self, process: psutil.Process) -> bool:
-        try:
-            ours = process.environ().get(MARK) == self._mark
-            return ours and process.pid != os.getpid() and running(process)
-        except (psutil.NoSuchProcess, psutil.AccessDenied, OSError):
-            return False
 
 
 def _leave(number: int, frame: Any) -> None:
@@ -147,12 +148,40 @@ def uri_of(node: str) -> str:
 def shut_down(node: str) -> None:
     """What `rosnode kill` does, without the start of a command."""
     with suppress(OSError):  # it may be gone before it can answer
-        slave(uri_of(node)).shutdown(rospy.get_name(), "the benchmark says so")
+        node_api(uri_of(node)).shutdown(rospy.get_name(), "the benchmark says so")
 
 
-def service(topic: str, node: str, period: float, **more: object) -> Dict[str, object]:
-    """A service on a topic of shsa_msgs/Float64Stamped, as it lies on the parameter server."""
-    entry: Dict[str, object] = {"topic": topic, "node": node, "period": period, "field": "data"}
-    entry["type"] = "shsa_msgs/Float64Stamped"
-    entry.update(more)
-    return entry
+def service(
+    topic: str,
+    node: str,
+    period: float,
+    value: Optional[Mapping[str, object]] = None,
+    **more: object,
+) -> Dict[str, object]:
+    """A service on a topic of shsa_msgs/Float64Stamped as in a SOM file.
+
+    It provides a property of the topic's name.
+
+    `value` is what else is said of its value, and `more` what else is said of it.
+    """
+    provided: Dict[str, object] = {"field": "data", **(value or {})}
+    return {
+        "topic": topic,
+        "type": "shsa_msgs/Float64Stamped",
+        "node": node,
+        "period": period,
+        "provides": {topic.strip("/"): provided},
+        **more,
+    }
+
+
+def write_som(path: Path, services: Iterable[Mapping[str, object]]) -> Path:
+    """Write a SOM file of services, each with the name of its topic.
+
+    No older one is left as parameters.
+    """
+    if rospy.has_param(PARAMETER):
+        rospy.delete_param(PARAMETER)
+    named = {str(each["topic"]).strip("/"): each for each in services}
+    path.write_text(json.dumps({"services": named}, indent=1))  # JSON is YAML as well
+    return path

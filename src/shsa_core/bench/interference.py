@@ -1,10 +1,10 @@
-"""Freedom of interference (Section III-A3): what reconfigurations do to ten topics that have nothing to do with them.
+"""Freedom of interference (Section III-A3): what reconfigurations do to ten unconcerned topics.
 
-Ten roscpp nodes publish at 50 Hz, and one roscpp node hears them all. Jitter is how far the time between two
-messages is from the period. The phases:
-    before, after: healing watches, and nothing happens.
-    takeover: half a second from each failure on.   return: from the failed node's start to the incident's end; the
-    start of a rospy node, which somebody else asked for, is part of it.
+Ten roscpp nodes publish at 50 Hz, and one roscpp node hears them all. Jitter is how far the time
+between two messages is from the period. The phases:
+    before, after: healing watches, and nothing happens. takeover: half a second from each failure
+    on.   return: from the failed node's start to the incident's end; the start of a rospy node,
+    which somebody else asked for, is part of it.
 Writes interference.csv (every interval), interference_goals.csv and interference.png.
 """
 import argparse
@@ -17,20 +17,19 @@ from typing import Dict, Iterator, List, NamedTuple, Set, Tuple
 
 import matplotlib.pyplot as plt
 import numpy as np
-from rich.progress import Progress
-from rich.table import Table
+from tqdm import tqdm
 
 from contenders import Healed, kill_hard, repeat
-from graph import PATIENCE, Graph
-from report import CONSOLE, Goals
+from graph import PATIENCE_S, Graph
+from report import Goals, print_table
 from robot import TOPIC, Consumer, Consumers
-from shsa_core.ros.testing import wait_until
+from shsa_testing.waiting import wait_until
 
-PERIOD = 0.02
+PERIOD_S = 0.02
 TOPICS = tuple(f"/uninvolved_{number}" for number in range(10))
 PHASES = ("before", "takeover", "return", "after")
-TAKEOVER = 0.5  # s
-GOAL = 0.5 * 1e3 * PERIOD  # ms; by so much the 99th percentile of jitter may grow
+TAKEOVER_S = 0.5
+GOAL = 0.5 * 1e3 * PERIOD_S  # ms; by so much the 99th percentile of jitter may grow
 STANDBYS = ("cold", "warm", "hot")
 COLUMNS = ("standby", "phase", "topic", "at_s", "interval_ms", "lost")
 
@@ -58,11 +57,11 @@ def pause(seconds: float) -> Tuple[float, float]:
 
 def disturb(robot: Healed, windows: Windows) -> None:
     """Fail and come back; note when."""
-    time.sleep(PERIOD * random.random())
+    time.sleep(PERIOD_S * random.random())
     begun = time.monotonic()
     robot.take_over()
-    time.sleep(max(0.0, begun + TAKEOVER - time.monotonic()))
-    windows["takeover"].append((begun, begun + TAKEOVER))
+    time.sleep(max(0.0, begun + TAKEOVER_S - time.monotonic()))
+    windows["takeover"].append((begun, begun + TAKEOVER_S))
     begun = time.monotonic()
     robot.bring_back()
     robot.await_well()
@@ -88,14 +87,13 @@ def intervals(standby: str, listener: Consumer, windows: Windows) -> Iterator[In
 def jitter(found: List[Interval], standby: str, phase: str) -> np.ndarray:
     """How far each interval of a phase is from the period, in ms."""
     values = [each.ms for each in found if (each.standby, each.phase) == (standby, phase)]
-    return np.abs(np.array(values) - 1e3 * PERIOD)
+    return np.abs(np.array(values) - 1e3 * PERIOD_S)
 
 
 def show(found: List[Interval]) -> Goals:
     """Print the table; the goals."""
-    table = Table(title="Ten uninvolved topics at 50 Hz; times in ms")
-    for column in ("", "n", "period: mean", "jitter: p50", "p95", "p99", "max", "messages lost"):
-        table.add_column(column, justify="left" if column == "" else "right")
+    columns = ("", "n", "period: mean", "jitter: p50", "p95", "p99", "max", "messages lost")
+    table: List[Tuple[str, ...]] = []
     goals = Goals()
     for standby in dict.fromkeys(each.standby for each in found):
         p99 = {}
@@ -107,12 +105,12 @@ def show(found: List[Interval]) -> Goals:
             lost[phase] = sum(each.lost for each in part)
             mean = np.mean([each.ms for each in part])
             figures = (f"{each:.2f}" for each in (mean, p50, p95, p99[phase], values.max()))
-            table.add_row(f"{standby}, {phase}", str(len(part)), *figures, str(lost[phase]))
+            table.append((f"{standby}, {phase}", str(len(part)), *figures, str(lost[phase])))
         for phase in ("takeover", "return", "after"):
             more = p99[phase] - p99["before"]
             goals.at_most(f"{standby}, {phase}: p99 of jitter grows by", "roscpp", GOAL, more, "ms")
         goals.at_most(f"{standby}: messages lost", "roscpp", 0, sum(lost.values()), "")
-    CONSOLE.print(table)
+    print_table("Ten uninvolved topics at 50 Hz; times in ms", columns, table)
     return goals
 
 
@@ -152,16 +150,16 @@ def main() -> int:
     seconds = 2.0 if options.short else options.seconds
     found: List[Interval] = []
     misses = 0
-    with Graph() as graph, Progress(console=CONSOLE) as progress:
+    with Graph() as graph:
         consumers = Consumers(graph, TOPIC)
         for topic in TOPICS:
-            graph.cpp("talker", topic, str(PERIOD), f"__name:={topic[1:]}")
+            graph.cpp("talker", topic, str(PERIOD_S), f"__name:={topic[1:]}")
         for standby in ("hot",) if options.short else options.only:
-            task = progress.add_task(standby, total=count)
-            make = lambda: Healed(graph, consumers, standby, PERIOD, kill_hard)
+            progress = tqdm(total=count, desc=standby, disable=None)
+            make = lambda: Healed(graph, consumers, standby, PERIOD_S, kill_hard)
             process = graph.cpp("consumer", *TOPICS, "__name:=listener", heard=True)
             listener = Consumer(process, "/listener")
-            wait_until(lambda: len(_heard(listener)) == len(TOPICS), PATIENCE, "all topics")
+            wait_until(lambda: len(_heard(listener)) == len(TOPICS), PATIENCE_S, "all topics")
             windows: Windows = {phase: [] for phase in PHASES}
 
             def once(robot: Healed) -> None:
@@ -169,13 +167,14 @@ def main() -> int:
                 if not windows["before"]:
                     windows["before"].append(pause(seconds))
                 disturb(robot, windows)
-                progress.advance(task)
+                progress.update()
                 if enough():
                     windows["after"].append(pause(seconds))
 
             enough = lambda: len(windows["return"]) >= count
             misses += repeat(graph, make, once, enough)
             listener.end()
+            progress.close()
             found += intervals(standby, listener, windows)
     with open(options.results / "interference.csv", "w", newline="") as file:
         writer = csv.writer(file)

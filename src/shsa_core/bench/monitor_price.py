@@ -1,7 +1,7 @@
-"""The monitor's price: its share of a CPU, and what it does to the streams that it watches (the probe effect).
+"""The monitor's price: its share of a CPU, and its probe effect on the streams that it watches.
 
-50 topics at 1,000 and at 10,000 messages/s together; a consumer beside the monitor listens to 5 of them. Without the
-monitor; with it, values not checked; with it, values checked: taken in turns.
+50 topics at 1,000 and at 10,000 messages/s together; a consumer beside the monitor listens to 5 of
+them. Without the monitor; with it, values not checked; with it, values checked: taken in turns.
 Writes results/bench/monitor_price.csv.
 """
 import argparse
@@ -11,16 +11,13 @@ from typing import Dict, List, Optional
 
 import numpy as np
 import psutil
-import rospy
-from rich.console import Console
-from rich.table import Table
 
-from graph import BENCH, MONITOR, Graph, ask_to_leave, service
-from shsa_core.ros.som_parameter import SOM_PARAMETER
+from graph import BENCH, MONITOR, Graph, ask_to_leave, service, write_som
+from report import print_table
 
 TOPICS = 50
 PROBED = 5
-SETTLE = 3.0
+SETTLING_TIME_S = 3.0
 MODES = ("no monitor", "values not checked", "values checked")
 COLUMNS = (
     "messages_per_s",
@@ -38,16 +35,13 @@ COLUMNS = (
 def measure(graph: Graph, rate: float, mode: str, seconds: float) -> Dict[str, object]:
     """One run: the row of figures, times in us."""
     period = TOPICS / rate
-    checks = {"not_a_number": mode == "values checked"}
-    som = {
-        f"p{i}": [service(f"/stream_{i}", "/stream_source", period, checks=checks)]
-        for i in range(TOPICS)
-    }
-    rospy.set_param(SOM_PARAMETER, som)
+    value = {"checks": {"not_a_number": mode == "values checked"}}
+    services = [service(f"/stream_{i}", "/stream_source", period, value) for i in range(TOPICS)]
+    som = write_som(graph.folder / "som.yaml", services)
     source = graph.python(BENCH / "stream_source.py", str(TOPICS), str(period))
-    monitor = None if mode == "no monitor" else graph.python(MONITOR)
+    monitor = None if mode == "no monitor" else graph.python(MONITOR, "--som", str(som))
     path = graph.folder / "rows.npy"
-    wanted = SETTLE + seconds
+    wanted = SETTLING_TIME_S + seconds
     probe = graph.python(BENCH / "stream_probe.py", str(path), str(PROBED), str(wanted))
     share = _cpu_share(monitor.pid if monitor else None, seconds)
     probe.wait(wanted + 30.0)
@@ -60,7 +54,7 @@ def measure(graph: Graph, rate: float, mode: str, seconds: float) -> Dict[str, o
 
 
 def _cpu_share(process: Optional[int], seconds: float) -> Dict[str, object]:
-    psutil.cpu_percent(interval=SETTLE)
+    psutil.cpu_percent(interval=SETTLING_TIME_S)
     if process is None:
         return {"monitor_cpu_percent": 0.0}
     return {"monitor_cpu_percent": psutil.Process(process).cpu_percent(interval=seconds)}
@@ -90,7 +84,7 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=Path("results/bench"))
     options = parser.parse_args()
     options.results.mkdir(parents=True, exist_ok=True)
-    table = Table(*COLUMNS, title="The monitor's price")
+    table: List[List[str]] = []
     with Graph() as graph, open(options.results / "monitor_price.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
@@ -101,8 +95,8 @@ def main() -> None:
                     row["round"] = number + 1
                     writer.writerow(row)
                     file.flush()
-                    table.add_row(*(str(row[column]) for column in COLUMNS))
-    Console(width=160).print(table)
+                    table.append([str(row[column]) for column in COLUMNS])
+    print_table("The monitor's price", COLUMNS, table)
 
 
 if __name__ == "__main__":

@@ -1,17 +1,14 @@
-"""What every benchmark says at its end: a table of p50, p95 and max, and its goals with their verdicts."""
+"""What every benchmark says at its end: tables, and its goals with their verdicts."""
 import csv
-import sys
 from pathlib import Path
-from typing import List, Sequence, Tuple
+from typing import Iterable, List, Sequence, Tuple
 
 import matplotlib
 import numpy as np
-from rich.console import Console
-from rich.table import Table
+from tabulate import tabulate
 
 matplotlib.use("Agg")
 
-CONSOLE = Console(width=None if sys.stdout.isatty() else 120)
 COLUMNS = ("goal", "consumer", "at most", "measured", "verdict")
 
 
@@ -25,6 +22,13 @@ def summary(values: Sequence[float]) -> Tuple[float, float, float]:
 def in_words(values: Sequence[float], digits: int = 1) -> str:
     """`median / p95 / max`."""
     return " / ".join(f"{value:.{digits}f}" for value in summary(values))
+
+
+def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table; the first column is of words, the others of figures."""
+    align = ["left"] + ["right"] * (len(columns) - 1)
+    text = tabulate(list(rows), columns, disable_numparse=True, colalign=align)
+    print(f"\n{title}\n{text}\n", flush=True)
 
 
 class Goals:
@@ -41,15 +45,6 @@ class Goals:
 
     def show(self, path: Path) -> None:
         """Print the goals, and write them to a CSV file."""
-        CONSOLE.print(goals_table(self.rows))
+        print_table("Goals", COLUMNS, self.rows)
         with open(path, "w", newline="") as file:
             csv.writer(file).writerows([COLUMNS, *self.rows])
-
-
-def goals_table(rows: Sequence[Sequence[str]]) -> Table:
-    """The goals as a table."""
-    table = Table(*COLUMNS, title="Goals")
-    colours = {"met": "green", "not met": "red"}
-    for *words, verdict in rows:
-        table.add_row(*words, f"[{colours[verdict]}]{verdict}[/]")
-    return table

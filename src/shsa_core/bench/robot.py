@@ -1,26 +1,27 @@
-"""A small robot to measure healing on: two nodes, healing that watches over them, and two consumers."""
+"""A small robot to measure healing on: two nodes, healing, and two consumers."""
 import subprocess
 import threading
 import time
 from pathlib import Path
-from typing import Dict, Iterator, List, NamedTuple, Sequence
+from typing import Dict, Iterator, List, NamedTuple, Sequence, Tuple
 
 import psutil
 import rosgraph
 import rospy
 from std_msgs.msg import String
 
-from graph import BENCH, FAULTY_PUBLISHER, PATIENCE, Graph, ask_to_leave
-from shsa_core.ros.testing import is_connected, node_pid, registered_nodes, wait_until
+from graph import BENCH, FAULTY_PUBLISHER, PATIENCE_S, Graph, ask_to_leave, service, write_som
+from shsa_testing.graph import is_connected, node_pid, registered_nodes
+from shsa_testing.waiting import wait_until
 
 TOPIC, NODE = "/lost", "/failing"
 KEPT_TOPIC, KEPT_NODE = "/kept", "/steady"
 LIMIT = 10.0  # of the good values of TOPIC
-SILENCE = 0.1  # s; the monitor's deadline for a topic at 50 Hz: five periods
-HOLD_OFF = 1.0  # s; until then a substitute has handed over all consumers
+SILENCE_S = 0.1  # the monitor's deadline for a topic at 50 Hz: five periods
+HOLD_OFF_S = 1.0  # until then a substitute has handed over all consumers
 POOL = 2
 # The same node fails again and again here: that is not to be taken for a node that flaps.
-TIRELESS = {"hold_off_limit": HOLD_OFF, "switches": 0, "healings": 0}
+TIRELESS = {"hold_off_limit": HOLD_OFF_S, "switches": 0, "healings": 0}
 
 ONTOLOGY = """
 properties:
@@ -29,13 +30,6 @@ properties:
 relations:
   half:
     lost: 0.5 * kept
-"""
-SOM = """
-lost:
-  - {{topic: {topic}, field: data, type: shsa_msgs/Float64Stamped, node: {node}, period: {period},
-     range: [-{limit}, {limit}], needed: true, standby: {standby}}}
-kept:
-  - {{topic: {kept_topic}, field: data, type: shsa_msgs/Float64Stamped, node: {kept_node}, period: {period}}}
 """
 
 
@@ -54,7 +48,7 @@ class Applications:
             self._processes.append(
                 self._graph.cpp("application", str(number), str(self._rate), name)
             )
-        wait_until(lambda: _applications() >= count, PATIENCE, f"{count} application nodes")
+        wait_until(lambda: _applications() >= count, PATIENCE_S, f"{count} application nodes")
 
 
 def _applications() -> int:
@@ -140,7 +134,7 @@ class Consumers:
         for consumer in self:
             wait_until(
                 lambda: any(each.node == node for each in consumer.since(since)[-20:]),
-                PATIENCE,
+                PATIENCE_S,
                 f"{consumer.node} hears {node}",
             )
 
@@ -162,25 +156,25 @@ class HealthyRobot:
             rospy.set_param(f"/reconfigurator/{name}", value)
         self._launch = graph.start(
             *("roslaunch", "shsa_core", "shsa.launch"),
-            *(f"ontology:={paths[0]}", f"som:={paths[1]}", f"hold_off:={HOLD_OFF}"),
-            f"minimum_deadline:={SILENCE}",
+            *(f"ontology:={paths[0]}", f"som:={paths[1]}", f"hold_off:={HOLD_OFF_S}"),
+            f"minimum_deadline:={SILENCE_S}",
             *(f"pool:={POOL}", f"incident_log:={graph.folder / 'incidents.jsonl'}"),
         )
 
     def await_well(self) -> None:
         """Wait until no incident is open, the original is heard, and what stands by is ready."""
         consumers, healing = self._consumers, self.healing
-        wait_until(lambda: not self._open(), PATIENCE, "the incident's end")
-        healing.await_available(TOPIC, KEPT_TOPIC, seconds=PATIENCE)
+        wait_until(lambda: not self._open(), PATIENCE_S, "the incident's end")
+        healing.await_available(TOPIC, KEPT_TOPIC, seconds=PATIENCE_S)
         consumers.await_node(NODE, time.monotonic())
         hot = self.standby == "hot"
-        rows = lambda: [r for r in healing.substitutions.substitutions if r.topic == TOPIC]
-        wait_until(lambda: len(rows()) == hot, PATIENCE, "what stands by is as it should be")
+        rows = lambda: [r for r in healing.substitutions if r.service == TOPIC.strip("/")]
+        wait_until(lambda: len(rows()) == hot, PATIENCE_S, "what stands by is as it should be")
         if hot:
             served = lambda: any(self._served_by(row.node) for row in rows())
-            wait_until(served, PATIENCE, "all are connected")
+            wait_until(served, PATIENCE_S, "all are connected")
         if self.standby == "warm":
-            wait_until(self._pool_ready, PATIENCE, "the pool is full")
+            wait_until(self._pool_ready, PATIENCE_S, "the pool is full")
         for each in consumers:
             each.forget()
 
@@ -229,19 +223,13 @@ def talker(node: str, topic: str, value: float, period: float) -> Sequence[str]:
     return (f"_topic:={topic}", f"_value:={value}", f"_period:={period}", name)
 
 
-def write_model(folder: Path, standby: str, period: float) -> Sequence[Path]:
+def write_model(folder: Path, standby: str, period: float) -> Tuple[Path, Path]:
     """The small robot's ontology and SOM, as files."""
     ontology, som = folder / "ontology.yaml", folder / "som.yaml"
     ontology.write_text(ONTOLOGY)
-    som.write_text(
-        SOM.format(
-            topic=TOPIC,
-            node=NODE,
-            kept_topic=KEPT_TOPIC,
-            kept_node=KEPT_NODE,
-            limit=LIMIT,
-            period=period,
-            standby=standby,
-        )
+    lost = {"range": [-LIMIT, LIMIT]}
+    services = (
+        service(TOPIC, NODE, period, lost, needed=True, standby=standby),
+        service(KEPT_TOPIC, KEPT_NODE, period),
     )
-    return ontology, som
+    return ontology, write_som(som, services)

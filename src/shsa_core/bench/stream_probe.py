@@ -1,6 +1,7 @@
 """A consumer of /stream_0, /stream_1, ...: notes when each message was sent and when it came.
 
-Usage: stream_probe.py FILE TOPICS SECONDS: writes an array of rows (topic's number, sent, received) to FILE (.npy).
+Usage: stream_probe.py FILE TOPICS SECONDS: writes an array of rows (topic's number, sent, received)
+to FILE (.npy).
 """
 import struct
 import sys

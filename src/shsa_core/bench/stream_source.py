@@ -1,8 +1,9 @@
 """A node that publishes many topics at a steady rate, cheaply: the load for measurements.
 
-Usage: stream_source.py TOPICS PERIOD [FIRST]: publishes TOPICS topics from /stream_FIRST on (0 if not given) as
-shsa_msgs/Float64Stamped, each every PERIOD s, evenly spread over time. A message is serialised once for all of its
-subscribers, and carries the monotonic time in s at which it was sent.
+Usage: stream_source.py TOPICS PERIOD [FIRST]: publishes TOPICS topics from /stream_FIRST on (0 if
+not given) as shsa_msgs/Float64Stamped, each every PERIOD s, evenly spread over time. A message is
+serialised once for all of its subscribers, and carries the monotonic time in s at which it was
+sent.
 """
 import io
 import sys

@@ -5,7 +5,7 @@ from shsa_msgs.msg import Incident
 
 from graph import uri_of
 from robot import NODE, Consumer, Consumers
-from shsa_core.ros import clock
+from shsa_core.ros.graph import clock
 
 STEPS = ("waited", "detect", "decide", "start", "kill", "connect", "first")
 NAN = float("nan")
@@ -14,11 +14,12 @@ NAN = float("nan")
 class Takeover(NamedTuple):
     """Times in ms; the steps add up to the outage at the rospy consumer.
 
-    waited: from the last good message to the failure; it had to come anyway.
-    detect: until the monitor saw the failure. decide: until the reconfigurator had its substitute.
-    start: until the substitute was set to work. kill: until the faulty node was gone, where that must be waited for.
-    connect: until the rospy consumer knew it; a hot one it knows. first: until its first good message from the substitute.
-    `bad`: messages out of range that a consumer heard; `late`: messages of the faulty node after the substitute's first.
+    waited: from the last good message to the failure; it had to come anyway. detect: until the
+    monitor saw the failure. decide: until the reconfigurator had its substitute. start: until the
+    substitute was set to work. kill: until the faulty node was gone, where that must be waited for.
+    connect: until the rospy consumer knew it; a hot one it knows. first: until its first good
+    message from the substitute. `bad`: messages out of range that a consumer heard; `late`:
+    messages of the faulty node after the substitute's first.
     """
 
     rospy_ms: float
@@ -48,7 +49,7 @@ def healed(consumers: Consumers, failed_at: float, incident: Incident) -> Takeov
     moments = [last, failed_at]
     for stamp in (incident.detected, incident.found, incident.spawned):
         moments.append(clock.from_stamp(stamp) or 0.0)
-    # A node whose connection is lost has no voice: nobody waits until it is gone.
+    # A node whose connection is lost publishes no more: nobody waits until it is gone.
     moments.append(
         0.0 if incident.kind == "node_gone" else clock.from_stamp(incident.killed) or 0.0
     )
@@ -78,6 +79,6 @@ def gap(consumer: Consumer, failed_at: float) -> float:
 
 
 def _edges(consumer: Consumer, node: str, failed_at: float) -> Tuple[float, float]:
-    """When the last good message came before `node` spoke, after a failure, and its first good one."""
+    """When the last good message came before `node` published, and its first good one."""
     first = next(m.at for m in consumer.since(failed_at) if m.node == node and m.good)
     return max(m.at for m in list(consumer.messages) if m.at < first and m.good), first

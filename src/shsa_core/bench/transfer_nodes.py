@@ -1,16 +1,25 @@
-"""The paper's second experiment (Section V-B2, Fig. 11): a transfer node's times over the number of application nodes.
+"""The paper's second experiment (Section V-B2, Fig. 11): a transfer node's times.
 
-A transfer node is a substitute, started by rosrun with its three strings. Of each, in ms:
-    start: from the command until the master knows the node.   up: from the command to its first message at a consumer.
-    shut: from asking it to leave until its registrations are gone.   down: from asking until its process is gone.
-Then takeovers of warm and hot topics: from the last good message before a kill -9 to the first one after it.
+They are taken over the number of application nodes.
 
-Rows are appended to transfer_nodes.csv and counted: a measurement that was interrupted goes on where it was. Draws
-transfer_nodes.png.
+A transfer node is a substitute, started by rosrun with its three strings. The paper's four times of
+each, in ms:
+    start: the call that starts it.   up: from that call until a subscriber receives its first
+    message. shut: the call that kills it.     down: from that call until a subscriber misses its
+    first message.
+And beside them:
+    registered: from the start until the master knows the node. unregistered: from the kill until
+    its registrations are gone.   gone: from the kill until its process has ended.
+Then takeovers of warm and hot topics: from the last good message before a kill -9 to the first one
+after it.
+
+Rows are appended to transfer_nodes.csv and counted: a measurement that was interrupted goes on
+where it was. Draws transfer_nodes.png.
 """
 import argparse
 import csv
 import itertools
+import random
 import sys
 import threading
 import time
@@ -20,39 +29,47 @@ from typing import Dict, List, Tuple
 import matplotlib.pyplot as plt
 import rosgraph
 import rospy
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
+from tqdm import tqdm
 
 from contenders import Healed, kill_hard, repeat
-from graph import FAULTY_PUBLISHER, PATIENCE, Graph, ask_to_leave, shut_down, uri_of
-from report import CONSOLE, in_words
+from graph import FAULTY_PUBLISHER, PATIENCE_S, Graph, ask_to_leave, shut_down, uri_of
+from report import in_words, print_table
 from robot import KEPT_NODE, KEPT_TOPIC, TOPIC, Applications, Consumers, talker, write_model
-from shsa_core.healing.plans import plan_topic
-from shsa_core.model.ontology_file import read_ontology
-from shsa_core.model.som import read_som
-from shsa_core.ros.som_parameter import put_som
-from shsa_core.ros.testing import wait_until
+from shsa_core.codegen.plans import plan_service
+from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.som_file import read_som
+from shsa_core.ros.graph.som_parameter import put_som
+from shsa_core.search.derivation import SourceTable
+from shsa_testing.waiting import wait_until
 
-PERIOD = 0.02
+PERIOD_S = 0.02
+SILENT_PERIODS = 5  # without a message: there will be no more
 NUMBERS = itertools.count(1)
 RATE = 1.0  # Hz, of each application node
-COLUMNS = ("measure", "nodes", "repetition", "ms")
-TRANSFER = ("start", "up", "shut", "down")
+COLUMNS = ("measure", "nodes", "repetition", "time_ms")
+PAPER = ("start", "up", "shut", "down")
+TRANSFER = (*PAPER, "registered", "unregistered", "gone")
 TAKEOVERS = ("warm", "hot")
 PARTS = ("transfer", *TAKEOVERS)
 
 
 class Results:
-    """The rows of the CSV file, those of earlier runs included."""
+    """The rows of the CSV file, those of earlier runs included.
+
+    Raises SystemExit if it holds something else.
+    """
 
     def __init__(self, path: Path) -> None:
         self.values: Dict[Tuple[str, int], List[float]] = {}
         self._path = path
         if path.exists():
             with open(path, newline="") as file:
-                for row in csv.DictReader(file):
+                reader = csv.DictReader(file)
+                if tuple(reader.fieldnames or ()) != COLUMNS:
+                    raise SystemExit(f"{path} holds other measures; --fresh begins anew.")
+                for row in reader:
                     key = (row["measure"], int(row["nodes"]))
-                    self.values.setdefault(key, []).append(float(row["ms"]))
+                    self.values.setdefault(key, []).append(float(row["time_ms"]))
         else:
             self._write(COLUMNS)
 
@@ -77,18 +94,19 @@ class TransferNode:
     def __init__(self, graph: Graph, consumers: Consumers) -> None:
         self._graph = graph
         self._consumer = consumers.rospy
-        ontology, path = write_model(graph.folder, "cold", PERIOD)
-        som = read_som(str(path))
+        paths = write_model(graph.folder, "cold", PERIOD_S)
+        ontology, som = read_ontology(str(paths[0])), read_som(str(paths[1]))
         put_som(som)
-        services = som.of_topic(KEPT_TOPIC)
-        self._program = plan_topic(read_ontology(str(ontology)), som, services, TOPIC).program
-        arguments = talker(KEPT_NODE, KEPT_TOPIC, 2.0, PERIOD)
+        table = SourceTable(ontology.network, som.sources)
+        (lost,) = som.of_topic(TOPIC)
+        self._program = plan_service(ontology, lost, table).program
+        arguments = talker(KEPT_NODE, KEPT_TOPIC, 2.0, PERIOD_S)
         self._steady = graph.python(FAULTY_PUBLISHER, *arguments)
 
     def measure(self) -> Tuple[float, ...]:
         """Start one and stop it; its times in ms, in the order of TRANSFER."""
         node = f"/transfer_{next(NUMBERS)}"
-        wait_until(lambda: uri_of(KEPT_NODE) != "", PATIENCE, f"{KEPT_NODE} is up")
+        wait_until(lambda: uri_of(KEPT_NODE) != "", PATIENCE_S, f"{KEPT_NODE} is up")
         self._consumer.forget()
         program = self._program
         strings = (",".join(program.inputs), program.code, ",".join(program.outputs))
@@ -96,29 +114,48 @@ class TransferNode:
         process = self._graph.start(
             "rosrun", "shsa_core", "substitute", *strings, f"__name:={node[1:]}"
         )
-        heard = lambda: [m.at for m in self._consumer.since(begun) if m.node == node]
-        wait_until(lambda: uri_of(node) != "", PATIENCE, f"{node} registers")
         start = time.monotonic() - begun
-        wait_until(lambda: bool(heard()), PATIENCE, f"{node} speaks")
+        heard = lambda: [m.at for m in self._consumer.since(begun) if m.node == node]
+        wait_until(lambda: uri_of(node) != "", PATIENCE_S, f"{node} registers")
+        registered = time.monotonic() - begun
+        wait_until(lambda: bool(heard()), PATIENCE_S, f"{node} publishes")
         up = heard()[0] - begun
+        time.sleep(random.random() * PERIOD_S)
         asked = time.monotonic()
-        # The node does not answer: the call lasts until its process is gone.
-        threading.Thread(target=shut_down, args=(node,)).start()
-        wait_until(lambda: not _has_services(node), PATIENCE, f"{node} unregisters")
-        shut = time.monotonic() - asked
-        wait_until(lambda: process.poll() is not None, PATIENCE, f"the process of {node} ends")
-        down = time.monotonic() - asked
-        return tuple(1e3 * each for each in (start, up, shut, down))
+        shut: List[float] = []
+        killer = threading.Thread(target=_kill, args=(node, shut))
+        killer.start()
+        wait_until(lambda: not _has_services(node), PATIENCE_S, f"{node} unregisters")
+        unregistered = time.monotonic() - asked
+        wait_until(lambda: process.poll() is not None, PATIENCE_S, f"the process of {node} ends")
+        gone = time.monotonic() - asked
+        killer.join()
+        silent = lambda: time.monotonic() > heard()[-1] + SILENT_PERIODS * PERIOD_S
+        wait_until(silent, PATIENCE_S, f"nobody hears {node} any more")
+        down = heard()[-1] + PERIOD_S - asked
+        times = (start, up, shut[0], down, registered, unregistered, gone)
+        return tuple(1e3 * each for each in times)
 
     def end(self) -> None:
         """Stop the node that publishes the input."""
         ask_to_leave(self._steady)
 
 
+def _kill(node: str, took: List[float]) -> None:
+    """The kill call, and how long it took (s).
+
+    The node does not answer it: it lasts until the process is gone.
+    """
+    begun = time.monotonic()
+    shut_down(node)
+    took.append(time.monotonic() - begun)
+
+
 def _has_services(node: str) -> bool:
     """Whether the services of a rospy node, which it unregisters last, are known to the master.
 
-    The node's name will not do: one that has ever logged a warning stays known by a subscribed parameter.
+    The node's name will not do: one that has ever logged a warning stays known by a subscribed
+    parameter.
     """
     try:
         rosgraph.Master(rospy.get_name()).lookupService(node + "/set_logger_level")
@@ -130,13 +167,14 @@ def _has_services(node: str) -> bool:
 def plot(results: Results, path: Path) -> None:
     """Box plots over the number of application nodes, one panel a measure."""
     figure, axes = plt.subplots(2, 3, figsize=(13, 7), constrained_layout=True)
-    for axis, measure in zip(axes.T.flat, (*TRANSFER, *TAKEOVERS)):
+    for axis, measure in zip(axes.T.flat, (*PAPER, *TAKEOVERS)):
         steps = sorted(nodes for name, nodes in results.values if name == measure)
-        axis.boxplot(
-            [results.values[measure, nodes] for nodes in steps],
-            labels=[str(nodes) for nodes in steps],
-            flierprops={"markersize": 3},
-        )
+        if steps:
+            axis.boxplot(
+                [results.values[measure, nodes] for nodes in steps],
+                labels=[str(nodes) for nodes in steps],
+                flierprops={"markersize": 3},
+            )
         taken = " takeover" if measure in TAKEOVERS else ""
         axis.set_title(f"{measure}{taken}")
         axis.set_ylabel("ms")
@@ -150,17 +188,16 @@ def plot(results: Results, path: Path) -> None:
 
 def show(results: Results) -> None:
     """Print the table."""
-    table = Table(title="Times in ms over the number of application nodes: median / p95 / max")
-    table.add_column("nodes", justify="right")
-    table.add_column("n", justify="right")
-    for measure in (*TRANSFER, *(f"{word} takeover" for word in TAKEOVERS)):
-        table.add_column(measure, justify="right")
+    columns = ("nodes", "n", *TRANSFER, *(f"{word} takeover" for word in TAKEOVERS))
+    table: List[Tuple[str, ...]] = []
     for nodes in sorted({nodes for _, nodes in results.values}):
         counts = {m: results.count(m, nodes) for m in (*TRANSFER, *TAKEOVERS)}
         least, most = min(counts.values()), max(counts.values())
         figures = [in_words(results.values.get((m, nodes), ()), 0) for m in counts]
-        table.add_row(str(nodes), str(most) if least == most else f"{least}-{most}", *figures)
-    CONSOLE.print(table)
+        count = str(most) if least == most else f"{least}-{most}"
+        table.append((str(nodes), count, *figures))
+    title = "Times in ms over the number of application nodes: median / p95 / max"
+    print_table(title, columns, table)
 
 
 def main() -> int:
@@ -181,31 +218,25 @@ def main() -> int:
         path.unlink()
     results = Results(path)
     misses = 0
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed}/{task.total}"),
-    )
     # A transfer node's last measure tells that all of them are there.
     lasts = [TRANSFER[-1] if part == "transfer" else part for part in options.only]
     total = len(lasts) * len(levels) * repetitions
     done = sum(min(repetitions, results.count(last, nodes)) for last in lasts for nodes in levels)
     if done:
-        CONSOLE.print(f"{done} repetitions are there already; --fresh forgets them.")
-    with Graph() as graph, Progress(*columns, TimeRemainingColumn(), console=CONSOLE) as progress:
-        task = progress.add_task("", total=total, completed=done)
+        print(f"{done} repetitions are there already; --fresh forgets them.")
+    with Graph() as graph, tqdm(total=total, initial=done, disable=None) as progress:
         consumers = Consumers(graph, TOPIC)
         applications = Applications(graph, RATE)
         for nodes in levels:
             if all(results.count(last, nodes) >= repetitions for last in lasts):
                 continue
-            progress.update(task, description=f"{nodes} nodes")
+            progress.set_description(f"{nodes} nodes")
             applications.grow(nodes)
 
             def transfer(node: TransferNode) -> None:
                 for measure, value in zip(TRANSFER, node.measure()):
                     results.add(measure, nodes, value)
-                progress.advance(task)
+                progress.update()
 
             enough = lambda: results.count(TRANSFER[-1], nodes) >= repetitions
             if "transfer" in options.only and not enough():
@@ -217,9 +248,9 @@ def main() -> int:
                 def take_over(robot: Healed) -> None:
                     robot.await_well()
                     results.add(standby, nodes, robot.fail().rospy_ms)
-                    progress.advance(task)
+                    progress.update()
 
-                make = lambda: Healed(graph, consumers, standby, PERIOD, kill_hard)
+                make = lambda: Healed(graph, consumers, standby, PERIOD_S, kill_hard)
                 enough = lambda: results.count(standby, nodes) >= repetitions
                 misses += repeat(graph, make, take_over, enough)
     show(results)

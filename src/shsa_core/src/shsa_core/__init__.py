@@ -1,0 +1,3 @@
+"""Self-healing by structural adaptation."""
+
+__version__ = "0.1.0"

@@ -2,6 +2,9 @@
 from typing import Sequence
 
 
+LISTED = 20  # names in a message
+
+
 class ShsaError(Exception):
     """Anything that self-healing refuses or cannot do; the message says what and why."""
 
@@ -47,8 +50,14 @@ class NoSubstitute(ShsaError):
 
     def __init__(self, properties: Sequence[str], missing: Sequence[str], tried: int = 0) -> None:
         wanted = ", ".join(properties)
-        lacking = ", ".join(missing) or "any relation that yields it"
+        lacking = listed(missing) or "any relation that yields it"
         why = f"none is left after the {tried} that failed" if tried else f"missing {lacking}"
         super().__init__(f"no substitute for {wanted}: {why}")
         self.properties = tuple(properties)
         self.missing = tuple(missing)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Some names for a message: the first ones, and how many more there are."""
+    more = len(names) - LISTED
+    return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")

@@ -1,40 +1,41 @@
 """A robot of nodes that fail on command, for tests of what is done about it."""
-import subprocess
-import sys
 import time
 import unittest
-from pathlib import Path
 from typing import Dict, List, Tuple
 
 from shsa_msgs.msg import Float64Stamped
 
-from shsa_core.ros import testing
+from shsa_testing.faulty_publisher import FaultyNode
+from shsa_testing.graph import node_process
+from shsa_testing.healing import HealedRobot, TopicRecord
 
-HERE = Path(__file__).resolve().parent
-SOON = 0.15  # s; a bound for a busy machine, the figures are those of the benchmark
+SOON_S = 0.15  # a bound for a busy machine, the figures are those of the benchmark
 
 
 class FaultyRobot(unittest.TestCase):
-    """Every test begins with all nodes up and healthy. `nodes`: topic and value by the name of a node."""
+    """Every test begins with all nodes up and healthy.
+
+    `nodes`: topic and value by the name of a node.
+    """
 
     nodes: Dict[str, Tuple[str, float]] = {}
     topics: Tuple[str, ...] = ()
-    robot: testing.HealedRobot
-    voices: Dict[str, testing.Voices]
-    processes: List["subprocess.Popen[bytes]"]
+    robot: HealedRobot
+    records: Dict[str, TopicRecord]
+    processes: List[FaultyNode]
     began: float
     incidents_before: Dict[str, int]
 
     @classmethod
     def setUpClass(cls) -> None:
-        cls.robot = testing.HealedRobot()
-        cls.voices = {name: testing.Voices(name, Float64Stamped) for name in cls.topics}
+        cls.robot = HealedRobot()
+        cls.records = {name: TopicRecord(name, Float64Stamped) for name in cls.topics}
         cls.processes = []
 
     @classmethod
     def tearDownClass(cls) -> None:
         for process in cls.processes:
-            testing.end(process)
+            process.end()
 
     def setUp(self) -> None:
         self.began = time.monotonic()
@@ -44,28 +45,27 @@ class FaultyRobot(unittest.TestCase):
             if incident is not None
         }
         for node in self.nodes:
-            if testing.node_process(node) is None:
+            if node_process(node) is None:
                 self.start(node)
         self.robot.await_available(*self.topics, seconds=40.0)
 
     def start(self, node: str) -> None:
         """Start a node as a person would."""
         topic, value = self.nodes[node]
-        command = [sys.executable, str(HERE / "faulty_publisher"), f"__name:={node[1:]}"]
-        self.processes.append(subprocess.Popen([*command, f"_topic:={topic}", f"_value:={value}"]))
+        self.processes.append(FaultyNode(node, topic, value=value))
 
     def healed(self, topic: str, node: str) -> str:
-        """Wait for the substitute's voice."""
+        """Wait until the substitute publishes."""
         incident = self.robot.await_state(topic, "healed")
         self.assertEqual(incident.faulty_node, node)
-        self.voices[topic].await_node(incident.substitute)
-        self.assertAlmostEqual(self.voices[topic].last.data, 10.0)
+        self.records[topic].await_node(incident.substitute)
+        self.assertAlmostEqual(self.records[topic].last.data, 10.0)
         return str(incident.substitute)
 
     def returns(self, topic: str, node: str, substitute: str) -> None:
-        """Wait for the original's voice: from its first word on it is the only one."""
+        """Wait until the original publishes: from then on it is the only one."""
         self.robot.await_state(topic, "ended", 30.0)
-        self.voices[topic].await_node(node)
-        spoke = [at for at in self.voices[topic].times(substitute) if at > self.began]
-        first = next(at for at in self.voices[topic].times(node) if at > spoke[0] + SOON)
-        self.assertLess(spoke[-1], first + SOON, f"two voices on {topic}")
+        self.records[topic].await_node(node)
+        published = [at for at in self.records[topic].times(substitute) if at > self.began]
+        first = next(at for at in self.records[topic].times(node) if at > published[0] + SOON_S)
+        self.assertLess(published[-1], first + SOON_S, f"two publishers on {topic}")

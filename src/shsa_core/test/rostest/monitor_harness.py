@@ -1,91 +1,84 @@
-"""What the monitor's tests share: real publishers that fail on command, and what the monitor says of them."""
+"""What the monitor's tests share: publishers that fail on command, and what is said of them."""
 import itertools
 import os
+import shutil
 import subprocess
-import sys
+import tempfile
 import time
 import unittest
 from typing import Callable, Dict, List, Optional, Tuple
 
 import rospy
+import yaml  # type: ignore[import]
 from rosgraph_msgs.msg import Log
 from shsa_msgs.msg import Failure, Health, PublisherHealth
-from std_msgs.msg import String
 
-from shsa_core.ros.testing import publishers
+from shsa_core.model.checks import REGISTRY, ValueSample
+from shsa_core.ros.graph.tables import TableCopy
+from shsa_core.ros.wire.monitoring import health_row_key
+from shsa_testing.faulty_publisher import FaultyNode
+from shsa_testing.graph import is_connected
+from shsa_testing.processes import end_process, rosrun
+from shsa_testing.waiting import wait_until
 
-HERE = os.path.dirname(os.path.abspath(__file__))
-PERIOD = 0.02
+PERIOD_S = 0.02
 MARKER = "/som_version_"
 
 
 def entry(topic: str, node: str, **changes: object) -> Dict[str, object]:
-    """A service of the SOM as it lies on the parameter server."""
-    values: Dict[str, object] = {
+    """A service of one value as in a SOM; `changes` are of the service or of the value."""
+    value: Dict[str, object] = {"field": "data", "range": [-5.0, 60.0], "checks": {}}
+    service: Dict[str, object] = {
         "topic": topic,
-        "field": "data",
         "type": "shsa_msgs/Float64Stamped",
         "node": node,
-        "period": PERIOD,
-        "range": [-5.0, 60.0],
+        "period": PERIOD_S,
+        "provides": {"value": value},
+        "checks": {},
     }
-    values.update(changes)
-    return values
-
-
-class Process:
-    """A `faulty_publisher` of its own process."""
-
-    def __init__(self, name: str, topic: str, **parameters: object) -> None:
-        given = [f"_{key}:={value}" for key, value in parameters.items()]
-        command = [sys.executable, os.path.join(HERE, "faulty_publisher")]
-        self.name = name
-        self.process = subprocess.Popen(
-            command + [f"__name:={name[1:]}", f"_topic:={topic}"] + given
-        )
-        self._fault = rospy.Publisher(name + "/fault", String, queue_size=10)
-
-    def fault(self, command: str) -> float:
-        """Make it fail as `command` says; when that was sent, in s of the monotonic clock."""
-        if not wait_until(lambda: self._fault.get_num_connections() > 0):
-            raise RuntimeError(f"{self.name} does not listen")
-        sent = time.monotonic()
-        self._fault.publish(command)
-        return sent
-
-    def end(self) -> None:
-        """Kill it for certain."""
-        self.process.kill()
-        self.process.wait()
-        self._fault.unregister()
-
-
-def wait_until(condition: Callable[[], bool], seconds: float = 10.0) -> bool:
-    """Wait for a condition; whether it came true in time."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.002)
-    return condition()
+    checks: Dict[str, object] = dict(changes.pop("checks", {}))  # type: ignore[call-overload]
+    for key, change in changes.items():
+        (value if key in value else service)[key] = change
+    for key, limit in checks.items():
+        of_value = key in REGISTRY and REGISTRY[key].sample is ValueSample
+        place = value if of_value else service
+        place["checks"][key] = limit  # type: ignore[index]
+    return service
 
 
 class MonitorCase(unittest.TestCase):
-    """Sets the SOM, starts publishers, and collects what the monitor publishes."""
+    """Starts a monitor and publishers, sets the SOM, and collects what the monitor publishes."""
 
     failures: List[Tuple[float, Failure]] = []
-    table: Dict[Tuple[str, str], PublisherHealth] = {}
+    monitor: "subprocess.Popen[bytes]"
+    _health: TableCopy
+    _folder: str
+    _file: str
     _versions = itertools.count()
 
     @classmethod
     def setUpClass(cls) -> None:
         failed = rospy.Subscriber("/shsa/failures", Failure, cls._failed, tcp_nodelay=True)
-        rospy.Subscriber("/shsa/health", Health, cls._health, tcp_nodelay=True)
-        if not wait_until(lambda: failed.get_num_connections() > 0):
-            raise RuntimeError("the monitor did not come up")
+        cls._health = TableCopy("/shsa/health", Health, "publishers", health_row_key)
+        cls._folder = tempfile.mkdtemp()
+        cls._file = os.path.join(cls._folder, "som.yaml")
+        cls._write({"marker": entry(MARKER, "/nobody")})
+        cls.monitor = rosrun("shsa_core", "monitor", "--som", cls._file)
+        wait_until(lambda: failed.get_num_connections() > 0, 10.0, "the monitor is up")
+        wait_until(lambda: cls._health.rows, 10.0, "the monitor watches")
+
+    @classmethod
+    def tearDownClass(cls) -> None:
+        end_process(cls.monitor)
+        shutil.rmtree(cls._folder)
+
+    @classmethod
+    def _write(cls, services: Dict[str, object]) -> None:
+        with open(cls._file, "w") as file:
+            yaml.safe_dump({"services": services}, file)
 
     def setUp(self) -> None:
-        self.processes: List[Process] = []
+        self.processes: List[FaultyNode] = []
         self.failures.clear()
 
     def tearDown(self) -> None:
@@ -97,27 +90,31 @@ class MonitorCase(unittest.TestCase):
         if not failure.topic.startswith(MARKER):
             cls.failures.append((time.monotonic(), failure))
 
-    @classmethod
-    def _health(cls, health: Health) -> None:
-        cls.table = {(row.topic, row.publisher): row for row in health.publishers}
+    @property
+    def table(self) -> Dict[Tuple[str, str], PublisherHealth]:
+        """The monitor's table, by topic and publisher."""
+        return {(row.topic, row.publisher): row for row in self._health.rows.values()}
 
     def watch(self, *entries: Dict[str, object]) -> None:
-        """Put a SOM of these services onto the parameter server and wait until it counts.
+        """Put a SOM of these services into file and parameters, and wait until it counts.
 
         A topic of its own, that nobody publishes, shows in the monitor's table which SOM that is.
         """
         marker = f"{MARKER}{next(self._versions)}"
-        som = {f"p{i}": [each] for i, each in enumerate(entries)}
-        rospy.set_param("/shsa/som", {**som, "marker": [entry(marker, "/nobody")]})
+        som: Dict[str, object] = {f"p{i}": each for i, each in enumerate(entries)}
+        som["marker"] = entry(marker, "/nobody")
+        self._write(som)
+        self.som = {"services": som}
+        rospy.set_param("/shsa/som", self.som)
         self.until(lambda: (marker, "") in self.table, "the SOM counts")
 
-    def start(self, name: str, topic: str, **parameters: object) -> Process:
+    def start(self, name: str, topic: str, **parameters: object) -> FaultyNode:
         """Start a publisher."""
-        process = Process(name, topic, **parameters)
+        process = FaultyNode(name, topic, **parameters)
         self.processes.append(process)
         return process
 
-    def start_healthy(self, name: str, topic: str, **parameters: object) -> Process:
+    def start_healthy(self, name: str, topic: str, **parameters: object) -> FaultyNode:
         """Start a publisher and wait until the monitor calls it healthy."""
         process = self.start(name, topic, **parameters)
         self.until_state(topic, name, "healthy")
@@ -126,21 +123,23 @@ class MonitorCase(unittest.TestCase):
     def state(self, topic: str, node: str) -> Optional[str]:
         """The state of a publisher in the monitor's table."""
         row = self.table.get((topic, node))
-        return row.state if row else None
+        return str(row.state) if row else None
 
     def hear_log(self, said: List[str]) -> rospy.Subscriber:
-        """Collect whatever any node logs from now on."""
+        """Collect whatever the monitor logs from now on."""
         subscriber = rospy.Subscriber("/rosout", Log, lambda log: said.append(log.msg))
-        all_heard = lambda: subscriber.get_num_connections() >= len(publishers("/rosout"))
-        self.until(all_heard, "every log is heard")
+        is_heard = lambda: is_connected(rospy.get_name(), "/rosout", "/monitor")
+        self.until(is_heard, "the monitor's log is heard")
         return subscriber
 
     def until(self, condition: Callable[[], bool], what: str, seconds: float = 10.0) -> None:
         """Wait for a condition; the test fails if it does not come true."""
-        if not wait_until(condition, seconds):
+        try:
+            wait_until(condition, seconds, what)
+        except AssertionError as error:
             rows = {key: (row.state, row.kind) for key, row in self.table.items()}
             told = [(f.publisher, f.kind) for _, f in self.failures]
-            self.fail(f"waited {seconds} s in vain: {what}; table {rows}; failures {told}")
+            self.fail(f"{error}; table {rows}; failures {told}")
 
     def until_state(self, topic: str, node: str, state: str, seconds: float = 10.0) -> None:
         """Wait until a publisher has a state."""

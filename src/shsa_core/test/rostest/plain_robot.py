@@ -1,4 +1,5 @@
 """A robot of plain `rostopic pub` topics, for tests of healing alone."""
+import math
 import subprocess
 import unittest
 from typing import Dict, List
@@ -6,7 +7,10 @@ from typing import Dict, List
 from shsa_msgs.msg import Incident
 from std_msgs.msg import Float64
 
-from shsa_core.ros import testing
+from shsa_testing.graph import node_process
+from shsa_testing.healing import HealedRobot, TopicRecord
+from shsa_testing.processes import end_process
+from shsa_testing.waiting import wait_until
 
 TOPICS = {
     "/voltage_sensor": ("/voltage", 12.0),
@@ -19,8 +23,8 @@ TOPICS = {
 class PlainRobot(unittest.TestCase):
     """Every test begins with all four publishers up and healthy, and no incident open."""
 
-    robot: testing.HealedRobot
-    voices: Dict[str, testing.Voices]
+    robot: HealedRobot
+    records: Dict[str, TopicRecord]
     processes: Dict[str, List["subprocess.Popen[bytes]"]]
 
     def incident(self, topic: str) -> Incident:
@@ -31,27 +35,27 @@ class PlainRobot(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls) -> None:
-        cls.robot = testing.HealedRobot()
-        cls.voices = {topic: testing.Voices(topic, Float64) for topic, _ in TOPICS.values()}
+        cls.robot = HealedRobot()
+        cls.records = {topic: TopicRecord(topic, Float64) for topic, _ in TOPICS.values()}
         cls.processes = {}
 
     @classmethod
     def tearDownClass(cls) -> None:
         for processes in cls.processes.values():
             for process in processes:
-                testing.end(process)
+                end_process(process)
 
     def setUp(self) -> None:
         for node in TOPICS:
-            if testing.node_process(node) is None:
+            if node_process(node) is None:
                 self.start(node)
-        self.robot.await_available(*self.voices, seconds=40.0)
-        testing.wait_until(lambda: not self.robot.substitutions.substitutions, 10.0, "peace")
+        self.robot.await_available(*self.records, seconds=40.0)
+        wait_until(lambda: not self.robot.substitutions, 10.0, "peace")
 
     def start(self, node: str, value: float = float("nan")) -> "subprocess.Popen[bytes]":
         """Start a publisher as a person would: `rostopic pub -r 20`."""
         topic, usual = TOPICS[node]
-        text = str(usual if value != value else value)
+        text = {math.inf: ".inf"}.get(value, str(usual if math.isnan(value) else value))
         command = ["rostopic", "pub", "-r", "20", topic, "std_msgs/Float64", text]
         process = subprocess.Popen([*command, f"__name:={node[1:]}"], stdout=subprocess.DEVNULL)
         self.processes.setdefault(node, []).append(process)
@@ -59,7 +63,7 @@ class PlainRobot(unittest.TestCase):
 
     def value(self, topic: str) -> float:
         """The next value on a topic."""
-        voices = self.voices[topic]
-        count = len(voices.heard)
-        testing.wait_until(lambda: len(voices.heard) > count, 10.0, f"a message on {topic}")
-        return float(voices.last.data)
+        record = self.records[topic]
+        count = len(record.heard)
+        wait_until(lambda: len(record.heard) > count, 10.0, f"a message on {topic}")
+        return float(record.last.data)

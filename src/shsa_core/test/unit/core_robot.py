@@ -1,13 +1,19 @@
-"""A reconfigurator between a monitor's table that the test writes and the commands that it gives."""
+"""A reconfigurator between a table that the test writes and the commands that it gives."""
 from typing import Any, Dict, List, Optional, Sequence, Tuple, Type, TypeVar, Union
 
+from shsa_core.codegen.generator import Program
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident
-from shsa_core.healing.reconfiguration import Reconfigurator
+from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
-from shsa_core.model.expression import parse_expression
-from shsa_core.model.ontology import Ontology, Property, TransferFunction
-from shsa_core.model.som import Service, Som
+from shsa_core.language.expression import parse_expression
+from shsa_core.model.ontology import Ontology, Property
+from shsa_core.model.relation import TransferFunction
+from shsa_core.model.kinds import Kind
+from shsa_core.model.service import Provision, Service
+from shsa_core.model.som import Som
+from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 A, B, C = "/a_node", "/b_node", "/c_node"
 C_ = TypeVar("C_")
@@ -18,8 +24,11 @@ def function(relation: str, output: str, text: str, quality: float) -> TransferF
     return TransferFunction(relation, output, expression.names, expression, quality, text=text)
 
 
-def service(name: str, node: str, needed: bool = False, topic: str = "") -> Service:
-    return Service(name, topic or "/" + name, "data", "std_msgs/Float64", node, 0.02, needed=needed)
+def service(name: str, node: str, needed: bool = False, topic: str = "", **more: Any) -> Service:
+    """A service of the property `name`, and of the same name."""
+    provides = (Provision(name, "data"),)
+    topic = topic or "/" + name
+    return Service(name, topic, "std_msgs/Float64", node, 0.02, provides, needed=needed, **more)
 
 
 ONTOLOGY = Ontology(
@@ -31,40 +40,91 @@ SOM = Som([service("a", A, needed=True), service("b", B), service("c", C)])
 
 
 class Robot:
-    """A reconfigurator with a monitor's table that the test writes."""
+    """A reconfigurator with a monitor's table that the test writes.
+
+    Its invariants hold after every event.
+    """
 
     def __init__(
         self, som: Som = SOM, ontology: Ontology = ONTOLOGY, **settings: Union[int, float]
     ) -> None:
         values: Dict[str, Any] = {"hold_off": 2.0, "start_timeout": 5.0, "pool": 1, **settings}
         self.core = Reconfigurator(ontology, som, Settings(**values))
-        self.rows = {}
+        self.rows: Dict[Tuple[str, str], PublisherHealth] = {}
         self.said: List[events.Command] = []
+        self.shown: Dict[str, Substitution] = {}
         for each in som:
             self.row(each.topic, each.node, "healthy", 0.0)
         self.table(1.0)
+        self.idle(1.0)
 
     def row(
         self, topic: str, node: str, state: str, since: float, first: Optional[float] = None
     ) -> None:
-        self.rows[topic, node] = events.PublisherHealth(topic, node, state, since, first, since)
+        row = PublisherHealth(topic, node, PublisherState(state), since, first, since)
+        self.rows[topic, node] = row
 
     def table(self, time: float) -> List[events.Command]:
-        return self.handle(events.HealthSeen(time, time, tuple(self.rows.values())))
+        """The monitor sends its whole table."""
+        return self.handle(events.HealthSeen(time, tuple(self.rows.values()), whole=True))
 
-    def fail(self, topic: str, node: str, time: float, kind: str = "node_gone") -> list:
-        self.rows.pop((topic, node), None)
-        return self.handle(events.FailureSeen(time, topic, node, kind, "it died.", time - 0.02))
-
-    def handle(self, event: events.Event) -> List[events.Command]:
-        commands = self.core.handle(event)
-        self.said += commands
+    def idle(self, time: float) -> List[events.Command]:
+        """There is time to make every plan that is stale."""
+        commands: List[events.Command] = []
+        while self.core.plans_ahead:
+            commands += self.handle(events.Idle(time))
         return commands
 
+    def failure(
+        self, topic: str, node: str, time: float, kind: str, detail: str, last_good: Optional[float]
+    ) -> List[events.Command]:
+        """The monitor reports a failure."""
+        return self.handle(events.FailureSeen(time, "", topic, node, Kind(kind), detail, last_good))
+
+    def fail(
+        self, topic: str, node: str, time: float, kind: str = "node_gone"
+    ) -> List[events.Command]:
+        """A publisher fails, and is not in the next table."""
+        self.rows.pop((topic, node), None)
+        return self.failure(topic, node, time, kind, "it died.", time - 0.02)
+
+    def killed(self, time: float, node: str, certain: bool = True) -> List[events.Command]:
+        """The kill of a node is over."""
+        if certain:
+            commands = self.handle(events.NodeFound(time, node, events.Where.HERE))
+            return commands + self.handle(events.NodeLeft(time, node))
+        commands = self.handle(events.NodeFound(time, node, events.Where.STOPPED))
+        return commands + self.handle(events.ProcessUntouchable(time, node))
+
+    def handle(self, event: events.Event) -> List[events.Command]:
+        """An event, and what the reconfigurator wants done."""
+        commands = self.core.handle(event)
+        self.core.validate()
+        self.said += commands
+        for command in commands:
+            if isinstance(command, events.ShowSubstitutions):
+                for key in command.removed:
+                    self.shown.pop(key)
+                self.shown.update({row.node or row.service: row for row in command.rows})
+        return commands
+
+    def connects(self, time: float, topic: str, node: str) -> None:
+        """The monitor is connected to a process that has published nothing yet."""
+        self.row(topic, node, "unknown", time)
+        self.table(time)
+
+    def working(self) -> List[Substitution]:
+        """The rows of the substitutes that have a program."""
+        return [row for row in self.shown.values() if row.node and not row.idle]
+
+    def idle_rows(self) -> List[Substitution]:
+        """The rows of the idle processes."""
+        return [row for row in self.shown.values() if row.node and row.idle]
+
     def heal(self, time: float) -> str:
-        """A fails, is killed, and its substitute speaks."""
+        """A fails, is killed, and its substitute publishes."""
         start = only(self.fail("/a", A, time), events.StartSubstitute)
-        self.handle(events.NodeKilled(time + 0.01, A, True))
+        self.killed(time + 0.01, A)
         self.handle(events.SubstituteStarted(time + 0.02, start.node, time + 0.001))
         self.row("/a", start.node, "healthy", time + 0.5, first=time + 0.5)
         self.table(time + 0.51)
@@ -77,6 +137,13 @@ def only(commands: Sequence[events.Command], kind: Type[C_]) -> C_:
     return found[0]
 
 
+def program_of(commands: Sequence[events.Command]) -> Program:
+    """The program of the only substitute that is started."""
+    program = only(commands, events.StartSubstitute).program
+    assert program is not None
+    return program
+
+
 def has(commands: Sequence[events.Command], kind: type) -> bool:
     return any(isinstance(command, kind) for command in commands)
 
@@ -85,6 +152,11 @@ def last_incident(commands: Sequence[events.Command]) -> Incident:
     return [c.incident for c in commands if isinstance(c, events.ShowIncident)][-1]
 
 
-def speaking(robot: Robot) -> Tuple[bool, ...]:
-    tables = [c for c in robot.said if isinstance(c, events.ShowSubstitutions)]
-    return tuple(row.speaking for row in tables[-1].substitutions)
+def publishing(robot: Robot) -> Tuple[bool, ...]:
+    """Whether each substitute that has a program publishes."""
+    return tuple(row.publishing for row in robot.working())
+
+
+def reads(robot: Robot, node: str) -> Tuple[str, ...]:
+    """What a substitute reads."""
+    return tuple(signal.path for signal in robot.shown[node].inputs)

@@ -2,26 +2,49 @@
 from fractions import Fraction
 from itertools import product
 from random import Random
-from typing import Iterator, List, Sequence, Tuple
+from typing import Dict, Iterable, Iterator, List, Sequence, Tuple
 
 from hypothesis import strategies as st
 
-from shsa_core.model.expression import parse_expression
-from shsa_core.model.ontology import Ontology, Property, TransferFunction
-from shsa_core.model.som import Service
+from shsa_core.language.expression import parse_expression
+from shsa_core.model.ontology import Ontology, Property
+from shsa_core.model.relation import TransferFunction
+from shsa_core.model.service import Provision, Service, Source
+from shsa_core.model.som import Som
 from shsa_core.search.substitutes import Derivation
 
-# 0.81 is 0.9 squared, and 0.45 is 0.9 times 0.5: products that tie only if they are compared exactly.
+# 0.81 is 0.9 squared, and 0.45 is 0.9 times 0.5: products that tie only if they are compared
+# exactly.
 QUALITIES = [1.0, 0.9, 0.81, 0.5, 0.25, 0.45]
 
 
-def service(
+def source(
     name: str, topic: str = "", node: str = "", quality: float = 1.0, needed: bool = False
-) -> Service:
-    """A service of the property `name`; its topic and node are called after it unless given."""
+) -> Source:
+    """A source of the property `name`; its topic and node are called after it unless given."""
     topic = topic or "/" + name
     node = node or "/node_of" + topic.replace("/", "_")
-    return Service(name, topic, name, "std_msgs/Float64", node, 0.1, quality=quality, needed=needed)
+    return service(topic, node, [Provision(name, name, quality=quality)], needed).sources[0]
+
+
+def service(topic: str, node: str, provides: Iterable[Provision], needed: bool = False) -> Service:
+    """A service called after its topic and node."""
+    name = topic[1:] + "_of_" + node[1:]
+    return Service(name, topic, "std_msgs/Float64", node, 0.1, tuple(provides), needed=needed)
+
+
+def som_of(sources: Iterable[Source]) -> Som:
+    """The SOM in which sources of one topic and node are one service.
+
+    It is needed if one of them is.
+    """
+    needed: Dict[Tuple[str, str], bool] = {}
+    provides: Dict[Tuple[str, str], Dict[str, Provision]] = {}
+    for each in sources:
+        key = each.topic, each.node
+        needed[key] = needed.get(key, False) or each.service.needed
+        provides.setdefault(key, {}).setdefault(each.property, each.provision)
+    return Som(service(*key, provides[key].values(), needed[key]) for key in provides)
 
 
 def law(relation: str, output: str, *inputs: str, quality: float = 1.0) -> TransferFunction:
@@ -40,9 +63,12 @@ Rank = Tuple[Fraction, int, int, List[Tuple[str, str]]]
 
 
 def rank(derivation: Derivation) -> Rank:
-    """How good a derivation is, exactly: minus quality, relations, inputs, names; the least is the best."""
-    if derivation.service is not None:
-        own = derivation.service
+    """How good a derivation is, exactly: minus quality, relations, inputs, names.
+
+    The least is the best.
+    """
+    if derivation.source is not None:
+        own = derivation.source
         return -Fraction(str(own.quality)), 0, 1, [(own.path, own.node)]
     assert derivation.function is not None
     quality = -Fraction(str(derivation.function.quality))
@@ -56,31 +82,31 @@ def rank(derivation: Derivation) -> Rank:
 
 
 def every_derivation(
-    model: Ontology, services: Sequence[Service], name: str, path: Tuple[str, ...] = ()
+    model: Ontology, sources: Sequence[Source], name: str, path: Tuple[str, ...] = ()
 ) -> Iterator[Derivation]:
     """Every derivation in which no property is derived from itself, by plain recursion."""
-    for own in dict.fromkeys(services):
+    for own in dict.fromkeys(sources):
         if own.property == name:
             yield Derivation(name, own, None)
     for function in model.functions_for(name):
         if not {*path, name}.intersection(function.inputs):
             choices = [
-                list(every_derivation(model, services, i, (*path, name))) for i in function.inputs
+                list(every_derivation(model, sources, i, (*path, name))) for i in function.inputs
             ]
             for inputs in product(*choices):
                 yield Derivation(name, None, function, inputs)
 
 
-def usable(services: Sequence[Service], excluded: Sequence[str]) -> List[Service]:
-    """The services on none of the excluded nodes and topics."""
-    return [s for s in services if s.node not in excluded and s.topic not in excluded]
+def usable(sources: Sequence[Source], excluded: Sequence[str]) -> List[Source]:
+    """The sources on none of the excluded nodes and topics."""
+    return [s for s in sources if s.node not in excluded and s.topic not in excluded]
 
 
-def random_model(seed: int) -> Tuple[Ontology, List[Service], List[str]]:
-    """A random ontology, its services, and which nodes and topics are excluded.
+def random_model(seed: int) -> Tuple[Ontology, List[Source], List[str]]:
+    """A random ontology, sources, and which nodes and topics are excluded.
 
-    Its laws have one or more directions, some are constant, many lie on cycles. Properties have none, one or more
-    services, some of them on the same topic or node.
+    Its laws have one or more directions, some are constant, many lie on cycles. Properties have
+    none, one or more sources, some of them on the same topic or node.
     """
     random = Random(seed)
     names = "abcdef"[: random.randint(2, 6)]
@@ -91,13 +117,13 @@ def random_model(seed: int) -> Tuple[Ontology, List[Service], List[str]]:
         for output in used[: random.randint(1, len(used))]:
             inputs = [name for name in used if name != output]
             functions.append(law("r%d" % number, output, *inputs, quality=quality))
-    services = []
+    sources = []
     for name in names:
         for _ in range(random.choice([0, 1, 1, 2, 3])):
             topic, node = random.choice(["/s", "/t", ""]), random.choice(["/m", "/n", ""])
-            services.append(service(name, topic, node, random.choice(QUALITIES)))
+            sources.append(source(name, topic, node, random.choice(QUALITIES)))
     excluded = random.sample(["/m", "/s", "/a", "/b"], random.randint(0, 2))
-    return ontology(*functions), services, excluded
+    return ontology(*functions), sources, excluded
 
 
 models = st.builds(random_model, st.integers(0, 2**64))

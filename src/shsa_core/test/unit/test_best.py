@@ -1,20 +1,20 @@
-"""What the search touches: only what the target can be derived from, and of that only what may be better."""
+"""What the search touches: only what may be part of a better derivation."""
 from typing import Any, List, Sequence
 
-from search_models import law, ontology, service
+from search_models import law, ontology, source
 
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.som import Service
+from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations
-from shsa_core.search.derivation import LOST, UNRATED, ServiceTable
+from shsa_core.search.derivation import LOST, UNRATED, SourceTable
 
 
-def reached(robot: Ontology, services: Sequence[Service], **options: Any) -> List[str]:
+def reached(robot: Ontology, sources: Sequence[Source], **options: Any) -> List[str]:
     """The properties that were rated in a search for `a`, each visited once."""
     visits: List[int] = []
     network = robot.network
     best = BestDerivations(
-        network, ServiceTable(network, services), tick=lambda: visits.append(1), **options
+        network, SourceTable(network, sources), tick=lambda: visits.append(1), **options
     )
     best.settle(network.number("a"))
     found = [name for n, name in enumerate(network.names) if best.ratings[n] != UNRATED]
@@ -26,21 +26,21 @@ CHAIN = [law("ab", "a", "b", quality=0.9), law("bc", "b", "c", quality=0.9), law
 
 
 def test_only_what_the_target_depends_on_is_touched() -> None:
-    assert reached(ontology(*CHAIN), [service("c")]) == ["a", "b", "c"]
+    assert reached(ontology(*CHAIN), [source("c")]) == ["a", "b", "c"]
 
 
-def test_nothing_is_followed_that_cannot_be_better_than_a_service() -> None:
-    assert reached(ontology(*CHAIN), [service("c"), service("b", quality=0.9)]) == ["a", "b"]
-    assert reached(ontology(*CHAIN), [service("c"), service("b", quality=0.89)]) == ["a", "b", "c"]
-    assert reached(ontology(*CHAIN), [service("a")]) == ["a"]
-    everything = reached(ontology(*CHAIN), [service("c"), service("a")], prune=False)
+def test_nothing_is_followed_that_cannot_be_better_than_a_source() -> None:
+    assert reached(ontology(*CHAIN), [source("c"), source("b", quality=0.9)]) == ["a", "b"]
+    assert reached(ontology(*CHAIN), [source("c"), source("b", quality=0.89)]) == ["a", "b", "c"]
+    assert reached(ontology(*CHAIN), [source("a")]) == ["a"]
+    everything = reached(ontology(*CHAIN), [source("c"), source("a")], prune=False)
     assert everything == ["a", "b", "c"]
 
 
 def test_functions_that_are_not_usable_are_not_followed() -> None:
     robot = ontology(*CHAIN, law("ay", "a", "y"))
     unusable = [f.relation for f in robot.network.functions].index("bc")
-    assert reached(robot, [service("c")], usable=lambda f: f != unusable) == ["a", "b", "y"]
+    assert reached(robot, [source("c")], usable=lambda f: f != unusable) == ["a", "b", "y"]
 
 
 def test_a_cycle_is_settled_together_and_known() -> None:
@@ -52,13 +52,13 @@ def test_a_cycle_is_settled_together_and_known() -> None:
         law("de", "d", "e"),
     )
     network = robot.network
-    best = BestDerivations(network, ServiceTable(network, [service("e")]))
+    best = BestDerivations(network, SourceTable(network, [source("e")]))
     assert best.settle(network.number("a"))
     names = {
         network.names[n]: {network.names[m] for m in cycle} for n, cycle in best.cycles.items()
     }
     assert names == dict.fromkeys("abc", {"a", "b", "c"})
-    assert reached(robot, [service("e")]) == ["a", "b", "c", "d", "e"]
+    assert reached(robot, [source("e")]) == ["a", "b", "c", "d", "e"]
 
 
 def test_two_cycles_are_kept_apart() -> None:
@@ -70,7 +70,7 @@ def test_two_cycles_are_kept_apart() -> None:
         law("dc", "d", "c"),
     )
     network = robot.network
-    best = BestDerivations(network, ServiceTable(network, []))
+    best = BestDerivations(network, SourceTable(network, []))
     assert not best.settle(network.number("a"))
     cycles = {frozenset(network.names[m] for m in cycle) for cycle in best.cycles.values()}
     assert cycles == {frozenset("ab"), frozenset("cd")}
@@ -82,7 +82,7 @@ def test_several_targets_share_what_they_depend_on() -> None:
     robot = ontology(*CHAIN, law("yb", "y", "b"))
     network = robot.network
     best = BestDerivations(
-        network, ServiceTable(network, [service("c")]), tick=lambda: visits.append(1)
+        network, SourceTable(network, [source("c")]), tick=lambda: visits.append(1)
     )
     for name in ("a", "y", "a"):
         assert best.settle(network.number(name))

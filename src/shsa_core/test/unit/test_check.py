@@ -28,14 +28,15 @@ relations:
     u: p/i
 """
 SOM = """\
-i:
-  - {topic: /i, field: data, type: std_msgs/Float64, node: /amps, period: 0.1, range: [-5, 60], needed: true}
-u:
-  - {topic: /u, field: data, type: std_msgs/Float64, node: /volts, period: 0.1, range: [9, 14]}
-p:
-  - {topic: /p, field: data, type: std_msgs/Float64, node: /watts, period: 0.1}
-v:
-  - {topic: /v, field: data, type: std_msgs/Float64, node: /wheels, period: 0.1, needed: true}
+services:
+  amps: {topic: /i, type: std_msgs/Float64, node: /amps, period: 0.1, needed: true,
+         provides: {i: {field: data, range: [-5, 60]}}}
+  volts: {topic: /u, type: std_msgs/Float64, node: /volts, period: 0.1,
+          provides: {u: {field: data, range: [9, 14]}}}
+  watts: {topic: /p, type: std_msgs/Float64, node: /watts, period: 0.1,
+          provides: {p: {field: data}}}
+  wheels: {topic: /v, type: std_msgs/Float64, node: /wheels, period: 0.1, needed: true,
+           provides: {v: {field: data}}}
 """
 
 
@@ -82,7 +83,7 @@ def test_findings_of_a_model(check: Check, tmp_path: pathlib.Path) -> None:
         (
             "warning",
             "s.yaml:8",
-            "/v is needed, but if /wheels fails there is no substitute for v: "
+            "wheels is needed, but if /wheels fails there is no substitute for v: "
             "missing any relation that yields it",
         ),
     ]
@@ -97,16 +98,16 @@ def test_findings_of_a_model(check: Check, tmp_path: pathlib.Path) -> None:
 
 
 def test_what_stands_in_the_way_of_a_substitute_is_named(check: Check) -> None:
-    som = "\n".join(SOM.splitlines()[:2]) + "\n"
+    som = "\n".join(SOM.splitlines()[:3]) + "\n"
     what = [f.what for f in check(ONTOLOGY, som) if "is needed" in f.what]
     assert what[0].startswith(
-        "/i is needed, but if /amps fails there is no substitute for i: missing"
+        "amps is needed, but if /amps fails there is no substitute for i: missing"
     )
 
 
 def test_everything_that_is_published_by_the_failed_node_is_lost_with_it(check: Check) -> None:
     som = SOM.replace("/volts", "/amps")
-    assert any("/i is needed, but if /amps fails" in f.what for f in check(ONTOLOGY, som))
+    assert any("amps is needed, but if /amps fails" in f.what for f in check(ONTOLOGY, som))
 
 
 def test_errors_of_units(check: Check) -> None:
@@ -128,7 +129,8 @@ def test_errors_of_units(check: Check) -> None:
 
 def test_units_that_are_none(check: Check) -> None:
     findings = check(
-        "properties:\n  a: {unit: foo}\n  b: {unit: m**9**9}\nconstants:\n  k: {value: 1, unit: x9}\nrelations:\n  r:\n    a: b*k\n"
+        "properties:\n  a: {unit: foo}\n  b: {unit: m**9**9}\n"
+        "constants:\n  k: {value: 1, unit: x9}\nrelations:\n  r:\n    a: b*k\n"
     )
     assert [(f.level, f.where.rsplit(":")[-1]) for f in findings] == [
         ("error", "2"),
@@ -149,7 +151,8 @@ def test_functions_that_cannot_be_executed(check: Check) -> None:
 
 def test_what_a_constant_makes_impossible(check: Check) -> None:
     findings = check(
-        "properties: {a: , b: }\nconstants: {k: {value: 500}}\nrelations:\n  r:\n    a: b**(k + 0)\n"
+        "properties: {a: , b: }\nconstants: {k: {value: 500}}\n"
+        "relations:\n  r:\n    a: b**(k + 0)\n"
     )
     assert [f.where.rsplit(":")[-1] for f in findings] == ["5"]
     assert "no code for the relations r" in findings[0].what and findings[0].level == "error"
@@ -161,24 +164,21 @@ def test_constraints_prevent_divisions_by_zero(check: Check) -> None:
 
 
 def test_services_of_properties_that_are_not_there(check: Check) -> None:
-    som = (
-        SOM.replace("v:\n", "w:\n", 1)
-        + "k:\n  - {topic: /k, field: data, type: a/B, node: /k, period: 1}\n"
+    som = SOM.replace("{v: ", "{w: ") + (
+        "  konst: {topic: /k, type: a/B, node: /k, period: 1, provides: {k: {field: data}}}\n"
     )
     findings = [f for f in check(ONTOLOGY, som) if f.level == "error"]
     assert brief(findings) == [
-        ("error", "s.yaml:8", "/v/data provides 'w', which is not in the ontology"),
-        ("error", "s.yaml:10", "/k/data provides 'k', which is a constant in the ontology"),
+        ("error", "s.yaml:9", "wheels provides 'w', which is not in the ontology"),
+        ("error", "s.yaml:10", "konst provides 'k', which is a constant in the ontology"),
     ]
 
 
 def test_ranges_of_all_services_count(check: Check) -> None:
-    second = "  - {topic: /u2, field: data, type: std_msgs/Float64, node: /v2, period: 1%s}\n"
-    lines = SOM.splitlines(keepends=True)
+    second = "  u2: {topic: /u2, type: a/B, node: /v2, period: 1, provides: {u: {field: data%s}}}\n"
 
     def divisions(extra: str) -> List[str]:
-        text = "".join(lines[:4] + [second % extra] + lines[4:])
-        return [f.what for f in check(ONTOLOGY, text) if "ohm for i" in f.what]
+        return [f.what for f in check(ONTOLOGY, SOM + second % extra) if "ohm for i" in f.what]
 
     assert divisions(", range: [8, 9]") == []
     assert "u can be 0 (from -1 to 14)" in divisions(", range: [-1, 9]")[0]
@@ -192,17 +192,20 @@ def test_a_relation_without_inputs_reaches_its_output(check: Check) -> None:
 
 def test_a_cycle_reaches_nothing(check: Check) -> None:
     text = "properties: {a: , b: , c: }\nrelations:\n  r: {a: b, b: a}\n"
-    som = "c:\n  - {topic: /c, field: data, type: a/B, node: /c, period: 1}\n"
+    som = (
+        "services:\n"
+        "  c: {topic: /c, type: a/B, node: /c, period: 1, provides: {c: {field: data}}}\n"
+    )
     assert [f.what.split()[0] for f in check(text, som)] == ["a", "b"]
 
 
 def test_errors_of_reading_come_with_the_rest(check: Check) -> None:
     text = ONTOLOGY + "  r:\n    v: sine(i)\n    i: u\n"
-    findings = check(text, SOM + "x: 5\n")
+    findings = check(text, SOM + "  x: 5\n")
     assert [(f.level, pathlib.Path(f.where).name) for f in findings[:3]] == [
         ("error", "o.yaml:15"),
         ("error", "o.yaml:16"),
-        ("error", "s.yaml:9"),
+        ("error", "s.yaml:10"),
     ]
     assert any(f.level == "warning" for f in findings)
 
@@ -238,3 +241,12 @@ def test_the_command_line(tmp_path: pathlib.Path, capsys: Any) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["check"])
     assert caught.value.code == 2
+
+
+def test_a_service_is_one_finding_for_all_that_it_loses(check: Check) -> None:
+    som = SOM.replace("{v: {field: data}}", "{v: {field: data}, lonely: {field: other}}")
+    whats = [f.what for f in check(ONTOLOGY, som) if "wheels is needed" in f.what]
+    assert whats == [
+        "wheels is needed, but if /wheels fails there is no substitute for v, lonely: "
+        "missing any relation that yields it"
+    ]

@@ -10,10 +10,10 @@ from hostile_programs import PROGRAMS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shsa_core.codegen.checked_code import MAX_CODE, MAX_RELATIONS, check_code
+from shsa_core.codegen.checked_code import MAX_CODE, MAX_RELATIONS, MAX_STEPS, check_code
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import CodeError
-from shsa_core.model.expression import _LANGUAGE
+from shsa_core.language.syntax import _LANGUAGE
 
 NOT_IN_LANGUAGE = "is not part of the language; allowed: " + _LANGUAGE
 GOOD = (
@@ -79,20 +79,29 @@ def test_the_number_of_inputs_and_outputs_must_fit(n_inputs: int, n_outputs: int
         (
             "require(i1 > 0)",
             "require(i1)",
-            "line 3: a number stands where a condition is needed; write a comparison such as 'a > 0'",
+            "line 3: a number stands where a condition is needed; "
+            "write a comparison such as 'a > 0'",
         ),
         (
             "return i1*i2",
             "return i1*i1",
-            "line 2: _tf1 must use its arguments, all of them and nothing else",
+            "line 2: _tf1 does not use i2",
         ),
+        ("return i1*i2", "return i1*i2*i3", "line 4: i3 has no value here"),
+        ("return i1*i2", "o=i1*i2; return i1", "line 2: _tf1 does not use o"),
+        ("return i1*i2", "o=i1*p; return o*i2", "line 4: p has no value here"),
+        ("return i1*i2", "o=p*i2; p=i1; return o*p", "line 4: p has no value here"),
+        ("return i1*i2", "o=i1; o=o*i2; return o", "line 4: o has a value already"),
+        ("return i1*i2", "i2=i1; return i2", "line 4: i2 has a value already"),
         (
             "return i1*i2",
-            "return i1*i2*i3",
-            "line 2: _tf1 must use its arguments, all of them and nothing else",
+            "t9=i1; return t9*i2",
+            "line 4: t9 may not be assigned; take another name",
         ),
+        ("return i1*i2", "o+=i1; return o*i2", "line 4: 'name=...' or 'return ...' is due here"),
+        ("return i1*i2", "return i1*\\i2", "line 4: the character '\\\\' is not allowed in code"),
         ("return i1*i2", "return i1.a*i2 + a.b", f"line 4: an attribute (a.b) {NOT_IN_LANGUAGE}"),
-        ("return i1*i2", "i1*i2", "line 2: _tf1 must be 'return ...', after one 'require(...)'"),
+        ("return i1*i2", "i1*i2", "line 2: _tf1 must end with 'return ...'"),
         ("t2=_tf1(t0,t1)", "t2=_tf1(t0)", "line 5: 't2=_tf1(...)' with 2 arguments is due here"),
         (
             "t2=_tf1(t0,t1)",
@@ -126,6 +135,24 @@ def test_refusal_says_where_and_what_is_due(old: str, new: str, message: str) ->
     with pytest.raises(CodeError) as caught:
         check_code(GOOD.replace(old, new, 1), 2, 2)
     assert str(caught.value) == message
+
+
+def with_steps(count: int) -> str:
+    steps = "".join(f"  s{i}=s{i - 1}+s{i - 1}\n" for i in range(1, count))
+    return f"t0=x[0];\ndef _tf1(i1):\n  s0=i1\n{steps}  return s{count - 1}\nt1=_tf1(t0)\ny=t1\n"
+
+
+def test_names_may_be_given_values_on_the_way() -> None:
+    code = GOOD.replace("return i1*i2", "o = i1 \\\n    * i2\n  return o", 1)
+    relation = check_code(code, 2, 2).relations[0]
+    assert [name for name, _ in relation.steps] == ["o"]
+    assert len(relation.trees) == 3
+
+
+def test_the_number_of_assignments_is_limited() -> None:
+    assert len(check_code(with_steps(MAX_STEPS), 1, 1).relations[0].steps) == MAX_STEPS
+    with pytest.raises(CodeError, match="^line 2: _tf1 has more than 100 assignments$"):
+        check_code(with_steps(MAX_STEPS + 1), 1, 1)
 
 
 def test_limits_of_size() -> None:
@@ -165,10 +192,11 @@ def test_what_was_read_cannot_be_changed() -> None:
 def test_mutated_code_is_refused_or_still_in_the_language() -> None:
     """Single characters of good code are changed, removed and doubled, with a fixed seed."""
     choice = random.Random(11)
-    alphabet = sorted(set(GOOD)) + list("\"'{}\\@:;,=()[]#.\n ")
+    good = GOOD.replace("return i1*i2", "o=i1*i2; p=o-i1 \\\n    +i2\n  return o*p")
+    alphabet = sorted(set(good)) + list("\"'{}\\@:;,=()[]#.\n ")
     refused = 0
     for _ in range(4000):
-        code = list(GOOD)
+        code = list(good)
         for _ in range(choice.randrange(1, 4)):
             place = choice.randrange(len(code))
             code[place] = choice.choice([choice.choice(alphabet), "", code[place] * 2])

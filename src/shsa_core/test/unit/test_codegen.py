@@ -7,9 +7,10 @@ import pytest
 from shsa_core.codegen.generator import Program, generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import GenerationError
-from shsa_core.model.expression import parse_constraint, parse_expression
-from shsa_core.model.ontology import Constant, TransferFunction
-from shsa_core.model.som import Service
+from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.model.ontology import Constant
+from shsa_core.model.relation import TransferFunction
+from shsa_core.model.service import Provision, Service
 from shsa_core.search.derivation import Derivation
 
 CONSTANTS = {
@@ -20,9 +21,11 @@ CONSTANTS = {
 }
 
 
-def service(name: str, topic: Optional[str] = None, field: str = "data") -> Derivation:
+def source(name: str, topic: Optional[str] = None, field: str = "data") -> Derivation:
     topic = topic or "/" + name
-    return Derivation(name, Service(name, topic, field, "std_msgs/Float64", "/node", 0.02), None)
+    provides = (Provision(name, field),)
+    own = Service(topic, topic, "std_msgs/Float64", "/node", 0.02, provides)
+    return Derivation(name, own.sources[0], None)
 
 
 def function(
@@ -46,8 +49,8 @@ def test_relation_f1_of_the_paper() -> None:
         "battery_current",
         "48.67 - 0.03*abs(linear_velocity) - 1.17*abs(linear_acceleration)",
     )
-    velocity = service("linear_velocity", "/odom", "twist.twist.linear.x")
-    acceleration = service("linear_acceleration", "/drivetrain/accel", "accel.linear.x")
+    velocity = source("linear_velocity", "/odom", "twist.twist.linear.x")
+    acceleration = source("linear_acceleration", "/drivetrain/accel", "accel.linear.x")
     program = generate([(derive(f1, velocity, acceleration), "/battery_current/data")], {})
     assert program == Program(
         inputs=("/odom/twist/twist/linear/x", "/drivetrain/accel/accel/linear/x"),
@@ -63,13 +66,13 @@ def test_relation_f1_of_the_paper() -> None:
 
 
 def test_a_value_is_passed_on() -> None:
-    program = generate([(service("v"), "/other/data")], {})
+    program = generate([(source("v"), "/other/data")], {})
     assert program == Program(("/v/data",), "t0=x[0];\ny=t0\n", ("/other/data",))
 
 
 def test_constants_are_numbers_and_constraints_come_first() -> None:
     turn = function("turn", "w", "(r - l)/wheel_base + offset", constraint="r > offset and u > 0")
-    program = generate([(derive(turn, service("r"), service("l"), service("u")), "/w")], CONSTANTS)
+    program = generate([(derive(turn, source("r"), source("l"), source("u")), "/w")], CONSTANTS)
     assert program.code == (
         "t0=x[0]; t1=x[1]; t2=x[2];\n"
         "def _tf1(i1,i2,i3): # turn: w\n"
@@ -84,7 +87,7 @@ def test_constants_are_numbers_and_constraints_come_first() -> None:
 
 
 def test_several_outputs_share_their_inputs_and_relations() -> None:
-    u, i = service("u"), service("i")
+    u, i = source("u"), source("i")
     power = derive(function("ohm", "p", "u*i"), u, i)
     again = derive(function("ohm", "p", "u*i"), u, i)
     half = derive(function("half", "h", "p/2"), power)
@@ -109,21 +112,21 @@ def test_several_outputs_share_their_inputs_and_relations() -> None:
 
 def test_one_relation_used_on_different_inputs_is_written_twice() -> None:
     double = function("double", "d", "2*v")
-    one, other = derive(double, service("v", "/a")), derive(double, service("v", "/b"))
+    one, other = derive(double, source("v", "/a")), derive(double, source("v", "/b"))
     program = generate([(one, "/x"), (other, "/y")], {})
     assert program.code.count("def ") == 2
     assert program.inputs == ("/a/data", "/b/data")
 
 
 def test_one_relation_in_two_directions_is_two_functions() -> None:
-    forth = derive(function("r", "b", "a + 1"), service("a"))
-    back = derive(function("r", "c", "a + 1"), service("a"))
+    forth = derive(function("r", "b", "a + 1"), source("a"))
+    back = derive(function("r", "c", "a + 1"), source("a"))
     assert generate([(forth, "/b"), (back, "/c")], {}).code.count("def ") == 2
 
 
 def test_inputs_follow_their_first_use() -> None:
     f = function("f", "z", "c + a + b")
-    deep = derive(f, derive(function("g", "c", "d*2"), service("d")), service("a"), service("b"))
+    deep = derive(f, derive(function("g", "c", "d*2"), source("d")), source("a"), source("b"))
     assert generate([(deep, "/z")], {}).inputs == ("/d/data", "/a/data", "/b/data")
 
 
@@ -138,13 +141,13 @@ def test_a_relation_without_inputs_needs_no_input_line() -> None:
 def test_a_relation_that_cannot_be_executed_is_refused_by_name() -> None:
     laser = TransferFunction("rdl", "dmin", ("laser",), None, text="min(laser)")
     with pytest.raises(GenerationError) as caught:
-        generate([(derive(laser, service("laser")), "/dmin/data")], {})
+        generate([(derive(laser, source("laser")), "/dmin/data")], {})
     assert str(caught.value) == "the relation rdl for dmin cannot be executed: min(laser)"
 
 
 def test_what_a_constant_makes_of_an_exponent_is_refused_by_name() -> None:
-    steep = derive(function("steep", "z", "a**(n*1)"), service("a"))
-    both = derive(function("sum", "y", "z + a"), steep, service("a"))
+    steep = derive(function("steep", "z", "a**(n*1)"), source("a"))
+    both = derive(function("sum", "y", "z + a"), steep, source("a"))
     with pytest.raises(GenerationError) as caught:
         generate([(both, "/y")], CONSTANTS)
     assert str(caught.value) == (
@@ -157,13 +160,13 @@ def test_a_name_that_is_not_one_cannot_smuggle_code_in() -> None:
     for relation, output in (("r\nimport os\n#", "z"), ("r", "z\nimport os"), ("r'", "z")):
         evil = TransferFunction(relation, output, ("a",), parse_expression("a"), text="a")
         with pytest.raises(GenerationError):
-            generate([(derive(evil, service("a")), "/z")], {})
+            generate([(derive(evil, source("a")), "/z")], {})
 
 
 def test_the_same_derivation_gives_the_same_text() -> None:
     def build() -> Program:
         names = [f"p{i}" for i in range(6)]
-        parts = [service(name) for name in names]
+        parts = [source(name) for name in names]
         inner = derive(function("sum", "s", " + ".join(names)), *parts)
         return generate([(derive(function("twice", "t", "2*s"), inner), "/t")], CONSTANTS)
 
@@ -171,7 +174,7 @@ def test_the_same_derivation_gives_the_same_text() -> None:
 
 
 def test_a_long_chain_and_a_wide_one() -> None:
-    node = service("p0")
+    node = source("p0")
     for i in range(1, 500):
         node = derive(function(f"r{i}", f"p{i}", f"p{i - 1} + 1"), node)
     program = generate([(node, "/z")], {})
@@ -181,14 +184,14 @@ def test_a_long_chain_and_a_wide_one() -> None:
     with pytest.raises(GenerationError, match="at most"):
         generate([(node, "/z")], {})
     names = [f"p{i}" for i in range(50)]
-    wide = derive(function("sum", "s", " + ".join(names)), *[service(name) for name in names])
+    wide = derive(function("sum", "s", " + ".join(names)), *[source(name) for name in names])
     program = generate([(wide, "/s")], {})
     assert compile_program(program.code, 50, 1).step([1.0] * 50, 0.0) == (50.0,)
 
 
 def test_a_ladder_of_shared_derivations_is_linear() -> None:
     """Each step uses the one before twice, in two relations: as a tree it has 2^60 leaves."""
-    node = service("a")
+    node = source("a")
     for i in range(60):
         left = derive(function(f"l{i}", "b", "a + 0"), node)
         right = derive(function(f"r{i}", "c", "a - 0"), node)
@@ -201,7 +204,7 @@ def test_a_ladder_of_shared_derivations_is_linear() -> None:
 def test_random_trees_compute_what_their_expressions_say() -> None:
     choice = random.Random(7)
     for _ in range(200):
-        inputs = [service(f"p{i}") for i in range(4)]
+        inputs = [source(f"p{i}") for i in range(4)]
         values = {f"p{i}": choice.uniform(-9, 9) for i in range(4)}
         known = [(node, values[node.property]) for node in inputs]
         for i in range(choice.randrange(1, 8)):

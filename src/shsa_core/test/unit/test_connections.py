@@ -7,8 +7,8 @@ import rospy
 from rospy.impl.tcpros_base import TCPROSTransport
 from rospy.impl.tcpros_pubsub import TCPROSSub
 
-from shsa_core.ros.connections import Closed, Made, _Implementation
-from shsa_core.ros.inbox import Inbox
+from shsa_core.ros.graph.connections import Closed, Made, _Implementation
+from shsa_core.ros.graph.inbox import Inbox
 
 PUBLISHER = "http://localhost:1/"
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shsa_core.errors import ModelError
-from shsa_core.model.document import MAX_DEPTH, Value, from_parameters, parse_yaml, read_yaml
+from shsa_core.files.document import MAX_DEPTH, Value, from_parameters, parse_yaml, read_yaml
 
 
 def plain(value: Value) -> Any:
@@ -154,7 +154,7 @@ def test_files_that_cannot_be_read(tmp_path: pathlib.Path) -> None:
 
 
 def test_a_file_that_is_too_large_is_not_read(tmp_path: pathlib.Path, monkeypatch: Any) -> None:
-    monkeypatch.setattr("shsa_core.model.document.MAX_BYTES", 100)
+    monkeypatch.setattr("shsa_core.files.document.MAX_BYTES", 100)
     file = tmp_path / "large.yaml"
     file.write_text("#" * 100)
     assert read_yaml(str(file)).data is None

@@ -10,17 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shsa_core.errors import ExpressionError
-from shsa_core.model.expression import (
-    MAX_DEPTH,
-    MAX_LENGTH,
-    MAX_NODES,
-    Expression,
-    is_name,
-    literal,
-    parse_constraint,
-    parse_expression,
-)
-from shsa_core.model.functions import FUNCTIONS, RESERVED, STATEFUL
+from shsa_core.language.expression import Expression, parse_constraint, parse_expression
+from shsa_core.language.functions import FUNCTIONS, RESERVED, STATEFUL
+from shsa_core.language.syntax import MAX_DEPTH, MAX_LENGTH, MAX_NODES, is_name, literal
 
 HOSTILE = [text for texts in EXPRESSIONS.values() for text in texts]
 
@@ -276,7 +268,7 @@ def test_limits_are_where_they_are_said_to_be() -> None:
 
 def test_names_are_replaced_and_functions_are_not() -> None:
     expression = parse_expression("a + abs(aa)*a**2 - pi*dt + min(a, b)")
-    written = expression.with_names({"a": "i1", "aa": "(-2.0)", "b": "a"})
+    written = expression.code({"a": "i1", "aa": "(-2.0)", "b": "a"})
     assert written == "i1 + abs((-2.0))*i1**2 - pi*dt + min(i1, a)"
 
 

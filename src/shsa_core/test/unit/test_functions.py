@@ -6,21 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shsa_core.model.functions import (
-    FUNCTIONS,
-    MAX_GAP,
-    STATEFUL,
+from shsa_core.language.functions import FUNCTIONS, STATEFUL, ceil, floor, namespace, power, sign
+from shsa_core.language.memory import (
+    MAX_GAP_S,
     Memory,
-    ceil,
     derivative,
     elapsed,
-    floor,
     integral,
     lowpass,
-    namespace,
-    power,
     previous,
-    sign,
 )
 
 ALL = [elapsed, previous, derivative, integral]
@@ -196,7 +190,7 @@ def test_lowpass_starts_at_the_sample_after_a_gap() -> None:
 
 
 def test_the_gap_is_one_second_unless_told_otherwise() -> None:
-    assert MAX_GAP == 1.0
+    assert MAX_GAP_S == 1.0
     memory = previous()
     memory(1.0, 0.0)
     assert memory(2.0, 1.0) == 1.0

@@ -4,7 +4,7 @@ import threading
 import time
 from typing import Any, List
 
-from shsa_core.ros.inbox import Inbox
+from shsa_core.ros.graph.inbox import Inbox
 
 
 def waited(inbox: Inbox, timeout: float) -> float:

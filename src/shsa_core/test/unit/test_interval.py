@@ -9,9 +9,10 @@ from expressions import NAMES, NoValue, Sample, samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shsa_core.model.expression import parse_constraint, parse_expression
-from shsa_core.model.functions import FUNCTIONS, STATEFUL
-from shsa_core.model.interval import ANYTHING, Interval, _Analysis, find_troubles, narrow
+from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.language.functions import FUNCTIONS, STATEFUL
+from shsa_core.language.interval import ANYTHING, Interval
+from shsa_core.language.range_check import find_troubles, interval_of, narrow
 
 RANGES = {
     "v": Interval(0.0, 14.0),
@@ -23,13 +24,13 @@ RANGES = {
 
 
 def troubles(text: str, constraint: Optional[str] = None) -> List[Tuple[str, str]]:
-    condition = parse_constraint(constraint).tree() if constraint else None
-    found = find_troubles(text, parse_expression(text).tree(), condition, RANGES)
+    ranges = parse_constraint(constraint).narrowed(RANGES) if constraint else RANGES
+    found = parse_expression(text).troubles(ranges)
     return [(trouble.part, trouble.reason) for trouble in found]
 
 
 def interval(text: str, **ranges: Interval) -> Interval:
-    return _Analysis().interval(parse_expression(text).tree(), dict(RANGES, **ranges))
+    return interval_of(parse_expression(text).tree(), dict(RANGES, **ranges))
 
 
 @pytest.mark.parametrize(
@@ -247,8 +248,8 @@ def test_values_lie_within_the_interval_and_exist_where_no_trouble_is_found(
         for index, name in enumerate(NAMES)
     }
     tree = parse_expression(sample.text).tree()
-    found = _Analysis().interval(tree, ranges)
-    trouble = find_troubles(sample.text, tree, None, ranges)
+    found = interval_of(tree, ranges)
+    trouble = find_troubles(sample.text, tree, ranges)
     for _ in range(20):
         values = {name: _pick(choice, ranges[name]) for name in NAMES}
         try:

@@ -8,10 +8,12 @@ import pytest
 from shsa_core.cli.main import main
 from shsa_core.codegen.generator import generate
 from shsa_core.errors import GenerationError, ModelError
-from shsa_core.model.expression import Expression
-from shsa_core.model.knowledge_base import KnowledgeBase, Provision, read_knowledge_base
-from shsa_core.model.ontology_file import read_ontology
-from shsa_core.model.som import Service, read_som
+from shsa_core.language.expression import Condition, Expression
+from shsa_core.files.knowledge_base import KnowledgeBase, Provision, read_knowledge_base
+from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.som_file import read_som
+from shsa_core.model.service import Provision as Value
+from shsa_core.model.service import Service
 from shsa_core.search.derivation import Derivation
 from shsa_core.search.substitutes import find_substitute
 
@@ -25,7 +27,8 @@ relations:
       in: [laser]
       fct: "min(laser)"
   steer:
-    wheel_angle: {in: [steering_angle, gear, battery], fct: "steering_angle / gear", constraint: "steering_angle < 3"}
+    wheel_angle: {in: [steering_angle, gear, battery], fct: "steering_angle / gear", \
+constraint: "steering_angle < 3"}
     steering_angle: {in: [wheel_angle, gear], fct: "9*wheel_angle"}
   self:
     dmin: {in: [dmin, laser], fct: "dmin"}
@@ -84,13 +87,13 @@ def test_the_ontology(read: Read) -> None:
     }
     steer = functions["steer", "wheel_angle"]
     assert steer.inputs == ("steering_angle",) and steer.quality == 1.0
-    assert steer.expression == Expression("steering_angle / gear", ("steering_angle", "gear"))
-    assert steer.constraint == Expression("steering_angle < 3", ("steering_angle",))
-    assert functions["steer", "steering_angle"].expression.text == "9*wheel_angle"
+    assert steer.law == Expression("steering_angle / gear", ("steering_angle", "gear"))
+    assert steer.constraint == Condition("steering_angle < 3", ("steering_angle",))
+    assert functions["steer", "steering_angle"].law.text == "9*wheel_angle"
     scan = functions["scan", "dmin"]
-    assert (scan.expression, scan.text, scan.inputs) == (None, "min(laser)", ("laser",))
+    assert (scan.law, scan.text, scan.inputs) == (None, "min(laser)", ("laser",))
     guarded = functions["guarded", "dmin"]
-    assert (guarded.expression, guarded.constraint) == (None, None)
+    assert (guarded.law, guarded.constraint) == (None, None)
     assert guarded.text == "battery if False"
     assert functions["foreign", "dmin"].text == "battery + threshold"
     assert functions["empty", "dmin"].text == ""
@@ -158,7 +161,7 @@ def test_the_form_without_functions(read: Read) -> None:
         ("t1", "other", ("r1", "r2")),
         ("t2", "root", ("r2",)),
     ]
-    assert all(f.expression is None for f in base.ontology.functions)
+    assert all(f.law is None for f in base.ontology.functions)
 
 
 def test_a_relation_without_a_function_entry(read: Read) -> None:
@@ -211,8 +214,8 @@ def test_errors_name_file_and_line(read: Read, text: str, line: int, what: str) 
 
 def test_what_cannot_be_executed_is_found_by_the_search_and_refused_by_name(read: Read) -> None:
     ontology = read("relations: {scan: {dmin: {in: [laser], fct: min(laser)}}}").ontology
-    laser = Service("laser", "/scan", "data", "p/T", "/hokuyo", 0.1)
-    derivation: Derivation = find_substitute(ontology, [laser], "dmin").derivation
+    laser = Service("laser", "/scan", "p/T", "/hokuyo", 0.1, (Value("laser", "data"),))
+    derivation: Derivation = find_substitute(ontology, laser.sources, "dmin").derivation
     with pytest.raises(GenerationError, match="the relation scan for dmin cannot be executed"):
         generate([(derivation, "/dmin/data")], ontology.constants)
 
@@ -232,17 +235,20 @@ def test_the_command_line(tmp_path: pathlib.Path, capsys: Any) -> None:
     assert read_ontology(ontology) == read_knowledge_base(base).ontology
     with open(som) as stream:
         draft = stream.read()
-    assert '  - {topic: "/scan", field: , type: , node: , period: , quality: 0.9}\n' in draft
-    assert '"/stop/dmin/data", field: , type: , node: , period: 0.1, needed: true}' in draft
-    with pytest.raises(ModelError, match="field must be a text, not empty"):
+    assert (
+        '  laser:\n    topic: "/scan"\n    type:\n    node:\n    period:\n    provides:\n'
+        "      laser: {field: , quality: 0.9}\n"
+    ) in draft
+    assert '    topic: "/stop/dmin/data"\n' in draft
+    assert "    period: 0.1\n    needed: true\n" in draft
+    assert "  battery:\n" in draft and "  battery_2:\n" in draft
+    with pytest.raises(ModelError, match="type must be a text, not empty"):
         read_som(som)
+    filled = draft.replace("type:\n", "type: p/T\n").replace("node:\n", "node: /n\n")
+    filled = filled.replace("period:\n", "period: 1\n").replace("field: ", "field: a")
     with open(som, "w") as stream:
-        stream.write(
-            draft.replace(
-                "field: , type: , node: , period: ,", "field: a, type: p/T, node: /n, period: 1,"
-            )
-        )
-    assert main(["check", ontology, "--som", som]) == 1
+        stream.write(filled)
+    assert len(read_som(som)) == 4
 
     assert main(["import", base, "--ontology", ontology]) == 2
     assert "is there already; give the name of a new file" in capsys.readouterr().err

@@ -1,8 +1,9 @@
 """The ontology as a graph."""
 from typing import Tuple
 
-from shsa_core.model.expression import parse_expression
-from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
+from shsa_core.language.expression import parse_expression
+from shsa_core.model.ontology import Constant, Ontology, Property
+from shsa_core.model.relation import TransferFunction
 
 
 def function(

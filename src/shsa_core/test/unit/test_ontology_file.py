@@ -6,7 +6,7 @@ import pytest
 
 from shsa_core.errors import ModelError
 from shsa_core.model.ontology import Constant, Property
-from shsa_core.model.ontology_file import load_ontology, read_ontology
+from shsa_core.files.ontology_file import load_ontology, read_ontology
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
 
@@ -62,15 +62,15 @@ def test_a_good_file(tmp_path: pathlib.Path) -> None:
         ("v", "battery_voltage"),
     )
     assert f1.quality == 0.9 and f1.constraint.text == "battery_voltage > n"
-    assert f1.expression.text == f1.text == "48.67 - 0.03*abs(v) - wheel_base"
+    assert f1.law.text == f1.text == "48.67 - 0.03*abs(v) - wheel_base"
     assert f1.where.endswith("o.yaml:12")
     assert (power.relation, power.output) == ("power", "battery_power")
     assert power.inputs == ("battery_voltage", "battery_current")
     assert power.quality == 1.0 and power.constraint is None
     assert current.output == "battery_current" and current.where.endswith("o.yaml:18")
-    assert laser.expression is None and laser.text == "min(points)"
+    assert laser.law is None and laser.text == "min(points)"
     assert laser.inputs == ("battery_power",) and laser.quality == 0.5
-    assert fixed.inputs == () and fixed.expression.text == "12"
+    assert fixed.inputs == () and fixed.law.text == "12"
     assert ontology.properties["v"].where.endswith("o.yaml:6")
     assert [f.relation for f in ontology.functions_for("battery_current")] == ["f1", "power"]
 

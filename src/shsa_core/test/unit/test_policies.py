@@ -1,26 +1,29 @@
-"""Beside substitution: nodes started again, trusted less, kept out; and what is done when nothing is left."""
+"""Beside substitution: nodes started again, trusted less, kept out.
+
+And what is done when nothing is left.
+"""
 from dataclasses import replace
-from pathlib import Path
 from typing import List
 
 import pytest
 
-from core_robot import A, SOM, Robot, has, last_incident, only, service, speaking
-from shsa_core.errors import ModelError
+from core_robot import A, SOM, Robot, has, last_incident, only, program_of, publishing, service
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
-from shsa_core.healing.settings import Settings, read_settings
-from shsa_core.model.policies import LastResort
-from shsa_core.model.som import Som, merge_parameters, read_som, som_from_parameters
+from shsa_core.files.parameters import read_settings
+from shsa_core.healing.settings import Settings
+from shsa_core.model.kinds import Policy
+from shsa_core.model.service import LastResort
+from shsa_core.model.som import Som
 
 
 def som(policy: str = "substitute", last: LastResort = LastResort()) -> Som:
     first, *others = SOM
-    return Som([replace(first, policy=policy, last_resort=last), *others])
+    return Som([replace(first, policy=Policy(policy), last_resort=last), *others])
 
 
 def back(robot: Robot, time: float) -> List[events.Command]:
-    """The original speaks again."""
+    """The original publishes again."""
     robot.row("/a", A, "healthy", time)
     return robot.table(time + 0.01)
 
@@ -28,7 +31,7 @@ def back(robot: Robot, time: float) -> List[events.Command]:
 def test_a_node_is_started_again_with_growing_pauses_and_then_given_up() -> None:
     robot = Robot(som("restart"), node_restarts=2, restart_pause=1.0)
     assert not has(robot.fail("/a", A, 10.0), events.StartSubstitute)
-    robot.handle(events.NodeKilled(10.1, A, True))
+    robot.killed(10.1, A)
     assert not has(robot.handle(events.Tick(11.0)), events.RestartNode)
     assert only(robot.handle(events.Tick(11.2)), events.RestartNode).node == A
     robot.handle(events.RestartFailed(11.3, A, "no such file"))
@@ -44,29 +47,29 @@ def test_a_node_is_started_again_with_growing_pauses_and_then_given_up() -> None
 def test_a_node_that_does_not_come_back_in_time_is_killed_and_tried_again() -> None:
     robot = Robot(som("restart"), restart_pause=1.0, restart_timeout=5.0)
     robot.fail("/a", A, 10.0)
-    robot.handle(events.NodeKilled(10.0, A, True))
+    robot.killed(10.0, A)
     robot.handle(events.Tick(11.0))
-    assert only(robot.handle(events.Tick(16.0)), events.KillNode).node == A
-    robot.handle(events.NodeKilled(16.1, A, True))
+    assert only(robot.handle(events.Tick(16.0)), events.FindNode).node == A
+    robot.killed(16.1, A)
     assert has(robot.handle(events.Tick(18.2)), events.RestartNode)
 
 
 def test_a_node_that_was_started_again_ends_the_incident_after_its_hold_off() -> None:
     robot = Robot(som("restart"), restart_pause=1.0)
     robot.fail("/a", A, 10.0)
-    robot.handle(events.NodeKilled(10.0, A, True))
+    robot.killed(10.0, A)
     robot.handle(events.Tick(11.0))
     assert last_incident(back(robot, 12.0)).state is State.RETURNING
     ended = last_incident(robot.handle(events.Tick(14.1)))
     assert ended.state is State.ENDED and ended.detail == "/a: /a_node is back."
-    assert not has(robot.handle(events.Tick(30.0)), events.KillNode)
+    assert not has(robot.handle(events.Tick(30.0)), events.FindNode)
 
 
 def test_restarts_are_forgotten_once_the_node_was_well_for_long() -> None:
     robot = Robot(som("restart"), restart_pause=1.0, node_restarts=1, stable=60.0)
     for time, restarts in ((10.0, True), (30.0, False), (200.0, True)):
         robot.fail("/a", A, time)
-        robot.handle(events.NodeKilled(time, A, True))
+        robot.killed(time, A)
         assert has(robot.handle(events.Tick(time + 1.0)), events.RestartNode) == restarts
         back(robot, time + 2.0)
         robot.handle(events.Tick(time + 5.0))
@@ -75,9 +78,9 @@ def test_restarts_are_forgotten_once_the_node_was_well_for_long() -> None:
 def test_a_node_that_is_told_gone_twice_has_failed_once() -> None:
     robot = Robot(som("restart"), restart_pause=1.0)
     robot.fail("/a", A, 10.0, "silent")
-    robot.handle(events.NodeKilled(10.1, A, True))
-    assert has(robot.fail("/a", A, 10.11), events.KillNode)
-    robot.handle(events.NodeKilled(10.2, A, True))
+    robot.killed(10.1, A)
+    assert has(robot.fail("/a", A, 10.11), events.FindNode)
+    robot.killed(10.2, A)
     assert last_incident(robot.said).restarts == 1
     assert has(robot.handle(events.Tick(11.1)), events.RestartNode)
 
@@ -86,18 +89,18 @@ def test_a_substitute_bridges_while_the_node_is_started_again() -> None:
     robot = Robot(som("restart_and_substitute"), restart_pause=1.0)
     node = robot.heal(10.0)
     commands = robot.handle(events.Tick(11.1))
-    assert only(commands, events.RestartNode).node == A and speaking(robot) == (True,)
+    assert only(commands, events.RestartNode).node == A and publishing(robot) == (True,)
     back(robot, 12.0)
-    assert speaking(robot) == (False,)
+    assert publishing(robot) == (False,)
     assert only(robot.handle(events.Tick(14.1)), events.StopSubstitute).node == node
 
 
 def test_a_node_that_publishes_two_lost_topics_is_started_once() -> None:
     two = [service("a", A, True), service("b", A, True), service("c", "/c_node")]
-    robot = Robot(Som([replace(each, policy="restart") for each in two]), restart_pause=1.0)
+    robot = Robot(Som([replace(each, policy=Policy.RESTART) for each in two]), restart_pause=1.0)
     robot.fail("/a", A, 10.0)
     robot.fail("/b", A, 10.1)
-    robot.handle(events.NodeKilled(10.2, A, True))
+    robot.killed(10.2, A)
     commands = robot.handle(events.Tick(11.3))
     assert only(commands, events.RestartNode).node == A
 
@@ -105,7 +108,7 @@ def test_a_node_that_publishes_two_lost_topics_is_started_once() -> None:
 def test_a_node_that_may_still_run_is_not_started_a_second_time() -> None:
     robot = Robot(som("restart"))
     robot.fail("/a", A, 10.0)
-    commands = robot.handle(events.NodeKilled(10.1, A, False, "it belongs to somebody else"))
+    commands = robot.killed(10.1, A, certain=False)
     assert last_incident(commands).state is State.UNHEALED
     assert not has(robot.handle(events.Tick(60.0)), events.RestartNode)
 
@@ -117,7 +120,7 @@ def test_the_hold_off_grows_while_the_original_fails_within_it() -> None:
         back(robot, time)
         assert robot.core.deadline == pytest.approx(time + 0.01 + hold_off)
         robot.fail("/a", A, time + 1.0)
-        robot.handle(events.NodeKilled(time + 1.01, A, True))
+        robot.killed(time + 1.01, A)
     back(robot, 60.0)
     robot.handle(events.Tick(70.0))
     robot.heal(80.0)
@@ -128,7 +131,7 @@ def test_the_hold_off_grows_while_the_original_fails_within_it() -> None:
 def flap(robot: Robot, time: float) -> None:
     back(robot, time)
     robot.fail("/a", A, time + 1.0)
-    robot.handle(events.NodeKilled(time + 1.01, A, True))
+    robot.killed(time + 1.01, A)
 
 
 def test_an_original_that_keeps_failing_is_kept_out_until_it_is_released() -> None:
@@ -139,12 +142,12 @@ def test_an_original_that_keeps_failing_is_kept_out_until_it_is_released() -> No
     flap(robot, 30.0)
     assert last_incident(robot.said).kept_out
     commands = back(robot, 40.0)
-    assert only(commands, events.KillNode) == events.KillNode(A, urgent=True)
-    assert speaking(robot) == (False,)  # two voices are worse than none
-    robot.handle(events.NodeKilled(40.1, A, True))
-    assert speaking(robot) == (True,)
+    assert only(commands, events.FindNode) == events.FindNode(A)
+    assert publishing(robot) == (False,)  # two publishers are worse than none
+    robot.killed(40.1, A)
+    assert publishing(robot) == (True,)
     assert last_incident(robot.said).state is State.HEALED
-    assert not last_incident(robot.handle(events.Released(50.0, "/a"))).kept_out
+    assert not last_incident(robot.handle(events.Released(50.0, "a"))).kept_out
     assert last_incident(back(robot, 51.0)).state is State.RETURNING
 
 
@@ -160,7 +163,7 @@ def test_an_original_that_keeps_failing_is_better_than_nothing() -> None:
 
 
 def test_a_topic_that_is_healed_too_often_ends_safe_until_it_is_released() -> None:
-    robot = Robot(som(last=LastResort(value=5.0)), healings=2)
+    robot = Robot(som(last=LastResort(values=(("a", 5.0),))), healings=2)
     for time in (10.0, 20.0):
         robot.heal(time)
         back(robot, time + 2.0)
@@ -168,10 +171,10 @@ def test_a_topic_that_is_healed_too_often_ends_safe_until_it_is_released() -> No
     incident = last_incident(robot.fail("/a", A, 30.0))
     assert incident.state is State.SAFE and incident.kept_out
     assert "2 times within a minute" in incident.detail
-    robot.handle(events.NodeKilled(30.1, A, True))
-    assert only(back(robot, 100.0), events.KillNode).node == A
-    robot.handle(events.NodeKilled(100.1, A, True))
-    commands = robot.handle(events.Released(110.0, "/a"))
+    robot.killed(30.1, A)
+    assert only(back(robot, 100.0), events.FindNode).node == A
+    robot.killed(100.1, A)
+    commands = robot.handle(events.Released(110.0, "a"))
     assert last_incident(commands).state is State.HEALED
 
 
@@ -193,15 +196,15 @@ def nothing_left(last: LastResort) -> Robot:
 
 
 def test_the_safe_value_is_published_when_nothing_is_left() -> None:
-    robot = nothing_left(LastResort(value=-1.5))
+    robot = nothing_left(LastResort(values=(("a", -1.5),)))
     commands = robot.fail("/a", A, 10.0)
     start = only(commands, events.StartSubstitute)
-    assert start.program.inputs == () and start.program.outputs == ("/a/data",)
-    assert "-1.5" in start.program.code
-    robot.handle(events.NodeKilled(10.1, A, True))
+    assert program_of([start]).inputs == () and program_of([start]).outputs == ("/a/data",)
+    assert "-1.5" in program_of([start]).code
+    robot.killed(10.1, A)
     incident = last_incident(robot.said)
     assert incident.state is State.SAFE and incident.missing == ("b", "c")
-    assert incident.substitute == start.node and speaking(robot) == (True,)
+    assert incident.substitute == start.node and publishing(robot) == (True,)
     robot.row("/c", "/c_node", "healthy", 20.0)
     commands = robot.table(20.0)
     assert only(commands, events.AssignSubstitute).node == start.node
@@ -210,7 +213,7 @@ def test_the_safe_value_is_published_when_nothing_is_left() -> None:
 
 
 def test_safe_values_whose_process_dies_are_published_again() -> None:
-    robot = nothing_left(LastResort(value=1.0))
+    robot = nothing_left(LastResort(values=(("a", 1.0),)))
     first = only(robot.fail("/a", A, 10.0), events.StartSubstitute).node
     commands = robot.handle(events.ProcessExited(11.0, first, "exit status 1"))
     second = only(commands, events.StartSubstitute).node
@@ -218,14 +221,14 @@ def test_safe_values_whose_process_dies_are_published_again() -> None:
 
 
 def test_the_original_takes_safe_values_over() -> None:
-    robot = nothing_left(LastResort(value=1.0))
+    robot = nothing_left(LastResort(values=(("a", 1.0),)))
     node = only(robot.fail("/a", A, 10.0), events.StartSubstitute).node
-    robot.handle(events.NodeKilled(10.1, A, True))
+    robot.killed(10.1, A)
     back(robot, 20.0)
-    assert speaking(robot) == (False,)
+    assert publishing(robot) == (False,)
     robot.fail("/a", A, 21.0)
-    assert last_incident(robot.said).state is State.SAFE and speaking(robot) == (True,)
-    robot.handle(events.NodeKilled(21.1, A, True))
+    assert last_incident(robot.said).state is State.SAFE and publishing(robot) == (True,)
+    robot.killed(21.1, A)
     back(robot, 30.0)
     commands = robot.handle(events.Tick(40.0))
     assert only(commands, events.StopSubstitute).node == node
@@ -234,9 +237,9 @@ def test_the_original_takes_safe_values_over() -> None:
 def test_the_command_is_run_once_when_nothing_is_left() -> None:
     robot = nothing_left(LastResort(command=("stop", "now")))
     commands = robot.fail("/a", A, 10.0)
-    assert only(commands, events.RunCommand) == events.RunCommand("/a", ("stop", "now"))
+    assert only(commands, events.RunCommand) == events.RunCommand("a", ("stop", "now"))
     assert last_incident(commands).state is State.SAFE
-    robot.handle(events.NodeKilled(10.1, A, True))
+    robot.killed(10.1, A)
     assert not has(robot.handle(events.Tick(12.0)), events.RunCommand)
 
 
@@ -248,71 +251,67 @@ def test_a_substitute_that_dies_in_the_hold_off_does_not_keep_the_incident_open(
     assert last_incident(robot.handle(events.Tick(22.1))).state is State.ENDED
 
 
-ENTRY = "{topic: /a, field: data, type: p/T, node: /a_node, period: 0.1, range: [0, 9], %s}"
-
-
-@pytest.mark.parametrize(
-    "text, policy, last",
-    [
-        ("policy: restart", "restart", LastResort()),
-        ("last_resort: stop", "substitute", LastResort()),
-        ("last_resort: {value: 2}", "substitute", LastResort(2.0)),
-        ("last_resort: {command: [a, 1]}", "substitute", LastResort(None, ("a", "1"))),
-        ("last_resort: {value: 0, command: [a]}", "substitute", LastResort(0.0, ("a",))),
-    ],
-)
-def test_policies_are_read(tmp_path: Path, text: str, policy: str, last: LastResort) -> None:
-    (read,) = read_som(written(tmp_path, text))
-    assert (read.policy, read.last_resort) == (policy, last)
-
-
-def written(folder: Path, text: str) -> str:
-    path = folder / "som.yaml"
-    path.write_text("a:\n  - " + ENTRY % text)
-    return str(path)
-
-
-@pytest.mark.parametrize(
-    "text, complaint",
-    [
-        ("policy: pray", "policy must be one of substitute, restart, restart_and_substitute"),
-        ("last_resort: go", "last_resort must be stop, {value: NUMBER} or {command:"),
-        ("last_resort: {value: 10}", "the value 10 is outside the range [0, 9]"),
-        ("last_resort: {value: x}", "value must be a number"),
-        ("last_resort: {command: []}", "command must have 1 to 100 words"),
-        ("last_resort: {command: rm}", "must be a list"),
-        ("last_resort: {command: [[a]]}", "a word of command must be a text"),
-        ("last_resort: {else: 1}", "else"),
-    ],
-)
-def test_bad_policies_are_refused(tmp_path: Path, text: str, complaint: str) -> None:
-    with pytest.raises(ModelError) as caught:
-        read_som(written(tmp_path, text))
-    assert complaint in str(caught.value) and "som.yaml:2" in str(caught.value)
-
-
-def test_a_command_is_never_taken_from_the_parameter_server(tmp_path: Path) -> None:
-    robot_som = read_som(written(tmp_path, "last_resort: {value: 1, command: [stop]}"))
-    tree = robot_som.parameters()
-    assert "stop" not in str(tree)
-    merged, errors = merge_parameters(robot_som, tree)
-    assert merged == robot_som and not errors
-    tree["a"][0]["period"] = 0.2  # type: ignore[index]
-    merged, errors = merge_parameters(robot_som, tree)
-    assert merged.services[0].period == 0.2 and merged.command("/a") == ("stop",)
-    tree["a"][0]["last_resort"] = {"command": ["rm"]}  # type: ignore[index]
-    merged, errors = merge_parameters(robot_som, tree)
-    assert "in the SOM file only" in str(errors[0]) and merged.command("/a") == ("stop",)
-    with pytest.raises(ModelError):
-        som_from_parameters(tree)
-
-
 def test_settings_are_read_and_bad_ones_named() -> None:
     given = {"hold_off": 1, "switches": 2.0, "method": "orr", "som": "file", "retry": 0.5}
-    settings, errors = read_settings(given, "/reconfigurator")
+    settings, errors = read_settings(Settings, given, "/reconfigurator")
     assert settings == Settings(hold_off=1.0, switches=2, method="orr", retry=0.5) and not errors
     bad = {"hold_off": -1, "switches": 1.5, "method": "guess", "pool": "2", "retry": float("nan")}
-    settings, errors = read_settings(bad, "/r")
+    settings, errors = read_settings(Settings, bad, "/r")
     assert settings == Settings() and len(errors) == 5
     for name in bad:
         assert any(f"/r/{name}" in str(error) for error in errors)
+
+
+def test_a_substitute_goes_on_while_a_node_that_did_not_come_back_is_killed() -> None:
+    robot = Robot(som("restart_and_substitute"), restart_pause=1.0, restart_timeout=5.0)
+    robot.heal(10.0)
+    robot.handle(events.Tick(11.1))
+    assert has(robot.handle(events.Tick(16.2)), events.FindNode)
+    assert publishing(robot) == (True,)
+
+
+def test_a_substitute_is_muted_while_its_node_publishes_nonsense_again() -> None:
+    robot = Robot()
+    robot.heal(10.0)
+    assert has(robot.fail("/a", A, 20.0, "out_of_range"), events.FindNode)
+    assert publishing(robot) == (False,)
+    robot.killed(20.1, A)
+    assert publishing(robot) == (True,)
+
+
+def test_a_policy_that_changes_while_the_node_is_awaited_counts_at_once() -> None:
+    robot = Robot(som("restart"), restart_pause=1.0)
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.1, A)
+    assert only(robot.handle(events.SomChanged(10.2, som())), events.StartSubstitute)
+    assert not has(robot.handle(events.Tick(12.0)), events.RestartNode)
+
+
+def test_a_node_that_was_killed_under_another_policy_is_started_again() -> None:
+    robot = Robot(restart_pause=1.0)
+    node = robot.heal(10.0)
+    robot.handle(events.SomChanged(11.0, som("restart")))
+    assert publishing(robot) == (True,)
+    commands = robot.handle(events.ProcessExited(12.0, node, "status 1"))
+    assert not has(commands, events.StartSubstitute)
+    assert last_incident(commands).substitute == ""
+    assert only(robot.handle(events.Tick(13.1)), events.RestartNode).node == A
+
+
+def test_what_leaves_the_som_is_not_started_again() -> None:
+    robot = Robot(som("restart"), restart_pause=1.0)
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.1, A)
+    first, *others = som("restart")
+    robot.handle(events.SomChanged(10.2, Som([replace(first, needed=False), *others])))
+    assert robot.core.deadline is None
+    assert not has(robot.handle(events.Tick(12.0)), events.RestartNode)
+
+
+def test_a_node_that_is_given_up_is_not_awaited_any_more() -> None:
+    robot = Robot(som("restart"), node_restarts=1, restart_pause=1.0, restart_timeout=5.0)
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.1, A)
+    assert has(robot.handle(events.Tick(11.2)), events.RestartNode)
+    robot.handle(events.RestartFailed(11.3, A, "no such file"))
+    assert not has(robot.handle(events.Tick(17.0)), events.FindNode)

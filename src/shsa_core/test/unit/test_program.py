@@ -303,6 +303,86 @@ def test_a_relation_gets_no_input_that_has_no_value() -> None:
     assert step((-1.0,), 0.0) is None
 
 
+PAPER = """t0=x[0]; t1=x[1]; t2=x[2]; t3=x[3]; t4=x[4];
+def _tf1(i1,i2,i3,i4,i5):
+    o = 48.67 - 0.03*abs(i1) - 1.17*abs(i2) \\
+        + 2.07*abs(i3) - 0.03*abs(i4) \\
+        - 3.72*i5
+    return o
+t5=_tf1(t0,t1,t2,t3,t4)
+y=t5
+"""
+
+
+@settings(derandomize=True, max_examples=100, deadline=None)
+@given(finite, finite, finite, finite, finite)
+def test_the_listing_of_the_paper(v: float, a: float, w: float, e: float, u: float) -> None:
+    step = compile_program(PAPER, 5, 1).step
+    result = 48.67 - 0.03 * abs(v) - 1.17 * abs(a) + 2.07 * abs(w) - 0.03 * abs(e) - 3.72 * u
+    assert step((v, a, w, e, u), 0.0) == (result,)
+
+
+def steps(*body: str, **options: float) -> Any:
+    """The step of a program of one relation over i1 with these lines."""
+    lines = "".join(f"  {line}\n" for line in body)
+    code = f"t0=x[0];\ndef _tf1(i1):\n{lines}t1=_tf1(t0)\ny=t1\n"
+    return compile_program(code, 1, 1, **options).step
+
+
+def test_values_on_the_way_are_used_as_often_as_wanted() -> None:
+    step = steps("o=i1+1", "p=o*o", "q=p-o", "return q*p+o")
+    assert step((2.0,), 0.0) == (6.0 * 9.0 + 3.0,)
+    doubled = [f"s{i}=s{i - 1}+s{i - 1}" for i in range(1, 100)]
+    assert steps("s0=i1", *doubled, "return s99")((1.0,), 0.0) == (2.0**99,)
+
+
+def test_without_a_value_on_the_way_there_is_none_at_the_end() -> None:
+    step = steps("o=1/i1", "return 1 if o > 0 else 2")
+    assert step((0.0,), 0.0) is None
+    assert step((-2.0,), 0.0) == (2.0,)
+    step = steps("o=i1*i1", "p=1 if o > 0 else 2", "return p")
+    assert step((1e200,), 0.0) is None
+    assert step((2.0,), 0.0) == (1.0,)
+
+
+def test_a_constraint_guards_values_on_the_way() -> None:
+    step = steps("require(i1 > 1)", "o=2*i1", "return o")
+    assert step((1.0,), 0.0) is None
+    assert step((2.0,), 0.0) == (4.0,)
+
+
+def test_a_stateful_function_sees_every_value_on_the_way() -> None:
+    step = steps("require(i1 > 0)", "o=2*i1", "p=integral(o)", "return p + dt*0")
+    assert step((1.0,), 0.0) is None
+    assert step((1.0,), 0.5) == (1.0,)
+    assert step((-1.0,), 1.0) is None
+    assert step((1.0,), 1.5) == (1.0,)  # what was seen while the constraint was false counts
+
+
+def test_a_stateful_function_takes_no_sample_where_there_is_no_value() -> None:
+    step = steps("o=1/i1", "p=1 if o > 0 else 2", "return integral(p) + 0*i1")
+    assert step((1.0,), 0.0) == (0.0,)
+    assert step((0.0,), 0.5) is None
+    assert step((1.0,), 1.0) == (1.0,)
+    step = steps("o=derivative(i1)", "p=1 if o > 0 else 3", "return integral(p)")
+    assert step((0.0,), 0.0) is None
+    assert step((1.0,), 0.5) == (0.0,)
+    assert step((2.0,), 1.0) == (0.5,)
+
+
+@settings(derandomize=True, max_examples=300, deadline=None)
+@given(samples(), finite, finite, finite)
+def test_a_value_on_the_way_means_what_it_stands_for(
+    sample: Sample, a: float, b: float, c: float
+) -> None:
+    parameters = dict(zip(NAMES, ("i1", "i2", "i3")))
+    text = re.sub(r"\b[abc]\b", lambda name: parameters[name.group()], sample.text)
+    inputs = "t0=x[0]; t1=x[1]; t2=x[2];\ndef _tf1(i1,i2,i3):\n  z = i1 + i2 + i3\n"
+    code = f"{inputs}  o = {text} \\\n    + 0*z\n  return o\nt3=_tf1(t0,t1,t2)\ny=t3\n"
+    direct = program(f"{text} + 0*(i1 + i2 + i3)", n_inputs=3).step
+    assert compile_program(code, 3, 1).step((a, b, c), 0.0) == direct((a, b, c), 0.0)
+
+
 def test_compiled_code_reaches_no_builtins() -> None:
     names = program("i1 + abs(i1)").step.__globals__
     assert names["__builtins__"] == {}

@@ -1,48 +1,64 @@
 """The reconfigurator's decisions: events in, commands out."""
-from core_robot import A, B, C, SOM, Robot, function, has, last_incident, only, service, speaking
+from dataclasses import replace
+
+from core_robot import (
+    A,
+    B,
+    C,
+    SOM,
+    Robot,
+    function,
+    has,
+    last_incident,
+    only,
+    program_of,
+    service,
+    publishing,
+    reads,
+)
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.som import Service, Som
+from shsa_core.model.service import Provision, Service
+from shsa_core.model.som import Som
 
 
 def test_a_failure_kills_the_node_and_starts_the_best_substitute() -> None:
     robot = Robot()
     commands = robot.fail("/a", A, 10.0)
-    assert only(commands, events.KillNode) == events.KillNode(A, urgent=False)
+    assert only(commands, events.FindNode) == events.FindNode(A, successor=False)
     start = only(commands, events.StartSubstitute)
-    assert start.program.inputs == ("/b/data",)
-    assert start.program.outputs == ("/a/data",)
+    assert program_of([start]).inputs == ("/b/data",)
+    assert program_of([start]).outputs == ("/a/data",)
     incident = last_incident(commands)
     assert incident.state is State.HEALING
     assert (incident.topic, incident.faulty_node, incident.last_good) == ("/a", A, 9.98)
     assert incident.relations == ("good",) and incident.quality == 0.9
 
 
-def test_a_substitute_is_mute_until_the_faulty_node_is_gone() -> None:
+def test_a_substitute_is_muted_until_the_faulty_node_is_gone() -> None:
     robot = Robot()
     robot.fail("/a", A, 10.0, "silent")
-    assert speaking(robot) == (False,)
-    commands = robot.handle(events.NodeKilled(10.05, A, True))
-    assert speaking(robot) == (True,)
-    assert isinstance(commands[0], events.ShowSubstitutions)
-    assert commands[0].substitutions[0].original == A
+    assert publishing(robot) == (False,)
+    commands = robot.killed(10.05, A)
+    assert publishing(robot) == (True,)
+    assert only(commands, events.ShowSubstitutions).rows[0].original == A
     assert last_incident(commands).killed == 10.05
 
 
-def test_a_substitute_speaks_as_soon_as_the_killed_node_has_closed_its_connection() -> None:
+def test_a_substitute_publishes_as_soon_as_the_killed_node_has_closed_its_connection() -> None:
     robot = Robot()
     robot.fail("/a", A, 10.0, "out_of_range")
-    assert speaking(robot) == (False,)
+    assert publishing(robot) == (False,)
     commands = robot.fail("/a", A, 10.01, "node_gone")
-    assert speaking(robot) == (True,)
-    assert not has(commands, events.Say) and not has(commands, events.KillNode)
+    assert publishing(robot) == (True,)
+    assert not has(commands, events.Log) and not has(commands, events.FindNode)
 
 
-def test_a_substitute_speaks_at_once_if_the_node_is_certainly_gone() -> None:
+def test_a_substitute_publishes_at_once_if_the_node_is_certainly_gone() -> None:
     robot = Robot()
     robot.fail("/a", A, 10.0, "node_gone")
-    assert speaking(robot) == (True,)
+    assert publishing(robot) == (True,)
 
 
 def test_the_incident_records_every_step() -> None:
@@ -62,26 +78,26 @@ def test_the_original_returns_and_the_substitute_stops_after_the_hold_off() -> N
     robot.row("/a", A, "healthy", 20.0)
     commands = robot.table(20.01)
     assert last_incident(commands).state is State.RETURNING
-    assert speaking(robot) == (False,)
+    assert publishing(robot) == (False,)
     assert robot.core.deadline == 22.01
     assert not has(robot.handle(events.Tick(22.0)), events.StopSubstitute)
     commands = robot.handle(events.Tick(22.02))
     assert only(commands, events.StopSubstitute).node == node
     assert last_incident(commands).state is State.ENDED
-    assert speaking(robot) == ()
+    assert publishing(robot) == ()
     assert robot.core.substitutes == ()
 
 
-def test_an_original_that_fails_again_in_the_hold_off_gives_the_voice_back() -> None:
+def test_an_original_that_fails_again_in_the_hold_off_gives_the_topic_back() -> None:
     robot = Robot()
     node = robot.heal(10.0)
     robot.row("/a", A, "healthy", 20.0)
     robot.table(20.01)
     commands = robot.fail("/a", A, 21.0, "silent")
-    assert only(commands, events.KillNode).node == A
-    assert speaking(robot) == (False,)
-    robot.handle(events.NodeKilled(21.01, A, True))
-    assert speaking(robot) == (True,)
+    assert only(commands, events.FindNode).node == A
+    assert publishing(robot) == (False,)
+    robot.killed(21.01, A)
+    assert publishing(robot) == (True,)
     assert robot.core.substitutes == (node,)
     assert last_incident(robot.said).state is State.HEALED
     assert not has(robot.handle(events.Tick(30.0)), events.StopSubstitute)
@@ -90,7 +106,7 @@ def test_an_original_that_fails_again_in_the_hold_off_gives_the_voice_back() -> 
 def test_an_old_table_is_not_taken_for_a_return() -> None:
     robot = Robot()
     robot.fail("/a", A, 10.0)
-    robot.handle(events.NodeKilled(10.01, A, True))
+    robot.killed(10.01, A)
     robot.row("/a", A, "healthy", 0.0)
     robot.table(10.02)
     assert last_incident(robot.said).state is State.HEALING
@@ -99,11 +115,10 @@ def test_an_old_table_is_not_taken_for_a_return() -> None:
 def test_a_substitute_that_fails_is_replaced_by_the_next_best() -> None:
     robot = Robot()
     node = robot.heal(10.0)
-    failure = events.FailureSeen(15.0, "/a", node, "out_of_range", "it is too high.", 14.9)
-    commands = robot.handle(failure)
+    commands = robot.failure("/a", node, 15.0, "out_of_range", "it is too high.", 14.9)
     assert only(commands, events.StopSubstitute).node == node
-    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
-    assert not has(commands, events.KillNode)
+    assert program_of(commands).inputs == ("/c/data",)
+    assert not has(commands, events.FindNode)
 
 
 def test_a_substitute_whose_process_dies_is_started_again_under_another_name() -> None:
@@ -112,7 +127,7 @@ def test_a_substitute_whose_process_dies_is_started_again_under_another_name() -
     start = only(
         robot.handle(events.ProcessExited(15.0, node, "status -9")), events.StartSubstitute
     )
-    assert start.program.inputs == ("/b/data",)
+    assert program_of([start]).inputs == ("/b/data",)
     assert start.node != node
 
 
@@ -124,17 +139,28 @@ def test_a_substitute_that_keeps_dying_makes_room_for_the_next_best() -> None:
             robot.handle(events.ProcessExited(time, node, "status 1")), events.StartSubstitute
         ).node
     commands = robot.handle(events.ProcessExited(17.0, node, "status 1"))
-    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+    assert program_of(commands).inputs == ("/c/data",)
 
 
 def test_a_substitute_without_a_first_message_makes_room_for_the_next_best() -> None:
     robot = Robot()
     first = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
-    robot.handle(events.NodeKilled(10.01, A, True))
+    robot.killed(10.01, A)
+    robot.connects(12.0, "/a", first.node)
     assert not has(robot.handle(events.Tick(14.9)), events.StartSubstitute)
     commands = robot.handle(events.Tick(15.1))
     assert only(commands, events.StopSubstitute).node == first.node
-    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+    assert program_of(commands).inputs == ("/c/data",)
+
+
+def test_a_process_that_is_not_up_yet_is_not_replaced_by_another_that_takes_as_long() -> None:
+    robot = Robot()
+    first = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
+    robot.killed(10.01, A)
+    for time in (15.0, 20.0, 25.0):
+        assert not has(robot.handle(events.Tick(time)), events.StopSubstitute)
+    commands = robot.handle(events.Tick(30.0))
+    assert only(commands, events.StopSubstitute).node == first.node
 
 
 def test_a_lost_input_is_replaced_before_the_substitute_falls_silent() -> None:
@@ -143,7 +169,7 @@ def test_a_lost_input_is_replaced_before_the_substitute_falls_silent() -> None:
     robot.row("/b", B, "failed", 15.0)
     commands = robot.table(15.01)
     assert only(commands, events.AssignSubstitute).node == node
-    assert only(commands, events.ShowSubstitutions).substitutions[0].program.inputs == ("/c/data",)
+    assert reads(robot, node) == ("/c/data",)
     assert last_incident(commands).state is State.HEALED
 
 
@@ -152,8 +178,8 @@ def test_silence_while_the_program_changes_is_no_failure_of_the_substitute() -> 
     node = robot.heal(10.0)
     robot.row("/b", B, "failed", 15.0)
     robot.table(15.01)
-    silent = events.FailureSeen(15.1, "/a", node, "silent", "no message.", 14.99)
-    assert not has(robot.handle(silent), events.StopSubstitute)
+    commands = robot.failure("/a", node, 15.1, "silent", "no message.", 14.99)
+    assert not has(commands, events.StopSubstitute)
     assert last_incident(robot.said).state is State.HEALING
     robot.row("/a", node, "healthy", 15.3, first=10.5)
     incident = last_incident(robot.table(15.3))
@@ -166,7 +192,7 @@ def test_a_program_that_yields_nothing_after_the_change_makes_room() -> None:
     node = robot.heal(10.0)
     robot.row("/b", B, "failed", 15.0)
     robot.table(15.01)
-    robot.handle(events.FailureSeen(15.1, "/a", node, "silent", "no message.", 14.99))
+    robot.failure("/a", node, 15.1, "silent", "no message.", 14.99)
     commands = robot.handle(events.Tick(20.1))
     assert only(commands, events.StopSubstitute).node == node
     assert last_incident(commands).state is State.UNHEALED
@@ -177,12 +203,12 @@ def test_without_a_substitute_it_says_what_is_missing_and_tries_when_one_appears
     del robot.rows["/b", B], robot.rows["/c", C]
     robot.table(9.0)
     commands = robot.fail("/a", A, 10.0)
-    robot.handle(events.NodeKilled(10.01, A, True))
+    robot.killed(10.01, A)
     incident = last_incident(commands)
     assert incident.state is State.UNHEALED and incident.missing == ("b", "c")
     robot.row("/c", C, "healthy", 12.0)
     commands = robot.table(12.0)
-    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+    assert program_of(commands).inputs == ("/c/data",)
     assert last_incident(commands).state is State.HEALING
 
 
@@ -203,7 +229,7 @@ def test_an_unhealed_topic_whose_original_returns_ends() -> None:
     robot.rows.clear()
     robot.table(9.0)
     robot.fail("/a", A, 10.0)
-    robot.handle(events.NodeKilled(10.01, A, True))
+    robot.killed(10.01, A)
     robot.row("/a", A, "healthy", 11.0)
     assert last_incident(robot.table(11.0)).state is State.RETURNING
     assert last_incident(robot.handle(events.Tick(13.0))).state is State.ENDED
@@ -214,7 +240,7 @@ def test_another_healthy_publisher_of_the_topic_is_not_replaced() -> None:
     robot.row("/a", "/spare", "healthy", 2.0)
     robot.table(3.0)
     commands = robot.fail("/a", A, 10.0, "out_of_range")
-    assert only(commands, events.KillNode).node == A
+    assert only(commands, events.FindNode).node == A
     assert not has(commands, events.StartSubstitute)
 
 
@@ -222,7 +248,7 @@ def test_what_the_failed_node_also_provides_is_not_used() -> None:
     som = Som([service("a", A, needed=True), service("b", A), service("c", C)])
     robot = Robot(som)
     commands = robot.fail("/a", A, 10.0)
-    assert only(commands, events.StartSubstitute).program.inputs == ("/c/data",)
+    assert program_of(commands).inputs == ("/c/data",)
 
 
 def test_two_topics_of_one_node_are_killed_once_and_healed_both() -> None:
@@ -235,10 +261,10 @@ def test_two_topics_of_one_node_are_killed_once_and_healed_both() -> None:
     robot = Robot(som, ontology)
     robot.fail("/a", A, 10.0)
     robot.fail("/b", A, 10.001)
-    assert len([c for c in robot.said if isinstance(c, events.KillNode)]) == 1
+    assert len([c for c in robot.said if isinstance(c, events.FindNode)]) == 1
     assert len([c for c in robot.said if isinstance(c, events.StartSubstitute)]) == 2
-    robot.handle(events.NodeKilled(10.05, A, True))
-    assert speaking(robot) == (True, True)
+    robot.killed(10.05, A)
+    assert publishing(robot) == (True, True)
 
 
 def test_one_substitute_fills_every_field_of_the_topic() -> None:
@@ -247,11 +273,11 @@ def test_one_substitute_fills_every_field_of_the_topic() -> None:
         constants={},
         functions=[function("ac", "a", "c", 0.9), function("bc", "b", "-c", 0.9)],
     )
-    two = [service("a", A, True, "/ab"), service("b", A, True, "/ab")]
-    two = [two[0], Service("b", "/ab", "other", "pkg/Type", A, 0.02, needed=True)]
-    robot = Robot(Som(two + [service("c", C)]), ontology)
+    both = (Provision("a", "data"), Provision("b", "other"))
+    two = Service("ab", "/ab", "pkg/Type", A, 0.02, both, needed=True)
+    robot = Robot(Som([two, service("c", C)]), ontology)
     start = only(robot.fail("/ab", A, 10.0), events.StartSubstitute)
-    assert start.program.outputs == ("/ab/data", "/ab/other")
+    assert program_of([start]).outputs == ("/ab/data", "/ab/other")
 
 
 def test_a_failure_that_was_only_in_the_table_is_healed() -> None:
@@ -264,39 +290,39 @@ def test_a_failure_that_was_only_in_the_table_is_healed() -> None:
 def test_a_topic_that_nobody_needs_is_left_alone() -> None:
     robot = Robot()
     commands = robot.fail("/b", B, 10.0)
-    assert not has(commands, events.KillNode) and not has(commands, events.StartSubstitute)
+    assert not has(commands, events.FindNode) and not has(commands, events.StartSubstitute)
 
 
 def test_a_topic_that_never_came_up_is_healed() -> None:
     robot = Robot()
     del robot.rows["/a", A]
     robot.table(2.0)
-    commands = robot.handle(
-        events.FailureSeen(10.0, "/a", "", "never_published", "nothing came.", None)
-    )
-    assert only(commands, events.KillNode).node == A
+    commands = robot.failure("/a", "", 10.0, "never_published", "nothing came.", None)
+    assert only(commands, events.FindNode).node == A
     assert has(commands, events.StartSubstitute)
 
 
 def test_the_running_som_follows_health() -> None:
     robot = Robot()
-    assert [s.path for s in robot.core.available()] == ["/a/data", "/b/data", "/c/data"]
+    shown = only(robot.said, events.ShowSom)
+    assert [(row.service.name, row.available) for row in shown.rows] == [(n, True) for n in "abc"]
     robot.row("/b", B, "failed", 5.0)
-    shown = only(robot.table(5.0), events.ShowSom)
-    assert [state.available for state in shown.states] == [True, False, True]
+    (row,) = only(robot.table(5.0), events.ShowSom).rows
+    assert (row.service.name, row.available, row.detail) == ("b", False, "not published")
     robot.row("/b", "/b_again", "healthy", 6.0)
-    shown = only(robot.table(6.0), events.ShowSom)
-    assert (shown.states[1].available, shown.states[1].node) == (True, "/b_again")
+    (row,) = only(robot.table(6.0), events.ShowSom).rows
+    assert (row.service.name, row.available, row.node) == ("b", True, "/b_again")
 
 
 def test_a_service_that_appears_in_the_som_is_used() -> None:
     robot = Robot()
-    extra = Service("a", "/spare", "data", "std_msgs/Float64", "/spare_node", 0.02)
+    spare = Provision("a", "data")
+    extra = Service("spare", "/spare", "std_msgs/Float64", "/spare_node", 0.02, (spare,))
     robot.handle(events.SomChanged(2.0, Som([*SOM, extra])))
     robot.row("/spare", "/spare_node", "healthy", 3.0)
     robot.table(3.0)
     start = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
-    assert start.program.inputs == ("/spare/data",)
+    assert program_of([start]).inputs == ("/spare/data",)
 
 
 def test_a_topic_that_leaves_the_som_ends_its_incident() -> None:
@@ -310,31 +336,31 @@ def test_a_topic_that_leaves_the_som_ends_its_incident() -> None:
 def test_a_changed_period_leaves_the_substitute_alone() -> None:
     robot = Robot()
     robot.heal(10.0)
-    slower = [Service(**{**vars(each), "period": 0.1}) for each in SOM]
+    slower = [replace(each, period=0.1) for each in SOM]
     assert not has(robot.handle(events.SomChanged(12.0, Som(slower))), events.StopSubstitute)
 
 
 def test_a_request_substitutes_a_healthy_topic() -> None:
     robot = Robot()
-    commands = robot.handle(events.SubstituteRequested(10.0, "/a"))
-    assert only(commands, events.KillNode).node == A
+    commands = robot.handle(events.SubstituteRequested(10.0, "a"))
+    assert only(commands, events.FindNode).node == A
     assert last_incident(commands).kind == "requested"
 
 
 def test_an_explanation_acts_on_nothing() -> None:
     robot = Robot()
-    plan = robot.core.explain("/a")
+    plan = robot.core.explain("a")
     assert plan.program.inputs == ("/b/data",)
-    assert robot.core.explain("/a", without=[B]).program.inputs == ("/c/data",)
-    assert not has(robot.said, events.KillNode)
+    assert robot.core.explain("a", without=[B]).program.inputs == ("/c/data",)
+    assert not has(robot.said, events.FindNode)
 
 
-def test_an_uncertain_kill_is_said_and_the_substitute_speaks() -> None:
+def test_an_uncertain_kill_is_said_and_the_substitute_publishes() -> None:
     robot = Robot()
     robot.fail("/a", A, 10.0)
-    commands = robot.handle(events.NodeKilled(11.0, A, False, "it is on another computer"))
-    assert any(isinstance(c, events.Say) and c.level == "error" for c in commands)
-    assert speaking(robot) == (True,)
+    commands = robot.killed(11.0, A, certain=False)
+    assert any(isinstance(c, events.Log) and c.level is events.Level.ERROR for c in commands)
+    assert publishing(robot) == (True,)
 
 
 def test_the_same_topic_heals_any_number_of_times() -> None:
@@ -349,3 +375,14 @@ def test_the_same_topic_heals_any_number_of_times() -> None:
         assert last_incident(robot.handle(events.Tick(start + 13))).id == round_ + 1
         assert not robot.core.substitutes
     assert len(names) == 20
+
+
+def test_a_failure_that_is_told_late_leaves_its_substitute_the_usual_time() -> None:
+    robot = Robot()
+    robot.handle(events.Tick(100.0))
+    robot.fail("/a", A, 10.0)
+    deadline = robot.core.deadline
+    assert deadline is not None and deadline >= 100.0
+    assert not any(
+        isinstance(each, events.StopSubstitute) for each in robot.handle(events.Tick(101.0))
+    )

@@ -1,4 +1,4 @@
-"""The resilience analysis: against trying every set of failed nodes, and in small robots worked out by hand."""
+"""The resilience analysis: against trying every set of nodes, and by hand on small robots."""
 import dataclasses
 from itertools import combinations
 from math import comb
@@ -8,7 +8,7 @@ from typing import Iterable, List, Set, Tuple
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from search_models import every_derivation, law, ontology, random_model, service
+from search_models import every_derivation, law, ontology, random_model, som_of, source
 
 from shsa_core.analysis.report import Suggestion, Survival
 from shsa_core.analysis.resilience import analyse
@@ -21,50 +21,45 @@ RANDOM = settings(max_examples=300, deadline=None, derandomize=True)
 
 
 def random_robot(seed: int) -> Tuple[Ontology, Som]:
-    """A random ontology and SOM: no field twice, each topic on one node, some topics needed."""
-    robot, services, _ = random_model(seed)
+    """A random ontology and SOM; some services are needed, and some share a topic."""
+    robot, sources, _ = random_model(seed)
     random = Random(seed)
-    nodes = {s.topic: s.node for s in services}
-    needed = {s.topic: random.random() < 0.6 for s in services}
-    fields = {
-        s.path: dataclasses.replace(s, node=nodes[s.topic], needed=needed[s.topic])
-        for s in services
-    }
-    return robot, Som(fields.values())
+    som = som_of(sources)
+    needed = {service.topic: random.random() < 0.6 for service in som}
+    return robot, Som(dataclasses.replace(s, needed=needed[s.topic]) for s in som)
 
 
-def lost_topics(robot: Ontology, som: Som, failed: Iterable[str]) -> List[str]:
-    """The needed topics that nothing replaces after some nodes failed, by plain enumeration."""
-    left = [s for s in som if s.node not in failed]
-    lost = []
-    for topic in dict.fromkeys(s.topic for s in som if s.needed):
-        fields = som.of_topic(topic)
-        if fields[0].node in failed:
-            if not all(
-                any(True for _ in every_derivation(robot, left, s.property)) for s in fields
-            ):
-                lost.append(topic)
-    return lost
+def lost_services(robot: Ontology, som: Som, failed: Iterable[str]) -> List[str]:
+    """The needed services that nothing replaces after some nodes failed, by plain enumeration."""
+    left = [source for source in som.sources if source.node not in failed]
+    return [
+        service.name
+        for service in som.needed()
+        if service.node in failed
+        and not all(
+            any(True for _ in every_derivation(robot, left, name)) for name in service.properties
+        )
+    ]
 
 
 @RANDOM
 @given(st.integers(0, 2**32))
-def test_the_cuts_are_all_smallest_sets_of_nodes_that_lose_a_topic(seed: int) -> None:
+def test_the_cuts_are_all_smallest_sets_of_nodes_that_lose_a_service(seed: int) -> None:
     robot, som = random_robot(seed)
-    nodes = sorted({s.node for s in som})
+    nodes = sorted({service.node for service in som})
     fatal = {
-        frozenset(failed): lost_topics(robot, som, failed)
+        frozenset(failed): lost_services(robot, som, failed)
         for size in (1, 2, 3)
         for failed in combinations(nodes, size)
     }
     smallest = {
-        failed: topics
-        for failed, topics in fatal.items()
-        if topics and not any(fatal[other] for other in fatal if other < failed)
+        failed: services
+        for failed, services in fatal.items()
+        if services and not any(fatal[other] for other in fatal if other < failed)
     }
     report = analyse(robot, som, size=3)
-    assert {frozenset(cut.nodes): sorted(cut.topics) for cut in report.cuts} == {
-        failed: sorted(topics) for failed, topics in smallest.items()
+    assert {frozenset(cut.nodes): sorted(cut.services) for cut in report.cuts} == {
+        failed: sorted(services) for failed, services in smallest.items()
     }
     if len(nodes) > 1:
         for size, share in ((1, report.survival.single), (2, report.survival.double)):
@@ -74,34 +69,34 @@ def test_the_cuts_are_all_smallest_sets_of_nodes_that_lose_a_topic(seed: int) ->
 
 @RANDOM
 @given(st.integers(0, 2**32))
-def test_topics_and_nodes_are_reported_as_a_search_finds_them(seed: int) -> None:
+def test_services_and_nodes_are_reported_as_a_search_finds_them(seed: int) -> None:
     robot, som = random_robot(seed)
     report = analyse(robot, som)
-    for topic in report.topics:
+    for service in report.services:
         quality = 1.0
         missing: Set[str] = set()
-        for name in topic.properties:
+        for name in service.properties:
             try:
-                quality *= find_substitute(robot, som, name, [topic.node]).quality
+                quality *= find_substitute(robot, som.sources, name, [service.node]).quality
             except NoSubstitute as none:
                 missing.update(none.missing)
                 quality = 0.0
-        assert topic.quality == (pytest.approx(quality) if quality else None)
-        assert topic.missing == tuple(sorted(missing))
-        node = next(n for n in report.nodes if n.node == topic.node)
-        if topic.quality is None:
-            assert topic.topic in node.lost and topic.cuts == ((topic.node,),)
+        assert service.quality == (pytest.approx(quality) if quality else None)
+        assert service.missing == tuple(sorted(missing))
+        node = next(n for n in report.nodes if n.node == service.node)
+        if service.quality is None:
+            assert service.service in node.lost and service.cuts == ((service.node,),)
         else:
-            assert (topic.topic, topic.quality) in node.healed
-            for name in topic.properties:
-                best = next(a for a in topic.alternatives if a.property == name)
+            assert (service.service, service.quality) in node.healed
+            for name in service.properties:
+                best = next(a for a in service.alternatives if a.property == name)
                 assert best.quality == pytest.approx(
-                    find_substitute(robot, som, name, [topic.node]).quality
+                    find_substitute(robot, som.sources, name, [service.node]).quality
                 )
         for other in report.nodes:
-            assert (topic.topic in other.leaned_on) == (other.node in topic.reads)
-        for cut in topic.cuts:
-            assert topic.topic in lost_topics(robot, som, cut)
+            assert (service.service in other.leaned_on) == (other.node in service.reads)
+        for cut in service.cuts:
+            assert service.service in lost_services(robot, som, cut)
 
 
 @RANDOM
@@ -110,18 +105,18 @@ def test_a_suggested_sensor_is_worth_what_it_says(seed: int) -> None:
     robot, som = random_robot(seed)
     report = analyse(robot, som)
     if report.sensor is not None:
-        new = service(report.sensor.property, "/new", "/new")
-        nodes = sorted({s.node for s in som})
+        new = source(report.sensor.property, "/new", "/new").service
+        nodes = sorted({service.node for service in som})
         for size, share in ((1, report.sensor.survival.single), (2, report.sensor.survival.double)):
             sets = list(combinations(nodes, size))
-            survived = sum(not lost_topics(robot, Som([*som, new]), failed) for failed in sets)
+            survived = sum(not lost_services(robot, Som([*som, new]), failed) for failed in sets)
             assert share == (pytest.approx(survived / len(sets)) if sets else 1.0)
         assert dataclasses.astuple(report.sensor.survival) > dataclasses.astuple(report.survival)
 
 
-SPEED = service("speed", "/odom", "/drive", needed=True)
-LEFT, RIGHT = service("left", node="/left_wheel"), service("right", node="/right_wheel")
-GPS, RADAR = service("position", node="/gps"), service("speed", "/radar", "/radar", quality=0.5)
+SPEED = source("speed", "/odom", "/drive", needed=True)
+LEFT, RIGHT = source("left", node="/left_wheel"), source("right", node="/right_wheel")
+GPS, RADAR = source("position", node="/gps"), source("speed", "/radar", "/radar", quality=0.5)
 ROBOT = ontology(
     law("wheels", "speed", "left", "right", quality=0.9),
     law("motion", "speed", "position", quality=0.8),
@@ -129,53 +124,54 @@ ROBOT = ontology(
 )
 
 
-def test_alternatives_come_best_first_by_relation_or_service() -> None:
-    (topic,) = analyse(ROBOT, Som([SPEED, LEFT, RIGHT, GPS, RADAR])).topics
-    assert [(a.by, a.quality) for a in topic.alternatives] == [
+def test_alternatives_come_best_first_by_relation_or_source() -> None:
+    (service,) = analyse(ROBOT, som_of([SPEED, LEFT, RIGHT, GPS, RADAR])).services
+    assert (service.service, service.topic) == (SPEED.service.name, "/odom")
+    assert [(a.by, a.quality) for a in service.alternatives] == [
         ("wheels", 0.9),
         ("motion", 0.8),
         ("/radar/speed", 0.5),
     ]
-    assert topic.alternatives[0].inputs == ("/left/left", "/right/right")
-    assert topic.alternatives[0].nodes == topic.reads == ("/left_wheel", "/right_wheel")
-    assert topic.cuts == ()
+    assert service.alternatives[0].inputs == ("/left/left", "/right/right")
+    assert service.alternatives[0].nodes == service.reads == ("/left_wheel", "/right_wheel")
+    assert service.cuts == ()
 
 
 def test_larger_cuts_are_found_on_request() -> None:
-    som = Som([SPEED, LEFT, RIGHT, GPS])
+    som = som_of([SPEED, LEFT, RIGHT, GPS])
     assert analyse(ROBOT, som).cuts == ()
     report = analyse(ROBOT, som, size=3)
     assert [cut.nodes for cut in report.cuts] == [
         ("/drive", "/gps", "/left_wheel"),
         ("/drive", "/gps", "/right_wheel"),
     ]
-    assert all(cut.topics == ("/odom",) for cut in report.cuts)
+    assert all(cut.services == (SPEED.service.name,) for cut in report.cuts)
 
 
 def test_single_points_of_failure_and_their_remedies() -> None:
-    report = analyse(ROBOT, Som([SPEED, LEFT]))
+    report = analyse(ROBOT, som_of([SPEED, LEFT]))
     assert [cut.nodes for cut in report.cuts] == [("/drive",)]
     assert report.survival == Survival(0.5, 0.0)
-    assert report.topics[0].missing == ("gps_time", "right")
-    assert report.nodes[0].lost == ("/odom",)
+    assert report.services[0].missing == ("gps_time", "right")
+    assert report.nodes[0].lost == (SPEED.service.name,)
     assert report.sensor == Suggestion("speed", None, Survival(1.0, 1.0))
     assert report.relation == Suggestion("speed", "left", Survival(1.0, 0.0))
 
 
 def test_a_relation_that_cannot_be_executed_does_not_count() -> None:
-    learned = dataclasses.replace(law("learned", "speed", "left"), expression=None)
-    report = analyse(ontology(learned), Som([SPEED, LEFT]))
+    learned = dataclasses.replace(law("learned", "speed", "left"), law=None)
+    report = analyse(ontology(learned), som_of([SPEED, LEFT]))
     assert [cut.nodes for cut in report.cuts] == [("/drive",)]
-    assert report.topics[0].alternatives == ()
+    assert report.services[0].alternatives == ()
 
 
 def test_nothing_is_suggested_for_a_robot_that_nothing_can_hurt() -> None:
-    report = analyse(ROBOT, Som([LEFT, RIGHT]))
-    assert report.topics == () and report.cuts == ()
+    report = analyse(ROBOT, som_of([LEFT, RIGHT]))
+    assert report.services == () and report.cuts == ()
     assert report.survival == Survival(1.0, 1.0)
     assert report.sensor is None and report.relation is None
 
 
 def test_a_robot_of_one_node_and_of_none() -> None:
-    assert analyse(ROBOT, Som([SPEED])).survival == Survival(0.0, 1.0)
+    assert analyse(ROBOT, som_of([SPEED])).survival == Survival(0.0, 1.0)
     assert analyse(ROBOT, Som()).survival == Survival(1.0, 1.0)

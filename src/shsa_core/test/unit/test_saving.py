@@ -9,11 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shsa_core.errors import ModelError
-from shsa_core.model.expression import is_name, parse_constraint, parse_expression
-from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
-from shsa_core.model.ontology_file import read_ontology
-from shsa_core.model.saving import save_ontology, save_som
-from shsa_core.model.som import Service, Som, read_som
+from shsa_core.language.expression import is_name, parse_constraint, parse_expression
+from shsa_core.model.ontology import Constant, Ontology, Property
+from shsa_core.model.relation import TransferFunction
+from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.saving import save_ontology, save_som
+from shsa_core.files.som_file import read_som
+from shsa_core.model.kinds import Standby
+from shsa_core.model.service import LastResort, Provision, Service
+from shsa_core.model.som import Som
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
 
@@ -182,7 +186,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(
     def fail(source: str, target: str) -> None:
         raise OSError("disk full")
 
-    monkeypatch.setattr("shsa_core.model.saving.os.replace", fail)
+    monkeypatch.setattr("shsa_core.files.saving.os.replace", fail)
     with pytest.raises(OSError, match="disk full"):
         save_ontology(change(ontology, functions=()), str(file))
     assert file.read_text() == TEXT
@@ -198,21 +202,37 @@ def test_the_mode_of_the_file_stays(file: pathlib.Path) -> None:
 def test_soms(tmp_path: pathlib.Path) -> None:
     path = tmp_path / "s.yaml"
     path.write_text(
-        "# services\n"
-        "v:\n"
-        "  - {topic: /odom, field: x, type: p/T, node: /n, period: 0.1}  # the odometry\n"
-        "w:\n"
-        "  - {topic: /odom, field: z, type: p/T, node: /n, period: 0.1}  # and the rest\n"
+        "# all of them\n"
+        "services:\n"
+        "  odometry:  # the odometry\n"
+        "    topic: /odom\n"
+        "    type: p/T\n"
+        "    node: /n\n"
+        "    period: 0.1  # s\n"
+        "    provides: {v: {field: x}, w: {field: z}}\n"
+        "  gone: {topic: /g, type: p/T, node: /n, period: none, provides: {u: {field: x}}}\n"
     )
     som = read_som(str(path))
     before = path.read_text()
     save_som(som, str(path))
     assert path.read_text() == before
-    new = Service("u", "/u", "data", "p/U", "/m", 0.5, (-1.0, 2.0), 0.25, True, "hot")
-    bigger = Som([som.services[0], new])
+    new = Service(
+        "new",
+        "/u",
+        "p/U",
+        "/m",
+        0.5,
+        (Provision("u", "data", (-1.0, 2.0), 0.25), Provision("a", "a")),
+        needed=True,
+        standby=Standby.HOT,
+        last_resort=LastResort((("u", 1.5),), ("rosrun", "p", "stop")),
+    )
+    bigger = Som([som.services["odometry"], new])
     save_som(bigger, str(path))
     assert read_som(str(path)) == bigger
-    assert "# services" in path.read_text() and "# the odometry" in path.read_text()
+    for comment in ("# all of them", "# the odometry", "# s"):
+        assert comment in path.read_text()
+    assert "gone" not in path.read_text()
     copy = tmp_path / "copy.yaml"
     save_som(bigger, str(copy))
     assert read_som(str(copy)) == bigger
@@ -224,9 +244,7 @@ def test_the_models_that_come_with_it(tmp_path: pathlib.Path) -> None:
     assert read_ontology(str(tmp_path / "o.yaml")) == ontology
     som = read_som(str(ROOT / "ontology" / "rover_som.yaml"))
     save_som(som, str(tmp_path / "s.yaml"))
-    assert read_som(str(tmp_path / "s.yaml")) == Som(
-        [service for name in som.parameters() for service in som.of_property(name)]
-    )
+    assert read_som(str(tmp_path / "s.yaml")) == som
 
 
 NAMES = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True).filter(is_name)

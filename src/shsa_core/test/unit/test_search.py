@@ -1,27 +1,28 @@
-"""The search: against exhaustive enumeration on random ontologies, and its rule for best on small ones."""
+"""The search: against enumeration on random ontologies, and its rule for best."""
 from itertools import islice
 from typing import List, Sequence, Tuple
 
 import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
-from search_models import Rank, every_derivation, law, models, ontology, rank, service, usable
+from search_models import Rank, every_derivation, law, models, ontology, rank, source, usable
 
 from shsa_core.errors import NoSubstitute
-from shsa_core.model.ontology import Ontology, TransferFunction
-from shsa_core.model.som import Service
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.relation import TransferFunction
+from shsa_core.model.service import Source
 from shsa_core.search.substitutes import Substitute, find_first, find_substitute
 from shsa_core.search.substitutes import improving_substitutes, iter_substitutes
 
-Model = Tuple[Ontology, List[Service], List[str]]
+Model = Tuple[Ontology, List[Source], List[str]]
 MANY = 2000  # derivations, more than which a random model is left out
 
 RANDOM = settings(max_examples=2000, deadline=None, derandomize=True)
 
 
 def every_rank(model: Model) -> List[Rank]:
-    robot, services, excluded = model
-    every = every_derivation(robot, usable(services, excluded), "a")
+    robot, sources, excluded = model
+    every = every_derivation(robot, usable(sources, excluded), "a")
     ranks = sorted(map(rank, islice(every, MANY)))
     event("substitutes: " + ("many" if len(ranks) > 8 else str(len(ranks))))
     return ranks
@@ -30,13 +31,13 @@ def every_rank(model: Model) -> List[Rank]:
 @RANDOM
 @given(models)
 def test_substitute_is_the_best_of_all(model: Model) -> None:
-    robot, services, excluded = model
+    robot, sources, excluded = model
     every = every_rank(model)
     if not every:
         with pytest.raises(NoSubstitute):
-            find_substitute(robot, services, "a", excluded)
+            find_substitute(robot, sources, "a", excluded)
     elif len(every) < MANY:
-        found = find_substitute(robot, services, "a", excluded)
+        found = find_substitute(robot, sources, "a", excluded)
         assert rank(found.derivation) == every[0]
         assert found.quality == pytest.approx(float(-every[0][0]))
         assert found.proven_best
@@ -45,10 +46,10 @@ def test_substitute_is_the_best_of_all(model: Model) -> None:
 @RANDOM
 @given(models)
 def test_substitutes_come_best_first_and_all_do(model: Model) -> None:
-    robot, services, excluded = model
+    robot, sources, excluded = model
     every = every_rank(model)
     if len(every) < MANY:
-        found = list(iter_substitutes(robot, services, "a", excluded))
+        found = list(iter_substitutes(robot, sources, "a", excluded))
         assert [rank(each.derivation) for each in found] == every
         assert [each.proven_best for each in found] == [i == 0 for i in range(len(every))]
 
@@ -56,21 +57,21 @@ def test_substitutes_come_best_first_and_all_do(model: Model) -> None:
 @RANDOM
 @given(models)
 def test_the_first_found_is_a_substitute_if_there_is_one(model: Model) -> None:
-    robot, services, excluded = model
+    robot, sources, excluded = model
     every = every_rank(model)
     if not every:
         with pytest.raises(NoSubstitute):
-            find_first(robot, services, "a", excluded)
+            find_first(robot, sources, "a", excluded)
     elif len(every) < MANY:
-        found = find_first(robot, services, "a", excluded)
+        found = find_first(robot, sources, "a", excluded)
         assert rank(found.derivation) in every
         assert not found.proven_best
 
 
 def best(
-    functions: Sequence[TransferFunction], services: Sequence[Service], excluded: Sequence[str] = ()
+    functions: Sequence[TransferFunction], sources: Sequence[Source], excluded: Sequence[str] = ()
 ) -> Substitute:
-    return find_substitute(ontology(*functions), services, "a", excluded)
+    return find_substitute(ontology(*functions), sources, "a", excluded)
 
 
 def relations(found: Substitute) -> Tuple[str, ...]:
@@ -83,7 +84,7 @@ def test_the_highest_quality_wins_whatever_it_takes() -> None:
         law("long", "a", "c", quality=0.9),
         law("more", "c", "d", "e"),
     ]
-    found = best(functions, [service("b"), service("d"), service("e")])
+    found = best(functions, [source("b"), source("d"), source("e")])
     assert relations(found) == ("long", "more") and found.quality == 0.9
 
 
@@ -94,8 +95,8 @@ def test_qualities_count_as_often_as_they_are_used() -> None:
         law("right", "c", "d"),
         law("once", "a", "e", quality=0.85),
     ]
-    assert relations(best(functions, [service("d", quality=0.9), service("e")])) == ("once",)
-    found = best(functions, [service("d", quality=0.95), service("e")])
+    assert relations(best(functions, [source("d", quality=0.9), source("e")])) == ("once",)
+    found = best(functions, [source("d", quality=0.95), source("e")])
     assert relations(found) == ("twice", "left", "right") and found.quality == pytest.approx(0.9025)
 
 
@@ -105,41 +106,41 @@ def test_of_equal_quality_fewer_relations_win() -> None:
         law("b2", "b", "c", quality=0.9),
         law("z", "a", "d", quality=0.81),
     ]
-    assert relations(best(functions, [service("c"), service("d")])) == ("z",)
+    assert relations(best(functions, [source("c"), source("d")])) == ("z",)
 
 
 def test_of_equal_relations_fewer_inputs_win() -> None:
     functions = [law("b", "a", "b", "c"), law("z", "a", "d")]
-    assert relations(best(functions, [service("b"), service("c"), service("d")])) == ("z",)
+    assert relations(best(functions, [source("b"), source("c"), source("d")])) == ("z",)
 
 
 def test_of_equal_inputs_names_decide() -> None:
     functions = [law("s", "a", "b"), law("r", "a", "c")]
-    assert relations(best(functions, [service("b"), service("c")])) == ("r",)
+    assert relations(best(functions, [source("b"), source("c")])) == ("r",)
     found = best(
         [law("r", "a", "b")],
-        [service("b", "/y", "/n"), service("b", "/x", "/o"), service("b", "/x", "/m")],
+        [source("b", "/y", "/n"), source("b", "/x", "/o"), source("b", "/x", "/m")],
     )
-    assert [(s.topic, s.node) for s in found.derivation.services()] == [("/x", "/m")]
+    assert [(s.topic, s.node) for s in found.derivation.sources()] == [("/x", "/m")]
 
 
 def test_a_service_elsewhere_is_passed_on() -> None:
-    spare = service("a", "/spare", quality=0.5)
+    spare = source("a", "/spare", quality=0.5)
     found = best(
         [law("r", "a", "b", quality=0.4)],
-        [service("a", "/lost"), spare, service("b")],
+        [source("a", "/lost"), spare, source("b")],
         excluded=["/lost"],
     )
-    assert found.derivation.service is spare and found.quality == 0.5
+    assert found.derivation.source is spare and found.quality == 0.5
 
 
 def test_nothing_is_used_of_an_excluded_node_or_topic() -> None:
     functions = [law("r", "a", "b"), law("s", "a", "c", quality=0.5)]
-    services = [service("b", "/b", "/n"), service("c", "/c", "/m")]
-    assert relations(best(functions, services, excluded=["/n"])) == ("s",)
-    assert relations(best(functions, services, excluded=["/b"])) == ("s",)
+    sources = [source("b", "/b", "/n"), source("c", "/c", "/m")]
+    assert relations(best(functions, sources, excluded=["/n"])) == ("s",)
+    assert relations(best(functions, sources, excluded=["/b"])) == ("s",)
     with pytest.raises(NoSubstitute):
-        best(functions, services, excluded=["/b", "/m"])
+        best(functions, sources, excluded=["/b", "/m"])
 
 
 def test_a_relation_without_inputs_is_enough() -> None:
@@ -147,13 +148,13 @@ def test_a_relation_without_inputs_is_enough() -> None:
 
 
 def test_a_property_that_the_ontology_does_not_know() -> None:
-    assert best([], [service("a")]).quality == 1.0
+    assert best([], [source("a")]).quality == 1.0
     with pytest.raises(NoSubstitute, match="missing any relation that yields it"):
         best([], [])
 
 
 @pytest.mark.parametrize(
-    "functions, services, missing",
+    "functions, sources, missing",
     [
         ([law("r", "a", "b", "c"), law("s", "b", "d")], ["c"], ("d",)),
         ([law("r", "a", "b"), law("s", "a", "c")], [], ("b", "c")),
@@ -177,9 +178,9 @@ def test_a_property_that_the_ontology_does_not_know() -> None:
     ],
 )
 def test_what_is_missing_is_where_the_derivations_ended(
-    functions: List[TransferFunction], services: List[str], missing: Tuple[str, ...]
+    functions: List[TransferFunction], sources: List[str], missing: Tuple[str, ...]
 ) -> None:
-    available = [service(name) for name in services]
+    available = [source(name) for name in sources]
     for find in (find_substitute, find_first):
         with pytest.raises(NoSubstitute) as none:
             find(ontology(*functions), available, "a")
@@ -192,15 +193,15 @@ def test_long_chains_neither_underflow_nor_recurse() -> None:
     chain = [law(f"r{i}", f"p{i}", f"p{i + 1}", quality=0.5) for i in range(length)]
     worse = law("worse", "p0", "q", quality=0.4)
     robot = ontology(*chain, worse, law("first", "q", f"p{length}", quality=0.5))
-    services = [service(f"p{length}"), service("p10", "/half", quality=0.5)]
-    found = find_substitute(robot, services[:1], "p0", ["/p0"])
+    sources = [source(f"p{length}"), source("p10", "/half", quality=0.5)]
+    found = find_substitute(robot, sources[:1], "p0", ["/p0"])
     assert relations(found) == ("worse", "first") and found.quality == pytest.approx(0.2)
     only = ontology(*chain)
-    found = find_substitute(only, services[:1], "p0")
+    found = find_substitute(only, sources[:1], "p0")
     assert len(relations(found)) == length and 0 < found.quality < 1e-300
-    assert len(relations(find_first(only, services[:1], "p0"))) == length
-    assert len(list(iter_substitutes(only, services, "p0"))) == 2
-    assert relations(find_substitute(only, services, "p0")) == tuple(f"r{i}" for i in range(10))
+    assert len(relations(find_first(only, sources[:1], "p0"))) == length
+    assert len(list(iter_substitutes(only, sources, "p0"))) == 2
+    assert relations(find_substitute(only, sources, "p0")) == tuple(f"r{i}" for i in range(10))
 
 
 def test_uses_that_double_at_every_level_are_counted_without_end() -> None:
@@ -210,8 +211,8 @@ def test_uses_that_double_at_every_level_are_counted_without_end() -> None:
         law(f"m{i}", f"q{i}", f"p{i + 1}", f"q{i + 1}", quality=0.9) for i in range(1, levels)
     ]
     robot = ontology(*ladder)
-    services = [service(f"p{levels}"), service(f"q{levels}")]
-    found = find_substitute(robot, services, "p0")
+    sources = [source(f"p{levels}"), source(f"q{levels}")]
+    found = find_substitute(robot, sources, "p0")
     assert len(found.derivation.unique()) == 2 * levels + 1
     assert 0 < found.quality < 1e-300
     assert found.derivation.inputs[0].inputs[0] is found.derivation.inputs[1].inputs[0]
@@ -224,7 +225,7 @@ def test_a_better_derivation_within_a_cycle_is_found_though_a_worse_comes_first(
         law("ac", "a", "c", quality=0.5),
         law("bd", "b", "d", quality=0.7),
     ]
-    found = best(functions, [service("c"), service("d")])
+    found = best(functions, [source("c"), source("d")])
     assert relations(found) == ("ab", "bd") and found.quality == pytest.approx(0.63)
 
 
@@ -234,9 +235,9 @@ def test_the_first_found_goes_depth_first() -> None:
         law("s", "a", "c"),
         law("t", "b", "d", quality=0.1),
     ]
-    robot, services = ontology(*functions), [service("c"), service("d")]
-    assert relations(find_first(robot, services, "a")) == ("r", "t")
-    assert relations(find_first(robot, services[:1], "a")) == ("s",)
+    robot, sources = ontology(*functions), [source("c"), source("d")]
+    assert relations(find_first(robot, sources, "a")) == ("r", "t")
+    assert relations(find_first(robot, sources[:1], "a")) == ("s",)
 
 
 def test_the_first_found_comes_back_to_what_the_path_blocked() -> None:
@@ -246,25 +247,25 @@ def test_the_first_found_comes_back_to_what_the_path_blocked() -> None:
         law("r3", "c", "b"),
         law("r4", "c", "d"),
     ]
-    assert relations(find_first(ontology(*functions), [service("d")], "a")) == ("r1", "r2", "r4")
+    assert relations(find_first(ontology(*functions), [source("d")], "a")) == ("r1", "r2", "r4")
 
 
-def widening(size: int = 400) -> Tuple[Ontology, List[Service]]:
+def widening(size: int = 400) -> Tuple[Ontology, List[Source]]:
     """A poor substitute nearby, a better one further off, the best at the end of a chain."""
     functions = [law(f"r{i}", f"p{i}", f"p{i + 1}") for i in range(size)]
     functions += [law("near", "p0", "n", quality=0.2), law("far", "p100", "n", quality=0.6)]
-    return ontology(*functions), [service("n"), service(f"p{size}", quality=0.9)]
+    return ontology(*functions), [source("n"), source(f"p{size}", quality=0.9)]
 
 
 def test_substitutes_improve_until_the_best_is_proven() -> None:
-    robot, services = widening()
-    found = list(improving_substitutes(robot, services, "p0"))
+    robot, sources = widening()
+    found = list(improving_substitutes(robot, sources, "p0"))
     assert [each.quality for each in found] == [0.2, 0.6, 0.9]
     assert [each.proven_best for each in found] == [False, False, True]
 
 
 def test_the_best_so_far_is_left_when_time_has_expired() -> None:
-    robot, services = widening()
+    robot, sources = widening()
     looks = []
 
     def expired() -> bool:
@@ -274,7 +275,7 @@ def test_the_best_so_far_is_left_when_time_has_expired() -> None:
     seen = set()
     for allowed in range(20):
         looks.clear()
-        found = list(improving_substitutes(robot, services, "p0", expired=expired))
+        found = list(improving_substitutes(robot, sources, "p0", expired=expired))
         assert not found or all(not each.proven_best for each in found[:-1])
         seen.add(tuple(each.quality for each in found))
     assert seen == {(), (0.2,), (0.2, 0.6), (0.2, 0.6, 0.9)}
@@ -291,7 +292,7 @@ def test_the_deadline_counts_within_a_large_cycle() -> None:
         return False
 
     robot = ontology(*functions)
-    list(improving_substitutes(robot, [service("m")], "p0", expired=expired))
+    list(improving_substitutes(robot, [source("m")], "p0", expired=expired))
     within = len(looks)
     assert within > 3 * size / 256
 
@@ -299,15 +300,15 @@ def test_the_deadline_counts_within_a_large_cycle() -> None:
 @RANDOM
 @given(models, st.integers(1, 3))
 def test_the_last_improvement_is_the_best(model: Model, first: int) -> None:
-    robot, services, excluded = model
+    robot, sources, excluded = model
     try:
-        best_one = find_substitute(robot, services, "a", excluded)
+        best_one = find_substitute(robot, sources, "a", excluded)
     except NoSubstitute as none:
         with pytest.raises(NoSubstitute) as improving:
-            list(improving_substitutes(robot, services, "a", excluded, first_circle=first))
+            list(improving_substitutes(robot, sources, "a", excluded, first_circle=first))
         assert improving.value.missing == none.missing
         return
-    found = list(improving_substitutes(robot, services, "a", excluded, first_circle=first))
+    found = list(improving_substitutes(robot, sources, "a", excluded, first_circle=first))
     assert rank(found[-1].derivation) == rank(best_one.derivation) and found[-1].proven_best
     ranks = [rank(each.derivation)[:3] for each in found]
     assert ranks == sorted(ranks, reverse=True) and len(set(ranks[:-1])) == len(ranks[:-1])

@@ -1,13 +1,17 @@
 """Warm and hot: what the reconfigurator has ready before a failure."""
-from core_robot import A, B, C, Robot, has, last_incident, only, service, speaking
-from shsa_core.codegen.generator import Program
+from dataclasses import replace
+
+import pytest
+
+from core_robot import A, B, C, Robot, has, last_incident, only, publishing, reads, service
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
-from shsa_core.model.som import Service, Som
+from shsa_core.model.kinds import Standby
+from shsa_core.model.som import Som
 
 
 def standby(mode: str) -> Som:
-    first = Service(**{**vars(service("a", A, needed=True)), "standby": mode})
+    first = service("a", A, needed=True, standby=Standby(mode))
     return Som([first, service("b", B), service("c", C)])
 
 
@@ -17,23 +21,23 @@ def test_a_warm_topic_takes_an_idle_process_and_the_pool_is_refilled() -> None:
     assert idle.program is None
     commands = robot.fail("/a", A, 10.0)
     assert only(commands, events.AssignSubstitute).node == idle.node
-    (row,) = only(commands, events.ShowSubstitutions).substitutions
-    assert (row.node, row.topic, row.speaking) == (idle.node, "/a", True)
+    row = robot.shown[idle.node]
+    assert (row.service, row.topics, row.publishing) == ("a", ("/a",), True)
     assert robot.core.deadline == 11.0
     commands = robot.handle(events.Tick(11.0))
     refill = only(commands, events.StartSubstitute)
     assert refill.program is None and refill.node != idle.node
-    row, listener = only(commands, events.ShowSubstitutions).substitutions
-    assert (listener.node, listener.topic, listener.speaking) == (refill.node, "", False)
+    assert [row.node for row in robot.idle_rows()] == [refill.node]
 
 
-def test_a_warm_process_that_does_not_speak_soon_makes_room_for_another_with_the_same_plan() -> (
+def test_a_warm_process_that_does_not_publish_soon_makes_room_for_another_with_the_same_plan() -> (
     None
 ):
     robot = Robot(standby("warm"))
     silent = only(robot.said, events.StartSubstitute).node
+    robot.connects(2.0, "/a", silent)
     assert only(robot.fail("/a", A, 10.0), events.AssignSubstitute).node == silent
-    robot.handle(events.NodeKilled(10.01, A, True))
+    robot.killed(10.01, A)
     assert not has(robot.handle(events.Tick(11.9)), events.StopSubstitute)
     commands = robot.handle(events.Tick(12.0))
     assert events.StopSubstitute(silent) in commands
@@ -41,22 +45,28 @@ def test_a_warm_process_that_does_not_speak_soon_makes_room_for_another_with_the
     assert last_incident(commands).relations == ("good",)
 
 
-def test_an_idle_process_listens_to_what_the_plans_read() -> None:
-    robot = Robot(standby("warm"))
-    while robot.core.plans_ahead:
-        robot.core.prepare()
-    (row,) = only(robot.handle(events.Tick(5.0)), events.ShowSubstitutions).substitutions
-    assert row.program == Program(("/b/data",), "", ("/a/data",))
+@pytest.mark.parametrize("mode", ("warm", "hot"))
+def test_a_process_that_is_still_starting_is_given_the_time_of_a_start(mode: str) -> None:
+    robot = Robot(standby(mode))
+    node = only(robot.said, events.StartSubstitute).node  # at 1.0
+    assert only(robot.fail("/a", A, 2.0), events.AssignSubstitute).node == node
+    robot.killed(2.01, A)
+    assert not has(robot.handle(events.Tick(5.9)), events.StopSubstitute)
+    robot.connects(5.95, "/a", node)
+    assert events.StopSubstitute(node) in robot.handle(events.Tick(6.0))
 
 
-def test_an_idle_process_advertises_the_warm_topics() -> None:
+def test_the_table_tells_idle_processes_what_the_plans_of_warm_services_read_and_give() -> None:
     first, *others = standby("warm")
-    second = Service(**{**vars(first), "property": "b", "topic": "/b", "node": B})
-    hot = Service(**{**vars(others[1]), "needed": True, "standby": "hot"})
+    second = replace(others[0], needed=True, standby=Standby.WARM)
+    hot = replace(others[1], needed=True, standby=Standby.HOT)
     robot = Robot(Som([first, second, hot]))
-    table = [c for c in robot.said if isinstance(c, events.ShowSubstitutions)][-1]
-    (row,) = [row for row in table.substitutions if row.topic == ""]
-    assert (row.program.code, row.program.outputs) == ("", ("/a/data", "/b/data"))
+    prepared = {row.service: row for row in robot.shown.values() if not row.node}
+    assert set(prepared) == {"a", "b"}
+    assert [signal.path for signal in prepared["a"].inputs] == ["/b/data"]
+    assert prepared["a"].topics == ("/a",) and prepared["b"].topics == ("/b",)
+    assert not any(row.publishing for row in prepared.values())
+    assert len(robot.idle_rows()) == 1
 
 
 def test_an_idle_process_that_dies_is_replaced_after_a_pause() -> None:
@@ -69,43 +79,42 @@ def test_an_idle_process_that_dies_is_replaced_after_a_pause() -> None:
     assert has(robot.handle(events.Tick(7.0)), events.StartSubstitute)
 
 
-def test_a_hot_topic_has_a_mute_substitute_that_speaks_at_once() -> None:
+def test_a_hot_topic_has_a_muted_substitute_that_publishes_at_once() -> None:
     robot = Robot(standby("hot"))
     start = only(robot.said, events.StartSubstitute)
     assert start.program is not None and start.program.inputs == ("/b/data",)
-    assert speaking(robot) == (False,)
+    assert publishing(robot) == (False,)
     commands = robot.fail("/a", A, 10.0)
     assert only(commands, events.AssignSubstitute).node == start.node
     assert not has(commands, events.StartSubstitute)
     assert isinstance(commands[0], events.ShowSubstitutions)
-    assert speaking(robot) == (True,)
+    assert publishing(robot) == (True,)
 
 
 def test_a_hot_substitute_follows_the_plan_in_the_same_process() -> None:
     robot = Robot(standby("hot"))
     node = only(robot.said, events.StartSubstitute).node
     robot.row("/b", B, "failed", 5.0)
-    commands = robot.table(5.0)
+    commands = robot.table(5.0) + robot.idle(5.0)
     assert only(commands, events.AssignSubstitute).node == node
-    row = only(commands, events.ShowSubstitutions).substitutions[0]
-    assert row.program.inputs == ("/c/data",) and not row.speaking
+    assert reads(robot, node) == ("/c/data",) and publishing(robot) == (False,)
 
 
 def test_a_hot_substitute_whose_input_died_with_the_original_is_not_used_as_it_is() -> None:
     robot = Robot(standby("hot"))
     robot.rows.pop(("/b", B))
     robot.row("/b", B, "failed", 10.0)
-    robot.handle(events.HealthSeen(10.0, 10.0, tuple(robot.rows.values())))
-    commands = robot.fail("/a", A, 10.001)
-    table = [c for c in commands if isinstance(c, events.ShowSubstitutions)][-1]
-    assert table.substitutions[0].program.inputs == ("/c/data",)
+    robot.table(10.0)
+    robot.fail("/a", A, 10.001)
+    (row,) = robot.working()
+    assert reads(robot, row.node) == ("/c/data",)
 
 
-def test_a_hot_substitute_stays_mute_after_the_original_returned() -> None:
+def test_a_hot_substitute_stays_muted_after_the_original_returned() -> None:
     robot = Robot(standby("hot"))
     node = only(robot.said, events.StartSubstitute).node
     robot.fail("/a", A, 10.0)
-    robot.handle(events.NodeKilled(10.01, A, True))
+    robot.killed(10.01, A)
     robot.row("/a", node, "healthy", 10.02, first=10.02)
     robot.table(10.03)
     robot.row("/a", A, "healthy", 20.0)
@@ -113,7 +122,7 @@ def test_a_hot_substitute_stays_mute_after_the_original_returned() -> None:
     commands = robot.handle(events.Tick(22.5))
     assert last_incident(commands).state is State.ENDED
     assert not has(commands, events.StopSubstitute)
-    assert robot.core.substitutes == (node,) and speaking(robot) == (False,)
+    assert robot.core.substitutes == (node,) and publishing(robot) == (False,)
 
 
 def test_a_hot_substitute_that_dies_unused_is_started_again_after_a_pause() -> None:
@@ -126,26 +135,19 @@ def test_a_hot_substitute_that_dies_unused_is_started_again_after_a_pause() -> N
 
 def test_plans_are_made_ahead_and_a_stale_one_is_never_used() -> None:
     robot = Robot()
-    assert robot.core.plans_ahead
-    while robot.core.plans_ahead:
-        robot.core.prepare()
-    assert robot.core.plan("/a", ()).program.inputs == ("/b/data",)
+    assert not robot.core.plans_ahead
     robot.row("/b", B, "failed", 9.0)
-    robot.handle(events.HealthSeen(9.0, 9.0, tuple(robot.rows.values())))
+    robot.table(9.0)
+    assert robot.core.plans_ahead
     start = only(robot.fail("/a", A, 9.001), events.StartSubstitute)
-    assert start.program.inputs == ("/c/data",)
+    assert start.program is not None and start.program.inputs == ("/c/data",)
 
 
 def test_a_plan_ahead_whose_input_dies_with_the_same_failure_is_not_used() -> None:
-    som = Som([service("a", A, needed=True), service("b", B), service("c", C)])
-    robot = Robot(som)
-    while robot.core.plans_ahead:
-        robot.core.prepare()
-    # The node of the input fails first; its kill is under way, and the table does not tell of it yet.
-    needed = Som([service("a", A, needed=True), service("b", B, needed=True), service("c", C)])
-    robot.handle(events.SomChanged(8.0, needed))
-    while robot.core.plans_ahead:
-        robot.core.prepare()
+    needed = [service("a", A, needed=True), service("b", B, needed=True), service("c", C)]
+    robot = Robot(Som(needed))
+    # The node of the input fails first; its kill is under way, and the table does not tell of it
+    # yet.
     robot.fail("/b", B, 9.0, "silent")
     start = only(robot.fail("/a", A, 9.001), events.StartSubstitute)
-    assert start.program.inputs == ("/c/data",)
+    assert start.program is not None and start.program.inputs == ("/c/data",)

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shsa_core.errors import UnitError
-from shsa_core.model.expression import parse_constraint, parse_expression
-from shsa_core.model.units import Unit, find_mismatches, parse_unit
+from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.language.units import Unit, parse_unit
 
 UNITS = {
     name: parse_unit(text)
@@ -34,8 +34,8 @@ UNITS = {
 
 
 def mismatches(text: str, unit: str, constraint: Optional[str] = None) -> List[Tuple[str, bool]]:
-    condition = parse_constraint(constraint).tree() if constraint else None
-    return find_mismatches(parse_expression(text).tree(), condition, UNITS, parse_unit(unit))
+    found = parse_expression(text).mismatches(UNITS, parse_unit(unit))
+    return found + (parse_constraint(constraint).mismatches(UNITS) if constraint else [])
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
 """Measures how well services, relations and whole substitutes tell what is true.
 
-Accuracy is the root mean square error over the span of the true values in the drive (for the state of charge, which
-hardly moves in a drive: over 0 to 1). A quality is 1 minus that, rounded down to two decimals.
+Accuracy is the root mean square error over the span of the true values in the drive (for the state
+of charge, which hardly moves in a drive: over 0 to 1). A quality is 1 minus that, rounded down to
+two decimals.
 """
 import math
 from dataclasses import dataclass
@@ -12,17 +13,18 @@ import numpy as np
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.som import Service, Som
+from shsa_core.model.service import Provision, Service, Source
+from shsa_core.model.som import Som
 from shsa_core.search.substitutes import Derivation, find_substitute
 from shsa_rover.dataset import Dataset
 
 FULL_SPAN = {"state_of_charge": 1.0}
-WARM_UP = 60.0  # s, until the slowest filter has settled
+WARM_UP_S = 60.0  # until the slowest filter has settled
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What was measured of `name`: error and span in the property's unit, and the quality that its file states."""
+    """What was measured of `name`: error and span in its unit, and its quality on file."""
 
     name: str
     output: str
@@ -37,12 +39,10 @@ class Accuracy:
 
 
 def services(som: Som, data: Dataset) -> List[Accuracy]:
-    """The accuracy of every service."""
+    """The accuracy of every value of every service."""
     return [
-        _accuracy(
-            service.path, service.property, service.quality, data.measured[service.path], data
-        )
-        for service in som
+        _accuracy(source.path, source.property, source.quality, data.measured[source.path], data)
+        for source in som.sources
     ]
 
 
@@ -50,7 +50,7 @@ def relations(ontology: Ontology, data: Dataset) -> List[Accuracy]:
     """The accuracy of every transfer function that is fed with the truth."""
     results = []
     for function in ontology.functions:
-        inputs = tuple(Derivation(name, _service(name), None) for name in function.inputs)
+        inputs = tuple(Derivation(name, _true(name), None) for name in function.inputs)
         root = Derivation(function.output, None, function, inputs)
         values = _evaluate(root, ontology, data.time, lambda path: data.truth[path.strip("/")[:-2]])
         name = f"{function.relation}: {function.output}"
@@ -59,19 +59,18 @@ def relations(ontology: Ontology, data: Dataset) -> List[Accuracy]:
 
 
 def substitutes(ontology: Ontology, som: Som, data: Dataset) -> List[Accuracy]:
-    """The accuracy of the best substitute of each needed service, fed with measurements.
+    """How accurate the best substitute of each value of each needed service is.
+
+    It is fed with measurements.
 
     As at a failure, nothing else of the failed node is used. Raises NoSubstitute if there is none.
     """
     results = []
-    for lost in som:
-        if lost.needed:
-            found = find_substitute(ontology, som, lost.property, excluded=(lost.node,))
-            values = _evaluate(
-                found.derivation, ontology, data.time, lambda path: data.measured[path]
-            )
-            name = f"{lost.path}: {' < '.join(_relations(found.derivation)) or 'passed on'}"
-            results.append(_accuracy(name, lost.property, found.quality, values, data))
+    for lost in (source for service in som.needed() for source in service.sources):
+        found = find_substitute(ontology, som.sources, lost.property, excluded=(lost.node,))
+        values = _evaluate(found.derivation, ontology, data.time, lambda path: data.measured[path])
+        name = f"{lost.path}: {' < '.join(_relations(found.derivation)) or 'passed on'}"
+        results.append(_accuracy(name, lost.property, found.quality, values, data))
     return results
 
 
@@ -82,8 +81,11 @@ def _relations(derivation: Derivation) -> List[str]:
     return list(dict.fromkeys(own + below))
 
 
-def _service(name: str) -> Service:
-    return Service(name, f"/{name}", "x", "std_msgs/Float64", "/truth", 0.02)
+def _true(name: str) -> Source:
+    """A source that tells the true value of the property `name`."""
+    provided = (Provision(name, "x"),)
+    (source,) = Service(name, f"/{name}", "std_msgs/Float64", "/truth", 0.02, provided).sources
+    return source
 
 
 def _evaluate(
@@ -92,7 +94,10 @@ def _evaluate(
     time: np.ndarray,
     column: Callable[[str], np.ndarray],
 ) -> np.ndarray:
-    """The generated code of a derivation on recorded inputs; not a number where it has no output."""
+    """The generated code of a derivation on recorded inputs.
+
+    Not a number where it has no output.
+    """
     program = generate([(derivation, "/result/x")], ontology.constants)
     compiled = compile_program(program.code, len(program.inputs), 1)
     rows = np.array([column(path) for path in program.inputs]).T
@@ -102,6 +107,6 @@ def _evaluate(
 
 def _accuracy(name: str, prop: str, stated: float, values: np.ndarray, data: Dataset) -> Accuracy:
     truth = data.truth[prop]
-    settled = (data.time >= WARM_UP) & np.isfinite(values)
+    settled = (data.time >= WARM_UP_S) & np.isfinite(values)
     error = float(np.sqrt(np.mean((values[settled] - truth[settled]) ** 2)))
     return Accuracy(name, prop, error, FULL_SPAN.get(prop, float(np.ptp(truth))), stated)

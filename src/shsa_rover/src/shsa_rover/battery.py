@@ -6,12 +6,13 @@ from typing import Tuple
 
 @dataclass(frozen=True)
 class BatteryParameters:
-    """Three 12 V, 7.2 Ah sealed lead-acid batteries in parallel (Pioneer 3-AT data sheet, as commonly quoted).
+    """Three 12 V, 7.2 Ah sealed lead-acid batteries in parallel (Pioneer 3-AT data sheet).
 
-    `open_circuit`: (state of charge, V) for AGM batteries at rest, a common rule of thumb (estimate).
-    `resistance`: three times 25 mOhm in parallel (usual data-sheet figure of a 12 V, 7 Ah AGM battery) and 27 mOhm
-    for wires, fuse and contacts (estimate). `polarisation_*`: the slow part of the sag (estimate).
-    Temperature, ageing and the loss of capacity at high currents (Peukert) are not modelled: the rover draws about C/4.
+    `open_circuit`: (state of charge, V) for AGM batteries at rest, a common rule of thumb
+    (estimate). `resistance`: three times 25 mOhm in parallel (usual data-sheet figure of a 12 V, 7
+    Ah AGM battery) and 27 mOhm for wires, fuse and contacts (estimate). `polarisation_*`: the slow
+    part of the sag (estimate). Temperature, ageing and the loss of capacity at high currents
+    (Peukert) are not modelled: the rover draws about C/4.
     """
 
     capacity: float = 21.6  # Ah
@@ -33,7 +34,10 @@ class BatteryParameters:
 
 
 class Battery:
-    """A battery that has long been supplying `resting_current` (A); `soc` is its state of charge, 0 to 1."""
+    """A battery that has long been supplying `resting_current` (A).
+
+    `soc` is its state of charge, 0 to 1.
+    """
 
     def __init__(
         self,
@@ -65,9 +69,12 @@ class Battery:
         )
 
     def draw(self, power: float, dt: float) -> None:
-        """Supplies `power` (W) for `dt` seconds; a flat battery still supplies, at its lowest voltage.
+        """Supplies `power` (W) for `dt` seconds.
 
-        The current solves power = (E - R*I)*I for the smaller I; beyond the greatest power, E^2/4R, it stays there.
+        A flat battery still supplies, at its lowest voltage.
+
+        The current solves power = (E - R*I)*I for the smaller I; beyond the greatest power, E^2/4R,
+        it stays there.
         """
         p = self.parameters
         source = self.open_circuit_voltage - self._polarisation

@@ -12,9 +12,10 @@ class ChassisParameters:
 
     Data sheet, as commonly quoted (docs/rover.md): 12 kg without batteries, 0.7 m/s, 140 deg/s.
     Body of 0.626 m by 0.505 m: the robot's parameters in its maker's library ARIA (p3at-sh).
-    Estimates: batteries of 2.4 kg each; 4.8 kg of payload; the moment of inertia of a homogeneous box; track and
-    wheel spacing as in common simulation models of this robot; the friction figures, chosen so that a drive with
-    many turns draws 5 to 6 A on average (2 to 4 h with three batteries, as quoted, means 5 to 11 A).
+    Estimates: batteries of 2.4 kg each; 4.8 kg of payload; the moment of inertia of a homogeneous
+    box; track and wheel spacing as in common simulation models of this robot; the friction figures,
+    chosen so that a drive with many turns draws 5 to 6 A on average (2 to 4 h with three batteries,
+    as quoted, means 5 to 11 A).
     """
 
     mass: float = 24.0  # kg
@@ -58,7 +59,10 @@ class Axis:
         self._acceleration_time = acceleration_time
 
     def step(self, target: float, dt: float) -> None:
-        """Follows `target`: a velocity loop with limited acceleration around a torque loop, each of first order."""
+        """Follows `target`: a velocity loop around a torque loop, each of first order.
+
+        The acceleration is limited.
+        """
         wanted = (target - self.velocity) / self._velocity_time
         wanted = min(self._limit, max(-self._limit, wanted))
         before = self.acceleration
@@ -80,7 +84,7 @@ class Chassis:
         self._silence = 0.0
 
     def command(self, velocity: float, turn_rate: float) -> None:
-        """Sets the wanted velocity (m/s) and turn rate (rad/s), limited to what the robot can do."""
+        """Sets the wanted velocity (m/s) and turn rate (rad/s), within the robot's limits."""
         p = self.parameters
         self._target = (
             min(p.top_speed, max(-p.top_speed, velocity)),
@@ -89,7 +93,10 @@ class Chassis:
         self._silence = 0.0
 
     def step(self, dt: float, disturbance: float = 0.0) -> None:
-        """Moves on by `dt` seconds; `disturbance` is a standard normal number that makes the floor uneven."""
+        """Moves on by `dt` seconds.
+
+        `disturbance` is a standard normal number that makes the floor uneven.
+        """
         p = self.parameters
         self._silence += dt
         velocity, turn_rate = self._target if self._silence <= p.watchdog else (0.0, 0.0)
@@ -106,9 +113,10 @@ class Chassis:
         return rolling * math.tanh(speed / 0.01) + 0.5 * p.viscous_friction * speed
 
     def scrub(self, velocity: float, turn_rate: float) -> float:
-        """The torque (N m) that drags four tyres sideways at `velocity` (m/s) and `turn_rate` (rad/s).
+        """The torque (N m) that drags four tyres sideways, by velocity (m/s) and turn rate (rad/s).
 
-        In a wide bend the tyres mostly roll: their slip angle, and with it the drag, grows as the bend narrows.
+        In a wide bend the tyres mostly roll: their slip angle, and with it the drag, grows as the
+        bend narrows.
         """
         p = self.parameters
         drag = p.scrub_friction * p.mass * GRAVITY * 0.5 * p.wheel_spacing

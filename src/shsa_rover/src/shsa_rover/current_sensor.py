@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class CurrentSensor:
-    """A Hall-effect sensor on a microcontroller's ADC; the current is positive while the battery discharges.
+    """A Hall-effect sensor on a microcontroller's ADC.
 
-    Values of the Allegro ACS712ELCTR-30A (data sheet, x30A performance characteristics): 66 mV/A, half the 5 V
-    supply at 0 A; read with the 10-bit ADC of a 5 V microcontroller.
+    The current is positive while the battery discharges.
+
+    Values of the Allegro ACS712ELCTR-30A (data sheet, x30A performance characteristics): 66 mV/A,
+    half the 5 V supply at 0 A; read with the 10-bit ADC of a 5 V microcontroller.
     """
 
     sensitivity: float = 0.066  # V/A

@@ -11,7 +11,7 @@ from shsa_rover.drive import Drive, Leg
 from shsa_rover.odometry import Odometry
 from shsa_rover.rover import Rover, Truth
 
-PERIOD = 0.02  # s
+PERIOD_S = 0.02
 STEPS = 2  # of the simulation, a row
 COMMAND_ROWS = 3  # rows between two commands: about the driver's 20 Hz
 START_ROWS = 50  # rows that the state of charge is started from
@@ -43,7 +43,8 @@ TOPICS: Mapping[str, Tuple[str, ...]] = {
 class Dataset:
     """Columns of equal length, in SI units.
 
-    `time` in s; `measured` by topic and field as in the SOM; `truth` by property, empty for a real rover.
+    `time` in s; `measured` by topic and field as in the SOM; `truth` by property, empty for a real
+    rover.
     """
 
     time: np.ndarray
@@ -64,19 +65,19 @@ def random_drive(seed: int, legs: int = 60) -> Drive:
 
 
 def simulate(drive: Drive, duration: float, seed: int, soc: float = 0.8) -> Dataset:
-    """What would be recorded in `duration` seconds of `drive` on the simulated rover with `seed`."""
+    """What would be recorded in `duration` s of `drive` on the simulated rover with `seed`."""
     rover, odometry, sensor = Rover(seed, soc), Odometry(), CurrentSensor()
     names = [field.name for field in fields(Truth)]
     measured: List[Tuple[float, ...]] = []
     truth: List[Tuple[float, ...]] = []
-    time = np.arange(int(duration / PERIOD)) * PERIOD
+    time = np.arange(int(duration / PERIOD_S)) * PERIOD_S
     velocity, turn_rate = 0.0, 0.0
     for row, now in enumerate(time):
         if row % COMMAND_ROWS == 0:
             velocity, turn_rate = drive.command(float(now))
             rover.command(velocity, turn_rate)
         for _ in range(STEPS):
-            rover.step(PERIOD / STEPS)
+            rover.step(PERIOD_S / STEPS)
         reading = rover.measure()
         odometry.update(float(now), reading.wheel_velocity, reading.wheel_turn_rate)
         state = asdict(rover.truth())
@@ -112,5 +113,5 @@ def _counted(current: np.ndarray, voltage: np.ndarray) -> np.ndarray:
     source = np.mean(voltage[:START_ROWS]) + battery.resting_resistance * np.mean(
         current[:START_ROWS]
     )
-    used = np.cumsum(current) * PERIOD / 3600.0 / battery.capacity
+    used = np.cumsum(current) * PERIOD_S / 3600.0 / battery.capacity
     return np.interp(source, voltages, charges) - used

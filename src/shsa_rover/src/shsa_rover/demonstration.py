@@ -8,16 +8,15 @@ import subprocess
 import sys
 from bisect import bisect_left
 from pathlib import Path
-from typing import List, Optional
+from typing import List, Optional, Tuple
 
-from rich.console import Console
-from rich.table import Table
+from tabulate import tabulate
 
 from shsa_rover.figure import draw
 from shsa_rover.recording import Recording, Series, read_recording
 
-TIMEOUT = 180.0  # s; the run itself takes about 45 s
-END = 35.0  # s; the drive's end
+TIMEOUT_S = 180.0  # the run itself takes about 45 s
+DRIVE_END_S = 35.0  # the drive's end
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
@@ -34,8 +33,11 @@ def main(arguments: Optional[List[str]] = None) -> int:
         print(f"roslaunch ended with exit status {status}", file=sys.stderr)
         return 1
     recording = read_recording(results / "run.bag", results / "incidents.jsonl")
-    # The drive begins after the first message. What ends later is ended by roslaunch, and is no failure.
-    recording.incidents[:] = [i for i in recording.incidents if float(str(i["detected"])) < END]
+    # The drive begins after the first message. What ends later is ended by roslaunch, and is no
+    # failure.
+    recording.incidents[:] = [
+        i for i in recording.incidents if float(str(i["detected"])) < DRIVE_END_S
+    ]
     draw(recording, results / "figure.png")
     return _report(recording, results)
 
@@ -47,38 +49,38 @@ def _launch(results: Path) -> int:
         port = probe.getsockname()[1]
     environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}")
     command = ["roslaunch", "-p", str(port), "shsa_rover", "demo.launch"]
-    command += [f"results:={results}", f"end_at:={END}"]
+    command += [f"results:={results}", f"end_at:={DRIVE_END_S}"]
     with subprocess.Popen(command, env=environment) as roslaunch:
         try:
-            return roslaunch.wait(TIMEOUT)
+            return roslaunch.wait(TIMEOUT_S)
         except subprocess.TimeoutExpired:
             roslaunch.send_signal(signal.SIGINT)
             return roslaunch.wait()
 
 
 def _report(recording: Recording, results: Path) -> int:
-    table = Table(title="The demonstration", show_header=False)
+    table: List[Tuple[str, str]] = []
     healed = [i for i in recording.incidents if i["first_message"] is not None]
     for incident in recording.incidents:
-        table.add_row(
-            "failed", f"{incident['topic']}, {incident['kind']} ({incident['faulty_node']})"
-        )
-        table.add_row(
-            "substitute", f"{incident['substitute']} of quality {incident['quality']:.2f}"
-        )
-        table.add_row("relations", ", ".join(map(str, incident["relations"])))  # type: ignore
         outage = incident["outage"]
-        table.add_row("outage", "not healed" if outage is None else f"{1000 * float(outage):.0f} ms")  # type: ignore
-        table.add_row("ended", "original is back" if incident["state"] == "ended" else "still open")
+        healed_in = "not healed" if outage is None else f"{1000 * float(str(outage)):.0f} ms"
+        back = "original is back" if incident["state"] == "ended" else "still open"
+        table += [
+            ("failed", f"{incident['topic']}, {incident['kind']} ({incident['faulty_node']})"),
+            ("substitute", f"{incident['substitute']} of quality {incident['quality']:.2f}"),
+            ("relations", ", ".join(map(str, incident["relations"]))),  # type: ignore
+            ("outage", healed_in),
+            ("ended", back),
+        ]
     for node, series in recording.current.items():
         if node.startswith("/substitute"):
             text = f"{rms_error(series, recording.true_current):.2f} A (RMS) against the truth"
-            table.add_row("substitute's error", text)
+            table.append(("substitute's error", text))
     if recording.soc and recording.true_soc:
         worst = 100 * max_error(recording.soc, recording.true_soc)
-        table.add_row("state of charge", f"at most {worst:.2f} percentage points off the truth")
-    table.add_row("figure", str(results / "figure.png"))
-    Console().print(table)
+        table.append(("state of charge", f"at most {worst:.2f} percentage points off the truth"))
+    table.append(("figure", str(results / "figure.png")))
+    print(f"The demonstration\n{tabulate(table, disable_numparse=True)}")
     good = len(healed) == 1 and all(i["state"] == "ended" for i in recording.incidents)
     if not good:
         print("The demonstration did not go as planned.", file=sys.stderr)

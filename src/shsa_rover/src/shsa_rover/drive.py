@@ -34,7 +34,10 @@ SCRIPTED: Tuple[Leg, ...] = (
 
 
 class Drive:
-    """Legs one after the other; the script starts again after its end if `loop`, else the rover stands still."""
+    """Legs one after the other.
+
+    The script starts again after its end if `loop`, else the rover stands still.
+    """
 
     def __init__(self, legs: Sequence[Leg] = SCRIPTED, loop: bool = True) -> None:
         self.legs = tuple(legs)
@@ -53,9 +56,10 @@ class Drive:
 
 
 def parse_drive(lines: Iterable[str], where: str) -> List[Leg]:
-    """The legs of a script: a line each with duration (s), velocity (m/s), turn rate (rad/s), by commas.
+    """The legs of a script: a line each, `duration (s), velocity (m/s), turn rate (rad/s)`.
 
-    Empty lines and lines that start with # are skipped. Raises ModelError with file (`where`) and line.
+    Empty lines and lines that start with # are skipped. Raises ModelError with file (`where`) and
+    line.
     """
     legs: List[Leg] = []
     for number, line in enumerate(lines, 1):
@@ -67,7 +71,8 @@ def parse_drive(lines: Iterable[str], where: str) -> List[Leg]:
         except ValueError:
             raise ModelError(
                 f"{where}:{number}",
-                f"'{line.strip()}' is not three numbers: duration (s), velocity (m/s), turn rate (rad/s)",
+                f"'{line.strip()}' is not three numbers: duration (s), velocity (m/s), "
+                "turn rate (rad/s)",
             ) from None
         if not all(map(math.isfinite, (duration, velocity, turn_rate))) or duration <= 0.0:
             raise ModelError(

@@ -11,7 +11,8 @@ from shsa_rover.dataset import CURRENT, START_ROWS, TOPICS, Dataset
 def read_bag(path: str) -> Dataset:
     """The drive in a rosbag, one row for each battery current once all topics have been heard.
 
-    `truth` is filled as far as `/simulation/...` was recorded too. Raises ShsaError if a topic is missing.
+    `truth` is filled as far as `/simulation/...` was recorded too. Raises ShsaError if a topic is
+    missing.
     """
     samples: Dict[str, List[Tuple[float, float]]] = {}
     try:

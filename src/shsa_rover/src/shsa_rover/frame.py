@@ -1,7 +1,8 @@
 """The microcontroller's serial protocol, without any I/O: bytes in, frames out.
 
-A frame is ``S``, the number of data bytes, high and low byte of each channel (10-bit ADC counts), ``E``, ``\\n\\r``.
-Data bytes may look like ``S`` or ``E``: only a whole frame whose every part is valid counts.
+A frame is ``S``, the number of data bytes, high and low byte of each channel (10-bit ADC counts),
+``E``, ``\\n\\r``. Data bytes may look like ``S`` or ``E``: only a whole frame whose every part is
+valid counts.
 """
 from dataclasses import dataclass, field
 from typing import Dict, List, Optional, Sequence, Tuple

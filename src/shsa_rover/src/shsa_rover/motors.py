@@ -6,9 +6,12 @@ from shsa_rover.chassis import Effort
 
 @dataclass(frozen=True)
 class PowerParameters:
-    """Estimates throughout: four brushed 12 V gear motors of the size of a Pittman GM9236 behind gears of about 50:1.
+    """Four brushed 12 V gear motors, the size of a Pittman GM9236, gears of about 50:1.
 
-    `electronics`: motor controller and sonars 6 W, onboard computer 19 W, Raspberry Pi and sensors 5 W.
+    Estimates throughout.
+
+    `electronics`: motor controller and sonars 6 W, onboard computer 19 W, Raspberry Pi and sensors
+    5 W.
     """
 
     electronics: float = 30.0  # W

@@ -1,8 +1,8 @@
 """Pose and accelerations from the wheels' velocities."""
 import math
 
-ACCELERATION_TIME = 0.04  # s, smooths the difference quotient
-LONGEST_GAP = 0.5  # s, after which differences mean nothing
+ACCELERATION_TIME_S = 0.04  # smooths the difference quotient
+LONGEST_GAP_S = 0.5  # after which differences mean nothing
 
 
 class Odometry:
@@ -20,7 +20,7 @@ class Odometry:
         The first sample, and one after a jump back or a gap, only starts anew from the last pose.
         """
         dt = time - self._time
-        if 0.0 < dt <= LONGEST_GAP:
+        if 0.0 < dt <= LONGEST_GAP_S:
             middle = self.heading + 0.25 * dt * (self.turn_rate + turn_rate)
             distance = 0.5 * dt * (self.velocity + velocity)
             self.x += distance * math.cos(middle)
@@ -28,7 +28,7 @@ class Odometry:
             self.heading = math.remainder(
                 self.heading + 0.5 * dt * (self.turn_rate + turn_rate), math.tau
             )
-            share = -math.expm1(-dt / ACCELERATION_TIME)
+            share = -math.expm1(-dt / ACCELERATION_TIME_S)
             self.acceleration += share * ((velocity - self.velocity) / dt - self.acceleration)
             self.turn_acceleration += share * (
                 (turn_rate - self.turn_rate) / dt - self.turn_acceleration

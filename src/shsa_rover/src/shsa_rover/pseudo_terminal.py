@@ -9,10 +9,12 @@ from shsa_core.errors import ShsaError
 
 
 class PseudoTerminal:
-    """The microcontroller's end of a serial line; the other end is opened at `link` like any serial port.
+    """The microcontroller's end of a serial line.
 
-    Writing never blocks. As on a UART, bytes are lost while nobody has the port open or when the reader is too slow.
-    Raises ShsaError if something other than a symbolic link lies at `link`.
+    The other end is opened at `link` like any serial port.
+
+    Writing never blocks. As on a UART, bytes are lost while nobody has the port open or when the
+    reader is too slow. Raises ShsaError if something other than a symbolic link lies at `link`.
     """
 
     def __init__(self, link: str) -> None:
@@ -23,7 +25,8 @@ class PseudoTerminal:
         self._master, port = os.openpty()
         tty.setraw(port)
         self._port = os.ttyname(port)
-        # Only without an end of our own does the kernel tell (POLLHUP) that nobody has the port open.
+        # Only without an end of our own does the kernel tell (POLLHUP) that nobody has the port
+        # open.
         os.close(port)
         os.set_blocking(self._master, False)
         self._poll = select.poll()

@@ -12,9 +12,9 @@ from shsa_rover.motors import PowerParameters, motor_power
 class SensorParameters:
     """Noise (standard deviations), offsets and smallest steps of the sensors.
 
-    Current: 7 mV peak to peak (ACS712 x30A data sheet), i.e. about 1.1 mV or 16 mA. Velocity: 1 mm/s steps as in the
-    robot's serial packets. The rest are estimates: voltage by a 10-bit ADC over 16.5 V; a MEMS gyroscope and
-    accelerometer on a vibrating robot.
+    Current: 7 mV peak to peak (ACS712 x30A data sheet), i.e. about 1.1 mV or 16 mA. Velocity: 1
+    mm/s steps as in the robot's serial packets. The rest are estimates: voltage by a 10-bit ADC
+    over 16.5 V; a MEMS gyroscope and accelerometer on a vibrating robot.
     """
 
     current_noise: float = 0.016  # A
@@ -62,7 +62,10 @@ class Readings:
 
 
 class Rover:
-    """A rover at rest with its electronics on; the same `seed`, commands and steps give the same run."""
+    """A rover at rest with its electronics on.
+
+    The same `seed`, commands and steps give the same run.
+    """
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""The serial framing: nothing good is lost, nothing bad gets through, and every byte is accounted for."""
+"""The serial framing: nothing good is lost, nothing bad gets through, every byte counts."""
 from typing import List
 
 import pytest
@@ -109,7 +109,8 @@ def test_every_byte_is_accounted_for(pieces: List[bytes], cuts: List[int]) -> No
 def test_finds_the_next_frames_after_noise(disturbance: bytes, sample: List[int]) -> None:
     parser = Parser()
     frames = parser.feed(disturbance + encode(sample) * 8)
-    # Noise may swallow what its last bytes make a false start of, but no more than one longest frame.
+    # Noise may swallow what its last bytes make a false start of, but no more than one longest
+    # frame.
     lost = -(-MAX_FRAME_BYTES // len(encode(sample)))
     assert frames[-(8 - lost) :] == [Frame(tuple(sample))] * (8 - lost)
 

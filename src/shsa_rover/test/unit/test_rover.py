@@ -27,7 +27,7 @@ def drive(rover: Rover, script: Drive, duration: float) -> List[Truth]:
 
 
 def test_the_wheels_work_becomes_motion_and_friction() -> None:
-    """The energy balance over a drive with every manoeuvre: work = change of kinetic energy + friction."""
+    """Over a drive with every manoeuvre: work = change of kinetic energy + friction."""
     chassis, script, dt = Chassis(), random_drive(3), 0.001
     work = friction = 0.0
     before = chassis.kinetic_energy()
@@ -52,7 +52,8 @@ def test_the_battery_pays_for_everything() -> None:
     paid = sum(s.battery_voltage * s.battery_current for s in states) * STEP
     used = sum(s.battery_power for s in states) * STEP
     assert paid == pytest.approx(used, rel=0.001)
-    # More is paid than what arrives at the floor and in the electronics: gears and windings are not free.
+    # More is paid than what arrives at the floor and in the electronics: gears and windings are not
+    # free.
     assert used > 1.2 * sum(max(0.0, s.drive_power) for s in states) * STEP + 30.0 * 60.0
 
 

@@ -3,20 +3,26 @@ import re
 from dataclasses import dataclass
 from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple, Union
 
+from shsa_core.analysis.failures import Failures
 from shsa_core.codegen.generator import generate
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, UnitError
-from shsa_core.model.interval import Interval, find_troubles
-from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
-from shsa_core.model.ontology_file import load_ontology
-from shsa_core.model.som import Service, Som, load_som
-from shsa_core.model.units import Unit, find_mismatches, parse_unit
-from shsa_core.search.derivation import Derivation
-from shsa_core.search.substitutes import find_substitute
+from shsa_core.files.ontology_file import load_ontology
+from shsa_core.files.som_file import load_som
+from shsa_core.language.interval import Interval
+from shsa_core.language.units import Unit, parse_unit
+from shsa_core.model.ontology import Constant, Ontology, Property
+from shsa_core.model.relation import TransferFunction
+from shsa_core.model.service import Provision, Service, Source
+from shsa_core.model.som import Som
+from shsa_core.search.derivation import LOST, Derivation
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a check found: where (file and line), what, and what to do. `level` is error or warning."""
+    """One thing that a check found: where (file and line), what, and what to do.
+
+    `level` is error or warning.
+    """
 
     level: str
     where: str
@@ -29,7 +35,10 @@ class Finding:
 
 
 def check_files(ontology_path: str, som_path: Optional[str] = None) -> List[Finding]:
-    """Everything found in the files, by file and line. The model is valid if no finding is an error."""
+    """Everything found in the files, by file and line.
+
+    The model is valid if no finding is an error.
+    """
     try:
         ontology, errors = load_ontology(ontology_path)
     except ModelError as error:
@@ -50,11 +59,11 @@ def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
     findings = list(_check_units(ontology))
     findings += _check_functions(ontology)
     if som is not None:
-        known = [s for s in som if s.property in ontology.properties]
+        known = [s for s in som.sources if s.property in ontology.properties]
         findings += _check_names(ontology, som)
         findings += _check_ranges(ontology, known)
         findings += _check_reach(ontology, known)
-        findings += _check_needed(ontology, known)
+        findings += _check_needed(ontology, som, known)
     return findings
 
 
@@ -77,13 +86,12 @@ def _check_units(ontology: Ontology) -> Iterator[Finding]:
         except UnitError as error:
             yield Finding("error", item.where, f"{item.name}: {error}")
     for function in ontology.functions:
-        if function.expression is None:
+        if function.law is None:
             continue
-        constraint = function.constraint.tree() if function.constraint else None
-        mismatches = find_mismatches(
-            function.expression.tree(), constraint, units, units[function.output]
-        )
-        for text, sure in mismatches:
+        mismatches = function.law.mismatches(units, units[function.output])
+        if function.constraint is not None:
+            mismatches += function.constraint.mismatches(units)
+        for text, sure in dict.fromkeys(mismatches):
             yield Finding(
                 "error" if sure else "warning",
                 function.where,
@@ -96,7 +104,7 @@ def _check_units(ontology: Ontology) -> Iterator[Finding]:
 
 def _check_functions(ontology: Ontology) -> Iterator[Finding]:
     for function in ontology.functions:
-        if function.expression is None:
+        if function.law is None:
             yield Finding(
                 "warning",
                 function.where,
@@ -105,8 +113,8 @@ def _check_functions(ontology: Ontology) -> Iterator[Finding]:
             )
             continue
         inputs = tuple(
-            Derivation(name, Service(name, "/topic", f"f{i}", "p/T", "/node", 1.0), None)
-            for i, name in enumerate(function.inputs)
+            Derivation(name, source, None)
+            for name, source in zip(function.inputs, _sources_of(function.inputs))
         )
         derivation = Derivation(function.output, None, function, inputs)
         try:
@@ -116,25 +124,27 @@ def _check_functions(ontology: Ontology) -> Iterator[Finding]:
 
 
 def _check_names(ontology: Ontology, som: Som) -> Iterator[Finding]:
-    for service in som:
-        if service.property not in ontology.properties:
-            kind = "is a constant" if service.property in ontology.constants else "is not"
+    for source in som.sources:
+        if source.property not in ontology.properties:
+            kind = "is a constant" if source.property in ontology.constants else "is not"
             yield Finding(
                 "error",
-                service.where,
-                f"{service.path} provides '{service.property}', which {kind} in the ontology",
+                source.provision.where,
+                f"{source.service.name} provides '{source.property}', which {kind} in the ontology",
                 "Correct the name, or add it to 'properties'",
             )
 
 
-def _check_ranges(ontology: Ontology, services: Iterable[Service]) -> Iterator[Finding]:
-    ranges = _declared_ranges(ontology, services)
+def _check_ranges(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Finding]:
+    ranges = _declared_ranges(ontology, sources)
     for function in ontology.functions:
-        if function.expression is None:
+        if function.law is None:
             continue
-        constraint = function.constraint.tree() if function.constraint else None
-        expression = function.expression
-        for trouble in find_troubles(expression.text, expression.tree(), constraint, ranges):
+        names = [*function.law.names, *(function.constraint.names if function.constraint else ())]
+        own = {name: ranges[name] for name in names if name in ranges}
+        if function.constraint is not None:
+            own = function.constraint.narrowed(own)
+        for trouble in function.law.troubles(own):
             yield Finding(
                 "warning",
                 function.where,
@@ -143,21 +153,21 @@ def _check_ranges(ontology: Ontology, services: Iterable[Service]) -> Iterator[F
             )
 
 
-def _declared_ranges(ontology: Ontology, services: Iterable[Service]) -> Mapping[str, Interval]:
+def _declared_ranges(ontology: Ontology, sources: Iterable[Source]) -> Mapping[str, Interval]:
     ranges = {c.name: Interval(c.value, c.value) for c in ontology.constants.values()}
     open_ends: Set[str] = set()
-    for service in services:
-        if service.range is None:
-            open_ends.add(service.property)
+    for source in sources:
+        if source.provision.range is None:
+            open_ends.add(source.property)
             continue
-        low, high = service.range
-        old = ranges.get(service.property, Interval(low, high))
-        ranges[service.property] = Interval(min(low, old.low), max(high, old.high))
+        low, high = source.provision.range
+        old = ranges.get(source.property, Interval(low, high))
+        ranges[source.property] = Interval(min(low, old.low), max(high, old.high))
     return {name: interval for name, interval in ranges.items() if name not in open_ends}
 
 
-def _check_reach(ontology: Ontology, services: Iterable[Service]) -> Iterator[Finding]:
-    reached = _reachable(ontology, {service.property for service in services})
+def _check_reach(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Finding]:
+    reached = _reachable(ontology, {source.property for source in sources})
     for item in ontology.properties.values():
         if item.name not in reached:
             yield Finding(
@@ -191,19 +201,28 @@ def _reachable(ontology: Ontology, provided: Set[str]) -> Set[str]:
     return reached
 
 
-def _check_needed(ontology: Ontology, services: List[Service]) -> Iterator[Finding]:
-    for service in services:
-        if service.needed:
-            lost = (service.topic, service.node)
-            try:
-                find_substitute(ontology, services, service.property, lost)
-            except NoSubstitute as none:
-                yield Finding(
-                    "warning",
-                    service.where,
-                    f"{service.topic} is needed, but if {service.node} fails there is {none}",
-                    "Add a relation or a service that yields what is missing",
-                )
+def _check_needed(ontology: Ontology, som: Som, sources: List[Source]) -> Iterator[Finding]:
+    failures = Failures(ontology.network, sources)
+    for service in som.needed():
+        failure = failures.after([service.node])
+        known = [name for name in service.properties if name in ontology.properties]
+        numbers = {name: ontology.network.number(name) for name in known}
+        lost = [name for name in known if failure.ratings[numbers[name]] == LOST]
+        if lost:
+            missing = {m for name in lost for m in failures.missing(numbers[name], failure)}
+            yield Finding(
+                "warning",
+                service.where,
+                f"{service.name} is needed, but if {service.node} fails there is "
+                f"{NoSubstitute(lost, sorted(missing))}",
+                "Add a relation or a service that yields what is missing",
+            )
+
+
+def _sources_of(names: Iterable[str]) -> Tuple[Source, ...]:
+    """Sources of some properties, all of one service."""
+    provides = tuple(Provision(name, name) for name in names)
+    return Service("all", "/all", "package/Type", "/node", None, provides).sources
 
 
 def _name(function: TransferFunction) -> str:

@@ -1,48 +1,93 @@
-"""The best derivations after failures, from those before: only what used something that is gone is rated again."""
-from typing import Dict, Iterable, List, Optional
+"""The best derivations after failures, from those before.
+
+Only what used something that is gone is rated again.
+"""
+from typing import Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Sequence
 
 from shsa_core.model.network import Network
-from shsa_core.model.som import Service
+from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations, Usable
-from shsa_core.search.derivation import LOST, ServiceTable
+from shsa_core.search.derivation import LOST, SourceTable
+from shsa_core.search.missing import last_parts
 from shsa_core.search.ratings import Ratings, dependents
 
 
+class Failure(NamedTuple):
+    """What a failure leaves: the best derivations, and the numbers of lost properties."""
+
+    ratings: Ratings
+    lost: FrozenSet[int]
+
+
 class Failures:
-    """The best derivation of every property of a network, and what becomes of it when nodes fail."""
+    """The best derivation of every property, and what becomes of it when nodes fail."""
 
     def __init__(
-        self, network: Network, services: Iterable[Service], usable: Optional[Usable] = None
+        self, network: Network, sources: Iterable[Source], usable: Optional[Usable] = None
     ) -> None:
         self._network = network
-        self._services = tuple(services)
-        table = ServiceTable(network, self._services)
-        self._best = BestDerivations(network, table, usable, prune=False)
+        self._table = SourceTable(network)
         self._measures: Dict[str, List[int]] = {}  # the properties that a node measures
-        for service in self._services:
-            number = network.number(service.property)
-            self._measures.setdefault(service.node, []).append(number)
+        for source in sources:
+            self._table.add(source)
+            number = network.number(source.property)
+            self._measures.setdefault(source.node, []).append(number)
+        self._best = BestDerivations(network, self._table, usable, prune=False)
         numbers = range(len(network.names))
         for number in numbers:
             self._best.settle(number)
         self._users = self._best.ratings.users(numbers)
+        self._lost = frozenset(n for n in numbers if self._best.ratings[n] == LOST)
+        self._lacks: Dict[int, Sequence[int]] = {}  # the lost inputs of a lost property
+        self._uses: Optional[Dict[int, List[int]]] = None  # see _users_of
 
-    def ratings(self, failed: Iterable[str], blocked: Optional[int] = None) -> Ratings:
-        """The best derivations that use none of the nodes `failed`, nor the property `blocked`."""
+    def after(self, failed: Iterable[str], blocked: Optional[int] = None) -> Failure:
+        """What is left without the nodes `failed`, and without the property `blocked`."""
         nodes = tuple(failed)
         gone = [number for node in nodes for number in self._measures.get(node, ())]
         if blocked is not None:
             gone.append(blocked)
         affected = dependents(self._users, gone)
-        left = [s for s in self._services if s.node not in nodes]
-        services = ServiceTable(self._network, left)
-        ratings = Ratings(self._network, services, self._best.ratings)
+        ratings = Ratings(self._network, self._table.excluding(nodes), self._best.ratings)
         if blocked is not None:
             affected.remove(blocked)
             ratings[blocked] = LOST
         self._best.settle_cycle(affected, ratings)
-        return ratings
+        lost = {number for number in affected if ratings[number] == LOST}
+        return Failure(ratings, frozenset(lost if blocked is None else lost | {blocked}))
 
-    def missing(self, target: int, ratings: Ratings) -> List[str]:
-        """What a lost property lacks; as BestDerivations.missing, after a failure."""
-        return self._best.missing(target, ratings)
+    def missing(self, target: int, failure: Failure) -> List[str]:
+        """What a lost property lacks after a failure; as BestDerivations.missing.
+
+        What is lost without any failure is looked up once; it is the same for all targets, save
+        what uses the target or what the failure loses.
+        """
+        lost = failure.lost
+        others = {user for number in (target, *lost) for user in self._users_of(number)} | lost
+        lacks, of = self._lacks, self._lost
+
+        def lost_inputs(number: int) -> Sequence[int]:
+            if number in others or number == target:
+                return self._lost_inputs(number, target, lost)
+            if number not in lacks:
+                lacks[number] = self._lost_inputs(number, -1, of)
+            return lacks[number]
+
+        last = last_parts(target, lost_inputs) - {target}
+        return sorted(self._network.names[number] for number in last)
+
+    def _lost_inputs(self, number: int, target: int, lost: FrozenSet[int]) -> Sequence[int]:
+        """The lost inputs of all functions that do not use the target."""
+        inputs_of, before = self._network.inputs_of, self._lost
+        of = [inputs_of(function) for function in self._best.functions(number)]
+        found = [i for inputs in of if target not in inputs for i in inputs]
+        return tuple(dict.fromkeys(i for i in found if i in before or i in lost))
+
+    def _users_of(self, number: int) -> Sequence[int]:
+        """The properties that a function yields from a property, whether it is used or not."""
+        if self._uses is None:
+            self._uses = {}
+            for function, output in enumerate(self._network.outputs):
+                for input_ in self._network.inputs_of(function):
+                    self._uses.setdefault(input_, []).append(output)
+        return self._uses.get(number, ())

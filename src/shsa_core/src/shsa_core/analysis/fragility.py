@@ -1,5 +1,6 @@
 """Which node failures a property does not survive, for all nodes at once."""
-from typing import Dict, Iterable, List, Optional, Sequence, Set, Tuple
+from contextlib import contextmanager
+from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
@@ -10,50 +11,64 @@ AS_IT_IS = (
 
 
 class Fragility:
-    """For every property the nodes without any one of which it cannot be derived, as bits of a number.
+    """For every property the nodes that it cannot be derived without, as bits of a number.
 
-    A service is lost with its node, a function with any of its inputs, a property with all of its services and
-    functions. All begin as lost and are regained until nothing changes: what depends on itself alone stays lost.
-    `sensors` are properties that a further, independent node measures, `relations` further pairs of an output and
-    its input. Functions that cannot be executed do not count.
+    A source is lost with its node, a function with any of its inputs, a property with all of its
+    sources and functions. All begin as lost and are regained until nothing changes: what depends on
+    itself alone stays lost. Functions that cannot be executed do not count.
     """
 
-    def __init__(
-        self,
-        ontology: Ontology,
-        som: Som,
-        sensors: Iterable[str] = (),
-        relations: Iterable[Tuple[str, str]] = (),
-    ) -> None:
+    def __init__(self, ontology: Ontology, som: Som) -> None:
         network = ontology.network
         self.nodes = tuple(sorted({service.node for service in som}))
         self._bits = {node: AS_IT_IS << place for place, node in enumerate(self.nodes, 1)}
         self._number = network.number
         self._measured: Dict[int, List[int]] = {}
         self._measures: Dict[str, List[int]] = {}
-        for service in som:
-            number = network.number(service.property)
-            self._measured.setdefault(number, []).append(self._bits[service.node])
-            self._measures.setdefault(service.node, []).append(number)
-        for name in sensors:
-            self._measured.setdefault(network.number(name), []).append(0)
-        laws: List[Tuple[int, Sequence[int]]] = [
-            (network.outputs[f], network.inputs_of(f))
-            for f, function in enumerate(network.functions)
-            if function.expression is not None
-        ]
-        laws += [(network.number(output), [network.number(input_)]) for output, input_ in relations]
+        for source in som.sources:
+            number = network.number(source.property)
+            self._measured.setdefault(number, []).append(self._bits[source.node])
+            self._measures.setdefault(source.node, []).append(number)
         self._functions: Dict[int, List[Sequence[int]]] = {}
         self._users: Dict[int, Set[int]] = {}
-        for output, inputs in laws:
-            self._functions.setdefault(output, []).append(inputs)
-            for input_ in inputs:
-                self._users.setdefault(input_, set()).add(output)
+        for f, function in enumerate(network.functions):
+            if function.law is not None:
+                self._functions.setdefault(network.outputs[f], []).append(network.inputs_of(f))
+                for input_ in network.inputs_of(f):
+                    self._users.setdefault(input_, set()).add(network.outputs[f])
         self._order = self._inputs_first(range(len(network.names)))
         everything = (AS_IT_IS << (len(self.nodes) + 1)) - 1
         self._lost = dict.fromkeys(self._order, everything)
         self._everything = everything
         self._regain(self._order, self._lost, failed=0)
+
+    @contextmanager
+    def remedied(self, output: str, input_: Optional[str]) -> Iterator[None]:
+        """With an independent node that measures a property, or a relation for it.
+
+        `input_` is what the relation yields it from.
+
+        Only what this regains is worked out anew: the more there is, the less is lost.
+        """
+        number, lost = self._number(output), self._lost
+        more: List[Any] = self._measured.setdefault(number, [])
+        if input_ is None:
+            more.append(0)
+        else:
+            more = self._functions.setdefault(number, [])
+            more.append([self._number(input_)])
+            users = self._users.setdefault(self._number(input_), set())
+            known = number in users
+            users.add(number)
+        self._lost = lost.copy()
+        self._spread(number, self._lost)
+        try:
+            yield
+        finally:
+            self._lost = lost
+            more.pop()
+            if input_ is not None and not known:
+                users.remove(number)
 
     def after(self, failed: Iterable[str]) -> Dict[int, int]:
         """The bits of each property, by number, once some nodes have failed."""
@@ -76,7 +91,10 @@ class Fragility:
         return tuple(node for node in self.nodes if self._bits[node] & bits)
 
     def bits(self, names: Iterable[str], lost: Optional[Dict[int, int]] = None) -> int:
-        """The bits of several properties together: one lost is all lost. `lost` as by `after`, or as it is."""
+        """The bits of several properties together: one lost is all lost.
+
+        `lost` as by `after`, or as it is.
+        """
         together = 0
         for name in names:
             together |= (self._lost if lost is None else lost)[self._number(name)]
@@ -90,22 +108,36 @@ class Fragility:
         stale = set(order)
         while stale:
             for number in order:
-                if number not in stale:
-                    continue
-                stale.remove(number)
-                before = bits = lost[number]
-                for node in self._measured.get(number, ()):
-                    if not node & failed:
-                        bits &= node
-                for inputs in self._functions.get(number, ()):
-                    needed = 0
-                    for input_ in inputs:
-                        needed |= lost[input_]
-                    bits &= needed
-                if bits != before:
-                    lost[number] = bits
-                    stale.update(self._users.get(number, ()))
+                if number in stale:
+                    stale.remove(number)
+                    bits = self._bits_of(number, lost, failed)
+                    if bits != lost[number]:
+                        lost[number] = bits
+                        stale.update(self._users.get(number, ()))
             order = order[::-1]  # a law of several directions hands on in both
+
+    def _spread(self, number: int, lost: Dict[int, int]) -> None:
+        """Takes over what a property has regained, in all that is derived from it."""
+        stale = {number: None}
+        while stale:
+            number = next(iter(stale))
+            del stale[number]
+            bits = self._bits_of(number, lost, failed=0)
+            if bits != lost[number]:
+                lost[number] = bits
+                stale.update(dict.fromkeys(self._users.get(number, ())))
+
+    def _bits_of(self, number: int, lost: Dict[int, int], failed: int) -> int:
+        bits = lost[number]
+        for node in self._measured.get(number, ()):
+            if not node & failed:
+                bits &= node
+        for inputs in self._functions.get(number, ()):
+            needed = 0
+            for input_ in inputs:
+                needed |= lost[input_]
+            bits &= needed
+        return bits
 
     def _inputs_first(self, numbers: Iterable[int]) -> List[int]:
         """Properties in an order in which most inputs stand before what is derived from them."""

@@ -3,34 +3,39 @@ from collections import deque
 from typing import Iterable, List, NamedTuple, Tuple
 
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.som import Service, Som
+from shsa_core.model.service import Source
+from shsa_core.model.som import Som
 from shsa_core.search.best import BestDerivations
-from shsa_core.search.derivation import LOST, ServiceTable
+from shsa_core.search.derivation import LOST, SourceTable
 
 
 class Loss(NamedTuple):
-    """A lost property: the services that are lost with it, those that stay, and what must not be used."""
+    """A lost property: its lost sources, those that stay, and what must not be used."""
 
     name: str
-    lost: Tuple[Service, ...]
-    available: Tuple[Service, ...]
+    lost: Tuple[Source, ...]
+    available: Tuple[Source, ...]
     excluded: Tuple[str, ...]
 
     @property
     def output(self) -> str:
-        """Topic and field that a substitute would fill; the property's name if no service provides it."""
+        """Topic and field that a substitute would fill.
+
+        The property's name if nothing provides it.
+        """
         return self.lost[0].path if self.lost else self.name
 
 
 def lose(som: Som, name: str, without: Iterable[str] = ()) -> Loss:
-    """The loss of the property `name`: of its needed services, or its first one if none is needed.
+    """The loss of the property `name`: of its needed sources, or its first one if none is needed.
 
-    What the nodes of these services provide, and the nodes and topics in `without`, are lost with it.
+    What their services and nodes provide, and the services, topics and nodes in `without`, are lost
+    with it.
     """
     own = som.of_property(name)
-    lost = tuple(service for service in own if service.needed) or own[:1]
-    excluded = dict.fromkeys([*(s.topic for s in lost), *(s.node for s in lost), *without])
-    available = [s for s in som if s.node not in excluded and s.topic not in excluded]
+    lost = tuple(source for source in own if source.service.needed) or own[:1]
+    excluded = dict.fromkeys([*(s.service.name for s in lost), *(s.node for s in lost), *without])
+    available = [s for s in som.sources if excluded.keys().isdisjoint(s.names)]
     return Loss(name, lost, tuple(available), tuple(excluded))
 
 
@@ -46,7 +51,7 @@ def dead_branches(ontology: Ontology, loss: Loss) -> List[DeadBranch]:
     """The relations within reach of the lost property that cannot be used, nearest first."""
     network = ontology.network
     target = network.number(loss.name)
-    best = BestDerivations(network, ServiceTable(network, loss.available), prune=False)
+    best = BestDerivations(network, SourceTable(network, loss.available), prune=False)
     best.settle(target)
     dead = []
     near = deque([target])

@@ -5,9 +5,10 @@ from typing import Optional, Tuple
 
 @dataclass(frozen=True)
 class Alternative:
-    """The best derivation of a lost property by one relation, or by another service of it.
+    """The best derivation of a lost property by one relation, or by another source of it.
 
-    `by` is the relation's name or the service's path, `inputs` the paths read, `nodes` those that publish them.
+    `by` is the relation's name or the source's path, `inputs` the paths read, `nodes` those that
+    publish them.
     """
 
     property: str
@@ -18,14 +19,15 @@ class Alternative:
 
 
 @dataclass(frozen=True)
-class TopicReport:
-    """A needed topic, and what is left of it when its node fails.
+class ServiceReport:
+    """A needed service, and what is left of it when its node fails.
 
-    `quality` of its best substitute, None if there is none; `reads`, the nodes that it needs; `missing`, what it
-    lacks; `alternatives` for each of its properties, the best first; `cuts`, the smallest sets of nodes whose failure
-    together loses the topic.
+    `quality` of its best substitute, None if there is none; `reads`, the nodes that it needs;
+    `missing`, what it lacks; `alternatives` for each of its properties, the best first; `cuts`, the
+    smallest sets of nodes whose failure together loses the service.
     """
 
+    service: str
     topic: str
     node: str
     properties: Tuple[str, ...]
@@ -40,8 +42,8 @@ class TopicReport:
 class NodeReport:
     """What the loss of a node costs.
 
-    `lost`: needed topics that nothing replaces; `healed`: needed topics with the quality of their substitute;
-    `leaned_on`: needed topics of other nodes whose best substitute reads this node.
+    `lost`: its needed services that nothing replaces; `healed`: those with a substitute, and its
+    quality; `leaned_on`: needed services of other nodes whose best substitute reads this node.
     """
 
     node: str
@@ -52,15 +54,15 @@ class NodeReport:
 
 @dataclass(frozen=True)
 class Cut:
-    """A smallest set of nodes whose failure together is fatal, and the needed topics that it loses."""
+    """A smallest set of nodes whose failure together loses needed services, and which."""
 
     nodes: Tuple[str, ...]
-    topics: Tuple[str, ...]
+    services: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Survival:
-    """The share of failures of one node, and of two nodes at once, after which no needed topic is lost.
+    """The share of failures of one node, and of two at once, that lose no needed service.
 
     `double` is None where it was not worked out.
     """
@@ -71,7 +73,10 @@ class Survival:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A new sensor of a property, or a new relation for it from `source`, and what the robot then survives."""
+    """A new sensor or a new relation for a property, and what the robot then survives.
+
+    `source` is the input of the relation.
+    """
 
     property: str
     source: Optional[str]
@@ -82,7 +87,7 @@ class Suggestion:
 class Report:
     """How resilient a robot is."""
 
-    topics: Tuple[TopicReport, ...]
+    services: Tuple[ServiceReport, ...]
     nodes: Tuple[NodeReport, ...]
     cuts: Tuple[Cut, ...]
     survival: Survival

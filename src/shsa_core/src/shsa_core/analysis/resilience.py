@@ -1,15 +1,16 @@
-"""How resilient a robot is: what replaces each needed topic, and which nodes must not fail."""
+"""How resilient a robot is: what replaces each needed service, and which nodes must not fail."""
 from itertools import combinations
 from math import comb
-from typing import Collection, Dict, FrozenSet, Iterable, Iterator, List, Sequence, Set, Tuple
+from typing import Dict, FrozenSet, Iterable, Iterator, List, Sequence, Set, Tuple
 
 from shsa_core.analysis.failures import Failures
-from shsa_core.analysis.fragility import AS_IT_IS, Fragility
+from shsa_core.analysis.fragility import Fragility
 from shsa_core.analysis.remedies import Remedies
-from shsa_core.analysis.report import Alternative, Cut, NodeReport, Report, Survival, TopicReport
+from shsa_core.analysis.report import Alternative, Cut, NodeReport, Report, ServiceReport, Survival
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.quality import cost
-from shsa_core.model.som import Service, Som
+from shsa_core.model.service import Service, Source
+from shsa_core.model.som import Som
 from shsa_core.search.derivation import LOST
 from shsa_core.search.ratings import Ratings
 
@@ -19,9 +20,10 @@ Nodes = FrozenSet[str]
 def analyse(ontology: Ontology, som: Som, size: int = 2) -> Report:
     """How resilient a robot is, with all cuts of up to `size` nodes, two at least.
 
-    Every service in the SOM counts as available until its node fails. Relations that cannot be executed do not
-    count. The cuts are exact: a set of nodes is a cut if no substitute avoids it, and each of its nodes lies on a
-    substitute that avoids the others (hitting sets; R. Reiter, A theory of diagnosis from first principles, 1987).
+    Every service in the SOM counts as available until its node fails. Relations that cannot be
+    executed do not count. The cuts are exact: a set of nodes is a cut if no substitute avoids it,
+    and each of its nodes lies on a substitute that avoids the others (hitting sets; R. Reiter, A
+    theory of diagnosis from first principles, 1987).
     """
     return _Analysis(ontology, som, max(size, 2)).report()
 
@@ -33,66 +35,68 @@ class _Analysis:
         self._som = som
         self._size = size
         self._fragility = Fragility(ontology, som)
-        self._failures = Failures(ontology.network, som, self._executable)
-        self._fields: Dict[str, Tuple[str, ...]] = {}  # the properties of the needed topics
-        self._hosted: Dict[str, List[str]] = {}  # the needed topics by their node
-        for service in som:
-            if service.needed and service.topic not in self._fields:
-                fields = tuple(s.property for s in som.of_topic(service.topic))
-                self._fields[service.topic] = fields
-                self._hosted.setdefault(service.node, []).append(service.topic)
+        self._failures = Failures(ontology.network, som.sources, self._executable)
+        self._failed: Nodes = frozenset()
+        self._left: Dict[int, int] = {}
+        self._hosted: Dict[str, List[Service]] = {}  # the needed services by their node
+        for service in som.needed():
+            self._hosted.setdefault(service.node, []).append(service)
 
     def report(self) -> Report:
         """The whole analysis."""
-        topics: Dict[str, TopicReport] = {}
+        found: Dict[str, ServiceReport] = {}
         for node, hosted in self._hosted.items():
-            topics.update(self._topics(node, hosted))
-        cuts = _robot_cuts(topics.values())
+            found.update(self._services(node, hosted))
+        services = tuple(found[service.name] for service in self._som.needed())
+        cuts = _robot_cuts(services)
         survival = _survived(len(self._fragility.nodes), cuts)
-        remedies = Remedies(self._ontology, self._som, self._fragility, topics.values())
+        remedies = Remedies(self._ontology, self._som, self._fragility, services)
         return Report(
-            tuple(topics[topic] for topic in self._fields),
-            tuple(self._node(node, topics.values()) for node in self._fragility.nodes),
+            services,
+            tuple(self._node(node, services) for node in self._fragility.nodes),
             cuts,
             survival,
             remedies.most_helpful(remedies.sensors(), survival),
             remedies.most_helpful(remedies.relations(), survival),
         )
 
-    def _topics(self, node: str, hosted: Sequence[str]) -> Iterator[Tuple[str, TopicReport]]:
-        """The reports on the needed topics of a node."""
-        ratings = self._failures.ratings([node])
-        lost = self._fragility.after([node])
-        for topic in hosted:
-            fields = self._fields[topic]
-            numbers = [self._network.number(name) for name in fields]
+    def _services(
+        self, node: str, hosted: Sequence[Service]
+    ) -> Iterator[Tuple[str, ServiceReport]]:
+        """The reports on the needed services of a node."""
+        failure = self._failures.after([node])
+        ratings = failure.ratings
+        for service in hosted:
+            names = service.properties
+            numbers = [self._network.number(name) for name in names]
             dead = [number for number in numbers if ratings[number] == LOST]
-            missing = {name for n in dead for name in self._failures.missing(n, ratings)}
-            alternatives = [a for name in fields for a in self._alternatives(name, node)]
-            yield topic, TopicReport(
-                topic,
+            missing = {name for n in dead for name in self._failures.missing(n, failure)}
+            alternatives = [a for name in names for a in self._alternatives(name, node)]
+            yield service.name, ServiceReport(
+                service.name,
+                service.topic,
                 node,
-                fields,
+                names,
                 None if dead else _product(ratings[number][4] for number in numbers),
                 () if dead else _nodes(_read(ratings, numbers)),
                 tuple(sorted(missing)),
                 tuple(alternatives),
-                _sorted(self._cuts(fields, frozenset([node]), lost)),
+                _sorted(self._cuts(names, frozenset([node]))),
             )
 
     def _alternatives(self, name: str, failed: str) -> List[Alternative]:
-        """For a lost property each service of it, and each relation with its best inputs; best first."""
+        """For a lost property its sources, and relations with their best inputs; best first."""
         network, number = self._network, self._network.number(name)
-        ratings = self._failures.ratings([failed], blocked=number)
+        ratings = self._failures.after([failed], blocked=number).ratings
         found = [
             ((cost(s.quality), 0, 1), Alternative(name, s.path, s.quality, (s.path,), (s.node,)))
-            for s in ratings.services.of(number)
+            for s in ratings.sources.of(number)
         ]
         for function in filter(self._executable, network.functions_of(number)):
             rating = ratings.by_function(function)
             if rating != LOST:
                 read = _read(ratings, network.inputs_of(function))
-                paths = tuple(service.path for service in read)
+                paths = tuple(source.path for source in read)
                 relation = network.functions[function].relation
                 alternative = Alternative(name, relation, rating[4], paths, _nodes(read))
                 found.append((rating[:3], alternative))
@@ -100,29 +104,38 @@ class _Analysis:
         return [alternative for _, alternative in found]
 
     def _executable(self, function: int) -> bool:
-        return self._network.functions[function].expression is not None
+        return self._network.functions[function].law is not None
 
-    def _cuts(self, fields: Sequence[str], failed: Nodes, lost: Dict[int, int]) -> Set[Nodes]:
-        """The smallest cuts of a topic that have the nodes `failed`, after which its properties are at `lost`."""
-        bits = self._fragility.bits(fields, lost)
-        if bits & AS_IT_IS:
+    def _cuts(self, names: Sequence[str], failed: Nodes) -> Set[Nodes]:
+        """The smallest cuts of a service that have the nodes `failed`, one of which is its own."""
+        if any(self._fragility.bits(names) & self._fragility.bit(node) for node in failed):
             return {failed}
+        bits = self._fragility.bits(names, self._left_by(failed))
         cuts = {failed | {node} for node in self._fragility.names(bits) if node not in failed}
         if len(failed) + 1 < self._size:
-            numbers = [self._network.number(name) for name in fields]
-            for node in _nodes(_read(self._failures.ratings(failed), numbers)):
+            numbers = [self._network.number(name) for name in names]
+            for node in _nodes(_read(self._failures.after(failed).ratings, numbers)):
                 more = failed | {node}
                 if more not in cuts:
-                    cuts |= self._cuts(fields, more, self._fragility.after(more))
+                    cuts |= self._cuts(names, more)
         return _smallest(cuts)
 
-    def _node(self, node: str, topics: Iterable[TopicReport]) -> NodeReport:
-        own = [topic for topic in topics if topic.node == node]
+    def _left_by(self, failed: Nodes) -> Dict[int, int]:
+        """The bits of each property after some failures.
+
+        They are kept for the next service of the same node.
+        """
+        if self._failed != failed:
+            self._failed, self._left = failed, self._fragility.after(failed)
+        return self._left
+
+    def _node(self, node: str, services: Iterable[ServiceReport]) -> NodeReport:
+        own = [service for service in services if service.node == node]
         return NodeReport(
             node,
-            tuple(topic.topic for topic in own if topic.quality is None),
-            tuple((topic.topic, topic.quality) for topic in own if topic.quality is not None),
-            tuple(topic.topic for topic in topics if node in topic.reads),
+            tuple(s.service for s in own if s.quality is None),
+            tuple((s.service, s.quality) for s in own if s.quality is not None),
+            tuple(s.service for s in services if node in s.reads),
         )
 
 
@@ -136,12 +149,12 @@ def _survived(nodes: int, cuts: Iterable[Cut]) -> Survival:
     return Survival(1 - singles / nodes, survived / comb(nodes, 2))
 
 
-def _robot_cuts(topics: Collection[TopicReport]) -> Tuple[Cut, ...]:
-    """The smallest sets of nodes that lose any needed topic, each with all that it loses."""
+def _robot_cuts(services: Iterable[ServiceReport]) -> Tuple[Cut, ...]:
+    """The smallest sets of nodes that lose any needed service, each with all that it loses."""
     losing: Dict[Nodes, List[str]] = {}
-    for topic in topics:
-        for cut in topic.cuts:
-            losing.setdefault(frozenset(cut), []).append(topic.topic)
+    for service in services:
+        for cut in service.cuts:
+            losing.setdefault(frozenset(cut), []).append(service.service)
     smallest = _smallest(losing)
     return tuple(Cut(nodes, tuple(losing[frozenset(nodes)])) for nodes in _sorted(smallest))
 
@@ -151,14 +164,14 @@ def _sorted(sets: Iterable[Nodes]) -> Tuple[Tuple[str, ...], ...]:
     return tuple(sorted((tuple(sorted(nodes)) for nodes in sets), key=lambda n: (len(n), n)))
 
 
-def _read(ratings: Ratings, numbers: Iterable[int]) -> Tuple[Service, ...]:
-    """The services that the best derivations of several properties read."""
+def _read(ratings: Ratings, numbers: Iterable[int]) -> Tuple[Source, ...]:
+    """The sources that the best derivations of several properties read."""
     derivations = [ratings.derivation(number) for number in numbers]
-    return tuple(dict.fromkeys(s for d in derivations for s in d.services()))
+    return tuple(dict.fromkeys(s for d in derivations for s in d.sources()))
 
 
-def _nodes(services: Iterable[Service]) -> Tuple[str, ...]:
-    return tuple(dict.fromkeys(service.node for service in services))
+def _nodes(sources: Iterable[Source]) -> Tuple[str, ...]:
+    return tuple(dict.fromkeys(source.node for source in sources))
 
 
 def _product(factors: Iterable[float]) -> float:

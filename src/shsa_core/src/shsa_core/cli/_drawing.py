@@ -1,181 +1,151 @@
-"""Draws an ontology and a SOM: what is provided, derivable and lost, and a substitution in bold."""
-import shutil
+"""Draws an ontology and a SOM with graphviz: what is provided, derivable and lost."""
 import subprocess
-from typing import Dict, Iterable, List, Mapping, Optional, Set, Tuple, Union
+from html import escape
+from typing import Dict, Iterable, Iterator, List, Optional, Set, Tuple
 
-import matplotlib
+from shsa_core.errors import ModelError
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.service import Source
+from shsa_core.search.best import BestDerivations
+from shsa_core.search.derivation import Derivation, SourceTable
 
-matplotlib.use("Agg")
-
-import networkx as nx  # noqa: E402
-from matplotlib import pyplot  # noqa: E402
-from matplotlib.lines import Line2D  # noqa: E402
-
-from shsa_core.errors import ModelError  # noqa: E402
-from shsa_core.model.ontology import Ontology  # noqa: E402
-from shsa_core.model.som import Service  # noqa: E402
-from shsa_core.search.best import BestDerivations  # noqa: E402
-from shsa_core.search.derivation import Derivation, ServiceTable  # noqa: E402
-
-Node = Union[str, Tuple[str, str]]
-Position = Tuple[float, float]
+Edge = Tuple[str, str]
 
 COLOURS = {"provided": "#b8e0b8", "derivable": "#bcd6f2", "lost": "#f4b6b0"}
+FONT = "Helvetica,Arial,sans-serif"
+GREY = "#808080"
 MOST_NODES = 1000
-LAYOUT_TIMEOUT = 20.0  # s, after which a plainer layout is taken
+TIMEOUT_S = 60.0
+STYLE = f"""
+  rankdir=TB; nodesep=0.18; ranksep=0.4; pad=0.2; fontname="{FONT}"; fontsize=13; labelloc=b;
+  node [fontname="{FONT}", fontsize=11, margin="0.12,0.05", height=0.3];
+  edge [color="{GREY}", arrowsize=0.7];
+"""
+RELATION = 'shape=ellipse, style=filled, fillcolor=white, margin="0.02,0.01", height=0.2'
 
 
-class TooLarge(ModelError):
-    """The model has more parts than can be drawn."""
+class CannotDraw(ModelError):
+    """The model has more parts than can be drawn, or graphviz cannot draw it here."""
 
 
 def draw(
     ontology: Ontology,
-    available: Iterable[Service],
-    path: str,
+    available: Iterable[Source],
+    format: str,
     substitution: Optional[Derivation] = None,
     title: str = "",
-) -> None:
-    """Writes the picture to `path`; its ending, `.svg` or `.png`, is the format. Raises TooLarge."""
-    services = tuple(available)
-    graph = ontology.graph()
-    graph.add_nodes_from((s.property for s in services), kind="property")
-    if len(graph) > MOST_NODES:
-        raise TooLarge(
-            "the drawing", f"{len(graph)} properties and functions; at most {MOST_NODES}"
+) -> bytes:
+    """The picture in a format of graphviz, `svg` or `png`, with a substitution in bold.
+
+    Raises CannotDraw.
+    """
+    text = dot_text(ontology, available, substitution, title)
+    try:
+        return subprocess.run(
+            ["dot", f"-T{format}"],
+            input=text.encode(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            timeout=TIMEOUT_S,
+            check=True,
+        ).stdout
+    except FileNotFoundError:
+        raise CannotDraw("the drawing", "needs the program 'dot'; install graphviz") from None
+    except subprocess.TimeoutExpired:
+        raise CannotDraw("the drawing", f"dot takes more than {TIMEOUT_S:g} s for it") from None
+    except subprocess.CalledProcessError as error:
+        raise CannotDraw("the drawing", f"dot says: {error.stderr.decode().strip()}") from None
+
+
+def dot_text(
+    ontology: Ontology,
+    available: Iterable[Source],
+    substitution: Optional[Derivation] = None,
+    title: str = "",
+) -> str:
+    """The picture in the language of graphviz. Raises CannotDraw if it is too large."""
+    sources: Dict[str, List[Source]] = {name: [] for name in ontology.properties}
+    for source in available:
+        sources.setdefault(source.property, []).append(source)
+    size = len(sources) + len(ontology.functions)
+    if size > MOST_NODES:
+        raise CannotDraw(
+            "the drawing", f"{size} properties and functions; at most {MOST_NODES} can be read"
         )
-    labels = _labels(graph, services)
-    states = _states(ontology, services, graph)
+    states = _states(ontology, sources)
     bold = _bold(substitution)
-    positions, (width, height) = _layout(graph, labels)
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "shsa"}):
-        figure = pyplot.figure(figsize=(width, height + 1))
-        axes = figure.add_axes([0, 0, 1, 1])
-        axes.set_axis_off()
-        axes.set_xlim(0, width)
-        axes.set_ylim(-0.6, height + 0.4)
-        used = {node for edge in bold for node in edge}
-        boxes = {}
-        for node, kind in graph.nodes(data="kind"):
-            relation = kind == "relation"
-            boxes[node] = axes.text(
-                *positions[node],
-                labels[node],
-                ha="center",
-                va="center",
-                fontsize=7 if relation else 8,
-                fontstyle="italic" if relation else "normal",
-                fontweight="bold" if node in used else "normal",
-                bbox={
-                    "boxstyle": "round,pad=0.2" if relation else "square,pad=0.35",
-                    "facecolor": "white" if relation else COLOURS[states[node]],
-                    "edgecolor": "black" if node in used else "#707070",
-                    "linewidth": 2 if node in used else 0.7,
-                },
-                zorder=2,
-            )
-        figure.canvas.draw()  # only now do the boxes know their sizes, at which the arrows end
-        for start, end in graph.edges:
-            strong = (start, end) in bold
-            axes.annotate(
-                "",
-                positions[end],
-                positions[start],
-                arrowprops={
-                    "arrowstyle": "-|>",
-                    "color": "black" if strong else "#909090",
-                    "linewidth": 2.5 if strong else 0.7,
-                    "patchA": boxes[start].get_bbox_patch(),
-                    "patchB": boxes[end].get_bbox_patch(),
-                },
-                zorder=1,
-            )
-        keys = [
-            Line2D([], [], marker="s", linestyle="", color=colour, markersize=9, label=name)
-            for name, colour in COLOURS.items()
-        ]
-        if substitution is not None:
-            keys.append(Line2D([], [], color="black", linewidth=2.5, label="the substitution"))
-        axes.legend(handles=keys, loc="lower left", ncol=4, frameon=False, fontsize=8)
-        if title:
-            axes.text(width / 2, height + 0.1, title, ha="center", fontsize=9)
-        figure.savefig(path, metadata={"Date": None} if path.endswith(".svg") else None)
-        pyplot.close(figure)
+    used = {node for edge in bold for node in edge}
+    lines = [_label(title, substitution is not None)]
+    for name, own in sources.items():
+        node = f"p {name}"
+        attributes = f'shape=box, style="filled,rounded", fillcolor="{COLOURS[states[name]]}"'
+        lines.append(_node(node, _property(name, own, node in used), attributes, node in used))
+    for function in ontology.functions:
+        node = f"r {function.relation} {function.output}"
+        text = f"<i>{escape(function.relation)}</i>"
+        lines.append(_node(node, text, RELATION, node in used))
+        edges = [(f"p {name}", node) for name in function.inputs if name in sources]
+        lines += [_edge(edge, bold) for edge in [*edges, (node, f"p {function.output}")]]
+    return "digraph {" + STYLE + "\n".join(lines) + "\n}\n"
 
 
-def _labels(graph: nx.DiGraph, services: Iterable[Service]) -> Dict[Node, str]:
-    """A relation's name; a property's name and the topics that provide it."""
-    labels = {n: n[0] if kind == "relation" else n for n, kind in graph.nodes(data="kind")}
-    for service in services:
-        labels[service.property] += "\n" + service.path
-    return labels
-
-
-def _states(ontology: Ontology, services: Iterable[Service], graph: nx.DiGraph) -> Dict[Node, str]:
+def _states(ontology: Ontology, sources: Dict[str, List[Source]]) -> Dict[str, str]:
     network = ontology.network
-    numbers = {n: network.number(n) for n, kind in graph.nodes(data="kind") if kind == "property"}
-    best = BestDerivations(network, ServiceTable(network, services))
-    provided = {service.property for service in services}
-    states: Dict[Node, str] = {}
-    for name, number in numbers.items():
-        derivable = best.settle(number)
-        states[name] = "provided" if name in provided else "derivable" if derivable else "lost"
-    return states
+    best = BestDerivations(
+        network, SourceTable(network, [source for own in sources.values() for source in own])
+    )
+
+    def state(name: str) -> str:
+        if sources[name]:
+            return "provided"
+        return "derivable" if best.settle(network.number(name)) else "lost"
+
+    return {name: state(name) for name in sources}
 
 
-def _bold(substitution: Optional[Derivation]) -> Set[Tuple[Node, Node]]:
+def _bold(substitution: Optional[Derivation]) -> Set[Edge]:
     """The edges of the substitution."""
-    bold: Set[Tuple[Node, Node]] = set()
+    bold: Set[Edge] = set()
     for part in substitution.unique() if substitution is not None else ():
         if part.function is not None:
-            relation = part.function.relation, part.function.output
-            bold.add((relation, part.property))
-            bold.update((input_.property, relation) for input_ in part.inputs)
+            relation = f"r {part.function.relation} {part.function.output}"
+            bold.add((relation, f"p {part.property}"))
+            bold.update((f"p {input_.property}", relation) for input_ in part.inputs)
     return bold
 
 
-def _layout(
-    graph: nx.DiGraph, labels: Mapping[Node, str]
-) -> Tuple[Dict[Node, Position], Tuple[float, float]]:
-    """Where each node stands, and the size of the picture, in inches: by `dot` where that is installed."""
-    layout = _by_dot(graph, labels) if shutil.which("dot") and graph else None
-    if layout is not None:
-        return layout
-    side = max(4.0, 1.8 * len(graph) ** 0.5)
-    raw = nx.spring_layout(graph, seed=1, center=(0.5, 0.5), scale=0.42)
-    width = 1.6 * side
-    positions = {n: (float(x) * width, float(y) * side) for n, (x, y) in raw.items()}
-    return positions, (width, side)
+def _property(name: str, sources: Iterable[Source], used: bool) -> str:
+    """A property's name, and below it in small where it is provided."""
+    paths = (f'<br/><font point-size="9">{escape(source.path)}</font>' for source in sources)
+    shown = f"<b>{escape(name)}</b>" if used else escape(name)
+    return shown + "".join(paths)
 
 
-def _by_dot(
-    graph: nx.DiGraph, labels: Mapping[Node, str]
-) -> Optional[Tuple[Dict[Node, Position], Tuple[float, float]]]:
-    names = {node: f"n{i}" for i, node in enumerate(graph)}
-    lines = ["digraph {", "rankdir=LR; nodesep=0.15; ranksep=0.5; margin=0.3; node [shape=box];"]
-    for node, name in names.items():
-        rows = labels[node].split("\n")
-        width = 0.2 + 0.075 * max(map(len, rows))
-        lines.append(f'{name} [label="", width={width:.2f}, height={0.15 + 0.16 * len(rows):.2f}];')
-    lines += [f"{names[start]} -> {names[end]};" for start, end in graph.edges]
-    try:
-        done = subprocess.run(
-            ["dot", "-Tplain"],
-            input="\n".join(lines + ["}"]),
-            stdout=subprocess.PIPE,
-            universal_newlines=True,
-            timeout=LAYOUT_TIMEOUT,
-            check=True,
-        )
-    except (subprocess.SubprocessError, OSError):
-        return None
-    nodes = {name: node for node, name in names.items()}
-    positions: Dict[Node, Position] = {}
-    size = (1.0, 1.0)
-    for line in done.stdout.splitlines():
-        words: List[str] = line.split()
-        if words[0] == "graph":
-            size = float(words[2]) + 0.6, float(words[3]) + 0.6
-        elif words[0] == "node":
-            positions[nodes[words[1]]] = float(words[2]) + 0.3, float(words[3]) + 0.3
-    return positions, size
+def _node(node: str, text: str, attributes: str, used: bool) -> str:
+    line = "penwidth=2" if used else f'color="{GREY}"'
+    return f"  {_quoted(node)} [label=<{text}>, {attributes}, {line}];"
+
+
+def _edge(edge: Edge, bold: Set[Edge]) -> str:
+    start, end = map(_quoted, edge)
+    return f"  {start} -> {end}" + (
+        " [penwidth=2.5, color=black, weight=4];" if edge in bold else ";"
+    )
+
+
+def _label(title: str, with_substitution: bool) -> str:
+    """The title, and what the colours mean."""
+
+    def cells() -> Iterator[str]:
+        for word, colour in COLOURS.items():
+            yield f'<td bgcolor="{colour}" border="1" color="{GREY}">  </td><td>{word}  </td>'
+        if with_substitution:
+            yield "<td><b>→</b></td><td>the substitution</td>"
+
+    key = f'<table border="0" cellspacing="4"><tr>{"".join(cells())}</tr></table>'
+    rows = f"<tr><td>{escape(title)}</td></tr>" if title else ""
+    return f'  label=<<table border="0">{rows}<tr><td>{key}</td></tr></table>>;'
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

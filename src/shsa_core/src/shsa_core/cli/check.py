@@ -8,7 +8,7 @@ from shsa_core.analysis.check import check_files
 
 
 def add_parser(subparsers: Any) -> None:
-    """Adds the command."""
+    """Add the command."""
     parser = subparsers.add_parser(
         "check",
         help="say what is wrong with an ontology and a SOM",
@@ -21,7 +21,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Prints the findings. Returns 0 if the model is valid, 1 if it is not."""
+    """Print the findings. Returns 0 if the model is valid, 1 if it is not."""
     findings = check_files(args.ontology, args.som)
     errors = sum(finding.level == "error" for finding in findings)
     if args.json:

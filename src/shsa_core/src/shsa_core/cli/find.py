@@ -1,17 +1,25 @@
-"""`shsa find`: what would replace a property."""
+"""`shsa find`: what would replace a property, or a topic."""
 import argparse
 import json
 from itertools import islice
-from typing import Any, Dict, FrozenSet, Iterator, Tuple
+from typing import Any, Dict, FrozenSet, Iterator, List, Sequence, Tuple
 
 from shsa_core.analysis.loss import Loss, dead_branches, lose
-from shsa_core.cli._files import add_options, check_property, read_models, warn_of_unknown
+from shsa_core.cli._files import (
+    add_options,
+    add_without,
+    check_property,
+    read_models,
+    services_of,
+    warn_of_unknown,
+)
 from shsa_core.codegen.generator import generate
-from shsa_core.errors import GenerationError, NoSubstitute
-from shsa_core.healing.plans import METHODS, plan_fields
+from shsa_core.codegen.plans import METHODS, plan_service, plan_sources
+from shsa_core.errors import GenerationError, ModelError, NoSubstitute
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.som import Service
-from shsa_core.search.derivation import Derivation, ServiceTable
+from shsa_core.model.service import Provision, Service, Source
+from shsa_core.model.som import Som
+from shsa_core.search.derivation import Derivation, SourceTable
 from shsa_core.search.substitutes import Substitute, iter_substitutes
 
 Answer = Dict[str, Any]
@@ -20,27 +28,25 @@ MOST_LINES = 200  # of a derivation that an explanation has
 
 
 def add_parser(subparsers: Any) -> None:
-    """Adds the command."""
+    """Add the command."""
     parser = subparsers.add_parser(
         "find",
-        help="say what would replace a property",
-        description="Says what would replace a property if the node that provides it failed. "
-        "Every service in the SOM counts as available, save those of that node.",
+        help="say what would replace a property or a topic",
+        description="Says what would replace a property, or all values of a topic, if the node "
+        "that provides it failed. Every service in the SOM counts as available, save those of "
+        "that node.",
     )
-    parser.add_argument("property", metavar="PROPERTY", help="the lost property")
+    lost = parser.add_mutually_exclusive_group(required=True)
+    lost.add_argument("property", metavar="PROPERTY", nargs="?", help="the lost property")
+    lost.add_argument("--topic", metavar="TOPIC", help="the lost topic")
     add_options(parser)
-    parser.add_argument(
-        "--without",
-        metavar="NODE|TOPIC",
-        action="append",
-        default=[],
-        help="do without this node or topic as well; may be given several times",
-    )
+    add_without(parser)
     parser.add_argument(
         "--method",
         choices=[*METHODS, "all"],
         default="best",
-        help="best (default); orr: the first found, depth first; all: every one, best first",
+        help="best (default); depth_first, or orr as the paper calls it: the first found; "
+        "all: every one, best first",
     )
     parser.add_argument(
         "--limit", type=int, default=1000, metavar="N", help="with all: stop after N (1000)"
@@ -54,38 +60,84 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Prints what would replace the property. Returns 0 if something does, else 1."""
+    """Print what would replace it. Returns 0 if something does, else 1."""
     ontology, som = read_models(args)
-    check_property(args.property, ontology, som)
     warn_of_unknown(args.without, som)
-    loss = lose(som, args.property, args.without)
+    if args.topic is not None:
+        if args.method == "all" or args.explain:
+            raise ModelError("--topic", "all and --explain are for a property")
+        services = services_of(args.topic, som)
+        answers = [_of_service(ontology, som, each, args) for each in services]
+        answer: Answer = {"topic": args.topic, "services": answers}
+    else:
+        check_property(args.property, ontology, som)
+        answer = _of_property(ontology, lose(som, args.property, args.without), args)
+        answers = [answer]
+    lines = (line for each in answers for line in _text(each))
+    print(json.dumps(answer, indent=2) if args.json else "\n".join(lines))
+    return 1 if any("substitute" in each for each in answers) else 0
+
+
+def _of_property(ontology: Ontology, loss: Loss, args: argparse.Namespace) -> Answer:
     if args.method == "all":
         answer = _all(ontology, loss, args.limit)
     else:
         answer = _one(ontology, loss, args.method)
     if args.explain:
         answer.update(_explanation(ontology, loss))
-    print(json.dumps(answer, indent=2) if args.json else "\n".join(_text(answer)))
-    return 1 if "substitute" in answer else 0
+    return answer
+
+
+def _of_service(ontology: Ontology, som: Som, service: Service, args: argparse.Namespace) -> Answer:
+    """What would take a whole service over."""
+    answer: Answer = {"service": service.name, "properties": list(service.properties)}
+    table = SourceTable(ontology.network, som.sources)
+    try:
+        plan = plan_service(ontology, service, table, [service.node, *args.without], args.method)
+    except (NoSubstitute, GenerationError) as error:
+        return {**answer, **_refusal(error)}
+    outputs = [source.path for source in plan.outputs]
+    return {
+        **answer,
+        **_answer(plan.quality, plan.relations, plan.proven_best, plan.program, outputs),
+    }
 
 
 def _one(ontology: Ontology, loss: Loss, method: str) -> Answer:
-    services = ServiceTable(ontology.network, loss.available)
+    """What replaces the lost property."""
+    table = SourceTable(ontology.network, loss.available)
+    output = loss.lost[0] if loss.lost else _new_source(loss.name)
     try:
-        plan = plan_fields(ontology, services, "", [(loss.name, loss.output)], method)
-    except NoSubstitute as none:
-        return {"property": loss.name, "substitute": None, "missing": list(none.missing)}
-    except GenerationError as error:
-        return {"property": loss.name, "substitute": None, "missing": [], "refused": str(error)}
+        plan = plan_sources(ontology, output.service.name, [output], table, method)
+    except (NoSubstitute, GenerationError) as error:
+        return {"property": loss.name, **_refusal(error)}
+    found = _answer(plan.quality, plan.relations, plan.proven_best, plan.program, [output.path])
+    return {"property": loss.name, **found}
+
+
+def _new_source(name: str) -> Source:
+    """Where a property that nothing provides would be published: on a topic of its name."""
+    service = Service(name, "/" + name, "", "", None, (Provision(name, "data"),))
+    return service.sources[0]
+
+
+def _answer(
+    quality: float, relations: Sequence[str], proven_best: bool, program: Any, outputs: List[str]
+) -> Answer:
     return {
-        "property": loss.name,
-        "quality": plan.quality,
-        "relations": list(plan.relations),
-        "proven_best": plan.proven_best,
-        "inputs": list(plan.program.inputs),
-        "code": plan.program.code,
-        "output": loss.output,
+        "quality": quality,
+        "relations": list(relations),
+        "proven_best": proven_best,
+        "inputs": list(program.inputs) if program is not None else [],
+        "code": program.code if program is not None else None,
+        "output": ",".join(outputs),
     }
+
+
+def _refusal(error: Exception) -> Answer:
+    if isinstance(error, NoSubstitute):
+        return {"substitute": None, "missing": list(error.missing)}
+    return {"substitute": None, "missing": [], "refused": str(error)}
 
 
 def _all(ontology: Ontology, loss: Loss, limit: int) -> Answer:
@@ -100,31 +152,29 @@ def _all(ontology: Ontology, loss: Loss, limit: int) -> Answer:
 
 def _described(ontology: Ontology, loss: Loss, substitute: Substitute) -> Answer:
     derivation = substitute.derivation
-    described: Answer = {
-        "property": loss.name,
-        "quality": substitute.quality,
-        "relations": list(derivation.relations()),
-        "proven_best": substitute.proven_best,
-        "inputs": list(dict.fromkeys(service.path for service in derivation.services())),
-        "code": None,
-        "output": loss.output,
-    }
+    output = (loss.lost[0] if loss.lost else _new_source(loss.name)).path
+    refused: Answer = {}
+    program = None
     try:
-        program = generate([(derivation, loss.output)], ontology.constants)
+        program = generate([(derivation, output)], ontology.constants)
     except GenerationError as error:
-        described["refused"] = str(error)
-    else:
-        described.update(inputs=list(program.inputs), code=program.code)
-    return described
+        refused = {"refused": str(error), "inputs": _paths(derivation)}
+    relations = derivation.relations()
+    answer = _answer(substitute.quality, relations, substitute.proven_best, program, [output])
+    return {"property": loss.name, **answer, **refused}
+
+
+def _paths(derivation: Derivation) -> List[str]:
+    return list(dict.fromkeys(source.path for source in derivation.sources()))
 
 
 def _explanation(ontology: Ontology, loss: Loss) -> Answer:
     """The best derivation line by line, the alternatives, and what the dead branches lack."""
-    # By relations and services: where in the tree these stand is left out.
-    alternatives: Dict[Tuple[Tuple[str, ...], FrozenSet[Service]], Substitute] = {}
+    # By relations and sources: where in the tree these stand is left out.
+    alternatives: Dict[Tuple[Tuple[str, ...], FrozenSet[Source]], Substitute] = {}
     for each in islice(iter_substitutes(ontology, loss.available, loss.name), ALTERNATIVES):
-        services = each.derivation.services()
-        alternatives.setdefault((each.derivation.relations(), frozenset(services)), each)
+        key = each.derivation.relations(), frozenset(each.derivation.sources())
+        alternatives.setdefault(key, each)
     found = list(alternatives.values())
     return {
         "derivation": list(islice(_tree(found[0].derivation), MOST_LINES)) if found else [],
@@ -132,7 +182,7 @@ def _explanation(ontology: Ontology, loss: Loss) -> Answer:
             {
                 "quality": each.quality,
                 "relations": list(each.derivation.relations()),
-                "inputs": [service.path for service in each.derivation.services()],
+                "inputs": [source.path for source in each.derivation.sources()],
             }
             for each in found[1:]
         ],
@@ -144,21 +194,21 @@ def _tree(derivation: Derivation) -> Iterator[str]:
     """The derivation, one line for each property, indented by its depth."""
     stack = [(derivation, 0)]
     while stack:
-        node, depth = stack.pop()
-        if node.service is not None:
-            by = f"measured by {node.service.node} at {node.service.path}"
-            quality = node.service.quality
+        part, depth = stack.pop()
+        if part.source is not None:
+            by = f"measured by {part.source.node} at {part.source.path}"
+            quality = part.source.quality
         else:
-            assert node.function is not None
-            by = f"{node.function.relation}: {node.function.text}"
-            quality = node.function.quality
-        yield f"{'  ' * depth}{node.property}  {by}  (quality {quality:g})"
-        stack.extend((part, depth + 1) for part in reversed(node.inputs))
+            assert part.function is not None
+            by = f"{part.function.relation}: {part.function.text}"
+            quality = part.function.quality
+        yield f"{'  ' * depth}{part.property}  {by}  (quality {quality:g})"
+        stack.extend((input_, depth + 1) for input_ in reversed(part.inputs))
 
 
 def _text(answer: Answer) -> Iterator[str]:
     """The answer in words, line by line."""
-    name = answer["property"]
+    name = answer.get("property") or f"the service {answer['service']}"
     if answer.get("refused"):
         yield f"Nothing that can be executed replaces {name}: {answer['refused']}"
     elif "substitute" in answer:

@@ -1,16 +1,19 @@
-"""`shsa import`: a knowledge base of the predecessor library as an ontology and a draft of a SOM."""
+"""`shsa import`: a knowledge base of the predecessor library as an ontology and a SOM.
+
+The SOM is a draft.
+"""
 import argparse
 import json
 import os
-from typing import Any, List, Sequence
+from typing import Any, Dict, List, Sequence
 
 from shsa_core.errors import ModelError
-from shsa_core.model.knowledge_base import Provision, read_knowledge_base
-from shsa_core.model.saving import save_ontology
+from shsa_core.files.knowledge_base import Provision, read_knowledge_base
+from shsa_core.files.saving import save_ontology
 
 
 def add_parser(subparsers: Any) -> None:
-    """Adds the command."""
+    """Add the command."""
     parser = subparsers.add_parser(
         "import",
         help="convert a knowledge base of the predecessor library",
@@ -26,7 +29,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Writes the files and prints the notes. Returns 0."""
+    """Write the files and print the notes. Returns 0."""
     for path in [args.ontology] + ([args.som] if args.som else []):
         if os.path.exists(path):
             raise ModelError(path, "is there already; give the name of a new file")
@@ -60,16 +63,23 @@ def som_draft(provisions: Sequence[Provision]) -> str:
     lines: List[str] = [
         "# A draft: fill in the blanks. A topic may still have its field at the end: split it",
         "# (/odom/twist/twist/linear/x is the field twist.twist.linear.x of the topic /odom).",
+        "# Values of one topic belong to one service: put them together.",
+        "services:" if provisions else "services: {}",
     ]
-    for name in dict.fromkeys(provision.property for provision in provisions):
-        lines.append(f"{name}:")
-        for provision in provisions:
-            if provision.property == name:
-                period = "" if provision.period is None else repr(provision.period)
-                entry = f"topic: {json.dumps(provision.path)}, field: , type: , node: , period: {period}"
-                if provision.quality is not None:
-                    entry += f", quality: {provision.quality!r}"
-                if provision.needed:
-                    entry += ", needed: true"
-                lines.append(f"  - {{{entry}}}")
+    counts: Dict[str, int] = {}
+    for provision in provisions:
+        count = counts[provision.property] = counts.get(provision.property, 0) + 1
+        name = provision.property if count == 1 else f"{provision.property}_{count}"
+        quality = "" if provision.quality is None else f", quality: {provision.quality!r}"
+        period = "" if provision.period is None else f" {provision.period!r}"
+        lines += [
+            f"  {name}:",
+            f"    topic: {json.dumps(provision.path)}",
+            "    type:",
+            "    node:",
+            f"    period:{period}",
+            *(["    needed: true"] if provision.needed else []),
+            "    provides:",
+            f"      {provision.property}: {{field: {quality}}}",
+        ]
     return "\n".join(lines) + "\n"

@@ -1,35 +1,60 @@
-"""The command line: `rosrun shsa_core shsa COMMAND`. Each other module of this package is a command."""
+"""The command line `shsa COMMAND`. Each other module of this package is a command."""
 import argparse
 import importlib
+import os
 import pkgutil
+import signal
 import sys
-from typing import List, Optional
+from typing import Any, Dict, List, Optional, Tuple
 
 import shsa_core.cli
+from shsa_core import __version__
 from shsa_core.errors import NoSubstitute, ShsaError
 
 DONE, NO, WRONG = 0, 1, 2  # exit statuses
+INTERRUPTED, CLOSED_PIPE = 128 + signal.SIGINT, 128 + signal.SIGPIPE  # as the shell tells them
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
-    """Runs one command. Returns 0 if it is done, 1 if the answer is no, 2 if it was called wrongly."""
+    """Run a command. Returns 0 if it is done, 1 if the answer is no, 2 if it was called wrongly."""
+    parser, commands = _parser()
+    if "_ARGCOMPLETE" in os.environ:  # the shell asks for completions
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
+    given = parser.parse_args(arguments)
+    try:
+        status: int = commands[given.command].run(given)
+        sys.stdout.flush()
+        return status
+    except NoSubstitute as none:
+        return _say(none, NO)
+    except BrokenPipeError:  # whoever read our output has enough of it, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CLOSED_PIPE
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except (ShsaError, OSError) as error:
+        return _say(error, WRONG)
+
+
+def _parser() -> Tuple[argparse.ArgumentParser, Dict[str, Any]]:
+    """The parser of all commands, and their modules by the commands' names."""
     parser = argparse.ArgumentParser(
         prog="shsa", description="Self-healing by structural adaptation, from the command line."
     )
+    parser.add_argument("--version", action="version", version=f"shsa {__version__}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
     subparsers.required = True
-    commands = {}
+    commands: Dict[str, Any] = {}
     for module in pkgutil.iter_modules(shsa_core.cli.__path__):
         if module.name != "main" and not module.name.startswith("_"):
-            command = importlib.import_module("shsa_core.cli." + module.name)
-            command.add_parser(subparsers)  # type: ignore
+            command: Any = importlib.import_module("shsa_core.cli." + module.name)
+            command.add_parser(subparsers)
             commands[module.name.rstrip("_")] = command
-    given = parser.parse_args(arguments)
-    try:
-        return commands[given.command].run(given)  # type: ignore
-    except NoSubstitute as none:
-        print(f"shsa: {none}", file=sys.stderr)
-        return NO
-    except (ShsaError, OSError) as error:
-        print(f"shsa: {error}", file=sys.stderr)
-        return WRONG
+    return parser, commands
+
+
+def _say(error: Exception, status: int) -> int:
+    print(f"shsa: {error}", file=sys.stderr)
+    return status

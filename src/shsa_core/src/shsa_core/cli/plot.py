@@ -1,16 +1,22 @@
 """`shsa plot`: a picture of an ontology and a SOM."""
 import argparse
-from typing import Any, Tuple
+from typing import Any
 
 from shsa_core.analysis.loss import lose
-from shsa_core.cli._files import add_options, check_property, read_models, warn_of_unknown
+from shsa_core.cli._drawing import draw
+from shsa_core.cli._files import (
+    add_options,
+    add_without,
+    check_property,
+    read_models,
+    warn_of_unknown,
+)
 from shsa_core.errors import ModelError, NoSubstitute
-from shsa_core.model.som import Service
 from shsa_core.search.substitutes import find_substitute
 
 
 def add_parser(subparsers: Any) -> None:
-    """Adds the command."""
+    """Add the command."""
     parser = subparsers.add_parser(
         "plot",
         help="draw an ontology and a SOM",
@@ -19,40 +25,35 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("property", metavar="PROPERTY", nargs="?", help="a property that is lost")
     add_options(parser)
-    parser.add_argument(
-        "--without",
-        metavar="NODE|TOPIC",
-        action="append",
-        default=[],
-        help="a node or topic that is lost as well; may be given several times",
-    )
+    add_without(parser)
     parser.add_argument(
         "--output", metavar="FILE", default="ontology.svg", help="an .svg or .png (ontology.svg)"
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Writes the picture. Returns 0, or 1 if the lost property has no substitute."""
+    """Write the picture. Returns 0, or 1 if the lost property has no substitute."""
     if not args.output.endswith((".svg", ".png")):
         raise ModelError("--output", f"{args.output} does not end in .svg or .png")
     ontology, som = read_models(args)
     warn_of_unknown(args.without, som)
-    from shsa_core.cli._drawing import draw  # matplotlib takes a second
-
-    left: Tuple[Service, ...] = tuple(
-        s for s in som if s.node not in args.without and s.topic not in args.without
-    )
-    if args.property is None:
-        draw(ontology, left, args.output)
-        return 0
-    check_property(args.property, ontology, som)
-    loss = lose(som, args.property, args.without)
-    title = f"{args.property} is lost"
-    try:
-        found = find_substitute(ontology, loss.available, args.property)
-    except NoSubstitute:
-        draw(ontology, loss.available, args.output, title=title + "; nothing replaces it")
-        raise
-    title += f"; its substitute has the quality {found.quality:.3g}"
-    draw(ontology, loss.available, args.output, found.derivation, title)
+    available = [source for source in som.sources if set(args.without).isdisjoint(source.names)]
+    derivation, title, none = None, "", None
+    if args.property is not None:
+        check_property(args.property, ontology, som)
+        loss = lose(som, args.property, args.without)
+        available = list(loss.available)
+        title = f"{args.property} is lost"
+        try:
+            found = find_substitute(ontology, available, args.property)
+        except NoSubstitute as error:
+            none, title = error, f"{title}; nothing replaces it"
+        else:
+            derivation = found.derivation
+            title = f"{title}; its substitute has the quality {found.quality:.3g}"
+    picture = draw(ontology, available, args.output[-3:], derivation, title)
+    with open(args.output, "wb") as file:
+        file.write(picture)
+    if none is not None:
+        raise none
     return 0

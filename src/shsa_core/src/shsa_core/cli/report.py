@@ -1,20 +1,23 @@
 """`shsa report`: how resilient a robot is."""
 import argparse
 import json
+import shutil
+import textwrap
 from dataclasses import asdict
 from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
 
-from rich.console import Console
-from rich.table import Table as RichTable
+from tabulate import tabulate
 
-from shsa_core.analysis.report import Report, Suggestion, Survival, TopicReport
+from shsa_core.analysis.report import Report, Suggestion, Survival, ServiceReport
 from shsa_core.analysis.resilience import analyse
 from shsa_core.cli._files import add_options, read_models
 from shsa_core.errors import ModelError
 
+MIN_WIDTH = 12  # of a column, in characters
+
 
 class Table(NamedTuple):
-    """A title, the names of the columns, and rows of text; `nothing` is said instead of an empty table."""
+    """A title, the names of the columns, and rows of text; `nothing` stands for no rows."""
 
     title: str
     columns: Sequence[str]
@@ -23,12 +26,12 @@ class Table(NamedTuple):
 
 
 def add_parser(subparsers: Any) -> None:
-    """Adds the command."""
+    """Add the command."""
     parser = subparsers.add_parser(
         "report",
         help="say how resilient a robot is",
-        description="Says what replaces each needed topic, what the loss of each node costs, which "
-        "nodes must not fail, alone or together, and what would help most.",
+        description="Says what replaces each needed service, what the loss of each node costs, "
+        "which nodes must not fail, alone or together, and what would help most.",
     )
     add_options(parser)
     parser.add_argument(
@@ -43,33 +46,32 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Prints the report, and writes the page. Returns 0."""
+    """Print the report, and write the page. Returns 0."""
     if args.size < 1:
         raise ModelError("--size", f"{args.size} nodes cannot fail; at least 1")
     ontology, som = read_models(args)
     report = analyse(ontology, som, args.size)
     if args.html:
-        from shsa_core.cli._page import page  # matplotlib takes a second
+        from shsa_core.cli._page import page  # a template engine that only this option needs
 
         with open(args.html, "w", encoding="utf-8") as stream:
             stream.write(page(ontology, som, summary(report), tables(report)))
     if args.json:
         print(json.dumps(asdict(report), indent=2))
         return 0
-    console = Console(highlight=False, markup=False)
     for table in tables(report):
-        _print(console, table)
+        _print(table)
     for line in summary(report):
-        console.print(line)
+        print(line)
     return 0
 
 
 def summary(report: Report) -> List[str]:
     """The report in a few sentences."""
-    lost = [topic for topic in report.topics if topic.quality is None]
+    lost = [each for each in report.services if each.quality is None]
+    count = len(report.services)
     lines = [
-        f"{len(report.topics) - len(lost)} of {len(report.topics)} needed topics can be replaced "
-        "when their node fails.",
+        f"{count - len(lost)} of {count} needed services can be replaced when their node fails.",
         f"Failures of one node survived: {_share(report.survival.single)}; of two nodes at once: "
         f"{_share(report.survival.double)}.",
     ]
@@ -103,10 +105,10 @@ def tables(report: Report) -> List[Table]:
     """The report as tables."""
     return [
         Table(
-            "Needed topics",
-            ("topic", "node", "quality", "alternatives, best first", "fatal with it"),
-            [_topic(topic) for topic in report.topics],
-            "The SOM marks no topic as needed.",
+            "Needed services",
+            ("service", "topic", "node", "quality", "alternatives, best first", "fatal with it"),
+            [_service(each) for each in report.services],
+            "The SOM marks no service as needed.",
         ),
         Table(
             "What the loss of a node costs",
@@ -115,7 +117,7 @@ def tables(report: Report) -> List[Table]:
                 (
                     node.node,
                     ", ".join(node.lost),
-                    ", ".join(f"{topic} ({quality:.3g})" for topic, quality in node.healed),
+                    ", ".join(f"{service} ({quality:.3g})" for service, quality in node.healed),
                     ", ".join(node.leaned_on),
                 )
                 for node in report.nodes
@@ -124,46 +126,62 @@ def tables(report: Report) -> List[Table]:
         ),
         Table(
             "Single points of failure",
-            ("node", "topics lost"),
-            [(c.nodes[0], ", ".join(c.topics)) for c in report.cuts if len(c.nodes) == 1],
+            ("node", "services lost"),
+            [(c.nodes[0], ", ".join(c.services)) for c in report.cuts if len(c.nodes) == 1],
             "No node alone is fatal.",
         ),
         Table(
             "Nodes that must not fail together",
-            ("nodes", "topics lost"),
-            [(" + ".join(c.nodes), ", ".join(c.topics)) for c in report.cuts if len(c.nodes) > 1],
+            ("nodes", "services lost"),
+            [(" + ".join(c.nodes), ", ".join(c.services)) for c in report.cuts if len(c.nodes) > 1],
             "No such nodes.",
         ),
     ]
 
 
-def _topic(topic: TopicReport) -> Tuple[str, ...]:
-    several = len(topic.properties) > 1
+def _service(service: ServiceReport) -> Tuple[str, ...]:
+    several = len(service.properties) > 1
     alternatives = [
         f"{a.property + ' ' if several else ''}by {a.by} ({a.quality:.3g})"
-        for a in topic.alternatives
+        for a in service.alternatives
     ]
-    if topic.quality is None:
-        lacking = ", ".join(topic.missing) or "any relation that yields it"
+    if service.quality is None:
+        lacking = ", ".join(service.missing) or "any relation that yields it"
         alternatives.append(f"missing: {lacking}")
-    others = (" + ".join(n for n in cut if n != topic.node) for cut in topic.cuts if len(cut) > 1)
+    cuts = [cut for cut in service.cuts if len(cut) > 1]
+    others = (" + ".join(n for n in cut if n != service.node) for cut in cuts)
     return (
-        topic.topic,
-        topic.node,
-        "lost" if topic.quality is None else f"{topic.quality:.3g}",
+        service.service,
+        service.topic,
+        service.node,
+        "lost" if service.quality is None else f"{service.quality:.3g}",
         "\n".join(alternatives),
         "\n".join(others),
     )
 
 
-def _print(console: Console, table: Table) -> None:
+def _print(table: Table) -> None:
     if not table.rows:
-        console.print(f"{table.title}: {table.nothing}\n")
+        print(f"{table.title}: {table.nothing}\n")
         return
-    shown = RichTable(title=table.title, title_justify="left", show_lines=True)
-    for column in table.columns:
-        shown.add_column(column, overflow="fold")
-    for row in table.rows:
-        shown.add_row(*row)
-    console.print(shown)
-    console.print()
+    widths = _widths([table.columns, *table.rows], shutil.get_terminal_size((120, 24)).columns)
+    rows = [[_fold(cell, width) for cell, width in zip(row, widths)] for row in table.rows]
+    columns = [_fold(column, width) for column, width in zip(table.columns, widths)]
+    print(table.title)
+    print(tabulate(rows, columns, tablefmt="grid", disable_numparse=True), end="\n\n")
+
+
+def _widths(rows: Sequence[Sequence[str]], room: int) -> List[int]:
+    """How wide each column may be, in characters: the widest ones give way."""
+    widths = [
+        max(len(line) for cell in column for line in cell.split("\n")) for column in zip(*rows)
+    ]
+    while sum(widths) + 3 * len(widths) + 1 > room and max(widths) > MIN_WIDTH:
+        widths[widths.index(max(widths))] -= 1
+    return widths
+
+
+def _fold(cell: str, width: int) -> str:
+    """The lines of a cell, none longer than its column is wide."""
+    lines = (textwrap.wrap(line, max(width, 1)) for line in cell.split("\n"))
+    return "\n".join(line for part in lines for line in part)

@@ -1,31 +1,45 @@
 """A substitute's code, read and checked anew, whoever sent it."""
 import ast
+import builtins
 import re
 from dataclasses import dataclass
 from typing import Dict, List, Mapping, NoReturn, Optional, Sequence, Set, Tuple, Union
 
 from shsa_core.errors import CodeError, ExpressionError
-from shsa_core.model.expression import check_tree
+from shsa_core.language.expression import check_tree, is_name
 
 MAX_CODE = 100_000
 MAX_RELATIONS = 1000
+MAX_STEPS = 100
 
-_NOT_ALLOWED = re.compile(r"[^A-Za-z0-9_+\-*/%.,<>=!() \[\];:#\n]")
+_NOT_ALLOWED = re.compile(r"[^A-Za-z0-9_+\-*/%.,<>=!() \[\];:#\n\\]|\\(?!\n)")
+_TAKEN = re.compile(r"_.*|[it][0-9]+|[xy]")
 
 
 @dataclass(frozen=True)
 class CheckedRelation:
-    """One `def` and its call: `result = expression(arguments)` where the constraint holds."""
+    """One `def` and its call: `result = expression(arguments)` where the constraint holds.
+
+    `steps` are names and what each stands for, in order: an expression over arguments and the names
+    before it.
+    """
 
     result: str
     arguments: Mapping[str, str]
-    expression: ast.expr
     constraint: Optional[ast.expr]
+    steps: Tuple[Tuple[str, ast.expr], ...]
+    expression: ast.expr
+
+    @property
+    def trees(self) -> Tuple[ast.expr, ...]:
+        """Every expression in it."""
+        constraint = () if self.constraint is None else (self.constraint,)
+        return (*constraint, *(tree for _, tree in self.steps), self.expression)
 
 
 @dataclass(frozen=True)
 class CheckedCode:
-    """What a substitute's code says: the relations in order, and the variables that are its outputs."""
+    """What a substitute's code says: the relations in order, and the variables of its outputs."""
 
     n_inputs: int
     relations: Tuple[CheckedRelation, ...]
@@ -33,7 +47,10 @@ class CheckedCode:
 
 
 def check_code(code: str, n_inputs: int, n_outputs: int) -> CheckedCode:
-    """What the code says, once it is shown that the generator could have produced it. Raises CodeError if not."""
+    """What the code says, if it has the shape of the paper's listing and the generator's code.
+
+    Raises CodeError if it has not.
+    """
     if len(code) > MAX_CODE:
         raise CodeError(f"the code has {len(code)} characters; at most {MAX_CODE} are allowed")
     foreign = _NOT_ALLOWED.search(code)
@@ -50,7 +67,7 @@ def check_code(code: str, n_inputs: int, n_outputs: int) -> CheckedCode:
 
 
 class _Reader:
-    """Reads the statements one after the other; each must be the one that the generator writes there."""
+    """Reads the statements one after the other; each must be one that may stand there."""
 
     def __init__(self, body: Sequence[ast.stmt]) -> None:
         self._body = list(body)
@@ -131,7 +148,7 @@ class _Reader:
     def _read_relation(self, definition: ast.FunctionDef, number: int) -> CheckedRelation:
         name = f"_tf{number}"
         parameters = self._read_signature(definition, name)
-        expression, constraint = self._read_body(definition, parameters)
+        constraint, steps, expression = self._read_body(definition, parameters)
         result = f"t{len(self._lines)}"
         call = self._assignment(result, f"'{result}={name}(...)'")
         if (
@@ -146,7 +163,8 @@ class _Reader:
         if len(set(arguments)) < len(arguments):
             self._fail(call, f"{name} gets the same argument twice")
         self._new_variable(call)
-        return CheckedRelation(result, dict(zip(parameters, arguments)), expression, constraint)
+        inputs = dict(zip(parameters, arguments))
+        return CheckedRelation(result, inputs, constraint, tuple(steps), expression)
 
     def _read_signature(self, definition: ast.FunctionDef, name: str) -> List[str]:
         arguments = definition.args
@@ -168,24 +186,45 @@ class _Reader:
 
     def _read_body(
         self, definition: ast.FunctionDef, parameters: Sequence[str]
-    ) -> Tuple[ast.expr, Optional[ast.expr]]:
+    ) -> Tuple[Optional[ast.expr], List[Tuple[str, ast.expr]], ast.expr]:
+        """One `require(...)` or none, then `name=...` as often as wanted, then `return ...`."""
         body = list(definition.body)
+        last = body.pop()
+        if not isinstance(last, ast.Return) or last.value is None:
+            self._fail(definition, f"{definition.name} must end with 'return ...'")
+        known, used = set(parameters), set()
         constraint: Optional[ast.expr] = None
-        used: List[str] = []
-        if len(body) == 2:
+        if body and isinstance(body[0], ast.Expr):
             constraint = self._read_require(body.pop(0))
-            used += self._check(constraint, condition=True)
-        if len(body) != 1 or not isinstance(body[0], ast.Return) or body[0].value is None:
-            self._fail(
-                definition, f"{definition.name} must be 'return ...', after one 'require(...)'"
-            )
-        used += self._check(body[0].value, condition=False)
-        if set(used) != set(parameters):
-            self._fail(
-                definition,
-                f"{definition.name} must use its arguments, all of them and nothing else",
-            )
-        return body[0].value, constraint
+            used |= self._check(constraint, known, condition=True)
+        if len(body) > MAX_STEPS:
+            self._fail(definition, f"{definition.name} has more than {MAX_STEPS} assignments")
+        steps: List[Tuple[str, ast.expr]] = []
+        for statement in body:
+            name, tree = self._read_step(statement, known)
+            used |= self._check(tree, known, condition=False)
+            known.add(name)
+            steps.append((name, tree))
+        used |= self._check(last.value, known, condition=False)
+        idle = sorted(known - used)
+        if idle:
+            self._fail(definition, f"{definition.name} does not use {', '.join(idle)}")
+        return constraint, steps, last.value
+
+    def _read_step(self, statement: ast.stmt, known: Set[str]) -> Tuple[str, ast.expr]:
+        """A name that nothing else has, and what it stands for."""
+        if (
+            not isinstance(statement, ast.Assign)
+            or len(statement.targets) != 1
+            or not isinstance(statement.targets[0], ast.Name)
+        ):
+            self._fail(statement, "'name=...' or 'return ...' is due here")
+        name = statement.targets[0].id
+        if name in known:
+            self._fail(statement, f"{name} has a value already")
+        if not is_name(name) or _TAKEN.fullmatch(name) or hasattr(builtins, name):
+            self._fail(statement, f"{name} may not be assigned; take another name")
+        return name, statement.value
 
     def _read_require(self, statement: ast.stmt) -> ast.expr:
         call = statement.value if isinstance(statement, ast.Expr) else None
@@ -199,11 +238,16 @@ class _Reader:
             self._fail(statement, "'require(condition)' is due here")
         return call.args[0]
 
-    def _check(self, tree: ast.expr, condition: bool) -> Sequence[str]:
+    def _check(self, tree: ast.expr, known: Set[str], condition: bool) -> Set[str]:
+        """The names that the tree uses."""
         try:
-            return check_tree(tree, condition)
+            used = check_tree(tree, condition)
         except ExpressionError as error:
             raise CodeError(f"line {tree.lineno}: {error}") from error
+        for name in used:
+            if name not in known:
+                self._fail(tree, f"{name} has no value here")
+        return set(used)
 
     def _read_outputs(self, n_outputs: int) -> Tuple[str, ...]:
         value = self._assignment("y", "'y=...'")

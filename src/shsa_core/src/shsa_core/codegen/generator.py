@@ -1,11 +1,14 @@
 """Generates a substitute's three strings from derivations (Section V-A3 of the paper)."""
 from dataclasses import dataclass
-from typing import Dict, List, Mapping, Sequence, Tuple
+from typing import Dict, List, Mapping, Sequence, Tuple, Union
 
 from shsa_core.codegen.checked_code import check_code
 from shsa_core.errors import CodeError, GenerationError
-from shsa_core.model.expression import Expression
-from shsa_core.model.ontology import Constant, TransferFunction
+from shsa_core.language.expression import Condition
+from shsa_core.language.law import Law
+from shsa_core.model.ontology import Constant
+from shsa_core.model.relation import TransferFunction
+from shsa_core.model.service import Source
 from shsa_core.search.derivation import Derivation
 
 
@@ -27,15 +30,15 @@ def generate(
     Raises GenerationError, by name, where a relation has no executable function.
     """
     nodes = _in_order([derivation for derivation, _ in derivations])
-    inputs = list(dict.fromkeys(n.service.path for n in nodes if n.service is not None))
+    inputs = {_place(source): i for i, source in enumerate(inputs_of([d for d, _ in derivations]))}
     variables: Dict[int, str] = {}
     computed: Dict[Tuple[str, str, Tuple[str, ...]], str] = {}
     lines: List[str] = []
     if inputs:
         lines.append(" ".join(f"t{i}=x[{i}];" for i in range(len(inputs))))
     for node in nodes:
-        if node.service is not None:
-            variables[id(node)] = f"t{inputs.index(node.service.path)}"
+        if node.source is not None:
+            variables[id(node)] = f"t{inputs[_place(node.source)]}"
         elif node.function is not None:
             arguments = tuple(variables[id(child)] for child in node.inputs)
             use = (node.function.relation, node.function.output, arguments)
@@ -45,15 +48,46 @@ def generate(
                 lines += _definition(name, node.function, constants)
                 lines.append(f"{computed[use]}={name}({','.join(arguments)})")
             variables[id(node)] = computed[use]
-    results = [variables[id(derivation)] for derivation, _ in derivations]
-    lines.append("y=" + (results[0] if len(results) == 1 else f"({','.join(results)})"))
+    lines.append(_result([variables[id(derivation)] for derivation, _ in derivations]))
     code = "\n".join(lines) + "\n"
     try:
-        check_code(code, len(inputs), len(results))
+        check_code(code, len(inputs), len(derivations))
     except CodeError as error:
         names = ", ".join(dict.fromkeys(n.function.relation for n in nodes if n.function))
         raise GenerationError(f"no code for the relations {names}: {error}") from error
-    return Program(tuple(inputs), code, tuple(path for _, path in derivations))
+    return Program(tuple(path for path, _ in inputs), code, tuple(path for _, path in derivations))
+
+
+def generate_values(values: Sequence[Tuple[Source, float]]) -> Program:
+    """The program that gives each of some sources a fixed value."""
+    lines: List[str] = []
+    for i, (source, value) in enumerate(values):
+        name = f"_tf{i + 1}"
+        lines.append(f"def {name}(): # safe value: {source.property}\n  return {_number(value)}")
+        lines.append(f"t{i}={name}()")
+    lines.append(_result([f"t{i}" for i in range(len(values))]))
+    return Program((), "\n".join(lines) + "\n", tuple(source.path for source, _ in values))
+
+
+def _result(variables: Sequence[str]) -> str:
+    return "y=" + (variables[0] if len(variables) == 1 else f"({','.join(variables)})")
+
+
+def inputs_of(derivations: Sequence[Derivation]) -> Tuple[Source, ...]:
+    """The sources that the program of some derivations reads, as its inputs are ordered."""
+    sources: Dict[Tuple[str, str], Source] = {}
+    for node in _in_order(derivations):
+        if node.source is not None:
+            sources.setdefault(_place(node.source), node.source)
+    return tuple(sources.values())
+
+
+def _place(source: Source) -> Tuple[str, str]:
+    """What two sources have in common if they are one input.
+
+    Nodes that share a topic give different values.
+    """
+    return source.path, source.node
 
 
 def _in_order(roots: Sequence[Derivation]) -> List[Derivation]:
@@ -75,9 +109,10 @@ def _in_order(roots: Sequence[Derivation]) -> List[Derivation]:
 def _definition(
     name: str, function: TransferFunction, constants: Mapping[str, Constant]
 ) -> List[str]:
-    if function.expression is None:
+    if function.law is None:
         raise GenerationError(
-            f"the relation {function.relation} for {function.output} cannot be executed: {function.text}"
+            f"the relation {function.relation} for {function.output} cannot be executed: "
+            f"{function.text}"
         )
     parameters = {prop: f"i{i}" for i, prop in enumerate(function.inputs, 1)}
     lines = [
@@ -85,16 +120,14 @@ def _definition(
     ]
     if function.constraint is not None:
         lines.append(f"  require({_written(function.constraint, parameters, constants)})")
-    lines.append(f"  return {_written(function.expression, parameters, constants)}")
+    lines.append(f"  return {_written(function.law, parameters, constants)}")
     return lines
 
 
 def _written(
-    expression: Expression, parameters: Mapping[str, str], constants: Mapping[str, Constant]
+    law: Union[Law, Condition], parameters: Mapping[str, str], constants: Mapping[str, Constant]
 ) -> str:
-    return expression.with_names(
-        {n: parameters.get(n) or _number(constants[n].value) for n in expression.names}
-    )
+    return law.code({n: parameters.get(n) or _number(constants[n].value) for n in law.names})
 
 
 def _number(value: float) -> str:

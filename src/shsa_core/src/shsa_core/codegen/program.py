@@ -5,18 +5,9 @@ from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
-from shsa_core.model.expression import literal
-from shsa_core.model.functions import (
-    CONSTANTS,
-    ELAPSED,
-    MAX_GAP,
-    STATEFUL,
-    Memory,
-    elapsed,
-    namespace,
-    power,
-)
-
+from shsa_core.language.functions import CONSTANTS, ELAPSED, STATEFUL, namespace, power
+from shsa_core.language.memory import MAX_GAP_S, Memory, elapsed
+from shsa_core.language.syntax import literal
 
 Step = Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]
 
@@ -25,20 +16,23 @@ Step = Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]
 class CompiledProgram:
     """A substitute that can be evaluated.
 
-    `step(x, now)` takes the inputs (floats, in order) and the time `now` (s, one clock). It returns the outputs,
-    all finite, or None: an input is not finite, a constraint is false, a result is not defined (a division by zero,
-    the root of a negative number, an overflow), or a stateful function needs more samples.
+    `step(x, now)` takes the inputs (floats, in order) and the time `now` (s, one clock). It returns
+    the outputs, all finite, or None: an input is not finite, a constraint is false, a result is not
+    defined (a division by zero, the root of a negative number, an overflow), or a stateful function
+    needs more samples.
     """
 
     step: Step
 
 
 def compile_program(
-    code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP
+    code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S
 ) -> CompiledProgram:
-    """Checks the code and compiles it. Stateful functions start anew after a gap of more than `max_gap` (s).
+    """Checks the code and compiles it.
 
-    Raises CodeError for everything that the generator could not have produced.
+    Stateful functions start anew after a gap of more than `max_gap` (s).
+
+    Raises CodeError for everything that has not the shape of the generator's code.
     """
     return _Compiler(max_gap).compile(check_code(code, n_inputs, n_outputs))
 
@@ -46,8 +40,9 @@ def compile_program(
 class _Compiler:
     """Turns checked code into one Python function.
 
-    A variable that is not finite has no value: a relation is evaluated where its inputs have values and its constraint
-    holds. Stateful functions are taken out of the expressions and evaluated before, so that each sees every sample.
+    A variable that is not finite has no value: a relation is evaluated where its inputs have values
+    and its constraint holds. Stateful functions are taken out of the expressions and evaluated
+    before, so that each sees every sample.
     """
 
     def __init__(self, max_gap: float) -> None:
@@ -66,9 +61,8 @@ class _Compiler:
             lines.append(f"  {', '.join(inputs)}, = x")
         uses_time = any(
             isinstance(n, ast.Name) and n.id == ELAPSED
-            for r in code.relations
-            for tree in (r.expression, r.constraint)
-            if tree is not None
+            for relation in code.relations
+            for tree in relation.trees
             for n in ast.walk(tree)
         )
         if uses_time:
@@ -85,12 +79,16 @@ class _Compiler:
     def _relation(self, relation: CheckedRelation) -> List[str]:
         inline = _Inline(relation.arguments, self)
         constraint = inline.visit(relation.constraint) if relation.constraint else None
+        lines = self._take_calls(inline)
+        for number, (name, tree) in enumerate(relation.steps, 1):
+            variable = f"{relation.result}_{number}"
+            value = inline.visit(tree)
+            lines += [*self._take_calls(inline), *self._assign(variable, value, inline.ready)]
+            inline.variables[name] = variable
+            inline.ready.append(variable)
         expression = inline.visit(relation.expression)
-        lines: List[str] = []
-        for name, call in inline.calls:
-            lines.append(f"{name} = nan")
-            lines += _attempt(f"{name} = {self._part(call)}")
-        ready = [name for name, _ in inline.calls] + ([ELAPSED] if inline.uses_time else [])
+        lines += self._take_calls(inline)
+        ready = inline.ready + ([ELAPSED] if inline.uses_time else [])
         conditions = [_finite(ready)] if ready else []
         if constraint is not None:
             conditions.append(self._part(constraint))
@@ -100,6 +98,22 @@ class _Compiler:
             guard = f"if {_finite(relation.arguments.values())}:"
             lines = [guard] + ["  " + line for line in lines]
         return [f"{relation.result} = nan"] + lines
+
+    def _take_calls(self, inline: "_Inline") -> List[str]:
+        """The stateful calls met since the last time, each evaluated into its variable."""
+        lines: List[str] = []
+        for name, call in inline.calls:
+            lines += self._assign(name, call, inline.ready)
+            inline.ready.append(name)
+        inline.calls.clear()
+        return lines
+
+    def _assign(self, name: str, tree: ast.expr, ready: Sequence[str]) -> List[str]:
+        """Evaluates the tree into a variable, where those of `ready` that it uses have values."""
+        used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        needed = [each for each in ready if each in used]
+        holds = f"if {_finite(needed)}: " if needed else ""
+        return [f"{name} = nan", *_attempt(f"{holds}{name} = {self._part(tree)}")]
 
     def _part(self, tree: ast.expr) -> str:
         name = f"_part{len(self._parts)}"
@@ -138,12 +152,17 @@ class _Fill(ast.NodeTransformer):
 
 
 class _Inline(ast.NodeTransformer):
-    """Rewrites the expression of one relation over the program's variables."""
+    """Rewrites the expressions of one relation over the program's variables.
+
+    `calls`: variables, and the stateful calls that give their values; `ready`: the variables that
+    must have values before the relation has one.
+    """
 
     def __init__(self, arguments: Mapping[str, str], compiler: _Compiler) -> None:
-        self._arguments = arguments
+        self.variables = dict(arguments)
         self._compiler = compiler
         self.calls: List[Tuple[str, ast.expr]] = []
+        self.ready: List[str] = []
         self.uses_time = False
 
     def visit_Constant(self, node: ast.Constant) -> ast.expr:
@@ -153,7 +172,7 @@ class _Inline(ast.NodeTransformer):
         self.uses_time = self.uses_time or node.id == ELAPSED
         if node.id in CONSTANTS:
             return ast.Constant(CONSTANTS[node.id])
-        return ast.Name(self._arguments.get(node.id, node.id), ast.Load())
+        return ast.Name(self.variables.get(node.id, node.id), ast.Load())
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         self.generic_visit(node)

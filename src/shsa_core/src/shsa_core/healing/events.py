@@ -1,32 +1,87 @@
-"""What the reconfigurator hears (events) and what it wants done (commands). Times in s on one clock."""
+"""What the reconfigurator hears (events) and what it wants done (commands).
+
+Times in s on one clock.
+"""
 from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
 from shsa_core.codegen.generator import Program
 from shsa_core.healing.incident import Incident
-from shsa_core.health.events import PublisherHealth
+from shsa_core.model.kinds import Kind, Word
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.service import Service, Signal
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.events import PublisherHealth
+
+
+class Level(Word):
+    """How urgent a line of the log is."""
+
+    INFO = "info"
+    WARN = "warn"
+    ERROR = "error"
+
+
+class Where(Word):
+    """Where the process of a node runs, as far as can be told."""
+
+    HERE = "here"
+    STOPPED = "stopped"
+    DEAD = "dead"
+    ELSEWHERE = "elsewhere"
+    NOWHERE = "nowhere"
+
+
+@dataclass(frozen=True)
+class Started:
+    """The reconfigurator is up; a former one has left these substitutes behind."""
+
+    time: float
+    leftovers: Tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ShuttingDown:
+    """The reconfigurator is about to end."""
+
+    time: float
+
+
+@dataclass(frozen=True)
+class LaunchEnding:
+    """The launch that the robot belongs to is ending: from now on nodes stop on purpose."""
+
+    time: float
 
 
 @dataclass(frozen=True)
 class FailureSeen:
-    """The monitor reports that `publisher` (empty if none was ever seen) of `topic` has failed."""
+    """The monitor reports that `publisher` (empty if none was ever seen) of a service has failed.
+
+    `service` may be empty: then it is told by topic and publisher.
+    """
 
     time: float
+    service: str
     topic: str
     publisher: str
-    kind: str
+    kind: Kind
     detail: str
     last_good: Optional[float] = None
 
 
 @dataclass(frozen=True)
 class HealthSeen:
-    """The monitor's whole table, made at `made`."""
+    """What has changed in the monitor's table; `whole`: this is all of it.
+
+    `removed`: topics and publishers.
+    """
 
     time: float
-    made: float
-    publishers: Tuple[PublisherHealth, ...]
+    rows: Tuple[PublisherHealth, ...]
+    removed: Tuple[Tuple[str, str], ...] = ()
+    whole: bool = False
 
 
 @dataclass(frozen=True)
@@ -38,13 +93,46 @@ class SomChanged:
 
 
 @dataclass(frozen=True)
-class NodeKilled:
-    """A killed node is gone (`certain`), or could not be reached to make sure."""
+class ModelsReloaded:
+    """Ontology and SOM were read again."""
+
+    time: float
+    ontology: Ontology
+    som: Som
+
+
+@dataclass(frozen=True)
+class NodeLearned:
+    """It was looked which process a node is; `known`: that succeeded."""
 
     time: float
     node: str
-    certain: bool
-    detail: str = ""
+    known: bool
+
+
+@dataclass(frozen=True)
+class NodeFound:
+    """Where the process of a node runs that is to be killed."""
+
+    time: float
+    node: str
+    where: Where
+
+
+@dataclass(frozen=True)
+class NodeLeft:
+    """The process of a node has ended or, elsewhere, has answered `rosnode kill`."""
+
+    time: float
+    node: str
+
+
+@dataclass(frozen=True)
+class ProcessUntouchable:
+    """The process of a node cannot be ended: it belongs to somebody else."""
+
+    time: float
+    node: str
 
 
 @dataclass(frozen=True)
@@ -67,10 +155,22 @@ class ProcessExited:
 
 @dataclass(frozen=True)
 class SubstituteRequested:
-    """Somebody wants `topic` substituted now."""
+    """Somebody wants `service` substituted now."""
 
     time: float
-    topic: str
+    service: str
+
+
+@dataclass(frozen=True)
+class NodeRestarted:
+    """A node was started again.
+
+    `with_us`: whoever started it first has started the reconfigurator too.
+    """
+
+    time: float
+    node: str
+    with_us: bool
 
 
 @dataclass(frozen=True)
@@ -83,11 +183,26 @@ class RestartFailed:
 
 
 @dataclass(frozen=True)
-class Released:
-    """Somebody lets the nodes that `topic` keeps out return."""
+class StarterEnded:
+    """Whoever started `node` first has ended: roslaunch, or a terminal."""
 
     time: float
-    topic: str
+    node: str
+
+
+@dataclass(frozen=True)
+class Released:
+    """Somebody lets the nodes that `service` keeps out return."""
+
+    time: float
+    service: str
+
+
+@dataclass(frozen=True)
+class Idle:
+    """There is nothing else to do: one plan can be made ahead."""
+
+    time: float
 
 
 @dataclass(frozen=True)
@@ -98,41 +213,88 @@ class Tick:
 
 
 Event = Union[
+    Started,
+    ShuttingDown,
+    LaunchEnding,
     FailureSeen,
     HealthSeen,
     SomChanged,
-    NodeKilled,
+    ModelsReloaded,
+    NodeLearned,
+    NodeFound,
+    NodeLeft,
+    ProcessUntouchable,
     SubstituteStarted,
     ProcessExited,
     SubstituteRequested,
+    NodeRestarted,
     RestartFailed,
+    StarterEnded,
     Released,
+    Idle,
     Tick,
 ]
 
 
 @dataclass(frozen=True)
-class KillNode:
-    """Kill a faulty node for certain; answered by NodeKilled. `urgent`: it may still speak."""
+class LearnNode:
+    """Find out which process a healthy node is; answered by NodeLearned."""
 
     node: str
-    urgent: bool
+
+
+@dataclass(frozen=True)
+class FindNode:
+    """Find out where the process of a node runs that is to be killed; answered by NodeFound.
+
+    `successor`: if the process that was learned is dead, the one that has its name now is meant.
+    """
+
+    node: str
+    successor: bool = True
+
+
+@dataclass(frozen=True)
+class AskToLeave:
+    """`rosnode kill`; answered by NodeLeft once the node is gone."""
+
+    node: str
+
+
+@dataclass(frozen=True)
+class EndProcess:
+    """`kill -9` the process of a node; answered by NodeLeft or ProcessUntouchable."""
+
+    node: str
+
+
+@dataclass(frozen=True)
+class ClearNode:
+    """Clear what a node that is gone has left registered at the master."""
+
+    node: str
 
 
 @dataclass(frozen=True)
 class StartSubstitute:
-    """Start a substitute's process, mute until the table of substitutions says that it speaks.
+    """Start a substitute's process, muted until the table of substitutions says that it publishes.
 
-    Without a program it waits, idle, until the table gives it one.
+    Without a program it waits, idle, until the table gives it one. `inputs` and `outputs` are those
+    of the program.
     """
 
     node: str
     program: Optional[Program]
+    inputs: Tuple[Signal, ...] = ()
+    outputs: Tuple[Signal, ...] = ()
 
 
 @dataclass(frozen=True)
 class AssignSubstitute:
-    """A running process has a program now: the table of substitutions tells it."""
+    """A running process has a program now: the table of substitutions tells it.
+
+    Answered by SubstituteStarted.
+    """
 
     node: str
 
@@ -146,37 +308,39 @@ class StopSubstitute:
 
 @dataclass(frozen=True)
 class RestartNode:
-    """Start a faulty node again, as it was started before."""
+    """Start a faulty node again, as it was started before.
+
+    Answered by NodeRestarted or RestartFailed.
+    """
+
+    node: str
+
+
+@dataclass(frozen=True)
+class StopNode:
+    """End a node that was started again."""
 
     node: str
 
 
 @dataclass(frozen=True)
 class RunCommand:
-    """Run the command of a topic that nothing can substitute: a program and its arguments."""
+    """Run the command of a service that nothing can substitute: a program and its arguments."""
 
-    topic: str
+    service: str
     words: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Substitution:
-    """One row of the table of substitutions; see shsa_msgs/Substitution."""
-
-    node: str
-    topic: str
-    program: Program
-    relations: Tuple[str, ...]
-    quality: float
-    speaking: bool
-    original: str = ""
-
-
-@dataclass(frozen=True)
 class ShowSubstitutions:
-    """Publish the table of running substitutes; they heed it."""
+    """What has changed in the table of substitutions; they heed it.
 
-    substitutions: Tuple[Substitution, ...]
+    Rows without a node are the plans of warm services, which idle processes prepare for. `removed`:
+    their nodes, or the services of those plans.
+    """
+
+    rows: Tuple[Substitution, ...]
+    removed: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -190,7 +354,7 @@ class ShowIncident:
 class ServiceState:
     """One row of the running SOM: who provides the service now, and whether it is available."""
 
-    index: int
+    service: Service
     node: str
     available: bool
     detail: str
@@ -198,29 +362,34 @@ class ServiceState:
 
 @dataclass(frozen=True)
 class ShowSom:
-    """Publish the running SOM; `states` follow the services of `som`."""
+    """What has changed in the running SOM."""
 
-    som: Som
-    states: Tuple[ServiceState, ...]
+    rows: Tuple[ServiceState, ...]
+    removed: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class Say:
-    """Tell people, in plain words. `level` is info, warn or error."""
+class Log:
+    """Tell people, in plain words."""
 
-    level: str
+    level: Level
     text: str
 
 
 Command = Union[
-    KillNode,
+    LearnNode,
+    FindNode,
+    AskToLeave,
+    EndProcess,
+    ClearNode,
     StartSubstitute,
     AssignSubstitute,
     StopSubstitute,
     RestartNode,
+    StopNode,
     RunCommand,
     ShowSubstitutions,
     ShowIncident,
     ShowSom,
-    Say,
+    Log,
 ]

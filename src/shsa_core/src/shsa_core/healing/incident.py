@@ -1,12 +1,14 @@
-"""An incident: one failure of a topic from its first sign to its end."""
+"""An incident: one failure of a service from its first sign to its end."""
 from dataclasses import asdict, dataclass
-from enum import Enum
 from typing import Dict, Optional, Tuple
 
+from shsa_core.model.kinds import Kind, Word
 
-class State(str, Enum):
-    """Where an incident stands; the values are those of shsa_msgs/Incident."""
 
+class State(Word):
+    """How a service does: WELL, or where its incident stands, as in shsa_msgs/Incident."""
+
+    WELL = "well"
     HEALING = "healing"
     HEALED = "healed"
     RETURNING = "returning"
@@ -17,17 +19,22 @@ class State(str, Enum):
 
 @dataclass(frozen=True)
 class Incident:
-    """The record of a failure and its repair. All times in s on one clock; None: has not happened.
+    """The record of a failure and its repair.
 
-    `last_good` is the last good message on the topic before the latest outage. `restarts`: how often the faulty
-    node was started again. `kept_out`: it may not return until somebody releases the topic.
+    All times in s on one clock; None: has not happened.
+
+    `last_good` is the last good message of the service before the latest outage. `quality` is None
+    without a substitute, and where that publishes safe values, which promise nothing. `restarts`:
+    how often the faulty node was started again. `kept_out`: it may not return until somebody
+    releases the service.
     """
 
     id: int
+    service: str
     topic: str
     properties: Tuple[str, ...]
     faulty_node: str
-    kind: str
+    kind: Kind
     detail: str
     detected: float
     state: State = State.HEALING
@@ -43,7 +50,7 @@ class Incident:
     code: str = ""
     outputs: Tuple[str, ...] = ()
     relations: Tuple[str, ...] = ()
-    quality: float = 0.0
+    quality: Optional[float] = None
     missing: Tuple[str, ...] = ()
     restarts: int = 0
     kept_out: bool = False
@@ -58,6 +65,6 @@ class Incident:
     def as_dict(self) -> Dict[str, object]:
         """The record as plain values, as one line of the incident log has it."""
         record = asdict(self)
-        record["state"] = self.state.value
+        record["state"], record["kind"] = self.state.value, self.kind.value
         record["outage"] = self.outage
         return record

@@ -1,11 +1,8 @@
 """The reconfigurator's settings: times and limits."""
-import dataclasses
-from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Tuple
+from dataclasses import dataclass, field
 
-from shsa_core.errors import ModelError
-from shsa_core.healing.plans import METHODS
-from shsa_core.model.document import Value, from_parameters
+from shsa_core.codegen.plans import METHODS
+from shsa_core.model.service import Deadlines
 
 
 @dataclass(frozen=True)
@@ -14,17 +11,20 @@ class Settings:
 
     `hold_off`: how long a returned original must stay healthy before the substitute is stopped.
     `hold_off_limit`: what `hold_off` doubles up to while an original keeps failing within it.
-    `switches`: after how many such failures in one incident it is kept out; 0: never.
-    `healings`: how often a topic may be healed in a minute before it is given up; 0: any number will do.
+    `switches`: after how many such failures in one incident it is kept out; 0: never. `healings`:
+    how often a service may be healed in a minute before it is given up; 0: any number will do.
     `start_timeout`: how long a substitute may take from its start to its first message.
     `takeover_timeout`: the same for a process that runs already; then another one gets its work.
     `restarts`: how often a substitute that died is started again with the same plan.
-    `node_restarts`, `restart_pause`: how often a node is started again, and the first pause, which doubles.
-    `restart_timeout`: how long a node that was started again may take to its first message.
-    `stable`: how long a node must be well until its restarts are forgotten.
-    `retry`: after how long a topic that could not be healed is tried anew; doubles up to `retry_limit`.
-    `method`: the search, `best` or `orr`.
-    `pool`: how many idle processes the warm topics share.
+    `node_restarts`, `restart_pause`: how often a node is started again, and the first pause, which
+    doubles. `restart_timeout`: how long a node that was started again may take to its first
+    message. `stable`: how long a node must be well until its restarts are forgotten. `retry`: after
+    how long a service that could not be healed is tried anew; doubles up to `retry_limit`.
+    `method`: the search, `best` or `depth_first` (the paper's `orr`).
+    `pool`: how many idle processes the warm services share.
+    `kill_patience`: how long a node that may still publish may take to leave before its process is
+    ended. `deadline`, `minimum_deadline`: as the monitor's: periods, and s, after which values are
+    stale.
     """
 
     hold_off: float = 2.0
@@ -40,39 +40,13 @@ class Settings:
     stable: float = 60.0
     retry: float = 2.0
     retry_limit: float = 60.0
-    method: str = "best"
+    method: str = field(default="best", metadata={"one_of": METHODS})
     pool: int = 2
+    kill_patience: float = 0.1
+    deadline: float = Deadlines.periods
+    minimum_deadline: float = Deadlines.minimum
 
-
-def read_settings(
-    parameters: Mapping[str, object], where: str
-) -> Tuple[Settings, List[ModelError]]:
-    """The settings among some parameters, and what is wrong with them: there the default stays.
-
-    `where` is the parameters' namespace. Other parameters are left alone.
-    """
-    given: Dict[str, Any] = {}
-    errors: List[ModelError] = []
-    for each in dataclasses.fields(Settings):
-        if each.name in parameters:
-            try:
-                value = from_parameters(parameters[each.name], f"{where}/{each.name}")
-                given[each.name] = _read(value, each.name, each.default)
-            except ModelError as error:
-                errors.append(error)
-    return Settings(**given), errors
-
-
-def _read(value: Value, name: str, default: object) -> object:
-    if isinstance(default, str):
-        if value.data not in METHODS:
-            raise value.error(f"{name} must be one of {', '.join(METHODS)}, not {value.describe()}")
-        return value.data
-    number = value.number(name)
-    if number < 0.0:
-        raise value.error(f"{name} must not be below 0, not {number:g}")
-    if isinstance(default, float):
-        return number
-    if number != int(number):
-        raise value.error(f"{name} must be a whole number, not {number:g}")
-    return int(number)
+    @property
+    def deadlines(self) -> Deadlines:
+        """When values are stale."""
+        return Deadlines(self.deadline, self.minimum_deadline)

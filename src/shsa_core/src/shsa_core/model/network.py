@@ -1,24 +1,23 @@
 """The ontology's properties and functions by number: a compact form for the search."""
 from array import array
-from typing import TYPE_CHECKING, Dict, Iterable, List, Sequence, Tuple
+from typing import Dict, Iterable, List, Sequence, Tuple
 
 from shsa_core.model.quality import cost
-
-if TYPE_CHECKING:
-    from shsa_core.model.ontology import TransferFunction
+from shsa_core.model.relation import TransferFunction
 
 
 class Network:
     """Functions and properties as numbers, counted from 0; made once for an ontology.
 
-    `functions` are grouped by output, within it in the order of their relations' names: those of property p are
-    `first[p]` to `first[p + 1]`. The inputs of function f are the numbers `inputs[start[f]:start[f + 1]]`, its
-    output `outputs[f]`, its quality `qualities[f]`, which costs `costs[f]`.
+    `functions` are grouped by output, within it in the order of their relations' names: those of
+    property p are `first[p]` to `first[p + 1]`. The inputs of function f are the numbers
+    `inputs[start[f]:start[f + 1]]`, its output `outputs[f]`, its quality `qualities[f]`, which
+    costs `costs[f]`.
     """
 
-    def __init__(self, names: Iterable[str], functions: Sequence["TransferFunction"]) -> None:
+    def __init__(self, names: Iterable[str], functions: Sequence[TransferFunction]) -> None:
         self.names: List[str] = []
-        self.functions: List["TransferFunction"] = []
+        self.functions: List[TransferFunction] = []
         self.costs: List[int] = []
         self.qualities = array("d")
         self.first = array("l", [0])
@@ -28,7 +27,7 @@ class Network:
         self._numbers: Dict[str, int] = {}
         for name in names:
             self._add(name)
-        of_output: Dict[str, List["TransferFunction"]] = {}
+        of_output: Dict[str, List[TransferFunction]] = {}
         for function in functions:
             of_output.setdefault(function.output, []).append(function)
             for name in (function.output, *function.inputs):
@@ -57,7 +56,7 @@ class Network:
             self.names.append(name)
         return number
 
-    def functions_for(self, name: str) -> Tuple["TransferFunction", ...]:
+    def functions_for(self, name: str) -> Tuple[TransferFunction, ...]:
         """The functions that yield the property `name`, by the name of their relation."""
         number = self._numbers.get(name)
         return () if number is None else tuple(self.functions[f] for f in self.functions_of(number))

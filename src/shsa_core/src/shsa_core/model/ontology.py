@@ -1,16 +1,20 @@
-"""The ontology: properties of a robot and the relations between them (Section III-B of the paper)."""
+"""The ontology: properties and the relations between them (Section III-B of the paper)."""
 from dataclasses import dataclass, field
-from typing import Mapping, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Mapping, Sequence, Tuple
 
-import networkx as nx
-
-from shsa_core.model.expression import Expression
 from shsa_core.model.network import Network
+from shsa_core.model.relation import TransferFunction
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 
 @dataclass(frozen=True)
 class Property:
-    """A quantity of the robot. `unit` is its unit as text, `""` if it is not known; `where` is file and line."""
+    """A quantity of the robot. `unit` is its unit as text, `""` if it is not known.
+
+    `where` is file and line.
+    """
 
     name: str
     unit: str = ""
@@ -25,26 +29,6 @@ class Constant:
     name: str
     value: float
     unit: str = ""
-    where: str = field(default="", compare=False, repr=False)
-
-
-@dataclass(frozen=True)
-class TransferFunction:
-    """One direction of a relation: computes the property `output` from the properties `inputs`.
-
-    `inputs` are the properties that the expression or the constraint names, in order of first use; constants are
-    not among them. `expression` is None where the file has a function that cannot be executed: it takes part in
-    the search and is refused at generation. `quality` is in (0, 1]. Where `constraint` is false there is no output.
-    `text` is the function as it was written, `where` the file and line.
-    """
-
-    relation: str
-    output: str
-    inputs: Tuple[str, ...]
-    expression: Optional[Expression]
-    quality: float = 1.0
-    constraint: Optional[Expression] = None
-    text: str = ""
     where: str = field(default="", compare=False, repr=False)
 
 
@@ -64,12 +48,14 @@ class Ontology:
         """The transfer functions that yield the property `name`, by the name of their relation."""
         return self.network.functions_for(name)
 
-    def graph(self) -> nx.DiGraph:
+    def graph(self) -> "nx.DiGraph":
         """The bipartite graph of properties (`kind="property"`) and functions (`kind="relation"`).
 
         A property's node is its name; a function's node is the pair (relation, output).
         Edges follow the data: input property -> function -> output property.
         """
+        import networkx as nx  # takes a third of a second: only who draws or analyses pays for it
+
         graph = nx.DiGraph()
         graph.add_nodes_from(self.properties, kind="property")
         for function in self.functions:

@@ -1,4 +1,7 @@
-"""Qualities as costs that add up exactly, so that equal products tie in whatever order they are multiplied."""
+"""Qualities as costs that add up exactly.
+
+Equal products tie in whatever order they are multiplied.
+"""
 from functools import lru_cache
 from math import log
 
@@ -8,10 +11,12 @@ DECIMALS = 10**4
 
 @lru_cache(maxsize=None)
 def cost(quality: float) -> int:
-    """The cost of a quality in (0, 1]: -ln(quality) as a whole number of 1/UNIT; 0 for the quality 1.
+    """The cost of a quality in (0, 1]: -ln(quality) in whole numbers of 1/UNIT.
 
-    Sums of whole numbers are exact. Qualities of up to four decimals are split into prime factors first, so that
-    0.9 * 0.9 costs exactly what 0.81 costs. Any quality below 1 costs at least 1.
+    It is 0 for the quality 1.
+
+    Sums of whole numbers are exact. Qualities of up to four decimals are split into prime factors
+    first, so that 0.9 * 0.9 costs exactly what 0.81 costs. Any quality below 1 costs at least 1.
     """
     numerator = round(quality * DECIMALS)
     if numerator > 0 and numerator / DECIMALS == quality:

@@ -7,18 +7,24 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
-from shsa_core.health.events import FAILED, HEALTHY, Key, PublisherHealth
-from shsa_core.ros import clock
+from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
+from shsa_core.ros.graph import clock
 
-PERIOD = 1.0
-LEVELS = {HEALTHY: DiagnosticStatus.OK, FAILED: DiagnosticStatus.ERROR}
+PERIOD_S = 1.0
+LEVELS = {
+    PublisherState.UNKNOWN: DiagnosticStatus.STALE,
+    PublisherState.HEALTHY: DiagnosticStatus.OK,
+    PublisherState.FAILED: DiagnosticStatus.ERROR,
+}
 
 Snapshot = Tuple[Tuple[PublisherHealth, ...], Dict[Key, int], Set[Key]]
-"""The health table, how many messages came from each publisher so far, and which of them stand by."""
+"""The health table, how many messages came from each publisher so far, and which of them stand
+by.
+"""
 
 
 class Diagnostics:
-    """Shows the snapshots that it is given, from a thread of its own: whoever gives one never waits."""
+    """Shows snapshots from a thread of its own: whoever gives one never waits."""
 
     def __init__(self) -> None:
         self._snapshots: "queue.Queue[Snapshot]" = queue.Queue()
@@ -33,13 +39,13 @@ class Diagnostics:
 
     def _run(self) -> None:
         while not rospy.is_shutdown():
-            table, counts, mute = self._snapshots.get()
+            table, counts, muted = self._snapshots.get()
             now = clock.now()
             elapsed = None if self._shown is None else now - self._shown
             status = [self._status(row, counts, elapsed, now) for row in table]
             for row, shown in zip(table, status):
-                if (row.topic, row.publisher) in mute:
-                    shown.level, shown.message = DiagnosticStatus.OK, "stands by, mute"
+                if row.key in muted:
+                    shown.level, shown.message = DiagnosticStatus.OK, "stands by, muted"
             self._publisher.publish(
                 DiagnosticArray(header=Header(stamp=rospy.Time.now()), status=status)
             )
@@ -48,19 +54,18 @@ class Diagnostics:
     def _status(
         self, row: PublisherHealth, counts: Dict[Key, int], elapsed: Optional[float], now: float
     ) -> DiagnosticStatus:
-        key = (row.topic, row.publisher)
-        values = [KeyValue("state", row.state)]
-        if elapsed is not None and key in self._counts:
-            rate = (counts[key] - self._counts[key]) / elapsed
+        values = [KeyValue("state", row.state.value)]
+        if elapsed is not None and row.key in self._counts:
+            rate = (counts[row.key] - self._counts[row.key]) / elapsed
             values.append(KeyValue("rate in Hz", f"{rate:.1f}"))
         if row.last_good is not None:
             values.append(KeyValue("s since the last good message", f"{now - row.last_good:.3f}"))
         if row.kind:
-            values.append(KeyValue("kind", row.kind))
+            values.append(KeyValue("kind", row.kind.value))
         return DiagnosticStatus(
-            level=LEVELS.get(row.state, DiagnosticStatus.STALE),
+            level=LEVELS[row.state],
             name=f"{row.topic}: {row.publisher or 'nobody'}",
-            message=row.detail or row.state,
+            message=row.detail or row.state.value,
             hardware_id=row.publisher,
             values=values,
         )

@@ -8,20 +8,22 @@ import rospy
 
 from shsa_core.errors import ShsaError
 
-POLL = 0.05
-SWITCH_INTERVAL = (
+POLL_S = 0.05
+SWITCH_INTERVAL_S = (
     0.0005  # s; Python's own 5 ms, at each step between threads, would be most of a takeover
 )
-JOIN_TIMEOUT = 5.0
+JOIN_TIMEOUT_S = 5.0
 
 
 def run(name: str, work: Callable[[], None]) -> None:
-    """Initialise the node `name` and run `work`, in a thread of its own; exit status 1 if that fails.
+    """Initialise the node `name` and run `work`, in a thread of its own.
 
-    rospy shuts down inside the signal handler, in the main thread. If that thread published or called the master
-    itself, it could wait there for a lock that it holds, for good.
+    Exit status 1 if that fails.
+
+    rospy shuts down inside the signal handler, in the main thread. If that thread published or
+    called the master itself, it could wait there for a lock that it holds, for good.
     """
-    sys.setswitchinterval(SWITCH_INTERVAL)
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
     rospy.init_node(name)
     done = threading.Event()
 
@@ -40,11 +42,11 @@ def run(name: str, work: Callable[[], None]) -> None:
     thread = threading.Thread(target=guarded, name="work", daemon=True)
     thread.start()
     while thread.is_alive() and not rospy.is_shutdown():
-        rospy.rostime.wallsleep(POLL)
+        rospy.rostime.wallsleep(POLL_S)
     rospy.signal_shutdown("the work is done")
     with rospy.core._shutdown_lock:
         pass  # whoever shuts down, in whichever thread, has unregistered the node by now
-    thread.join(JOIN_TIMEOUT)
+    thread.join(JOIN_TIMEOUT_S)
     if not done.is_set():
         sys.exit(1)
 

@@ -1,92 +1,128 @@
 """The reconfigurator's ROS shell: brings events to the core, and carries out its commands."""
-import json
+import argparse
 import os
 import queue
+import sys
 import threading
-from concurrent.futures import Future
-from typing import Callable, Dict, List, Optional, Set, Tuple
+from typing import Any, Callable, Dict, List, Optional, Tuple
 
-import actionlib
+import psutil
 import rosgraph
-import rospkg
 import rospy
-from shsa_msgs import msg, srv
+from shsa_msgs import msg
 
-from shsa_core.errors import NoSubstitute, ShsaError
+from shsa_core import dispatch
+from shsa_core.errors import ModelError, ShsaError
+from shsa_core.files.ontology_file import load_ontology
+from shsa_core.files.parameters import read_settings
+from shsa_core.files.som_file import load_som
 from shsa_core.healing import events
-from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.plans import TopicPlan
-from shsa_core.healing.reconfiguration import SUBSTITUTE_PREFIX, Reconfigurator
-from shsa_core.healing.settings import read_settings
-from shsa_core.model.ontology_file import read_ontology
-from shsa_core.model.som import Som, read_som
-from shsa_core.ros import clock, convert
-from shsa_core.ros.fence import Fence
+from shsa_core.healing.events import Event, Level
+from shsa_core.healing.machine import Reconfigurator
+from shsa_core.healing.settings import Settings
+from shsa_core.journal.writer import JournalWriter
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.som import Som
+from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.fence import Fence
+from shsa_core.ros.graph.launch import Launch
+from shsa_core.ros.graph.processes import Processes, run_command
+from shsa_core.ros.graph.restarts import Restarts
+from shsa_core.ros.graph.som_parameter import SomWatch, put_som
+from shsa_core.ros.graph.tables import TablePublisher, TableSubscriber
+from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import run
-from shsa_core.ros.processes import Processes, run_command
-from shsa_core.ros.restarts import Restarts
-from shsa_core.ros.som_parameter import SomWatch, put_som
+from shsa_core.ros.services import Services
+from shsa_core.ros.wire import healing as wire
+from shsa_core.ros.wire import names
+from shsa_core.ros.wire.rows import substitution_message
 
-SAY: Dict[str, Callable[[str], None]] = {
-    "info": rospy.loginfo,
-    "warn": rospy.logwarn,
-    "error": rospy.logerr,
+LOG: Dict[Level, Callable[..., None]] = {
+    Level.INFO: rospy.loginfo,
+    Level.WARN: rospy.logwarn,
+    Level.ERROR: rospy.logerr,
 }
-LEARNING = (0.0, 0.5, 2.0)  # s before each try to learn which process a node is
-SETTLED = (State.HEALED, State.UNHEALED, State.SAFE, State.ENDED)
+LONGEST_WAIT_S = 0.2
 
 
 class ReconfiguratorNode:
-    """Hears failures and health, kills, searches, starts and stops substitutes.
+    """Hears failures and health, and makes the graph do what the core commands.
 
-    Parameters: `~ontology` and `~som` (files), `~kill_patience` (s), `~incident_log` (file, one JSON line an
-    incident), and those of shsa_core.healing.settings.
+    Parameters: those of shsa_core.healing.settings. Raises ModelError if a file is not valid.
     """
 
-    def __init__(self) -> None:
-        ontology = read_ontology(_required("~ontology"))
-        som = read_som(_required("~som"))
-        settings, errors = read_settings(rospy.get_param("~"), rospy.get_name())
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        self._files = arguments
+        ontology, som = read_models(arguments.ontology, arguments.som)
+        settings, errors = read_settings(Settings, rospy.get_param("~", {}), rospy.get_name())
         for error in errors:
             rospy.logerr("Refused: %s. The default is used.", error)
-        self._log_file = rospy.get_param("~incident_log", "") or os.path.join(
-            rospkg.get_log_dir(), "shsa_incidents.jsonl"
+        setup = {
+            "ontology": ontology,
+            "som": som,
+            "settings": settings,
+            "namespace": rospy.get_namespace(),
+        }
+        self._core = Reconfigurator(**setup)
+        self._journal: Optional[JournalWriter] = None
+        if arguments.journal:
+            self._journal = JournalWriter(arguments.journal, "healing", setup, rospy.logwarn)
+        self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
+        self._launch = Launch()
+        self._ends = False
+        self._fence = Fence(rospy.get_name())
+        self._processes = Processes(
+            lambda node, detail: self._put(events.ProcessExited(clock.now(), node, detail)),
+            self._fence.clear,
+            _substitute_journals(arguments.journal),
         )
-        self._queue: "queue.Queue[Callable[[], None]]" = queue.Queue()
-        leftovers = _leftovers()
-        self._core = Reconfigurator(ontology, som, settings, _first_free_number(leftovers))
-        self._fence = Fence(rospy.get_name(), rospy.get_param("~kill_patience", 0.1))
-        for node in leftovers:
-            rospy.logwarn("%s was left behind; it is stopped.", node)
-            self._fence.kill(node)
-        self._processes = Processes(self._process_ended, self._fence.clear)
-        self._restarts = Restarts()
-        self._open: Dict[str, Incident] = {}
-        self._incident_changed = threading.Condition()
-        self._known: Set[Tuple[str, rospy.Time]] = set()
-
-        self._incidents = rospy.Publisher("/shsa/incidents", msg.Incident, queue_size=100)
-        self._substitutions = rospy.Publisher(
-            "/shsa/substitutions", msg.Substitutions, queue_size=10, latch=True, tcp_nodelay=True
+        self._restarts = Restarts(lambda node: self._put(events.StarterEnded(clock.now(), node)))
+        self._incidents = Incidents(arguments.incident_log)
+        self._substitutions = TablePublisher(
+            names.SUBSTITUTIONS,
+            msg.Substitutions,
+            "substitutions",
+            lambda row: row.node or row.service,
         )
-        self._som_state = rospy.Publisher(
-            "/shsa/som_state", msg.SomState, queue_size=10, latch=True
+        self._som_state = TablePublisher(
+            names.SOM_STATE, msg.SomState, "services", lambda row: row.service
         )
+        self._carry_out: dispatch.Table[object] = dispatch.table(
+            events.Command,
+            {
+                events.LearnNode: self._in_thread(self._learn),
+                events.FindNode: self._in_thread(self._find),
+                events.AskToLeave: self._in_thread(self._ask_to_leave),
+                events.EndProcess: self._in_thread(self._end_process),
+                events.ClearNode: self._in_thread(lambda c: self._fence.clear(c.node)),
+                events.StartSubstitute: self._start,
+                events.AssignSubstitute: self._assigned,
+                events.StopSubstitute: self._awaited(lambda c: self._processes.stop(c.node)),
+                events.RestartNode: self._restart,
+                events.StopNode: self._awaited(lambda c: self._restarts.stop(c.node)),
+                events.RunCommand: self._run_command,
+                events.ShowSubstitutions: self._show_substitutions,
+                events.ShowSom: self._show_som,
+                events.ShowIncident: lambda command: self._incidents.show(command.incident),
+                events.Log: lambda command: LOG[command.level]("%s", command.text),
+            },
+        )
+        self._endings: List[threading.Thread] = []
+        self._decided = clock.now()
         put_som(som)
-        self._som_watch = SomWatch(som, self._som_changed)
-        rospy.Subscriber("/shsa/failures", msg.Failure, self._failure, tcp_nodelay=True)
-        rospy.Subscriber("/shsa/health", msg.Health, self._health, tcp_nodelay=True)
-        rospy.Service("/shsa/find_substitute", srv.FindSubstitute, self._find_substitute)
-        rospy.Service("/shsa/release", srv.Release, self._release)
-        self._action = actionlib.SimpleActionServer(
-            "/shsa/substitute", msg.SubstituteAction, self._substitute, auto_start=False
+        self._som_watch = SomWatch(som, lambda s: self._put(events.SomChanged(clock.now(), s)))
+        rospy.Subscriber(names.FAILURES, msg.Failure, self._failure, tcp_nodelay=True)
+        TableSubscriber(names.HEALTH, msg.Health, self._health)
+        self._services = Services(
+            self._core, self._queue.put, self._put, self._incidents, self.reload
         )
-        self._action.start()
 
     def spin(self) -> None:
         """Handle events in order until ROS shuts down; then stop every substitute."""
-        self._tick()
-        rospy.loginfo("The reconfigurator watches over %s.", ", ".join(self._core.needed()))
+        # First of all: no substitute may take the name of one that was left behind.
+        self._handle(events.Started(clock.now(), _leftovers(self._core.prefix)))
+        needed = ", ".join(service.topic for service in self._core.needed())
+        rospy.loginfo("Reconfigurator ready, healing: %s.", needed or "nothing")
         while not rospy.is_shutdown():
             work = self._next()
             try:
@@ -94,10 +130,23 @@ class ReconfiguratorNode:
             except Exception as error:  # whatever it is, healing goes on
                 if not rospy.core.is_shutdown_requested():
                     rospy.logerr("The reconfigurator could not handle an event: %r", error)
-        self._processes.stop_all()
-        self._restarts.stop()
-        for incident in self._open.values():
-            self._log(incident)
+        for node in self._restarts.left_alone():
+            self._handle(events.StarterEnded(clock.now(), node))
+        self._handle(events.ShuttingDown(clock.now()))
+        for thread in self._endings:
+            thread.join()
+        self._incidents.close()
+        if self._journal is not None:
+            self._journal.close()
+
+    def reload(self) -> str:
+        """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
+        ontology, som = read_models(self._files.ontology, self._files.som)
+        self._som_watch.replace(som)
+        put_som(som)
+        self._put(events.ModelsReloaded(clock.now(), ontology, som))
+        relations = len({function.relation for function in ontology.functions})
+        return f"{relations} relations and {len(som)} services were read"
 
     def _next(self) -> Callable[[], object]:
         """What to do next: an event, else a plan ahead, else to let time pass."""
@@ -105,213 +154,148 @@ class ReconfiguratorNode:
             return self._queue.get_nowait()
         except queue.Empty:
             if self._core.plans_ahead:
-                return self._core.prepare
+                return lambda: self._handle(events.Idle(clock.now()))
         deadline = self._core.deadline
-        wait = 0.2 if deadline is None else min(0.2, deadline - clock.now())
+        wait = LONGEST_WAIT_S if deadline is None else deadline - clock.now()
         try:
-            return self._queue.get(timeout=max(0.0, wait))
+            return self._queue.get(timeout=min(LONGEST_WAIT_S, max(0.0, wait)))
         except queue.Empty:
-            return self._tick
+            return lambda: self._handle(events.Tick(clock.now()))
 
-    def _enqueue(self, event: events.Event) -> None:
+    def _put(self, event: Event) -> None:
         self._queue.put(lambda: self._handle(event))
 
-    def _tick(self) -> None:
-        self._handle(events.Tick(clock.now()))
+    def _handle(self, event: Event) -> None:
+        if not self._ends and self._launch.ending():
+            self._ends = True
+            self._decide(events.LaunchEnding(event.time))
+        self._decide(event)
 
-    def _handle(self, event: events.Event) -> None:
+    def _decide(self, event: Event) -> None:
+        if self._journal is not None:
+            self._journal.record(event)
         commands = self._core.handle(event)
-        decided = clock.now()
+        self._decided = clock.now()
+        if self._journal is not None:
+            self._journal.answered(commands)
         for command in commands:
-            self._carry_out(command, decided)
+            self._carry_out[type(command)](command)
 
-    def _carry_out(self, command: events.Command, decided: float) -> None:
-        if isinstance(command, events.KillNode):
-            threading.Thread(target=self._kill, args=(command,), daemon=True).start()
-        elif isinstance(command, events.StartSubstitute):
-            self._start(command, decided)
-        elif isinstance(command, events.AssignSubstitute):
-            self._enqueue(events.SubstituteStarted(clock.now(), command.node, decided))
-        elif isinstance(command, events.StopSubstitute):
-            self._processes.stop(command.node)
-        elif isinstance(command, events.RestartNode):
-            self._restart(command.node)
-        elif isinstance(command, events.RunCommand):
-            self._run(command)
-        elif isinstance(command, events.ShowSubstitutions):
-            self._substitutions.publish(convert.substitutions(command.substitutions))
-        elif isinstance(command, events.ShowSom):
-            self._som_state.publish(convert.som_state(command))
-        elif isinstance(command, events.ShowIncident):
-            self._show(command.incident)
-        else:
-            SAY[command.level]("%s" % command.text)
+    def _in_thread(self, work: Callable[[Any], object]) -> Callable[[Any], None]:
+        """Work that waits for others must not hold the events up."""
 
-    def _kill(self, command: events.KillNode) -> None:
-        if not self._fence.knows(command.node):
-            self._learn(command.node)  # it failed as soon as it was there
-        certain, how = self._fence.kill(command.node, command.urgent)
-        self._enqueue(events.NodeKilled(clock.now(), command.node, certain, how))
+        def start(command: Any) -> None:
+            threading.Thread(target=work, args=(command,), daemon=True).start()
 
-    def _start(self, command: events.StartSubstitute, decided: float) -> None:
+        return start
+
+    def _awaited(self, work: Callable[[Any], object]) -> Callable[[Any], None]:
+        """The same, and we do not end before it is done."""
+
+        def start(command: Any) -> None:
+            thread = threading.Thread(target=work, args=(command,), daemon=True)
+            thread.start()
+            self._endings = [each for each in self._endings if each.is_alive()] + [thread]
+
+        return start
+
+    def _learn(self, command: events.LearnNode) -> None:
+        known = self._fence.learn(command.node)
+        if known is not None and known.process is not None:
+            self._restarts.learn(command.node, known.process)
+        self._put(events.NodeLearned(clock.now(), command.node, known is not None))
+
+    def _find(self, command: events.FindNode) -> None:
+        where = self._fence.find(command.node, command.successor)
+        self._put(events.NodeFound(clock.now(), command.node, where))
+
+    def _ask_to_leave(self, command: events.AskToLeave) -> None:
+        self._fence.ask_to_leave(command.node, lambda: self._left(command.node))
+
+    def _end_process(self, command: events.EndProcess) -> None:
         try:
-            self._processes.start(command.node, command.program)
+            self._fence.end_process(command.node, lambda: self._left(command.node))
+        except psutil.AccessDenied:
+            self._put(events.ProcessUntouchable(clock.now(), command.node))
+
+    def _left(self, node: str) -> None:
+        self._put(events.NodeLeft(clock.now(), node))
+
+    def _start(self, command: events.StartSubstitute) -> None:
+        try:
+            self._processes.start(command)
         except OSError as error:
-            self._enqueue(events.ProcessExited(clock.now(), command.node, str(error)))
+            self._put(events.ProcessExited(clock.now(), command.node, str(error)))
             return
-        self._enqueue(events.SubstituteStarted(clock.now(), command.node, decided))
+        self._put(events.SubstituteStarted(clock.now(), command.node, self._decided))
 
-    def _restart(self, node: str) -> None:
+    def _assigned(self, command: events.AssignSubstitute) -> None:
+        self._put(events.SubstituteStarted(clock.now(), command.node, self._decided))
+
+    def _restart(self, command: events.RestartNode) -> None:
         try:
-            self._restarts.start(node)
+            with_us = self._restarts.start(command.node)
         except (ShsaError, OSError) as error:
-            self._enqueue(events.RestartFailed(clock.now(), node, str(error)))
+            self._put(events.RestartFailed(clock.now(), command.node, str(error)))
+            return
+        self._put(events.NodeRestarted(clock.now(), command.node, with_us))
 
-    def _run(self, command: events.RunCommand) -> None:
+    def _run_command(self, command: events.RunCommand) -> None:
         program = command.words[0]
-        rospy.logwarn("%s: running %s.", command.topic, program)
+        rospy.logwarn("%s: running %s.", command.service, program)
 
         def report(detail: str) -> None:
-            rospy.logwarn("%s: %s has ended: %s.", command.topic, program, detail)
+            rospy.logwarn("%s: %s has ended: %s.", command.service, program, detail)
 
         run_command(command.words, report)
 
-    def _process_ended(self, node: str, detail: str) -> None:
-        self._enqueue(events.ProcessExited(clock.now(), node, detail))
+    def _show_substitutions(self, command: events.ShowSubstitutions) -> None:
+        self._substitutions.update(map(substitution_message, command.rows), command.removed)
 
-    def _show(self, incident: Incident) -> None:
-        self._incidents.publish(convert.incident(incident))
-        if incident.state is State.ENDED:
-            self._open.pop(incident.topic, None)
-            self._log(incident)
-        else:
-            self._open[incident.topic] = incident
-        with self._incident_changed:
-            self._incident_changed.notify_all()
+    def _show_som(self, command: events.ShowSom) -> None:
+        self._som_state.update(map(wire.service_state, command.rows), command.removed)
 
-    def _log(self, incident: Incident) -> None:
+    def _failure(self, message: msg.Failure) -> None:
         try:
-            with open(self._log_file, "a", encoding="utf-8") as log:
-                log.write(json.dumps(convert.incident_record(incident)) + "\n")
-        except OSError as error:
-            rospy.logerr("The incident log %s cannot be written: %s", self._log_file, error)
-
-    def _failure(self, failure: msg.Failure) -> None:
-        self._enqueue(convert.failure_seen(failure))
-
-    def _health(self, health: msg.Health) -> None:
-        for row in health.publishers:
-            if row.state == row.HEALTHY and (row.publisher, row.since) not in self._known:
-                self._known.add((row.publisher, row.since))
-                threading.Thread(
-                    target=self._learn_in_time, args=(row.publisher,), daemon=True
-                ).start()
-        self._enqueue(convert.health_seen(health))
-
-    def _learn_in_time(self, node: str) -> None:
-        """Learn a node's process before it is needed; a busy node may not answer at once."""
-        for pause in LEARNING:
-            rospy.rostime.wallsleep(pause)
-            self._learn(node)
-            if self._fence.knows(node):
-                return
-
-    def _learn(self, node: str) -> None:
-        process = self._fence.learn(node)
-        if process is not None:
-            self._restarts.learn(node, process)
-
-    def _release(self, request: srv.ReleaseRequest) -> srv.ReleaseResponse:
-        if request.topic not in self._core.needed():
-            known = ", ".join(self._core.needed())
-            text = f"{request.topic} is not a needed topic; these are: {known}"
-            return srv.ReleaseResponse(success=False, detail=text)
-        self._enqueue(events.Released(clock.now(), request.topic))
-        text = f"whatever publishes {request.topic} may return"
-        return srv.ReleaseResponse(success=True, detail=text)
-
-    def _som_changed(self, som: Som) -> None:
-        self._enqueue(events.SomChanged(clock.now(), som))
-
-    def _ask(self, question: Callable[[], TopicPlan]) -> "Future[TopicPlan]":
-        """Ask the core, in turn with the events."""
-        answer: "Future[TopicPlan]" = Future()
-
-        def work() -> None:
-            try:
-                answer.set_result(question())
-            except ShsaError as error:
-                answer.set_exception(error)
-
-        self._queue.put(work)
-        return answer
-
-    def _find_substitute(self, request: srv.FindSubstituteRequest) -> srv.FindSubstituteResponse:
-        answer = self._ask(
-            lambda: self._core.explain(request.topic, request.without, request.method)
-        )
-        try:
-            return convert.found(answer.result(timeout=5.0))
-        except NoSubstitute as none:
-            return srv.FindSubstituteResponse(
-                found=False, missing=list(none.missing), detail=str(none)
-            )
+            self._put(wire.failure_seen(message))
         except ShsaError as error:
-            return srv.FindSubstituteResponse(found=False, detail=str(error))
+            rospy.logerr("Refused a message on %s: %s.", names.FAILURES, error)
 
-    def _substitute(self, goal: msg.SubstituteGoal) -> None:
-        if goal.topic not in self._core.needed():
-            known = ", ".join(self._core.needed())
-            self._action.set_aborted(text=f"{goal.topic} is not a needed topic; these are: {known}")
-            return
-        asked = clock.now()
-        self._enqueue(events.SubstituteRequested(asked, goal.topic))
-        incident = self._await_incident(goal.topic)
-        if incident is None:
-            self._action.set_preempted(text="cancelled; the incident goes on")
-            return
-        result = msg.SubstituteResult(
-            success=incident.state is State.HEALED, incident=convert.incident(incident)
-        )
-        self._action.set_succeeded(result, incident.detail)
-
-    def _await_incident(self, topic: str) -> Optional[Incident]:
-        """The incident of `topic` once it is healed or cannot be; None if nobody waits for it any more."""
-        last: Optional[Incident] = None
-        while not rospy.is_shutdown() and not self._action.is_preempt_requested():
-            with self._incident_changed:
-                self._incident_changed.wait(0.1)
-            incident = self._open.get(topic)
-            if incident is not None and incident is not last:
-                last = incident
-                self._action.publish_feedback(
-                    msg.SubstituteFeedback(state=incident.state.value, detail=incident.detail)
-                )
-            if last is not None and (incident is None or incident.state in SETTLED):
-                return last
-        return None
+    def _health(self, message: msg.Health) -> None:
+        try:
+            self._put(wire.health_seen(message))
+        except ShsaError as error:
+            rospy.logerr("Refused a message on %s: %s.", names.HEALTH, error)
 
 
-def _required(name: str) -> str:
-    value = rospy.get_param(name, None)
-    if not isinstance(value, str) or not value:
-        raise ShsaError(f"{rospy.resolve_name(name)}: not set; it must name a file")
-    return value
+def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
+    """The ontology and the SOM in two files. Raises ModelError that names every error in them."""
+    read_ontology, errors = load_ontology(ontology)
+    read_som, som_errors = load_som(som)
+    errors = [*errors, *som_errors]
+    if errors:
+        raise ModelError(errors[0].where, "; ".join([errors[0].what, *map(str, errors[1:])]))
+    return read_ontology, read_som
 
 
-def _leftovers() -> List[str]:
+def _substitute_journals(journal: str) -> str:
+    """What the journals of the substitutes begin with, beside the reconfigurator's own."""
+    return os.path.splitext(journal)[0] + ".substitute_" if journal else ""
+
+
+def _leftovers(prefix: str) -> Tuple[str, ...]:
     """The substitutes that a former reconfigurator left behind."""
     publishers, _, _ = rosgraph.Master(rospy.get_name()).getSystemState()
-    nodes = {node for _, names in publishers for node in names}
-    return sorted(node for node in nodes if node.startswith(SUBSTITUTE_PREFIX))
-
-
-def _first_free_number(leftovers: List[str]) -> int:
-    """A number above those of `leftovers`: names are never used twice."""
-    tails = [node.rsplit("_", 1)[-1] for node in leftovers]
-    return 1 + max((int(tail) for tail in tails if tail.isdigit()), default=0)
+    nodes = {node for _, names_ in publishers for node in names_}
+    return tuple(sorted(node for node in nodes if node.startswith(prefix)))
 
 
 def main() -> None:
     """Run the reconfigurator node."""
-    run("reconfigurator", lambda: ReconfiguratorNode().spin())
+    parser = argparse.ArgumentParser(prog="reconfigurator", description=main.__doc__)
+    parser.add_argument("--ontology", required=True, help="the ontology file")
+    parser.add_argument("--som", required=True, help="the service-to-ontology mapping file")
+    parser.add_argument("--incident-log", default="", help="a file for one JSON line an incident")
+    parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
+    arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
+    run("reconfigurator", lambda: ReconfiguratorNode(arguments).spin())

@@ -1,54 +1,118 @@
-"""Finds the service behind a path such as `/odom/twist/twist/linear/x`."""
-from typing import Dict, List, Sequence, Tuple
+"""What people and programs may ask of the reconfigurator: its ROS services and its action."""
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as Late
+from typing import Any, Callable
 
-import rosgraph
+import actionlib
 import rospy
+from shsa_msgs import msg, srv
 
-from shsa_core.errors import ShsaError
-from shsa_core.model.som import Service, Som, merge_parameters
-from shsa_core.ros import clock
-from shsa_core.ros.messages import message_class
-from shsa_core.ros.som_parameter import get_som_parameter
+from shsa_core.errors import NoSubstitute, ShsaError
+from shsa_core.healing import events
+from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.machine import Reconfigurator
+from shsa_core.model.service import Service
+from shsa_core.ros.graph import clock
+from shsa_core.ros.incidents import Incidents
+from shsa_core.ros.wire import healing as wire
+from shsa_core.ros.wire import names
 
-OLD = 3.0  # s; a SOM that was read longer ago is read again before use
-UNKNOWN_PERIOD = 0.1  # s; of a topic that the SOM does not have
+ANSWER_TIMEOUT_S = 5.0
 
 
-class Directory:
-    """The services of the SOM as of the last `refresh`; asks the master for what the SOM does not have."""
+class Services:
+    """Asks the core in turn with its events, by `enqueue`; `put` hands it an event."""
 
-    def __init__(self) -> None:
-        self._known: Dict[str, Service] = {}
-        self._refreshed = float("-inf")
+    def __init__(
+        self,
+        core: Reconfigurator,
+        enqueue: Callable[[Callable[[], object]], None],
+        put: Callable[[events.Event], None],
+        incidents: Incidents,
+        reload: Callable[[], str],
+    ) -> None:
+        self._core = core
+        self._enqueue = enqueue
+        self._put = put
+        self._incidents = incidents
+        self._reload = reload
+        rospy.Service(names.FIND_SUBSTITUTE, srv.FindSubstitute, self._find_substitute)
+        rospy.Service(names.RELEASE, srv.Release, self._release)
+        rospy.Service(names.RELOAD, srv.Reload, self._reload_models)
+        self._action = actionlib.SimpleActionServer(
+            names.SUBSTITUTE_ACTION, msg.SubstituteAction, self._substitute, auto_start=False
+        )
+        self._action.start()
 
-    def refresh(self, age: float = 0.0) -> None:
-        """Read the SOM again if that was longer ago than `age` s, and load its message types.
+    def _ask(self, question: Callable[[], Any]) -> Any:
+        """The core's answer. Raises ShsaError."""
+        answer: "Future[Any]" = Future()
 
-        Both take milliseconds that are better spent before they are missed.
-        """
-        if clock.now() - self._refreshed <= age:
+        def work() -> None:
+            try:
+                answer.set_result(question())
+            except ShsaError as error:
+                answer.set_exception(error)
+
+        self._enqueue(work)
+        try:
+            return answer.result(timeout=ANSWER_TIMEOUT_S)
+        except Late as error:
+            raise ShsaError(f"no answer within {ANSWER_TIMEOUT_S:g} s") from error
+
+    def _needed(self, name: str) -> Service:
+        """The needed service of a name or topic. Raises ShsaError."""
+        service: Service = self._ask(lambda: self._core.find(name))
+        if not service.needed:
+            known = ", ".join(each.topic for each in self._core.needed())
+            raise ShsaError(f"{name} is not a needed service; these are: {known}")
+        return service
+
+    def _find_substitute(self, request: srv.FindSubstituteRequest) -> srv.FindSubstituteResponse:
+        try:
+            return wire.found(
+                self._ask(
+                    lambda: self._core.explain(request.topic, request.without, request.method)
+                )
+            )
+        except NoSubstitute as none:
+            missing = list(none.missing)
+            return srv.FindSubstituteResponse(found=False, missing=missing, detail=str(none))
+        except ShsaError as error:
+            return srv.FindSubstituteResponse(found=False, detail=str(error))
+
+    def _release(self, request: srv.ReleaseRequest) -> srv.ReleaseResponse:
+        try:
+            service = self._needed(request.topic)
+        except ShsaError as error:
+            return srv.ReleaseResponse(success=False, detail=str(error))
+        self._put(events.Released(clock.now(), service.name))
+        text = f"whatever publishes {service.topic} may return"
+        return srv.ReleaseResponse(success=True, detail=text)
+
+    def _reload_models(self, _: srv.ReloadRequest) -> srv.ReloadResponse:
+        try:
+            return srv.ReloadResponse(True, self._reload())
+        except ShsaError as error:
+            return srv.ReloadResponse(False, f"nothing was changed: {error}")
+
+    def _substitute(self, goal: msg.SubstituteGoal) -> None:
+        try:
+            service = self._needed(goal.topic)
+        except ShsaError as error:
+            self._action.set_aborted(text=str(error))
             return
-        value = get_som_parameter()
-        # What is not valid is named by those who watch the SOM; here the valid part will do.
-        som, _ = merge_parameters(Som(), {} if value is None else value)
-        for service in som:
-            message_class(service.type)
-        self._known = {service.path: service for service in som}
-        self._refreshed = clock.now()
+        self._put(events.SubstituteRequested(clock.now(), service.name))
+        incident = self._incidents.await_settled(
+            service.name, self._feedback, self._action.is_preempt_requested
+        )
+        if incident is None:
+            self._action.set_preempted(text="cancelled; the incident goes on")
+            return
+        healed = incident.state is State.HEALED
+        result = msg.SubstituteResult(success=healed, incident=wire.incident(incident))
+        self._action.set_succeeded(result, incident.detail)
 
-    def find(self, paths: Sequence[str]) -> List[Service]:
-        """The services at `paths`; raises ShsaError if neither the SOM nor the master has one of them."""
-        self.refresh(OLD)
-        known = self._known
-        if all(path in known for path in paths):
-            return [known[path] for path in paths]
-        types: List[Tuple[str, str]] = rosgraph.Master(rospy.get_name()).getTopicTypes()
-        return [known[path] if path in known else _unmapped(path, dict(types)) for path in paths]
-
-
-def _unmapped(path: str, types: Dict[str, str]) -> Service:
-    topics = [topic for topic in types if path.startswith(topic + "/")]
-    if not topics:
-        raise ShsaError(f"{path}: neither in the SOM nor on a topic that the master knows")
-    topic = max(topics, key=len)
-    return Service("", topic, path[len(topic) + 1 :], types[topic], "", period=UNKNOWN_PERIOD)
+    def _feedback(self, incident: Incident) -> None:
+        state, detail = incident.state.value, incident.detail
+        self._action.publish_feedback(msg.SubstituteFeedback(state=state, detail=detail))

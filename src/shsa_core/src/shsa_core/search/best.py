@@ -1,17 +1,17 @@
 """The best derivation of every property that a target depends on.
 
-Each is settled once, inputs first: depth first where properties do not depend on one another, and by Knuth's
-algorithm where they do (D. E. Knuth: A generalization of Dijkstra's algorithm, Information Processing Letters 6, 1977).
+Each is settled once, inputs first: depth first where properties do not depend on one another, and
+by Knuth's algorithm where they do (D. E. Knuth: A generalization of Dijkstra's algorithm,
+Information Processing Letters 6, 1977).
 """
 from array import array
 from heapq import heapify, heappop, heappush
 from mmap import mmap
 from typing import Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 
-import networkx as nx
-
 from shsa_core.model.network import Network
-from shsa_core.search.derivation import LOST, NOT_RATED, ServiceTable
+from shsa_core.search.derivation import LOST, MOST, NOT_RATED, SourceTable
+from shsa_core.search.missing import last_parts
 from shsa_core.search.ratings import Ratings
 
 Usable = Callable[[int], bool]
@@ -27,23 +27,24 @@ def zeros(count: int) -> "memoryview":
 class BestDerivations:
     """The best derivations of properties and of everything that they can be derived from.
 
-    `ratings` has each property that was reached; `cycles` maps a property to those that depend on one another with
-    it. With `prune`, functions that cannot be better than a service of their output are left out, as are those
-    whose number is not `usable`. `tick` is called at every step and may raise to stop.
+    `ratings` has each property that was reached; `cycles` maps a property to those that depend on
+    one another with it. With `prune`, functions that cannot be better than a source of their output
+    are left out, as are those whose number is not `usable`. `tick` is called at every step and may
+    raise to stop.
     """
 
     def __init__(
         self,
         network: Network,
-        services: ServiceTable,
+        sources: SourceTable,
         usable: Optional[Usable] = None,
         prune: bool = True,
         tick: Optional[Callable[[], None]] = None,
     ) -> None:
-        self.ratings = Ratings(network, services)
+        self.ratings = Ratings(network, sources)
         self.cycles: Dict[int, Sequence[int]] = {}
         self._network = network
-        self._services = services
+        self._sources = sources
         self._usable = usable
         self._prune = prune
         self._tick = tick
@@ -55,8 +56,8 @@ class BestDerivations:
         functions: Sequence[int] = self._network.functions_of(number)
         if self._usable is not None:
             functions = [f for f in functions if self._usable(f)]
-        if self._prune and number in self._services.ratings:
-            limit = self._services.ratings[number][0]
+        limit = self._sources.rating(number)[0]
+        if self._prune and limit <= MOST:
             functions = [f for f in functions if self._network.costs[f] < limit]
         return functions
 
@@ -65,7 +66,7 @@ class BestDerivations:
         # This loop and those in ratings.py are the cost of a search: hence the local names.
         ratings, order, tick, functions_of = self.ratings, self._order, self._tick, self.functions
         first, start, inputs = self._network.first, self._network.start, self._network.inputs
-        by_service, by_function = self._services.ratings, ratings.by_function
+        by_source, by_function = self._sources.rating, ratings.by_function
         path: List[
             Tuple[int, Sequence[int], int]
         ] = []  # property, functions, how many were pending before
@@ -79,7 +80,7 @@ class BestDerivations:
                 if tick is not None:
                     tick()
                 if first[number] == first[number + 1]:
-                    ratings[number] = by_service.get(number, LOST)
+                    ratings[number] = by_source(number)
                     order[number] = DONE
                     continue
                 self._visited += 1
@@ -91,7 +92,7 @@ class BestDerivations:
                     stack.extend(inputs[start[function] : start[function + 1]])
                 continue
             number, functions, before = path.pop()
-            best = by_service.get(number, LOST)
+            best = by_source(number)
             for function in functions:
                 rating = by_function(function)
                 if rating < best:
@@ -102,7 +103,8 @@ class BestDerivations:
                 ratings[number] = best
                 order[number] = DONE
                 continue
-            # Inputs that are not rated lie on a cycle with this property; the earliest closes it (Tarjan, 1972).
+            # Inputs that are not rated lie on a cycle with this property; the earliest closes it
+            # (Tarjan, 1972).
             pending.append(number)
             earliest = min([order[i] for f in functions for i in self._network.inputs_of(f)])
             if earliest < order[number]:
@@ -119,21 +121,23 @@ class BestDerivations:
     def settle_cycle(self, members: Iterable[int], ratings: Ratings) -> None:
         """Rates properties that depend on one another; whatever else they depend on is rated.
 
-        A derivation is worse than each of its parts, so the best of all candidates is final (Knuth, 1977).
+        A derivation is worse than each of its parts, so the best of all candidates is final (Knuth,
+        1977).
         """
-        network, by_service = self._network, ratings.services.ratings
+        network, by_source = self._network, ratings.sources.rating
         candidates: List[Tuple[int, int, int, int, float, int]] = []  # ratings and their properties
         open_ = zeros(len(network.names))
         lacking = zeros(len(network.functions))  # how many inputs a function waits for
-        # The functions that wait for a property, as a linked list: from `last` on, each with the place of the next.
+        # The functions that wait for a property, as a linked list: from `last` on, each with the
+        # place of the next.
         last = zeros(len(network.names))
         waiting, next_ = array("q", [0]), array("q", [0])
         for number in members:
             open_[number] = 1
             ratings[number] = LOST  # until it is found
         for number in members:
-            if number in by_service:
-                candidates.append((*by_service[number], number))
+            if by_source(number) != LOST:
+                candidates.append((*by_source(number), number))
             for function in self.functions(number):
                 for input_ in network.inputs_of(function):
                     if open_[input_]:
@@ -165,22 +169,15 @@ class BestDerivations:
     def missing(self, target: int, ratings: Optional[Ratings] = None) -> List[str]:
         """The properties without which every derivation of `target` ended, in order.
 
-        Of the properties in reach that have no derivation they are the last ones: those that depend on no other
-        such property, or only on one another. What depends on the target itself cannot help it.
+        Of the properties in reach that have no derivation they are the last ones: those that depend
+        on no other such property, or only on one another. What depends on the target itself cannot
+        help it.
         """
-        ended = nx.DiGraph()
-        stack = [target]
-        seen = {target}
-        while stack:
-            number = stack.pop()
-            ended.add_node(number)
-            for function in self.functions(number):
-                inputs = self._network.inputs_of(function)
-                if target not in inputs:
-                    lost = [i for i in inputs if (ratings or self.ratings)[i] == LOST]
-                    ended.add_edges_from((number, i) for i in lost)
-                    stack.extend(i for i in lost if i not in seen)
-                    seen.update(lost)
-        parts = nx.condensation(ended)
-        last = (parts.nodes[part]["members"] for part in parts if parts.out_degree(part) == 0)
-        return sorted(self._network.names[n] for n in set().union(*last) - {target})
+        rated = self.ratings if ratings is None else ratings
+
+        def lost_inputs(number: int) -> List[int]:
+            of = (self._network.inputs_of(function) for function in self.functions(number))
+            return [i for inputs in of if target not in inputs for i in inputs if rated[i] == LOST]
+
+        last = last_parts(target, lost_inputs) - {target}
+        return sorted(self._network.names[number] for number in last)

@@ -1,35 +1,39 @@
 """Every derivation of a property, best first, each found when it is asked for.
 
-A derivation is a service, or a function with one derivation of each input; the next best differs from one found
-before in one input alone, by one place (L. Huang, D. Chiang: Better k-best parsing, IWPT 2005). Where properties
-depend on one another, an input's derivations are those that keep off the path that leads to it.
+A derivation is a source, or a function with one derivation of each input; the next best differs
+from one found before in one input alone, by one place (L. Huang, D. Chiang: Better k-best parsing,
+IWPT 2005). Where properties depend on one another, an input's derivations are those that keep off
+the path that leads to it.
 """
+from functools import partial
 from heapq import heapify, heappop, heappush
-from typing import Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence, Tuple
+from typing import Callable, Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.model.network import Network
-from shsa_core.model.ontology import TransferFunction
 from shsa_core.search.best import BestDerivations, Usable
-from shsa_core.search.derivation import LOST, Rated, ServiceTable
-from shsa_core.search.derivation import joint, names_before, rate_function, rate_service
+from shsa_core.search.derivation import LOST, Rated, SourceTable
+from shsa_core.search.derivation import names_before, rate_function, rate_joint, rate_source
 from shsa_core.search.ratings import Ratings, dependents
 
 EVERYWHERE: FrozenSet[int] = frozenset()
 ROOT = -1
 
+Rate = Callable[[Sequence[Rated]], Rated]
+"""Makes a derivation of derivations of its inputs."""
+
 
 class Candidate:
-    """A derivation from a service, or by a function from the derivations at `places` in its inputs' lists."""
+    """A derivation from a source, or what `rate` makes of those at `places` of its inputs."""
 
     def __init__(
         self,
         rated: Rated,
-        function: Optional[TransferFunction] = None,
+        rate: Optional[Rate] = None,
         inputs: Sequence["Ranked"] = (),
         places: Tuple[int, ...] = (),
     ) -> None:
         self.rated = rated
-        self.function = function
+        self.rate = rate
         self.inputs = inputs
         self.places = places
 
@@ -40,7 +44,7 @@ class Candidate:
 
 
 class Ranked:
-    """The derivations of one property that keep off the properties in `path`, best first, as far as known."""
+    """The known derivations of one property that keep off those in `path`, best first."""
 
     def __init__(self, number: int, path: FrozenSet[int], first: Rated) -> None:
         self.number = number
@@ -54,18 +58,21 @@ class Ranked:
         ] = []  # the inputs by which the last item's successors differ from it
 
     def advance(self) -> Optional[Tuple["Ranked", int]]:
-        """Finds the next item, or that there is none. Else returns which item of which list is needed first."""
+        """Finds the next item, or that there is none.
+
+        Else returns which item of which list is needed first.
+        """
         assert self.candidates is not None
         while self._changes:
-            assert self._last is not None and self._last.function is not None
+            assert self._last is not None and self._last.rate is not None
             inputs, places = self._last.inputs, self._last.places
             change = self._changes[-1]
             place = places[change] + 1
             if len(inputs[change].items) > place:
                 places = places[:change] + (place,) + places[change + 1 :]
                 rated = [ranked.items[place] for ranked, place in zip(inputs, places)]
-                function = self._last.function
-                successor = Candidate(rate_function(function, rated), function, inputs, places)
+                rate = self._last.rate
+                successor = Candidate(rate(rated), rate, inputs, places)
                 heappush(self.candidates, successor)
             elif not inputs[change].complete:
                 return inputs[change], place
@@ -77,10 +84,14 @@ class Ranked:
         return None
 
     def take(self) -> Candidate:
-        """Takes the best candidate as the last item: its successors become candidates when the next is asked for."""
+        """Takes the best candidate as the last item.
+
+        Its successors become candidates when the next is asked for.
+        """
         assert self.candidates
         self._last = heappop(self.candidates)
-        # A successor differs in an input after which all are at their first place: so each comes up once.
+        # A successor differs in an input after which all are at their first place: so each comes up
+        # once.
         places = self._last.places
         earliest = max((i for i, place in enumerate(places) if place), default=0)
         self._changes = list(range(earliest, len(places)))
@@ -91,20 +102,22 @@ class Ranking:
     """The joint derivations of several properties, best first."""
 
     def __init__(
-        self, network: Network, services: ServiceTable, usable: Optional[Usable] = None
+        self, network: Network, sources: SourceTable, usable: Optional[Usable] = None
     ) -> None:
         self._network = network
-        self._services = services
-        self._best = BestDerivations(network, services, usable, prune=False)
+        self._sources = sources
+        self._best = BestDerivations(network, sources, usable, prune=False)
         self._ranked: Dict[Tuple[int, FrozenSet[int]], Ranked] = {}
         self._users: Dict[int, Mapping[int, Sequence[int]]] = {}  # by the first property of a cycle
 
     def joint(self, targets: Sequence[int]) -> Iterator[Rated]:
-        """Every way to derive all the targets, best first; the derivation's inputs follow the targets."""
+        """Every way to derive all the targets, best first.
+
+        The derivation's inputs follow the targets.
+        """
         for target in targets:
             self._best.settle(target)
-        function = joint([self._network.names[target] for target in targets])
-        candidate = self._candidate(function, targets, self._best.ratings)
+        candidate = self._candidate(rate_joint, targets, self._best.ratings)
         if candidate is None:
             return
         root = Ranked(ROOT, EVERYWHERE, candidate.rated)
@@ -138,14 +151,15 @@ class Ranking:
         cycle = best.cycles.get(number)
         if cycle is not None:
             path = ranked.path | {number}
-            ratings = Ratings(self._network, self._services, best.ratings)
+            ratings = Ratings(self._network, self._sources, best.ratings)
             for blocked in path:
                 ratings[blocked] = LOST
             best.settle_cycle(dependents(self._users_within(cycle), path) - path, ratings)
-        candidates = [Candidate(rate_service(service)) for service in self._services.of(number)]
+        candidates = [Candidate(rate_source(source)) for source in self._sources.of(number)]
         for f in best.functions(number):
             inputs = self._network.inputs_of(f)
-            candidate = self._candidate(self._network.functions[f], inputs, ratings, cycle, path)
+            rate = partial(rate_function, self._network.functions[f])
+            candidate = self._candidate(rate, inputs, ratings, cycle, path)
             if candidate is not None:
                 candidates.append(candidate)
         heapify(candidates)
@@ -160,13 +174,13 @@ class Ranking:
 
     def _candidate(
         self,
-        function: TransferFunction,
+        rate: Rate,
         inputs: Sequence[int],
         ratings: Ratings,
         cycle: Optional[Sequence[int]] = None,
         path: FrozenSet[int] = EVERYWHERE,
     ) -> Optional[Candidate]:
-        """The best derivation by a function, None if there is none; inputs on `cycle` keep off `path`."""
+        """What `rate` makes of the best inputs; None if one has none."""
         lists = []
         for number in inputs:
             first = ratings.rated(number)
@@ -174,5 +188,5 @@ class Ranking:
                 return None
             off = path if self._best.cycles.get(number) is cycle else EVERYWHERE
             lists.append(self._ranked.setdefault((number, off), Ranked(number, off, first)))
-        rated = rate_function(function, [ranked.items[0] for ranked in lists])
-        return Candidate(rated, function, lists, (0,) * len(lists))
+        rated = rate([ranked.items[0] for ranked in lists])
+        return Candidate(rated, rate, lists, (0,) * len(lists))

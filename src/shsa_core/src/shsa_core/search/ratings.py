@@ -4,25 +4,27 @@ from struct import Struct
 from typing import Dict, Iterable, List, Mapping, Optional, Set
 
 from shsa_core.model.network import Network
-from shsa_core.search.derivation import FUNCTION, LOST, MOST, NOTHING, NOT_RATED, SERVICE, UNRATED
-from shsa_core.search.derivation import Derivation, Rated, Rating, ServiceTable
+from shsa_core.search.derivation import FUNCTION, LOST, MOST, NOTHING, NOT_RATED, SOURCE, UNRATED
+from shsa_core.search.derivation import Derivation, Rated, Rating, SourceTable
 
 RECORD = Struct("qqqqd")
 SIZE, PACK, UNPACK = RECORD.size, RECORD.pack_into, RECORD.unpack_from
 
 
 class Ratings:
-    """The best derivations of properties, by number; of those not rated here, in `base` if there is one.
+    """The best derivations of properties, by number.
 
-    The memory is all zeros, that is not rated, and the system provides it where it is first written: where a large
-    ontology is not reached it costs nothing.
+    Of those not rated here, in `base` if there is one.
+
+    The memory is all zeros, that is not rated, and the system provides it where it is first
+    written: where a large ontology is not reached it costs nothing.
     """
 
     def __init__(
-        self, network: Network, services: ServiceTable, base: Optional["Ratings"] = None
+        self, network: Network, sources: SourceTable, base: Optional["Ratings"] = None
     ) -> None:
         self._network = network
-        self.services = services
+        self.sources = sources
         self._base = base
         self.memory = mmap(-1, SIZE * (len(network.names) + 1))
         self._made: Dict[int, Derivation] = {}
@@ -37,13 +39,16 @@ class Ratings:
         PACK(self.memory, SIZE * number, *rating)
 
     def by_function(self, function: int) -> Rating:
-        """How good a function is with the best inputs; UNRATED if one is not rated, else LOST if one is lost."""
+        """How good a function is with the best inputs.
+
+        UNRATED if one is not rated, else LOST if one is lost.
+        """
         network, memory = self._network, self.memory
         start, relations, leaves, lost = network.start, 1, 0, False
         price, quality = network.costs[function], network.qualities[function]
         for number in network.inputs[start[function] : start[function + 1]]:
             cost, uses, inputs, by, part = UNPACK(memory, SIZE * number)
-            if by < SERVICE:
+            if by < SOURCE:
                 cost, uses, inputs, by, part = self[number]
                 if by == NOT_RATED:
                     return UNRATED
@@ -83,9 +88,9 @@ class Ratings:
                 if by >= 0:
                     stack.append(~current)
                     stack.extend(inputs[start[by] : start[by + 1]])
-                elif by == SERVICE - FUNCTION:
-                    service = self.services.best[current]
-                    made[current] = Derivation(service.property, service, None)
+                elif by == SOURCE - FUNCTION:
+                    source = self.sources.best(current)
+                    made[current] = Derivation(source.property, source, None)
                 else:
                     assert self._base is not None
                     made[current] = self._base.derivation(current)

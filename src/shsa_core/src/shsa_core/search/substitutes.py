@@ -6,10 +6,10 @@ from typing import Callable, Iterable, Iterator, Set
 from shsa_core.errors import NoSubstitute
 from shsa_core.model.network import Network
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.som import Service
+from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations
-from shsa_core.search.derivation import LOST, Derivation, ServiceTable
-from shsa_core.search.orr import first_found
+from shsa_core.search.derivation import LOST, Derivation, SourceTable
+from shsa_core.search.depth_first import first_found
 from shsa_core.search.ranking import Ranking
 
 __all__ = [
@@ -28,7 +28,7 @@ SMALLEST_QUALITY = (
 
 @dataclass(frozen=True)
 class Substitute:
-    """The result of a search: the derivation, its quality in (0, 1], and whether it is proven the best."""
+    """The result of a search: derivation, quality in (0, 1], and whether it is proven best."""
 
     derivation: Derivation
     quality: float
@@ -36,29 +36,34 @@ class Substitute:
 
 
 def find_substitute(
-    ontology: Ontology, available: Iterable[Service], target: str, excluded: Iterable[str] = ()
+    ontology: Ontology, sources: Iterable[Source], target: str, excluded: Iterable[str] = ()
 ) -> Substitute:
-    """The best substitute of the property `target`; `excluded` names nodes and topics that must not be used.
+    """The best substitute of the property `target`.
 
-    Best is the highest quality, then the fewest relations, then the fewest inputs, then names in order. The time
-    is linear in the relations that the target can be reached from, save n log n within a cycle of n properties.
-    Raises NoSubstitute with what is missing.
+    `excluded` names nodes, topics and services not to be used.
+
+    Best is the highest quality, then the fewest relations, then the fewest inputs, then names in
+    order. The time is linear in the relations that the target can be reached from, save n log n
+    within a cycle of n properties. Raises NoSubstitute with what is missing.
     """
     network = ontology.network
     number = network.number(target)
-    best = BestDerivations(network, ServiceTable(network, available, excluded))
+    best = BestDerivations(network, _table(network, sources, excluded))
     if not best.settle(number):
         raise NoSubstitute([target], best.missing(number))
     return _substitute(best, number, proven_best=True)
 
 
 def iter_substitutes(
-    ontology: Ontology, available: Iterable[Service], target: str, excluded: Iterable[str] = ()
+    ontology: Ontology, sources: Iterable[Source], target: str, excluded: Iterable[str] = ()
 ) -> Iterator[Substitute]:
-    """Every substitute of the property `target`, best first, each found when it is asked for; maybe none."""
+    """Every substitute of the property `target`, best first, each found when it is asked for.
+
+    Maybe none.
+    """
     network = ontology.network
     number = network.number(target)
-    ranking = Ranking(network, ServiceTable(network, available, excluded))
+    ranking = Ranking(network, _table(network, sources, excluded))
     for place, rated in enumerate(ranking.joint([number])):
         (derivation,) = rated.derivation.inputs
         yield Substitute(derivation, max(rated.quality, SMALLEST_QUALITY), place == 0)
@@ -66,29 +71,32 @@ def iter_substitutes(
 
 def improving_substitutes(
     ontology: Ontology,
-    available: Iterable[Service],
+    sources: Iterable[Source],
     target: str,
     excluded: Iterable[str] = (),
     expired: Callable[[], bool] = lambda: False,
     first_circle: int = 64,
 ) -> Iterator[Substitute]:
-    """A substitute of the property `target` early, then better ones, until the best is proven or time has expired.
+    """A substitute of `target` early, then better ones, until the best is proven.
 
-    The search starts with the `first_circle` properties nearest to the target and takes in four times as many each
-    time, while `expired` says False. The last substitute says whether it is `proven_best`; there is none if time expired before one was found.
-    Raises NoSubstitute, with what is missing, if it is proven that there is none.
+    It ends as well when time has expired.
+
+    The search starts with the `first_circle` properties nearest to the target and takes in four
+    times as many each time, while `expired` says False. The last substitute says whether it is
+    `proven_best`; there is none if time expired before one was found. Raises NoSubstitute, with
+    what is missing, if it is proven that there is none.
     """
     network = ontology.network
     number = network.number(target)
-    services = ServiceTable(network, available, excluded)
+    table = _table(network, sources, excluded)
     clock = _Deadline(expired)
-    whole = BestDerivations(network, services, tick=clock.tick)
+    whole = BestDerivations(network, table, tick=clock.tick)
     circle = _Circle(network, whole, number)
     size = first_circle
     worst = LOST
     try:
         while circle.widen(size, clock.tick):
-            best = BestDerivations(network, services, circle.usable, tick=clock.tick)
+            best = BestDerivations(network, table, circle.usable, tick=clock.tick)
             if best.settle(number) and best.ratings[number][:3] < worst[:3]:
                 worst = best.ratings[number]
                 yield _substitute(best, number, proven_best=False)
@@ -102,21 +110,27 @@ def improving_substitutes(
 
 
 def find_first(
-    ontology: Ontology, available: Iterable[Service], target: str, excluded: Iterable[str] = ()
+    ontology: Ontology, sources: Iterable[Source], target: str, excluded: Iterable[str] = ()
 ) -> Substitute:
-    """The substitute of the property `target` that the paper's search finds: depth first, the first one.
+    """The substitute of the property `target` that the paper's search finds first.
 
     Raises NoSubstitute with what is missing.
     """
     network = ontology.network
     number = network.number(target)
-    services = ServiceTable(network, available, excluded)
-    rated = first_found(network, services, number)
+    table = _table(network, sources, excluded)
+    rated = first_found(network, table, number)
     if rated is None:
-        best = BestDerivations(network, services)
+        best = BestDerivations(network, table)
         best.settle(number)
         raise NoSubstitute([target], best.missing(number))
     return Substitute(rated.derivation, max(rated.quality, SMALLEST_QUALITY), False)
+
+
+def _table(network: Network, sources: Iterable[Source], excluded: Iterable[str]) -> SourceTable:
+    without = frozenset(excluded)
+    left = [s for s in sources if without.isdisjoint(s.names)] if without else sources
+    return SourceTable(network, left)
 
 
 def _substitute(best: BestDerivations, number: int, proven_best: bool) -> Substitute:

@@ -12,9 +12,9 @@ from shsa_rover.frame import Parser
 from shsa_rover.ros.parameters import text_parameter
 
 BAUD_RATE = 115200
-READ_TIMEOUT = 0.5  # s without a byte until the line counts as silent
-RETRY_DELAY = 0.1  # s between attempts to open the port
-REPORT_PERIOD = 5.0  # s between two lines about the same trouble
+READ_TIMEOUT_S = 0.5  # s without a byte until the line counts as silent
+RETRY_DELAY_S = 0.1  # s between attempts to open the port
+REPORT_PERIOD_S = 5.0  # s between two lines about the same trouble
 
 
 class Amperemeter:
@@ -32,16 +32,16 @@ class Amperemeter:
         """Runs until the node shuts down."""
         while not rospy.is_shutdown():
             try:
-                with serial.Serial(self._port, BAUD_RATE, timeout=READ_TIMEOUT) as line:
+                with serial.Serial(self._port, BAUD_RATE, timeout=READ_TIMEOUT_S) as line:
                     rospy.loginfo("Reading the current sensor at %s.", self._port)
                     self._read(line)
             except (serial.SerialException, OSError) as error:
                 reason = os.strerror(error.errno) if error.errno else str(error)
                 rospy.logwarn_throttle(
-                    REPORT_PERIOD, f"Waiting for the serial port {self._port}: {reason}."
+                    REPORT_PERIOD_S, f"Waiting for the serial port {self._port}: {reason}."
                 )
                 self._parser.reset()
-                time.sleep(RETRY_DELAY)
+                time.sleep(RETRY_DELAY_S)
         rospy.loginfo(
             "The amperemeter read %d frames; %d bytes dropped, %d frames too old.",
             self._parser.counters.frames,
@@ -54,7 +54,7 @@ class Amperemeter:
             data = line.read(max(1, line.in_waiting))
             if not data:
                 rospy.logwarn_throttle(
-                    REPORT_PERIOD, f"The serial port {self._port} is open but silent."
+                    REPORT_PERIOD_S, f"The serial port {self._port} is open but silent."
                 )
             frames = self._parser.feed(data)
             if frames:
@@ -74,7 +74,7 @@ class Amperemeter:
                 f"{n} {why}" for why, n in self._parser.counters.dropped.items() if n
             )
             rospy.logwarn_throttle(
-                REPORT_PERIOD, f"{dropped} bytes dropped since the start: {reasons}"
+                REPORT_PERIOD_S, f"{dropped} bytes dropped since the start: {reasons}"
             )
 
 

@@ -9,7 +9,7 @@ from shsa_core.ros.node import run
 from shsa_rover.drive import SCRIPTED, Drive, parse_drive
 from shsa_rover.ros.parameters import flag_parameter, text_parameter
 
-PERIOD = 0.05  # s
+PERIOD_S = 0.05
 
 
 def load_drive(path: str, loop: bool) -> Drive:
@@ -34,7 +34,7 @@ def serve() -> None:
         command = Twist()
         command.linear.x, command.angular.z = drive.command(time.monotonic() - start)
         publisher.publish(command)
-        due = max(due + PERIOD, time.monotonic())
+        due = max(due + PERIOD_S, time.monotonic())
         time.sleep(max(0.0, due - time.monotonic()))
 
 

@@ -16,13 +16,13 @@ from shsa_rover.pseudo_terminal import PseudoTerminal
 from shsa_rover.ros.parameters import number_parameter, text_parameter
 from shsa_rover.rover import Readings, Rover, Truth
 
-STEP = 0.01  # s
+STEP_S = 0.01
 STEPS_PER_SAMPLE = 2
-LONGEST_BACKLOG = 0.5  # s
+LONGEST_BACKLOG_S = 0.5
 
 
 class Simulator:
-    """Steps the rover, feeds what the sensor nodes read, and plays the microcontroller on a pseudo-terminal."""
+    """Steps the rover, feeds the sensor nodes, and plays the microcontroller on its port."""
 
     def __init__(self) -> None:
         self._rover = Rover(
@@ -36,7 +36,8 @@ class Simulator:
             name: rospy.Publisher(f"/simulation/{name}", Float64Stamped, queue_size=10)
             for name in Truth.__dataclass_fields__
         }
-        # rospy calls back from a thread of its own: the command is one tuple, so that it changes as a whole.
+        # rospy calls back from a thread of its own: the command is one tuple, so that it changes as
+        # a whole.
         self._command = (0.0, 0.0, 0)
         self._commands_seen = 0
         rospy.Subscriber("/cmd_vel", Twist, self._on_command, queue_size=1)
@@ -51,7 +52,7 @@ class Simulator:
             line.close()
 
     def _loop(self, line: PseudoTerminal) -> None:
-        period = STEP * STEPS_PER_SAMPLE
+        period = STEP_S * STEPS_PER_SAMPLE
         due = time.monotonic()
         while not rospy.is_shutdown():
             self._sample(line)
@@ -59,7 +60,7 @@ class Simulator:
             wait = due - time.monotonic()
             if wait > 0.0:
                 time.sleep(wait)
-            elif -wait > LONGEST_BACKLOG:
+            elif -wait > LONGEST_BACKLOG_S:
                 rospy.logwarn("The simulation was held up for %.1f s, which it skips.", -wait)
                 due = time.monotonic()
 
@@ -69,7 +70,7 @@ class Simulator:
             self._commands_seen = number
             self._rover.command(velocity, turn_rate)
         for _ in range(STEPS_PER_SAMPLE):
-            self._rover.step(STEP)
+            self._rover.step(STEP_S)
         readings = self._rover.measure()
         line.write(encode([readings.current_counts]))
         stamp = rospy.Time.now()

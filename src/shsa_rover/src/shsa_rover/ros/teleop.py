@@ -12,11 +12,14 @@ from geometry_msgs.msg import Twist
 from shsa_core.ros.node import run
 from shsa_rover.steering import HELP, Steering
 
-PERIOD = 0.05  # s
+PERIOD_S = 0.05
 
 
 def serve() -> None:
-    """Publishes `/cmd_vel` from the keys until q; restores the terminal and stops the rover at the end."""
+    """Publishes `/cmd_vel` from the keys until q.
+
+    Restores the terminal and stops the rover at the end.
+    """
     publisher = rospy.Publisher("/cmd_vel", Twist, queue_size=1)
     rospy.on_shutdown(lambda: publisher.publish(Twist()))
     keys = sys.stdin.fileno()
@@ -40,14 +43,17 @@ def steer(publisher: rospy.Publisher, keys: int) -> None:
             if not pressed or not steering.press(pressed.decode("ascii", "ignore")):
                 return
             continue
-        due = time.monotonic() + PERIOD
+        due = time.monotonic() + PERIOD_S
         command = Twist()
         command.linear.x, command.angular.z = steering.velocity, steering.turn_rate
         publisher.publish(command)
 
 
 def main() -> None:
-    """The node's entry point; it needs a terminal, and without one says so before it asks for a master."""
+    """The node's entry point.
+
+    It needs a terminal, and without one says so before it asks for a master.
+    """
     if not sys.stdin.isatty():
         sys.exit(
             "teleop needs a terminal to read keys from: start it by itself with"

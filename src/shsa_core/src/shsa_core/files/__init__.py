@@ -1,0 +1,1 @@
+"""Ontology, SOM and settings in files and parameters: read strictly, written again."""

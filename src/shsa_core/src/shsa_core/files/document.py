@@ -1,0 +1,244 @@
+"""Values from a YAML file or from the parameter server, each with the place where it stands."""
+import difflib
+import math
+import re
+from dataclasses import dataclass
+from typing import Dict, Iterable, List, Optional, Tuple, Union
+
+import yaml  # type: ignore[import]
+
+from shsa_core.errors import ModelError
+
+MAX_BYTES = 100_000_000
+MAX_DEPTH = 20
+
+_NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?\Z")
+_WORDS: Dict[str, Union[None, bool, float]] = {
+    "": None,
+    "~": None,
+    "null": None,
+    "true": True,
+    "false": False,
+    ".nan": math.nan,
+    ".inf": math.inf,
+    "-.inf": -math.inf,
+}
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+@dataclass(frozen=True)
+class Value:
+    """One value: nothing, a flag, a number, a text, a list or a mapping.
+
+    `text` is how a plain value was written.
+    """
+
+    where: str
+    data: Union[None, bool, float, str, List["Value"], Dict[str, "Value"]]
+    text: str = ""
+
+    def error(self, what: str) -> ModelError:
+        """The error that says `what` is wrong here."""
+        return ModelError(self.where, what)
+
+    def mapping(self, what: str) -> Dict[str, "Value"]:
+        """The mapping that this value must be."""
+        if not isinstance(self.data, dict):
+            raise self.error(f"{what} must be a mapping (name: value), not {self.describe()}")
+        return self.data
+
+    def entry(self, what: str, allowed: Iterable[str], required: Iterable[str] = ()) -> "Entry":
+        """The mapping that this value must be: with allowed keys alone, and all required ones."""
+        values = self.mapping(what)
+        allowed = list(allowed)
+        for key, value in values.items():
+            if key not in allowed:
+                close = difflib.get_close_matches(key, allowed, n=1)
+                hint = f" Did you mean '{close[0]}'?" if close else ""
+                raise value.error(
+                    f"{what} has no key '{key}'; allowed: {', '.join(allowed)}.{hint}"
+                )
+        for key in required:
+            if key not in values:
+                raise self.error(f"{what} lacks the key '{key}'")
+        return values
+
+    def sequence(self, what: str) -> List["Value"]:
+        """The list that this value must be."""
+        if not isinstance(self.data, list):
+            raise self.error(f"{what} must be a list, not {self.describe()}")
+        return self.data
+
+    def number(self, what: str) -> float:
+        """The finite number that this value must be."""
+        if not isinstance(self.data, float):
+            raise self.error(f"{what} must be a number, not {self.describe()}")
+        if not math.isfinite(self.data):
+            raise self.error(f"{what} must be a finite number, not {self.describe()}")
+        return self.data
+
+    def flag(self, what: str) -> bool:
+        """The true or false that this value must be."""
+        if not isinstance(self.data, bool):
+            raise self.error(f"{what} must be true or false, not {self.describe()}")
+        return self.data
+
+    def string(self, what: str) -> str:
+        """The text that this value must be; a number counts as it was written."""
+        if isinstance(self.data, (list, dict)) or self.data is None:
+            raise self.error(f"{what} must be a text, not {self.describe()}")
+        return self.text
+
+    def describe(self) -> str:
+        """The value in a few words."""
+        if self.data is None:
+            return "empty"
+        if isinstance(self.data, dict):
+            return "a mapping"
+        if isinstance(self.data, list):
+            return "a list"
+        text = self.text if len(self.text) <= 60 else self.text[:57] + "..."
+        return f"the text {text!a}" if isinstance(self.data, str) else text
+
+
+Entry = Dict[str, Value]
+
+
+def read_yaml(path: str) -> Value:
+    """The one document of a YAML file. Tags, anchors and aliases are refused.
+
+    Nothing in the file is run.
+
+    Raises ModelError, with file and line, if the file cannot be read.
+    """
+    try:
+        with open(path, "rb") as stream:
+            raw = stream.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise ModelError(str(path), f"cannot be read: {error.strerror}") from error
+    if len(raw) > MAX_BYTES:
+        raise ModelError(str(path), f"is larger than {MAX_BYTES} bytes")
+    try:
+        text = raw.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise ModelError(f"{path}:{line}", "is not UTF-8 text") from error
+    return parse_yaml(text, str(path))
+
+
+def parse_yaml(text: str, name: str) -> Value:
+    """The one document of a YAML text; `name` stands for the file in errors."""
+    builder = _Builder(name)
+    try:
+        for event in yaml.parse(text, Loader=_Loader):
+            builder.take(event)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"{name}:{mark.line + 1}" if mark else name
+        problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
+        raise ModelError(where, f"is not valid YAML: {problem}") from error
+    return builder.result()
+
+
+def from_parameters(value: object, where: str) -> Value:
+    """A value of the parameter server as a Value; `where` is the parameter's name."""
+    return _from_parameters(value, where, 0)
+
+
+def _from_parameters(value: object, where: str, depth: int) -> Value:
+    if depth > MAX_DEPTH:
+        raise ModelError(where, f"is nested more than {MAX_DEPTH} deep")
+    if isinstance(value, dict):
+        entries = {str(k): _from_parameters(v, f"{where}/{k}", depth + 1) for k, v in value.items()}
+        return Value(where, entries)
+    if isinstance(value, (list, tuple)):
+        items = [_from_parameters(v, f"{where}[{i}]", depth + 1) for i, v in enumerate(value)]
+        return Value(where, items)
+    if value is None or isinstance(value, bool):
+        return Value(where, value, str(value).lower())
+    if isinstance(value, (int, float)):
+        try:
+            return Value(where, float(value), repr(value))
+        except OverflowError:
+            return Value(where, math.inf, repr(value))
+    if isinstance(value, str):
+        return Value(where, value, value)
+    raise ModelError(
+        where, f"a {type(value).__name__} is not allowed; give numbers, texts, lists or mappings"
+    )
+
+
+class _Builder:
+    """Builds a Value from the events of a YAML parser, without recursion."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._open: List[Tuple[Value, List[Tuple[str, str]]]] = []
+        self._root: Optional[Value] = None
+        self._documents = 0
+
+    def take(self, event: yaml.Event) -> None:
+        """Takes the next event of the parser."""
+        where = f"{self._name}:{event.start_mark.line + 1}"
+        if isinstance(event, yaml.DocumentStartEvent):
+            self._documents += 1
+            if self._documents > 1:
+                raise ModelError(where, "a second document begins; a file has one")
+        elif isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
+            raise ModelError(where, "anchors (&) and aliases (*) are not allowed")
+        elif getattr(event, "tag", None) is not None:
+            raise ModelError(where, f"tags are not allowed: {event.tag}")
+        elif isinstance(event, yaml.ScalarEvent):
+            self._scalar(event, where)
+        elif isinstance(event, yaml.MappingStartEvent):
+            self._begin(Value(where, {}))
+        elif isinstance(event, yaml.SequenceStartEvent):
+            self._begin(Value(where, []))
+        elif isinstance(event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
+            self._add(self._open.pop()[0])
+
+    def result(self) -> Value:
+        """What the events made."""
+        if self._root is None:
+            return Value(f"{self._name}:1", None)
+        return self._root
+
+    def _begin(self, value: Value) -> None:
+        if self._expects_key():
+            raise value.error("a key must be a plain text")
+        if len(self._open) >= MAX_DEPTH:
+            raise value.error(f"is nested more than {MAX_DEPTH} deep")
+        self._open.append((value, []))
+
+    def _expects_key(self) -> bool:
+        return (
+            bool(self._open) and isinstance(self._open[-1][0].data, dict) and not self._open[-1][1]
+        )
+
+    def _scalar(self, event: yaml.ScalarEvent, where: str) -> None:
+        if self._expects_key():
+            parent, key = self._open[-1]
+            assert isinstance(parent.data, dict)
+            if event.value in parent.data:
+                raise ModelError(where, f"the key '{event.value}' stands here a second time")
+            key.append((event.value, where))
+            return
+        data: Union[None, bool, float, str] = event.value
+        if not event.style:
+            word = event.value.lower()
+            if word in _WORDS:
+                data = _WORDS[word]
+            elif _NUMBER.match(event.value):
+                data = float(event.value)
+        self._add(Value(where, data, event.value))
+
+    def _add(self, value: Value) -> None:
+        if not self._open:
+            self._root = value
+            return
+        parent, key = self._open[-1]
+        if isinstance(parent.data, dict):
+            name, where = key.pop()
+            parent.data[name] = Value(where, value.data, value.text)
+        elif isinstance(parent.data, list):
+            parent.data.append(value)

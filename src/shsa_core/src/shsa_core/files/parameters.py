@@ -1,0 +1,48 @@
+"""A node's settings, read from its parameters."""
+import dataclasses
+from typing import Any, Dict, List, Mapping, Tuple, Type, TypeVar
+
+from shsa_core.errors import ModelError
+from shsa_core.files.document import Value, from_parameters
+
+Settings = TypeVar("Settings")
+ONE_OF = "one_of"
+"""The key in a field's metadata for the words that are allowed."""
+
+
+def read_settings(
+    kind: Type[Settings], parameters: Mapping[str, object], where: str
+) -> Tuple[Settings, List[ModelError]]:
+    """The settings of a dataclass among some parameters, and what is wrong with them.
+
+    Where something is, the default stays.
+
+    `where` is the parameters' namespace. Other parameters are left alone.
+    """
+    given: Dict[str, Any] = {}
+    errors: List[ModelError] = []
+    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
+        if field.name in parameters:
+            try:
+                value = from_parameters(parameters[field.name], f"{where}/{field.name}")
+                given[field.name] = _read(value, field)
+            except ModelError as error:
+                errors.append(error)
+    return kind(**given), errors
+
+
+def _read(value: Value, field: "dataclasses.Field[Any]") -> object:
+    words = field.metadata.get(ONE_OF)
+    if words is not None:
+        if value.data not in words:
+            allowed = ", ".join(words)
+            raise value.error(f"{field.name} must be one of {allowed}, not {value.describe()}")
+        return value.data
+    number = value.number(field.name)
+    if number < 0.0:
+        raise value.error(f"{field.name} must not be below 0, not {number:g}")
+    if isinstance(field.default, float):
+        return number
+    if number != int(number):
+        raise value.error(f"{field.name} must be a whole number, not {number:g}")
+    return int(number)

@@ -1,0 +1,196 @@
+"""Writes ontology and SOM files. What has not changed keeps its text and its comments."""
+import os
+import re
+import tempfile
+from typing import Any, Dict, Iterable, List, Mapping, Tuple
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.scalarstring import DoubleQuotedScalarString
+
+from shsa_core.errors import ModelError
+from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.som_file import read_som, service_parameters
+from shsa_core.model.ontology import Constant, Ontology, Property
+from shsa_core.model.relation import TransferFunction
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+
+_PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_/*^%]*\Z")
+_WIDTH = 4096  # lines are not wrapped
+
+
+def save_ontology(ontology: Ontology, path: str) -> None:
+    """Writes the ontology to a file. An ontology that is there already is edited: comments survive.
+
+    Raises ModelError if the file is there and is not an ontology, OSError if it cannot be written.
+    """
+    tree, old = CommentedMap(), Ontology({}, {}, ())
+    if os.path.exists(path):
+        old = read_ontology(path)
+        if old == ontology:
+            return
+        tree = _load(path)
+    sections: List[Tuple[str, Mapping[str, Any], Mapping[str, Any], Any]] = [
+        ("properties", old.properties, ontology.properties, _property_entry),
+        ("constants", old.constants, ontology.constants, _constant_entry),
+    ]
+    for name, before, after, entry in sections:
+        changed = {key: entry(item) for key, item in after.items() if before.get(key) != item}
+        _update(_section(tree, name, bool(after)), after, changed)
+    _update_relations(tree, old.functions, ontology.functions)
+    _dump(tree, path)
+
+
+def save_som(som: Som, path: str) -> None:
+    """Writes the SOM to a file. A SOM that is there already is edited: comments survive.
+
+    Raises ModelError if the file is there and is not a SOM, OSError if it cannot be written.
+    """
+    tree, old = CommentedMap(), Som()
+    if os.path.exists(path):
+        old = read_som(path)
+        if old == som:
+            return
+        tree = _load(path)
+    changed = {
+        name: _service_entry(service)
+        for name, service in som.services.items()
+        if old.services.get(name) != service
+    }
+    _section(tree, "services", True)
+    _update(tree["services"], som.services, changed)
+    _dump(tree, path)
+
+
+def _update_relations(
+    tree: CommentedMap, before: Iterable[TransferFunction], after: Iterable[TransferFunction]
+) -> None:
+    old = {(function.relation, function.output): function for function in before}
+    relations: Dict[str, Dict[str, TransferFunction]] = {}
+    for function in after:
+        directions = relations.setdefault(function.relation, {})
+        if function.output in directions:
+            raise ModelError(
+                function.relation, f"yields {function.output} twice; give one a name of its own"
+            )
+        directions[function.output] = function
+    section = _section(tree, "relations", bool(relations))
+    _update(section, relations, {name: CommentedMap() for name in relations if name not in section})
+    for name, directions in relations.items():
+        changed = {
+            output: _function_entry(function)
+            for output, function in directions.items()
+            if old.get((name, output)) != function
+        }
+        _update(section[name], directions, changed)
+
+
+def _section(tree: CommentedMap, name: str, wanted: bool) -> CommentedMap:
+    if tree.get(name) is None and wanted:
+        tree[name] = CommentedMap()
+    section = tree.get(name)
+    return CommentedMap() if section is None else section
+
+
+def _update(section: CommentedMap, after: Iterable[str], changed: Mapping[str, Any]) -> None:
+    """Removes the entries that are not in `after` and sets the changed ones."""
+    kept = set(after)
+    for key in [key for key in section if str(key) not in kept]:
+        del section[key]
+    for key, entry in changed.items():
+        section[key] = entry
+
+
+def _text(text: str) -> str:
+    """The text, quoted unless any parser reads it the same without."""
+    return text if _PLAIN.match(text) else DoubleQuotedScalarString(text)
+
+
+def _flow(**entries: Any) -> Any:
+    """The entries that have a value, on one line; None if there are none."""
+    given = CommentedMap((key, value) for key, value in entries.items() if value != "")
+    given.fa.set_flow_style()
+    return given or None
+
+
+def _property_entry(item: Property) -> Any:
+    return _flow(unit=_text(item.unit), symbol=_text(item.symbol))
+
+
+def _constant_entry(item: Constant) -> Any:
+    return _flow(value=item.value, unit=_text(item.unit))
+
+
+def _function_entry(function: TransferFunction) -> Any:
+    entry = CommentedMap()
+    if function.law is not None:
+        entry[function.law.key] = function.law.text
+    else:
+        entry["not_executable"] = _text(function.text)
+        entry["inputs"] = CommentedSeq(function.inputs)
+        entry["inputs"].fa.set_flow_style()
+    if function.quality != 1.0:
+        entry["quality"] = function.quality
+    if function.constraint is not None:
+        entry["constraint"] = function.constraint.text
+    return entry["function"] if list(entry) == ["function"] else entry
+
+
+def _service_entry(service: Service) -> CommentedMap:
+    """What the parameter server gets, and the command, which stands in a file alone."""
+    entry = CommentedMap(service_parameters(service))
+    if service.last_resort.command:
+        resort = {"values": dict(service.last_resort.values)} if service.last_resort.values else {}
+        entry["last_resort"] = {**resort, "command": list(service.last_resort.command)}
+    provides = entry.pop("provides")
+    entry["provides"] = CommentedMap((name, _one_line(line)) for name, line in provides.items())
+    return entry
+
+
+def _one_line(entries: Mapping[str, Any]) -> CommentedMap:
+    line = CommentedMap(entries)
+    line.fa.set_flow_style()
+    return line
+
+
+def _editor() -> YAML:
+    editor = YAML()
+    editor.preserve_quotes = True  # type: ignore[assignment]
+    editor.width = _WIDTH  # type: ignore[assignment]
+    editor.indent(mapping=2, sequence=4, offset=2)
+    return editor
+
+
+def _load(path: str) -> CommentedMap:
+    with open(path, encoding="utf-8") as stream:
+        tree = _editor().load(stream)
+    _plain_exponents(tree)
+    return CommentedMap() if tree is None else tree
+
+
+def _plain_exponents(tree: Any) -> None:
+    """ruamel.yaml writes a number that has an exponent with other digits than it read.
+
+    A float it writes exactly.
+    """
+    if isinstance(tree, (CommentedMap, CommentedSeq)):
+        keys = tree.keys() if isinstance(tree, CommentedMap) else range(len(tree))
+        for key in keys:
+            if getattr(tree[key], "_exp", None) is not None:
+                tree[key] = float(tree[key])
+            _plain_exponents(tree[key])
+
+
+def _dump(tree: CommentedMap, path: str) -> None:
+    """Writes the file as a whole or not at all."""
+    folder = os.path.dirname(os.path.abspath(path))
+    handle, temporary = tempfile.mkstemp(dir=folder, prefix=".shsa-", suffix=".yaml")
+    try:
+        with open(handle, "w", encoding="utf-8") as stream:
+            _editor().dump(tree, stream)
+        os.chmod(temporary, os.stat(path).st_mode & 0o777 if os.path.exists(path) else 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise

@@ -1,0 +1,45 @@
+"""What is due when: one moment a key, the earliest at hand."""
+from heapq import heappop, heappush
+from typing import Dict, Generic, List, Optional, Tuple, TypeVar
+
+Key = TypeVar("Key")
+
+
+class Agenda(Generic[Key]):
+    """Moments by key.
+
+    Setting one and looking for the earliest cost the same however many there are.
+    """
+
+    def __init__(self) -> None:
+        self._due: Dict[Key, float] = {}
+        self._heap: List[Tuple[float, int, Key]] = []
+        self._count = 0
+
+    def set(self, key: Key, due: Optional[float]) -> None:
+        """`key` is due at `due`, in s; None: no more."""
+        if due == self._due.get(key):
+            return
+        if due is None:
+            del self._due[key]
+            return
+        self._due[key] = due
+        self._count += 1  # so that keys need no order
+        heappush(self._heap, (due, self._count, key))
+
+    def next(self) -> Optional[float]:
+        """When the earliest is due, in s; None: nothing is."""
+        while self._heap and self._due.get(self._heap[0][2]) != self._heap[0][0]:
+            heappop(self._heap)
+        return self._heap[0][0] if self._heap else None
+
+    def pop_due(self, time: float) -> List[Key]:
+        """The keys that are due at `time`, earliest first; they are due no more."""
+        found: List[Key] = []
+        due = self.next()
+        while due is not None and due <= time:
+            key = heappop(self._heap)[2]
+            del self._due[key]
+            found.append(key)
+            due = self.next()
+        return found

@@ -1,0 +1,50 @@
+"""Whom an event concerns: the services that a node, a process or another service has to do with."""
+from typing import Dict, Iterable, List, Optional, Set, Tuple
+
+from shsa_core.codegen.plans import Plan
+from shsa_core.healing.incident import Incident
+from shsa_core.healing.repair import STUCK
+from shsa_core.healing.topic import TopicHealing
+
+
+class Concern:
+    """Indexes of healings, kept up as they decide.
+
+    `by_process`: the service that a substitute works for. `stuck`: those that nothing can heal now.
+    """
+
+    def __init__(self) -> None:
+        self.by_process: Dict[str, str] = {}
+        self.stuck: Dict[str, None] = {}
+        self._reads: Dict[str, Tuple[str, ...]] = {}
+        self._readers: Dict[str, Set[str]] = {}
+        self._faulty: Dict[str, Set[str]] = {}
+
+    def readers(self, services: Iterable[str]) -> List[str]:
+        """The services whose substitute reads one of some services."""
+        return sorted({name for each in services for name in self._readers.get(each, ())})
+
+    def blaming(self, node: str) -> List[str]:
+        """The services whose incident blames a node."""
+        return sorted(self._faulty.get(node, ()))
+
+    def follow(self, healing: TopicHealing, before: Optional[Incident], node: str) -> None:
+        """A healing has decided; `before` and `node` were its incident and substitute's node."""
+        name, incident = healing.service, healing.incident
+        if before is not None:
+            self._faulty.get(before.faulty_node, set()).discard(name)
+        if incident is not None:
+            self._faulty.setdefault(incident.faulty_node, set()).add(name)
+        self.by_process.pop(node, None)
+        if healing.node:
+            self.by_process[healing.node] = name
+        self.stuck.pop(name, None)
+        if healing.state in STUCK:
+            self.stuck[name] = None
+        for read in self._reads.get(name, ()):
+            self._readers[read].discard(name)
+        plan = healing.substitute.plan
+        reads = plan.inputs if isinstance(plan, Plan) else ()
+        self._reads[name] = tuple(dict.fromkeys(source.service.name for source in reads))
+        for read in self._reads[name]:
+            self._readers.setdefault(read, set()).add(name)

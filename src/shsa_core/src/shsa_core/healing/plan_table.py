@@ -1,0 +1,158 @@
+"""The plans that are made before they are needed."""
+from typing import Dict, FrozenSet, Iterable, List, Optional, Set, Tuple, Union
+
+from shsa_core.codegen.plans import Plan, plan_service
+from shsa_core.errors import ShsaError
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.service import Service
+from shsa_core.search.derivation import SourceTable
+
+
+class PlanTable:
+    """For every needed service the plan for the case that its node has failed.
+
+    `change` says which services there are and drops the answers that this may change; `step` makes
+    one of those anew, and is called while nothing else is to do. A plan that is in the table is the
+    one that a search would give now; an error tells that there is none, though more may be missing
+    by now. `sources` has what may be used.
+    """
+
+    def __init__(self, ontology: Ontology, needed: Iterable[Service], method: str) -> None:
+        self.sources = SourceTable(ontology.network)
+        self._ontology = ontology
+        self._method = method
+        self._needed: Dict[str, Service] = {}
+        self._stale: Dict[str, None] = {}
+        self._publishers: Dict[str, str] = {}  # the node that published a service last
+        self._answers: Dict[str, Union[Plan, ShsaError]] = {}
+        self._avoided: Dict[str, FrozenSet[str]] = {}  # the nodes that an answer does without
+        self._made: Dict[str, int] = {}  # when an answer was made, the latest last
+        self._gone: Dict[str, Tuple[int, Service]] = {}  # when a service went
+        self._moment = 0
+        self._readers: Dict[str, Set[str]] = {}  # the services whose plan reads a service
+        self._of_property: Dict[int, Set[str]] = {}  # the needed services of a property
+        self._users: Dict[int, List[int]] = {}  # the properties that are derived from a property
+        network = ontology.network
+        for function, output in enumerate(network.outputs):
+            for input_ in network.inputs_of(function):
+                self._users.setdefault(input_, []).append(output)
+        for service in needed:
+            self.serve(service)
+
+    @property
+    def stale(self) -> bool:
+        """Whether there is an answer to be made."""
+        return bool(self._stale)
+
+    def serve(self, service: Service) -> None:
+        """Make plans for a needed service, which may have been another before."""
+        self.forget(service.name)
+        self._needed[service.name] = service
+        self._stale[service.name] = None
+        for name in service.properties:
+            number = self._ontology.network.number(name)
+            self._of_property.setdefault(number, set()).add(service.name)
+
+    def forget(self, name: str) -> None:
+        """Make no more plans for a service."""
+        self._drop(name)
+        self._stale.pop(name, None)
+        old = self._needed.pop(name, None)
+        for property_ in old.properties if old else ():
+            self._of_property[self._ontology.network.number(property_)].discard(name)
+
+    def change(self, gone: Iterable[Service], come: Iterable[Service]) -> None:
+        """Some services are available no more, some are now."""
+        gone, come = tuple(gone), tuple(come)
+        for service in gone:
+            for source in service.sources:
+                self.sources.discard(source)
+        for service in come:
+            self._publishers[service.name] = service.node
+            for source in service.sources:
+                self.sources.add(source)
+        for service in gone:
+            for name in sorted(self._readers.get(service.name, ())):
+                self._drop(name)
+        for name in self._improved(come):
+            self._drop(name)
+        self._gone.update({service.name: (self._moment, service) for service in gone})
+        for service in come:
+            if service.name in self._answers:
+                if self.to_avoid(service.name) != self._avoided[service.name]:
+                    self._drop(service.name)
+
+    def step(self) -> Optional[str]:
+        """Make one answer anew. Returns its service, None if all are there."""
+        name = next(iter(self._stale), None)
+        if name is None:
+            return None
+        del self._stale[name]
+        avoided = self.to_avoid(name)
+        try:
+            plan = plan_service(
+                self._ontology, self._needed[name], self.sources, avoided, self._method
+            )
+        except ShsaError as error:
+            self._answers[name] = error
+        else:
+            self._answers[name] = plan
+            for source in plan.inputs:
+                self._readers.setdefault(source.service.name, set()).add(name)
+        self._avoided[name] = avoided
+        self._moment += 1
+        self._made.pop(name, None)
+        self._made[name] = self._moment
+        return name
+
+    def plan(self, name: str) -> Optional[Plan]:
+        """The plan for a service; None if it is to be searched for, or there is none."""
+        answer = self._answers.get(name)
+        return answer if isinstance(answer, Plan) else None
+
+    def to_avoid(self, name: str) -> FrozenSet[str]:
+        """The nodes that are to publish a service, or did last."""
+        nodes = {self._needed[name].node, self._publishers.get(name, "")}
+        return frozenset(nodes - {""})
+
+    def _improved(self, come: Iterable[Service]) -> List[str]:
+        """The needed services that may have a better plan now.
+
+        A service that is back as it was concerns only those whose plan was made without it.
+        """
+        found: List[str] = []
+        new: List[Service] = []
+        for service in come:
+            moment, before = self._gone.pop(service.name, (0, None))
+            if before != service:
+                new.append(service)
+                continue
+            for name, made in reversed(self._made.items()):
+                if made <= moment:
+                    break
+                found.append(name)
+        return found + self._derived_from(new)
+
+    def _derived_from(self, services: Iterable[Service]) -> List[str]:
+        """The needed services with a property derived from one that some services provide."""
+        numbers = [self._ontology.network.number(p) for s in services for p in s.properties]
+        stack = list(dict.fromkeys(numbers))
+        seen = set(stack)
+        found: Dict[str, None] = {}
+        while stack:
+            number = stack.pop()
+            found.update(dict.fromkeys(sorted(self._of_property.get(number, ()))))
+            for output in self._users.get(number, ()):
+                if output not in seen:
+                    seen.add(output)
+                    stack.append(output)
+        return list(found)
+
+    def _drop(self, name: str) -> None:
+        answer = self._answers.pop(name, None)
+        self._made.pop(name, None)
+        if answer is not None:
+            self._stale[name] = None
+        if isinstance(answer, Plan):
+            for source in answer.inputs:
+                self._readers[source.service.name].discard(name)

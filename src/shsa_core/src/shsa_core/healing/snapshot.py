@@ -1,0 +1,44 @@
+"""What the healing of one service is told about the rest of the robot, each time that it decides.
+"""
+from dataclasses import dataclass
+from typing import FrozenSet, Mapping, Tuple, Union
+
+from shsa_core.healing.events import Command
+from shsa_core.healing.kills import KillNode
+from shsa_core.healing.planner import Planner
+from shsa_core.healing.settings import Settings
+from shsa_core.model.kinds import Standby
+from shsa_core.model.service import Service
+from shsa_core.monitoring.events import PublisherHealth
+
+Request = Union[Command, KillNode]
+"""What the healing of a service wants done: the reconfigurator makes one kill of several."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The robot at `time`, as far as `service` is concerned.
+
+    `publishers` of its topic, by name; `originals` are those of the service that are no
+    substitutes. `killing`: the nodes whose kill is under way. `incident`: the number of a new
+    incident. `spare`: an idle process, empty if there is none for this service, and when it was
+    started; `fresh`: the name of a new one. At most one of the two is taken each time.
+    """
+
+    time: float
+    service: Service
+    settings: Settings
+    planner: Planner
+    publishers: Mapping[str, PublisherHealth]
+    originals: Tuple[PublisherHealth, ...]
+    killing: FrozenSet[str]
+    incident: int
+    spare: str
+    spare_started: float
+    fresh: str
+
+    @property
+    def hot(self) -> bool:
+        """Whether a substitute of the service computes before it is needed."""
+        service = self.service
+        return service.needed and service.standby is Standby.HOT and service.policy.substitutes

@@ -1,0 +1,68 @@
+"""The lines of a journal; each is one JSON object, known by its first key.
+
+    {"journal": 1, "machine": NAME, "begun": DATE, "setup": {...}}    the first line {"class":
+    "FailureSeen", "time": 12.5, ...}                       an event {"answer": ["AskToLeave",
+    "Log"], "sha1": "..."}                  what the machine said to it, if anything {"end": WHY}
+    the last line, if the recording was ended
+"""
+import hashlib
+import json
+from typing import Any, NamedTuple, NoReturn, Sequence, Tuple
+
+from shsa_core.errors import ModelError
+from shsa_core.journal.codec import Codec
+
+VERSION = 1
+HEADER, ANSWER, DIGEST, END = "journal", "answer", "sha1", "end"
+START = b'{"journal":'
+"""What every journal begins with."""
+_write = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
+
+
+class Answer(NamedTuple):
+    """What a machine said to an event: the classes of the commands, and their SHA-1."""
+
+    names: Tuple[str, ...]
+    digest: str
+
+
+SILENCE = Answer((), "")
+
+
+def digest(codec: Codec, commands: Sequence[Any]) -> Answer:
+    """The answer that these commands are."""
+    if not commands:
+        return SILENCE
+    text = _write([codec.encode(command) for command in commands])
+    names = tuple(type(command).__name__ for command in commands)
+    return Answer(names, hashlib.sha1(text.encode()).hexdigest())
+
+
+def write_line(data: Any) -> bytes:
+    """One line."""
+    return _write(data).encode() + b"\n"
+
+
+def read_line(line: bytes, where: str) -> Any:
+    """The JSON object that a line is. Raises ModelError."""
+    try:
+        data = json.loads(line.decode("utf-8"), parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise ModelError(where, f"is not a line of a journal: {error}") from error
+    if not isinstance(data, dict):
+        raise ModelError(where, "is not a line of a journal: it is no JSON object")
+    return data
+
+
+def read_answer(data: Any, where: str) -> Answer:
+    """The answer of a line that has one. Raises ModelError."""
+    names, told = data[ANSWER], data.get(DIGEST)
+    if not isinstance(names, list) or not all(isinstance(each, str) for each in names):
+        raise ModelError(where, "an answer must be a list of names")
+    if not isinstance(told, str):
+        raise ModelError(where, f"an answer must have a {DIGEST}")
+    return Answer(tuple(names), told)
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not JSON")

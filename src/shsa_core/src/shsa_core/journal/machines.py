@@ -1,0 +1,102 @@
+"""Which machines can be journaled, and how each is made again: a new one is a line in MACHINES."""
+import inspect
+from functools import lru_cache
+from importlib import import_module
+from operator import attrgetter
+from typing import Any, Callable, Dict, List, Mapping, Protocol, Sequence, Tuple, get_type_hints
+
+from shsa_core.errors import ModelError, ShsaError
+from shsa_core.files.ontology_file import LAWS
+from shsa_core.journal.codec import Codec
+from shsa_core.journal.coders import Form
+from shsa_core.language.expression import Condition, parse_constraint
+from shsa_core.language.law import Law
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+
+MACHINES = {
+    "monitoring": "Monitor",
+    "healing": "Reconfigurator",
+    "substitution": "Substitute",
+}
+"""The part of the core that a machine is, and its class there: PART.machine has it, PART.events
+its unions.
+"""
+
+
+class Machine(Protocol):
+    """Events in, commands out; the same events, in the same order, give the same commands."""
+
+    def handle(self, event: Any) -> Sequence[Any]:
+        """What is to be done about an event."""
+
+
+def _read_law(written: Tuple[str, str]) -> Law:
+    """A law from a journal is checked as one from an ontology file is."""
+    key, text = written
+    if key not in LAWS:
+        raise ShsaError(f"there is no law {key!a}, only {', '.join(LAWS)}")
+    return LAWS[key](text)
+
+
+FORMS: Mapping[type, Form] = {
+    Som: Form(Tuple[Service, ...], tuple, Som),
+    Law: Form(Tuple[str, str], attrgetter("key", "text"), _read_law),
+    Condition: Form(str, attrgetter("text"), parse_constraint),
+}
+"""How the classes of the model that are no dataclasses, or that must be checked, are written."""
+
+
+class MachineKind:
+    """A sort of machine: how it is made, what it hears and says, and how that is written.
+
+    `make` is its class; the names and types of its arguments are those of its setup. `events` and
+    `commands` are unions. Raises TypeError if one of these types cannot be written.
+    """
+
+    def __init__(self, name: str, make: Callable[..., Machine], events: Any, commands: Any) -> None:
+        self.name = name
+        self.make = make
+        self.events = Codec(events, FORMS)
+        self.commands = Codec(commands, FORMS)
+        arguments = inspect.signature(make).parameters
+        hints = get_type_hints(getattr(make, "__init__") if isinstance(make, type) else make)
+        self._setup = {each: Codec(hints[each], FORMS) for each in arguments}
+        self._required = [n for n, each in arguments.items() if each.default is inspect._empty]
+
+    def encode_setup(self, setup: Mapping[str, Any]) -> Dict[str, Any]:
+        """The arguments of a machine as JSON values.
+
+        Raises TypeError if it has no such argument.
+        """
+        unknown = set(setup) - set(self._setup)
+        if unknown:
+            raise TypeError(f"{self.name} takes no {', '.join(sorted(unknown))}")
+        return {name: self._setup[name].encode(value) for name, value in setup.items()}
+
+    def decode_setup(self, data: Any, where: str) -> Dict[str, Any]:
+        """The arguments of a machine. Raises ModelError."""
+        if not isinstance(data, dict):
+            raise ModelError(where, "the setup must be an object")
+        for name in data:
+            if name not in self._setup:
+                raise ModelError(where, f"the setup of {self.name} has no {name!a}")
+        missing: List[str] = [name for name in self._required if name not in data]
+        if missing:
+            raise ModelError(where, f"the setup of {self.name} lacks {', '.join(missing)}")
+        return {
+            name: self._setup[name].decode(each, where, f"setup.{name}")
+            for name, each in data.items()
+        }
+
+
+@lru_cache(maxsize=None)
+def machine_kind(name: str) -> MachineKind:
+    """The machine of this name in MACHINES; only its own part of the core is imported.
+
+    Raises KeyError.
+    """
+    class_name = MACHINES[name]
+    machine = import_module(f"shsa_core.{name}.machine")
+    events = import_module(f"shsa_core.{name}.events")
+    return MachineKind(name, getattr(machine, class_name), events.Event, events.Command)

@@ -1,0 +1,176 @@
+"""Writes a journal while a machine works, and never in its way."""
+import os
+import stat
+import threading
+from collections import deque
+from datetime import datetime, timezone
+from typing import Any, Callable, Deque, List, Mapping, Optional, Sequence, Union
+
+from shsa_core.journal.lines import ANSWER, DIGEST, END, HEADER, START, VERSION, digest, write_line
+from shsa_core.journal.machines import MachineKind, machine_kind
+
+LIMIT_BYTES = 50_000_000
+WRITE_PERIOD_S = 0.2
+"""How often what was recorded is written: at most this much is lost when the process is killed."""
+WAITING = 100_000
+"""Records that may wait for the disk; a disk that is slower than that ends the recording."""
+BATCH = 50
+"""Lines that are made at once; between two batches other threads have their turn."""
+CLOSE_TIMEOUT_S = 2.0
+
+
+class JournalWriter:
+    """Records the events of one machine and its answers in a new file that only its owner can read.
+
+    An older journal of the same path is kept as `path.1`. Recording takes a microsecond; a thread
+    writes, so that a slow disk holds nobody up. What cannot go on, because the disk is full, the
+    file is gone or the limit is reached, ends the recording with one warning: there are no gaps, so
+    that what was recorded can always be replayed from its start.
+
+    Args:
+        path: the file.
+        machine: a name in MACHINES, or a kind of machine.
+        setup: the arguments that the machine was made with.
+        warn: is told, once, why the recording ended. It may be called from another thread.
+        limit_bytes: how long the file may become.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        machine: Union[str, MachineKind],
+        setup: Mapping[str, Any],
+        warn: Callable[[str], None],
+        limit_bytes: float = LIMIT_BYTES,
+    ) -> None:
+        self._path, self._warn, self._limit = path, warn, limit_bytes
+        self._kind = machine_kind(machine) if isinstance(machine, str) else machine
+        self._waiting: Deque[Any] = deque()
+        self._closing = threading.Event()
+        self._size = 0
+        self._file: Optional[int] = None
+        self._thread = threading.Thread(target=self._work, name="journal", daemon=True)
+        self.recording = True
+        try:
+            header = self._header(setup)
+            _keep_former(path)
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+            self._file = os.open(path, flags, 0o600)
+            self._write(header)
+        except (OSError, TypeError, ValueError) as error:
+            self._stop(str(error))
+        else:
+            self._thread.start()
+
+    def record(self, event: Any) -> None:
+        """Record an event; to be called before the machine handles it. Raises nothing."""
+        if self.recording:
+            self._waiting.append(event)
+
+    def answered(self, commands: Sequence[Any]) -> None:
+        """Record what the machine said to the last event. Raises nothing."""
+        if self.recording and commands:
+            self._waiting.append(_Said(tuple(commands)))
+
+    def close(self) -> None:
+        """Write what is left, and that the recording was ended in order."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join(CLOSE_TIMEOUT_S)
+
+    def _work(self) -> None:
+        while self.recording and not self._closing.wait(WRITE_PERIOD_S):
+            self._drain()
+        self._drain()
+        self._end("closed")
+
+    def _drain(self) -> None:
+        """Write what waits now."""
+        count = len(self._waiting)
+        try:
+            if count > WAITING:
+                raise OSError(f"the disk is too slow, {count} records wait for it")
+            if count and self._file is not None and os.fstat(self._file).st_nlink == 0:
+                raise OSError("the file was deleted")
+            for start in range(0, count, BATCH):
+                if not self.recording:
+                    return
+                lines = [self._waiting.popleft() for _ in range(min(BATCH, count - start))]
+                self._write_lines([self._line(each) for each in lines])
+        except (OSError, TypeError, ValueError, AttributeError) as error:
+            self._stop(str(error))
+
+    def _line(self, record: Any) -> bytes:
+        if not isinstance(record, _Said):
+            return write_line(self._kind.events.encode(record))
+        names, told = digest(self._kind.commands, record.commands)
+        return write_line({ANSWER: names, DIGEST: told})
+
+    def _write_lines(self, lines: List[bytes]) -> None:
+        """Write the lines up to the limit."""
+        room, fit = self._limit - self._size, 0
+        for line in lines:
+            room -= len(line)
+            if room < 0:
+                break
+            fit += 1
+        self._write(b"".join(lines[:fit]))
+        if fit < len(lines):
+            why = f"the limit of {self._limit:g} bytes is reached"
+            self._end(why)
+            self._warn(f"The journal {self._path} ends: {why}.")
+
+    def _write(self, data: bytes) -> None:
+        assert self._file is not None
+        self._size += len(data)
+        while data:
+            data = data[os.write(self._file, data) :]
+
+    def _end(self, why: str) -> None:
+        """End the recording in order."""
+        if self.recording:
+            try:
+                self._write(write_line({END: why}))
+            except OSError as error:
+                self._stop(str(error))
+            self._close_file()
+
+    def _stop(self, why: str) -> None:
+        """End the recording where it is."""
+        if self.recording:
+            self._close_file()
+            self._warn(f"The journal {self._path} cannot be written: {why}.")
+
+    def _close_file(self) -> None:
+        self.recording = False
+        self._waiting.clear()
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+    def _header(self, setup: Mapping[str, Any]) -> bytes:
+        begun = datetime.now(timezone.utc).isoformat(timespec="seconds")
+        arguments = self._kind.encode_setup(setup)
+        name = self._kind.name
+        return write_line({HEADER: VERSION, "machine": name, "begun": begun, "setup": arguments})
+
+
+class _Said:
+    """What a machine said to an event."""
+
+    __slots__ = ("commands",)
+
+    def __init__(self, commands: Sequence[Any]) -> None:
+        self.commands = commands
+
+
+def _keep_former(path: str) -> None:
+    """Rename a journal that is there already; what is no journal is left alone. Raises OSError."""
+    if not os.path.lexists(path):
+        return
+    if not stat.S_ISREG(os.lstat(path).st_mode):
+        raise OSError("there is something that is no file")
+    with open(path, "rb") as file:
+        if file.read(len(START)) != START:
+            raise OSError("there is a file that is no journal")
+    os.replace(path, path + ".1")

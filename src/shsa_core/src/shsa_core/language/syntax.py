@@ -1,0 +1,264 @@
+"""The syntax of the language: what is within it, and nothing is ever run as free Python."""
+import ast
+import difflib
+import keyword
+import math
+import operator
+import re
+from typing import Callable, Dict, List, Mapping, NoReturn, Optional, Tuple, Type
+
+from shsa_core.errors import ExpressionError
+from shsa_core.language.functions import CONSTANTS, ELAPSED, FUNCTIONS, RESERVED, STATEFUL, power
+
+MAX_LENGTH = 4000
+MAX_NODES = 1000
+MAX_DEPTH = 100
+MAX_EXPONENT = 100
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+_NOT_ALLOWED = re.compile(r"[^A-Za-z0-9_+\-*/%.,<>=!() ]")
+_OPERATORS: Mapping[Type[ast.operator], Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: power,
+}
+_COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
+_LANGUAGE = (
+    "numbers, names, + - * / // % **, comparisons, and, or, not, 'a if c else b', "
+    "dt, pi, and the functions " + ", ".join([*FUNCTIONS, *STATEFUL])
+)
+
+
+def is_name(text: str) -> bool:
+    """Whether a property or a constant may have this name."""
+    return bool(_NAME.match(text)) and not keyword.iskeyword(text) and text not in RESERVED
+
+
+def name_nodes(tree: ast.AST) -> List[ast.Name]:
+    """Every name in the tree, functions included, in the order of the text."""
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
+    return sorted(nodes, key=lambda node: (node.lineno, node.col_offset))
+
+
+def check_tree(tree: ast.expr, condition: bool) -> Tuple[str, ...]:
+    """The names that the tree uses, in order, once it is shown to be within the language.
+
+    Raises ExpressionError if it is not.
+    """
+    checker = _Checker()
+    if condition:
+        checker.condition(tree, depth=0, always=True)
+    else:
+        checker.number(tree, depth=0, always=True)
+    return tuple(dict.fromkeys(node.id for node in name_nodes(tree) if node.id not in RESERVED))
+
+
+def literal(node: ast.expr) -> Optional[float]:
+    """The value of a number as it is written, sign included; None if the node is anything else."""
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        value = literal(node.operand) if isinstance(node.operand, ast.Constant) else None
+        return None if value is None else -value
+    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+        try:
+            value = float(node.value)
+        except OverflowError:
+            return math.inf
+        return value
+    return None
+
+
+def checked_text(text: str, condition: bool) -> Tuple[str, Tuple[str, ...]]:
+    """The text of an expression, with single spaces, and the names it uses, in order of first use.
+
+    It is a number made of numbers, names and the fixed functions; or, with `condition`, a condition
+    made of those. Raises ExpressionError if it is anything else.
+    """
+    text = " ".join(text.split())
+    if not text:
+        raise ExpressionError("the expression is empty")
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(
+            f"the expression has {len(text)} characters; at most {MAX_LENGTH} are allowed"
+        )
+    foreign = _NOT_ALLOWED.search(text)
+    if foreign:
+        raise ExpressionError(
+            f"character {foreign.group()!a} at position {foreign.start() + 1} "
+            f"is not part of the language; allowed: {_LANGUAGE}"
+        )
+    return text, check_tree(syntax_tree(text), condition)
+
+
+def syntax_tree(text: str) -> ast.expr:
+    """The syntax tree of a text. Raises ExpressionError if it has none."""
+    try:
+        return ast.parse(text, mode="eval").body
+    except SyntaxError as error:
+        raise ExpressionError(
+            f"not an expression: it cannot be read from position {error.offset or 1} of "
+            f"'{_short(text)}'"
+        ) from error
+    except (MemoryError, RecursionError, ValueError, OverflowError) as error:
+        raise ExpressionError(f"nested too deeply: '{_short(text)}'") from error
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+class _Checker:
+    """Walks a tree and refuses everything that is not in the language.
+
+    `always` is false within a part that is not evaluated every time: a stateful function would miss
+    samples there.
+    """
+
+    def __init__(self) -> None:
+        self._nodes = 0
+
+    def number(self, node: ast.expr, depth: int, always: bool) -> None:
+        """Checks a part that must be a number."""
+        self._enter(depth)
+        value = literal(node)
+        if value is not None:
+            if not math.isfinite(value):
+                raise ExpressionError("a number is too large; the largest is about 1.8e308")
+        elif isinstance(node, ast.Name):
+            if node.id in RESERVED and node.id != ELAPSED and node.id not in CONSTANTS:
+                raise ExpressionError(f"'{node.id}' is a function: write {node.id}(...)")
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
+            self.number(node.operand, depth + 1, always)
+        elif isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+            self.number(node.left, depth + 1, always)
+            self.number(node.right, depth + 1, always)
+            if isinstance(node.op, ast.Pow):
+                _check_exponent(node.right)
+        elif isinstance(node, ast.IfExp):
+            self.condition(node.test, depth + 1, always)
+            self.number(node.body, depth + 1, False)
+            self.number(node.orelse, depth + 1, False)
+        elif isinstance(node, ast.Call):
+            self._call(node, depth, always)
+        elif _is_condition(node):
+            raise ExpressionError(
+                "a condition stands where a number is needed; write '1 if condition else 0'"
+            )
+        else:
+            _refuse(node)
+
+    def condition(self, node: ast.expr, depth: int, always: bool) -> None:
+        """Checks a part that must be true or false."""
+        self._enter(depth)
+        if isinstance(node, ast.Compare):
+            for comparison in node.ops:
+                if not isinstance(comparison, _COMPARISONS):
+                    _refuse(comparison)
+            self.number(node.left, depth + 1, always)
+            self.number(node.comparators[0], depth + 1, always)
+            for part in node.comparators[1:]:
+                self.number(part, depth + 1, False)
+        elif isinstance(node, ast.BoolOp):
+            self.condition(node.values[0], depth + 1, always)
+            for part in node.values[1:]:
+                self.condition(part, depth + 1, False)
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+            self.condition(node.operand, depth + 1, always)
+        elif isinstance(
+            node, (ast.Constant, ast.Name, ast.UnaryOp, ast.BinOp, ast.IfExp, ast.Call)
+        ):
+            raise ExpressionError(
+                "a number stands where a condition is needed; write a comparison such as 'a > 0'"
+            )
+        else:
+            _refuse(node)
+
+    def _enter(self, depth: int) -> None:
+        self._nodes += 1
+        if self._nodes > MAX_NODES:
+            raise ExpressionError(f"the expression has more than {MAX_NODES} parts")
+        if depth > MAX_DEPTH:
+            raise ExpressionError(f"the expression is nested more than {MAX_DEPTH} deep")
+
+    def _call(self, node: ast.Call, depth: int, always: bool) -> None:
+        if not isinstance(node.func, ast.Name):
+            _refuse(node.func)
+        name = node.func.id
+        if name in FUNCTIONS:
+            least, most = FUNCTIONS[name].least, FUNCTIONS[name].most
+        elif name in STATEFUL:
+            least = most = STATEFUL[name].arguments
+            if not always:
+                raise ExpressionError(
+                    f"{name}(...) stands where it is not evaluated every time, so it would miss "
+                    "samples; give it a property and a relation of its own"
+                )
+        else:
+            close = difflib.get_close_matches(name, [*FUNCTIONS, *STATEFUL], n=1)
+            hint = f"; did you mean {close[0]}?" if close else ""
+            raise ExpressionError(f"there is no function '{name}'{hint}; allowed: {_LANGUAGE}")
+        if node.keywords:
+            raise ExpressionError(f"{name}(...) takes no arguments by name")
+        if len(node.args) < least or (most is not None and len(node.args) > most):
+            number = str(least) if most == least else f"{least} or more"
+            raise ExpressionError(f"{name}(...) takes {number} arguments, not {len(node.args)}")
+        for argument in node.args:
+            self.number(argument, depth + 1, always)
+
+
+def _check_exponent(node: ast.expr) -> None:
+    if any(child.id not in RESERVED or child.id == ELAPSED for child in name_nodes(node)):
+        return
+    try:
+        value = _constant(node)
+    except (ArithmeticError, ValueError) as error:
+        raise ExpressionError("the exponent has no value") from error
+    if not abs(value) <= MAX_EXPONENT:
+        raise ExpressionError(f"the exponent is {value:g}; at most {MAX_EXPONENT} is allowed")
+
+
+def _constant(node: ast.expr) -> float:
+    value = literal(node)
+    if value is not None:
+        return value
+    if isinstance(node, ast.Name):
+        return CONSTANTS[node.id]
+    if isinstance(node, ast.UnaryOp):
+        value = _constant(node.operand)
+        return -value if isinstance(node.op, ast.USub) else value
+    if isinstance(node, ast.BinOp):
+        return _OPERATORS[type(node.op)](_constant(node.left), _constant(node.right))
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        if node.func.id in FUNCTIONS:
+            return FUNCTIONS[node.func.id].call(*[_constant(a) for a in node.args])
+    raise ExpressionError("an exponent without names must be made of numbers and arithmetic alone")
+
+
+def _is_condition(node: ast.expr) -> bool:
+    return isinstance(node, (ast.Compare, ast.BoolOp)) or (
+        isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
+    )
+
+
+_PARTS: Dict[type, str] = {
+    ast.Attribute: "an attribute (a.b)",
+    ast.Subscript: "a subscript (a[b])",
+    ast.Constant: "a value that is not a number",
+    ast.Starred: "a starred argument (*a)",
+    ast.Tuple: "a tuple (a, b)",
+    ast.Call: "a call of a result",
+    ast.Is: "the operator 'is'",
+    ast.IsNot: "the operator 'is not'",
+    ast.In: "the operator 'in'",
+    ast.NotIn: "the operator 'not in'",
+    ast.GeneratorExp: "a loop (... for ... in ...)",
+}
+
+
+def _refuse(node: ast.AST) -> NoReturn:
+    part: ast.AST = node.op if isinstance(node, (ast.UnaryOp, ast.BinOp)) else node
+    what = _PARTS.get(type(part), f"'{type(part).__name__}'")
+    raise ExpressionError(f"{what} is not part of the language; allowed: {_LANGUAGE}")

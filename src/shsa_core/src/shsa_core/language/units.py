@@ -1,0 +1,146 @@
+"""Units, and the quantities that parts of an expression are."""
+import functools
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Dict, Mapping, Optional, Tuple
+
+from shsa_core.errors import UnitError
+
+_UNIT = re.compile(
+    r"""\s*(1|[A-Za-zµμΩ°%]+)(\s*(\^|\*\*)\s*-?[1-9](?!\d))?"""
+    r"""(\s*[*/ ]\s*(1|[A-Za-zµμΩ°%]+)(\s*(\^|\*\*)\s*-?[1-9](?!\d))?)*\s*\Z"""
+)
+_MAX_LENGTH = 40
+_BASE = {"meter": "m", "second": "s", "kilogram": "kg", "gram": "g", "ampere": "A", "kelvin": "K"}
+_SPELLINGS = (("°C", "degC"), ("°", "degree"), ("%", "percent"), ("^", "**"))
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Powers of base units, and how many of them one unit is.
+
+    `scale` is None where it is not known. `sure` is false where a plain factor such as 2 was taken
+    to have no unit.
+    """
+
+    powers: Tuple[Tuple[str, Fraction], ...] = ()
+    scale: Optional[float] = 1.0
+    sure: bool = True
+
+    def __str__(self) -> str:
+        parts = [
+            _BASE.get(name, name) + ("" if power == 1 else f"^{_power_text(power)}")
+            for name, power in self.powers
+        ]
+        text = _derived().get(self.powers) or "*".join(parts) or "(no unit)"
+        known = self.scale is not None and not math.isclose(self.scale, 1.0)
+        return f"{self.scale:g} {text}" if known else text
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number as it is written: in a sum it takes any unit.
+
+    A plain one such as 2 is a factor without a unit.
+    """
+
+    plain: bool
+
+
+Quantity = Any  # Unit, Number, or None: anything
+SECOND = Unit((("second", Fraction(1)),))
+NO_UNIT = Unit()
+
+
+def parse_unit(text: str) -> Optional[Unit]:
+    """The unit that `text` names: `A`, `m/s^2`, `1` for none.
+
+    None if the text is empty (not known).
+
+    Raises UnitError if there is no such unit.
+    """
+    return _parse_unit(text.strip()) if text.strip() else None
+
+
+@functools.lru_cache(maxsize=None)
+def _registry() -> Any:
+    import pint  # takes a third of a second: only who checks units pays for it
+
+    registry = pint.UnitRegistry()
+    try:
+        registry.parse_units("percent")
+    except AttributeError:  # older versions do not have it
+        registry.define("percent = 0.01")
+    return registry
+
+
+@functools.lru_cache(maxsize=None)
+def _derived() -> Mapping[Tuple[Tuple[str, Fraction], ...], str]:
+    return {_parse_unit(name).powers: name for name in ("N", "J", "W", "C", "V", "ohm", "F")}
+
+
+@functools.lru_cache(maxsize=4096)
+def _parse_unit(text: str) -> Unit:
+    if len(text) > _MAX_LENGTH or not _UNIT.match(text):
+        raise UnitError(f"{text[:_MAX_LENGTH]!r} is not a unit; write it like A, m/s^2 or W*h")
+    spelled = re.sub(r"(?<=[\w°%])\s+(?=[A-Za-zµμΩ°%1])", "*", text)
+    for ours, theirs in _SPELLINGS:
+        spelled = spelled.replace(ours, theirs)
+    # To older versions h is Planck's constant, and there is no Ah.
+    spelled = re.sub(r"\bh\b", "hour", re.sub(r"\bAh\b", "(A*h)", spelled))
+    registry = _registry()
+    try:
+        unit = registry.parse_units("" if spelled == "1" else spelled)
+        factor, base = registry.get_base_units(unit)
+    except (AttributeError, TypeError, ValueError, ArithmeticError, SyntaxError) as error:
+        raise UnitError(f"there is no unit {text!r}: {error}") from error
+    powers = {str(name): Fraction(n).limit_denominator(12) for name, n in base._units.items()}
+    powers.pop("radian", None)
+    scale = None if "deg" in spelled and unit.dimensionality else float(factor)
+    return Unit(tuple(sorted(powers.items())), scale)
+
+
+def _power_text(power: Fraction) -> str:
+    return str(power) if power.denominator == 1 else f"({power})"
+
+
+def times(left: Quantity, right: Quantity, sign: int = 1) -> Quantity:
+    """The quantity of a product (`sign` 1) or a quotient (-1)."""
+    if isinstance(left, Number) and isinstance(right, Number):
+        return Number(left.plain and right.plain)
+    for one, other, other_sign in ((left, right, sign), (right, left, 1)):
+        if isinstance(one, Number):
+            if not one.plain or not isinstance(other, Unit):
+                return None
+            factor = raised(other, Fraction(other_sign))
+            return Unit(factor.powers, None, False)
+    if left is None or right is None:
+        return None
+    powers: Dict[str, Fraction] = dict(left.powers)
+    for name, power in right.powers:
+        powers[name] = powers.get(name, Fraction(0)) + sign * power
+    scale = None
+    if left.scale is not None and right.scale is not None:
+        scale = left.scale * right.scale**sign
+    kept = tuple(sorted((name, power) for name, power in powers.items() if power))
+    return Unit(kept, scale, left.sure and right.sure)
+
+
+def raised(unit: Quantity, exponent: Fraction) -> Quantity:
+    """The quantity of a power."""
+    if not isinstance(unit, Unit):
+        return unit
+    scale = None if unit.scale is None else unit.scale ** float(exponent)
+    powers = tuple((name, power * exponent) for name, power in unit.powers if exponent)
+    return Unit(powers, scale, unit.sure)
+
+
+def match(one: Unit, other: Unit) -> bool:
+    """Whether two units are the same, as far as their scales are known."""
+    if one.powers != other.powers:
+        return False
+    if one.scale is None or other.scale is None:
+        return True
+    return math.isclose(one.scale, other.scale, rel_tol=1e-9)

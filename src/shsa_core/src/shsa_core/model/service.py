@@ -1,0 +1,173 @@
+"""A service: one topic of one node, and what it provides (Section III-B of the paper)."""
+import dataclasses
+from dataclasses import dataclass
+from typing import Optional, Tuple
+
+from shsa_core.model.checks import Check, Checks, default_checks
+from shsa_core.model.kinds import Policy, Standby
+
+
+@dataclass(frozen=True)
+class Provision:
+    """One value of a service: the property, and the field of the message that holds it.
+
+    `range` (lowest, highest) in the property's unit, None for no limit; `quality` in (0, 1];
+    `checks` are those of this value; `where`: file and line, or parameter.
+    """
+
+    property: str
+    field: str
+    range: Optional[Tuple[float, float]] = None
+    quality: float = 1.0
+    checks: Tuple[Check, ...] = default_checks(of_values=True)
+    where: str = dataclasses.field(default="", compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class LastResort:
+    """What is done when nothing can substitute: publish `values`, run `command`.
+
+    A value is a property and a number in its unit.
+
+    With neither, the topic is silent. `command` is a program and its arguments; it goes through no
+    shell.
+    """
+
+    values: Tuple[Tuple[str, float], ...] = ()
+    command: Tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Service:
+    """One topic of one node.
+
+    `period` in s, None: an event-driven topic; `deadline`: periods without a message after which
+    its publisher is silent, None: as usual; `needed`: somebody relies on it, so that it is healed;
+    `provides`: the values in it, in the order of the SOM; `where`: file and line, or parameter.
+    """
+
+    name: str
+    topic: str
+    type: str
+    node: str
+    period: Optional[float]
+    provides: Tuple[Provision, ...]
+    deadline: Optional[float] = None
+    needed: bool = False
+    standby: Standby = Standby.COLD
+    policy: Policy = Policy.SUBSTITUTE
+    checks: Checks = Checks()
+    last_resort: LastResort = LastResort()
+    where: str = dataclasses.field(default="", compare=False, repr=False)
+    sources: Tuple["Source", ...] = dataclasses.field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        sources = tuple(Source(self, provision) for provision in self.provides)
+        object.__setattr__(self, "sources", sources)
+
+    def __hash__(self) -> int:
+        return hash(self.name)
+
+    @property
+    def properties(self) -> Tuple[str, ...]:
+        """The properties that it provides."""
+        return tuple(provision.property for provision in self.provides)
+
+    @property
+    def event_driven(self) -> bool:
+        """Whether it publishes when something happens, and not periodically."""
+        return self.period is None
+
+    def source(self, property: str) -> Optional["Source"]:
+        """The value that provides `property`; None if none does."""
+        return next((s for s in self.sources if s.property == property), None)
+
+
+@dataclass(frozen=True)
+class Source:
+    """One value of one service: where a property can be read, or written again."""
+
+    service: Service = dataclasses.field(repr=False)
+    provision: Provision
+
+    def __hash__(self) -> int:
+        return hash((self.service.name, self.provision.property))
+
+    @property
+    def quality(self) -> float:
+        """In (0, 1]."""
+        return self.provision.quality
+
+    @property
+    def topic(self) -> str:
+        """The topic that it is read from."""
+        return self.service.topic
+
+    @property
+    def node(self) -> str:
+        """The node that publishes it."""
+        return self.service.node
+
+    @property
+    def names(self) -> Tuple[str, str, str]:
+        """What it can be left out by: its service, topic and node."""
+        return self.service.name, self.service.topic, self.service.node
+
+    @property
+    def path(self) -> str:
+        """Topic and field as `rostopic echo` takes them: `/odom/twist/twist/linear/x`."""
+        return signal_path(self.service.topic, self.provision.field)
+
+    @property  # the last one: from here on the class has a `property` of its own
+    def property(self) -> str:
+        """The property that it provides."""
+        return self.provision.property
+
+
+@dataclass(frozen=True)
+class Signal:
+    """What a substitute must know of a value that it reads or writes.
+
+    `period` in s, None: event-driven; `deadline`: s after which a value is stale, None: it never
+    is. `node`: whose messages count, where several services share the topic; empty: anybody's.
+    """
+
+    topic: str
+    field: str
+    type: str
+    node: str
+    period: Optional[float]
+    deadline: Optional[float]
+
+    @property
+    def path(self) -> str:
+        """Topic and field as `rostopic echo` takes them: `/odom/twist/twist/linear/x`."""
+        return signal_path(self.topic, self.field)
+
+
+@dataclass(frozen=True)
+class Deadlines:
+    """How long a service may be silent, if it has no deadline of its own.
+
+    That is `periods`, but at least `minimum` s.
+
+    A healthy stream of a 10 ms period has gaps of 53 ms on a loaded machine.
+    """
+
+    periods: float = 5.0
+    minimum: float = 0.25
+
+    def of(self, service: Service) -> Optional[float]:
+        """The silence in s after which a service has failed and its values are stale; None:
+        neither ever.
+        """
+        if service.period is None:
+            return None
+        if service.deadline is not None:
+            return service.deadline * service.period
+        return max(self.periods * service.period, self.minimum)
+
+
+def signal_path(topic: str, field: str) -> str:
+    """Topic and field as `rostopic echo` takes them."""
+    return topic + "/" + field.replace(".", "/")

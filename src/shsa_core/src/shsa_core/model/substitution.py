@@ -1,0 +1,34 @@
+"""The table of substitutions: which substitutes run, what each computes, and which publish."""
+from dataclasses import dataclass
+from typing import Tuple
+
+from shsa_core.model.service import Signal
+
+
+@dataclass(frozen=True)
+class Substitution:
+    """One row of the table; see shsa_msgs/Substitution.
+
+    `quality` is 0 for safe values, which promise nothing. `original`: the node that it stands in
+    for, once that is gone. An idle process has neither `service` nor `code`.
+    """
+
+    node: str
+    service: str
+    inputs: Tuple[Signal, ...]
+    code: str
+    outputs: Tuple[Signal, ...]
+    relations: Tuple[str, ...] = ()
+    quality: float = 0.0
+    publishing: bool = False
+    original: str = ""
+
+    @property
+    def idle(self) -> bool:
+        """Whether it has no program yet."""
+        return not self.code
+
+    @property
+    def topics(self) -> Tuple[str, ...]:
+        """The topics that it has advertised, each once."""
+        return tuple(dict.fromkeys(signal.topic for signal in self.outputs))

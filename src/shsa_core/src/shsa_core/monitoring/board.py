@@ -1,0 +1,210 @@
+"""The table of health as it is kept up: who publishes what, how each is doing, and what changed."""
+from math import inf
+from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
+
+from shsa_core.errors import ShsaError
+from shsa_core.model.kinds import Kind
+from shsa_core.monitoring.alarms import Alarms
+from shsa_core.monitoring.events import (
+    Command,
+    FailureDetected,
+    HealthChanged,
+    Key,
+    PublisherHealth,
+    PublisherState,
+)
+from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedService, WatchedTopic
+from shsa_core.monitoring.substitutes import Substitutes
+
+UNKNOWN, HEALTHY, FAILED = PublisherState.UNKNOWN, PublisherState.HEALTHY, PublisherState.FAILED
+
+
+class Silence(NamedTuple):
+    """A publisher may have been silent for too long."""
+
+    topic: str
+    publisher: str
+
+
+class Grace(NamedTuple):
+    """The start-up grace of a service may be over."""
+
+    topic: str
+    service: str
+
+
+Due = Union[Silence, Grace]
+
+
+class Board:
+    """The watched topics with their publishers; notes every change until `commands` takes them."""
+
+    def __init__(self) -> None:
+        self.topics: Dict[str, WatchedTopic] = {}
+        self.substitutes = Substitutes()
+        self.alarms: Alarms[Due] = Alarms()
+        self._failures: List[FailureDetected] = []
+        self._touched: Dict[Key, None] = {}
+
+    def all(self) -> Iterable[Tuple[WatchedTopic, Publisher]]:
+        """Every publisher with its topic."""
+        for topic in self.topics.values():
+            for publisher in topic.publishers.values():
+                yield topic, publisher
+
+    def find(self, topic: str, name: str) -> Optional[Tuple[WatchedTopic, Publisher]]:
+        """A publisher with its topic; None if there is none of that name."""
+        found = self.topics.get(topic)
+        publisher = found.publishers.get(name) if found else None
+        return (found, publisher) if found and publisher else None
+
+    def table(self) -> Tuple[PublisherHealth, ...]:
+        """The row of every publisher."""
+        return tuple(publisher.row(topic.name) for topic, publisher in self.all())
+
+    def commands(self, time: float) -> List[Command]:
+        """The failures and the changed rows since this was called last."""
+        commands: List[Command] = list(self._failures)
+        if self._touched:
+            found = {key: self.find(*key) for key in self._touched}
+            rows = tuple(each[1].row(each[0].name) for each in found.values() if each)
+            removed = tuple(key for key, each in found.items() if not each)
+            commands.append(HealthChanged(time, rows, removed))
+        self._failures, self._touched = [], {}
+        return commands
+
+    # Who is who
+
+    def watched_of(self, topic: WatchedTopic, publisher: str) -> Optional[WatchedService]:
+        """The service that a publisher provides; None if nobody can tell."""
+        return topic.service_of(publisher, self.substitutes.service(publisher))
+
+    def is_named(self, topic: WatchedTopic, publisher: Publisher) -> bool:
+        """Whether the SOM or the table of substitutions names a publisher, or did until now."""
+        name = publisher.name
+        return name in topic.nodes or self.substitutes.is_known(topic.name, name)
+
+    def may_be_silent(self, topic: WatchedTopic, publisher: Publisher) -> bool:
+        """Whether a publisher is a substitute that need not publish here."""
+        return self.substitutes.may_be_silent(topic.name, publisher.name)
+
+    # Changes
+
+    def meet(self, topic: WatchedTopic, name: str, time: float) -> Publisher:
+        """A new publisher, in place of an old one of that name."""
+        self.substitutes.retired.discard((topic.name, name))
+        publisher = topic.meet(name, time, self.watched_of(topic, name))
+        self.touch(topic, name)
+        self._miss_no_more(topic, publisher.watched)
+        self.notice(topic, publisher, time)
+        return publisher
+
+    def notice(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
+        """A publisher is connected: all that is asked of the node of an event-driven service."""
+        watched = publisher.watched
+        if watched is None or not publisher.connected or self.may_be_silent(topic, publisher):
+            return
+        watched.appeared = True
+        if publisher.last_message is None:
+            named = publisher.name == watched.service.node
+            if watched.service.event_driven and named and publisher.state is UNKNOWN:
+                self.become_healthy(topic, publisher, time)
+            elif not watched.service.event_driven and publisher.state is HEALTHY:
+                self.mute(topic, publisher, time)
+
+    def expect(self, topic: WatchedTopic, time: float) -> Publisher:
+        """The publisher without a name: somebody should be there."""
+        self.touch(topic, NOBODY)
+        if NOBODY not in topic.publishers:
+            topic.meet(NOBODY, time, None).connected = False
+        return topic.publishers[NOBODY]
+
+    def fail(
+        self, topic: WatchedTopic, publisher: Publisher, time: float, kind: Kind, detail: str
+    ) -> None:
+        """A publisher has failed."""
+        publisher.become(time, FAILED, kind, detail)
+        service = publisher.service.name if publisher.service else ""
+        whom = (service, topic.name, publisher.name)
+        self._failures.append(FailureDetected(time, *whom, kind, detail, publisher.last_good))
+        self.touch(topic, publisher.name)
+
+    def become_healthy(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
+        """A publisher is as it should be."""
+        publisher.become(time, HEALTHY)
+        self.alarms.set(Silence(topic.name, publisher.name), publisher.deadline)
+        self.touch(topic, publisher.name)
+        self._miss_no_more(topic, publisher.watched)
+        self.forget_gone(topic)
+
+    def mute(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
+        """A publisher publishes no more, as it should; it begins anew when it does."""
+        publisher.mute(time)
+        self.touch(topic, publisher.name)
+
+    def drop(self, topic: WatchedTopic, name: str) -> None:
+        """A publisher is nobody's business any more."""
+        del topic.publishers[name]
+        self.substitutes.retired.discard((topic.name, name))
+        self.touch(topic, name)
+
+    def drop_topic(self, name: str) -> None:
+        """A topic is watched no more."""
+        topic = self.topics[name]
+        for publisher in list(topic.publishers):
+            self.drop(topic, publisher)
+        del self.topics[name]
+
+    def forget_gone(self, topic: WatchedTopic) -> None:
+        """Drop the publishers that are gone and missed by nobody."""
+        for name in topic.missed_by_nobody():
+            self.drop(topic, name)
+
+    def _miss_no_more(self, topic: WatchedTopic, watched: Optional[WatchedService]) -> None:
+        """Somebody provides a service: drop the publisher without a name.
+
+        It stays if it stands for another service.
+        """
+        nobody = topic.publishers.get(NOBODY)
+        if nobody is not None and (nobody.state is not FAILED or nobody.watched is watched):
+            self.drop(topic, NOBODY)
+
+    def touch(self, topic: WatchedTopic, publisher: str) -> None:
+        """A row has changed."""
+        self._touched[topic.name, publisher] = None
+
+    # For tests
+
+    def validate(self) -> None:
+        """Raise ShsaError if anything is as it must never be."""
+        for topic in self.topics.values():
+            self._validate_topic(topic)
+        for topic, publisher in self.all():
+            self._validate_publisher(topic, publisher)
+        for key in self.substitutes.retired:
+            _must(self.find(*key) is not None, f"{key} is retired, but not there")
+
+    def _validate_topic(self, topic: WatchedTopic) -> None:
+        _must(bool(topic.services), f"{topic.name} is watched for no service")
+        _must(bool(topic.publishers), f"{topic.name} has no row")
+        for watched in topic.services.values():
+            come = watched.published or watched.service.event_driven and watched.appeared
+            due = self.alarms.when(Grace(topic.name, watched.service.name))
+            missed = not come and not watched.overdue and due == inf
+            _must(not missed, f"nobody waits for {watched.service.name}")
+
+    def _validate_publisher(self, topic: WatchedTopic, publisher: Publisher) -> None:
+        where = f"{publisher.name or 'nobody'} on {topic.name}"
+        state, watched = publisher.state, publisher.watched
+        own = watched is None or topic.services.get(watched.service.name) is watched
+        _must(own, f"{where} provides a service of another topic")
+        _must((state is FAILED) == (publisher.kind is not None), f"{where} is {state} without why")
+        _must(publisher.connected or state is not HEALTHY, f"{where} is gone, and healthy")
+        _must(publisher.name != NOBODY or not publisher.connected, f"{where} is connected")
+        due = self.alarms.when(Silence(topic.name, publisher.name))
+        _must(due <= publisher.deadline, f"nobody looks at {where} when it is due")
+
+
+def _must(holds: bool, otherwise: str) -> None:
+    if not holds:
+        raise ShsaError(f"the monitor's table is wrong: {otherwise}")

@@ -1,0 +1,173 @@
+"""What the monitor knows of the services of a watched topic and of their publishers."""
+from dataclasses import dataclass, field
+from math import inf
+from typing import Dict, List, Optional, Sequence, Tuple
+
+from shsa_core.model.checks import Check, IntruderSample
+from shsa_core.model.kinds import Kind
+from shsa_core.model.service import Deadlines, Service
+from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_core.monitoring.evidence import Evidence
+
+NOBODY = ""
+"""The name of the publisher that should be there, while there is none."""
+
+
+@dataclass
+class WatchedService:
+    """One service of a topic. `deadline`: s of silence that are allowed, inf: any.
+
+    `began`: when it was first watched.
+
+    `appeared`: somebody connected for it; `published`: a message came; `overdue`: it was told that
+    none did.
+    """
+
+    service: Service
+    deadline: float
+    began: float
+    appeared: bool = False
+    published: bool = False
+    overdue: bool = False
+
+
+@dataclass
+class Publisher:
+    """What is known of one publisher of one topic. Times in s.
+
+    `granted`: extra time until it counts as silent.
+
+    `watched` is the service that it provides, None: nobody can tell, so that only its connection is
+    watched.
+    """
+
+    name: str
+    since: float
+    watched: Optional[WatchedService]
+    evidence: Optional[Evidence] = None
+    connected: bool = True
+    state: PublisherState = PublisherState.UNKNOWN
+    kind: Optional[Kind] = None
+    detail: str = ""
+    first_message: Optional[float] = None
+    last_message: Optional[float] = None
+    last_good: Optional[float] = None
+    messages: int = 0
+    good_in_a_row: int = 0
+    granted: float = 0.0
+    intruding_since: Optional[float] = None
+
+    def __post_init__(self) -> None:
+        self.begin_anew()
+
+    @property
+    def service(self) -> Optional[Service]:
+        """The service that it provides."""
+        return self.watched.service if self.watched else None
+
+    @property
+    def allowed(self) -> float:
+        """The silence in s that is allowed; inf: any."""
+        return self.watched.deadline if self.watched else inf
+
+    @property
+    def deadline(self) -> float:
+        """When silence becomes a failure; inf: it does not."""
+        if self.last_message is None or self.state is PublisherState.FAILED:
+            return inf
+        return self.last_message + self.allowed + self.granted
+
+    def provide(self, watched: Optional[WatchedService], anew: bool = True) -> None:
+        """Provide a service from now on; `anew`: what was seen before does not count for it."""
+        self.watched = watched
+        if anew:
+            self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Forget the evidence."""
+        self.evidence = Evidence(self.watched.service) if self.watched else None
+
+    def forgive(self) -> None:
+        """Forget what was bad."""
+        if self.evidence is not None:
+            self.evidence.clear()
+
+    def become(
+        self, time: float, state: PublisherState, kind: Optional[Kind] = None, detail: str = ""
+    ) -> None:
+        """Enter a state."""
+        self.state, self.since, self.kind, self.detail = state, time, kind, detail
+        self.good_in_a_row = 0
+
+    def mute(self, time: float) -> None:
+        """Begin anew once it publishes again."""
+        self.become(time, PublisherState.UNKNOWN)
+        self.begin_anew()
+        self.first_message = self.last_message = None
+
+    def note_message(self, time: float) -> None:
+        """Count a message."""
+        self.messages += 1
+        self.last_message, self.granted = time, 0.0
+        if self.first_message is None:
+            self.first_message = time
+
+    def row(self, topic: str) -> PublisherHealth:
+        """Its row in the table."""
+        moments = (self.since, self.first_message, self.last_good)
+        return PublisherHealth(topic, self.name, self.state, *moments, self.kind, self.detail)
+
+
+@dataclass
+class WatchedTopic:
+    """One watched topic: its services by name, and its publishers; while there are none, NOBODY."""
+
+    name: str
+    services: Dict[str, WatchedService] = field(default_factory=dict)
+    publishers: Dict[str, Publisher] = field(default_factory=dict)
+    nodes: Dict[str, WatchedService] = field(default_factory=dict)
+    intruder_checks: Tuple[Check, ...] = ()
+
+    def serve(self, services: Sequence[Service], deadlines: Deadlines, time: float) -> List[str]:
+        """Carry these services from now on; the names of those that are new."""
+        old, self.services = self.services, {}
+        for service in services:
+            deadline = deadlines.of(service)
+            watched = old.get(service.name)
+            if watched is None or watched.service.event_driven is not service.event_driven:
+                watched = WatchedService(service, inf, time)
+            watched.service, watched.deadline = service, inf if deadline is None else deadline
+            self.services[service.name] = watched
+        self.nodes = {watched.service.node: watched for watched in self.services.values()}
+        self.intruder_checks = tuple(
+            check for s in services for check in s.checks.each if check.sample is IntruderSample
+        )
+        return [name for name, watched in self.services.items() if watched is not old.get(name)]
+
+    def service_of(self, publisher: str, substituted: str) -> Optional[WatchedService]:
+        """The service that a publisher provides.
+
+        `substituted`: the one whose place it takes, if it is a substitute.
+
+        Whoever is not known stands for the topic's service if there is only one.
+        """
+        found = self.nodes.get(publisher) or self.services.get(substituted)
+        if found is None and len(self.services) == 1:
+            found = next(iter(self.services.values()))
+        return found
+
+    def meet(self, name: str, time: float, watched: Optional[WatchedService]) -> Publisher:
+        """A new publisher, in place of an old one of that name."""
+        self.publishers[name] = Publisher(name, time, watched)
+        return self.publishers[name]
+
+    def healthy(self) -> List[Publisher]:
+        """The healthy publishers."""
+        return [p for p in self.publishers.values() if p.state is PublisherState.HEALTHY]
+
+    def missed_by_nobody(self) -> List[str]:
+        """Publishers that may be forgotten: neither a node of the SOM nor the last hope."""
+        if not self.healthy():
+            return []
+        gone = [p.name for p in self.publishers.values() if not p.connected and p.name != NOBODY]
+        return [name for name in gone if name not in self.nodes]

@@ -1,0 +1,23 @@
+"""The monitor's settings, where a service has none of its own."""
+from dataclasses import dataclass
+
+from shsa_core.model.service import Deadlines
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The monitor's settings.
+
+    `startup_grace`: s until a service that has never been there has failed.
+    `deadline`: periods without a message after which a publisher is silent, but at least
+    `minimum_deadline` s.
+    """
+
+    startup_grace: float = 15.0
+    deadline: float = Deadlines.periods
+    minimum_deadline: float = Deadlines.minimum
+
+    @property
+    def deadlines(self) -> Deadlines:
+        """How long a service may be silent."""
+        return Deadlines(self.deadline, self.minimum_deadline)

@@ -1,0 +1,59 @@
+"""What the monitor knows of substitutes: their rows, and those that are being stopped."""
+from typing import Dict, Iterable, List, Optional, Set, Tuple
+
+from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.events import Key, SubstitutionsChanged
+
+Change = Tuple[str, Optional[Substitution], Optional[Substitution]]
+"""A node, and its row before and now."""
+
+
+class Substitutes:
+    """The table of substitutions, and the substitutes that have left it but are connected still."""
+
+    def __init__(self) -> None:
+        self._rows: Dict[str, Substitution] = {}
+        self.retired: Set[Key] = set()
+
+    def change(self, event: SubstitutionsChanged) -> List[Change]:
+        """Take a change of the table; which rows it changes."""
+        new = {row.node: row for row in event.rows if row.node}  # the others are plans
+        gone = list(self._rows) if event.whole else event.removed
+        changes: List[Change] = [
+            (node, self._rows.pop(node), None)
+            for node in gone
+            if node in self._rows and node not in new
+        ]
+        for node, row in new.items():
+            before = self._rows.get(node)
+            if before != row:
+                changes.append((node, before, row))
+        self._rows.update(new)
+        return changes
+
+    def service(self, node: str) -> str:
+        """The service whose place a node takes; empty: none."""
+        row = self._rows.get(node)
+        return row.service if row else ""
+
+    def is_known(self, topic: str, node: str) -> bool:
+        """Whether the table names a node, or did until now."""
+        return node in self._rows or (topic, node) in self.retired
+
+    def may_be_silent(self, topic: str, node: str) -> bool:
+        """Whether silence is no fault: a muted substitute, or one that is being stopped."""
+        if (topic, node) in self.retired:
+            return True
+        row = self._rows.get(node)
+        # An idle one, or one that publishes elsewhere, may have advertised this topic as well.
+        return row is not None and not publishes(row, topic)
+
+
+def publishes(row: Optional[Substitution], topic: str) -> bool:
+    """Whether a substitute is to publish on `topic`."""
+    return row is not None and row.publishing and topic in row.topics
+
+
+def topics_of(rows: Iterable[Optional[Substitution]]) -> List[str]:
+    """The topics of some rows, each once."""
+    return list(dict.fromkeys(topic for row in rows if row for topic in row.topics))

@@ -1,0 +1,1 @@
+"""What rospy, the master and the operating system are made to do."""

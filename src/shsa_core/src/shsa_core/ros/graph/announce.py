@@ -1,0 +1,60 @@
+"""Tells subscribers of a new publisher at once: the master's own notice takes up to 0.1 s."""
+import threading
+import xmlrpc.client
+from typing import Dict, Iterable, List, Sequence, Tuple
+
+import rospy
+
+from shsa_core.ros.graph.node_api import master_api, node_api
+
+Graph = Sequence[Tuple[str, List[str]]]
+"""Topics, and the nodes that publish or subscribe each."""
+
+
+def announce(topic: str, kind: str) -> None:
+    """Tell every subscriber of a topic that this node publishes it.
+
+    Raises one of node_api.FAILURES.
+    """
+    master = master_api()
+    uri = rospy.get_node_uri()
+    subscribers: List[str] = master.registerPublisher(topic, kind, uri)
+    # Registering as a subscriber is the cheapest way to the list of publishers.
+    publishers: List[str] = master.registerSubscriber(topic, kind, uri)
+    master.unregisterSubscriber(topic, uri)
+    _tell(subscribers, topic, publishers)
+
+
+def find_subscribers(topics: Iterable[str]) -> Dict[str, Tuple[str, ...]]:
+    """The nodes that subscribe each of `topics`; raises one of node_api.FAILURES."""
+    _, subscribing, _ = master_api().getSystemState()
+    return {topic: tuple(of_topic(subscribing, topic)) for topic in topics}
+
+
+def tell(topic: str, nodes: Iterable[str]) -> None:
+    """Tell these subscribers who publishes a topic; raises one of node_api.FAILURES."""
+    master = master_api()
+    publishing, _, _ = master.getSystemState()
+    publishers = [master.lookupNode(node) for node in of_topic(publishing, topic)]
+    _tell([master.lookupNode(node) for node in nodes], topic, publishers)
+
+
+def of_topic(state: Graph, topic: str) -> List[str]:
+    """The nodes that publish or subscribe a topic, by one part of the master's getSystemState."""
+    return [node for name, nodes in state if name == topic for node in nodes]
+
+
+def _tell(subscribers: Iterable[str], topic: str, publishers: List[str]) -> None:
+    """Tell the full list of publishers.
+
+    Each call has a thread and a timeout: a hung subscriber delays nobody.
+    """
+
+    def call(subscriber: str) -> None:
+        try:
+            node_api(subscriber).publisherUpdate("/master", topic, publishers)
+        except (OSError, xmlrpc.client.Error) as error:
+            rospy.logdebug("%s was not told of %s: %s", subscriber, topic, error)
+
+    for subscriber in subscribers:
+        threading.Thread(target=call, args=(subscriber,), daemon=True).start()

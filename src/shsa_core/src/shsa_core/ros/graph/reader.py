@@ -1,0 +1,66 @@
+"""Makes events of messages, which are decoded only as far as somebody checks them."""
+from typing import Dict, NamedTuple, Optional
+
+import rospy
+
+from shsa_core.errors import ShsaError
+from shsa_core.model.service import Service
+from shsa_core.monitoring.events import Message
+from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
+from shsa_core.ros.graph.connections import Connection
+from shsa_core.ros.graph.messages import Decoder, stamp
+
+
+class _Needs(NamedTuple):
+    """What the checks of a service need to know of the messages of one connection."""
+
+    service: Optional[Service]
+    values: Optional[Decoder] = None
+    stamps: bool = False
+
+
+class Reader:
+    """Reads the messages of every connection, each as the service needs it that it is judged by."""
+
+    def __init__(self) -> None:
+        self._needs: Dict[Connection, _Needs] = {}
+
+    def event(
+        self,
+        time: float,
+        waited: float,
+        connection: Connection,
+        data: bytes,
+        service: Optional[Service],
+    ) -> Message:
+        """The event that a message makes; `waited`: s that it may have waited for us."""
+        needs = self._needs.get(connection)
+        if needs is None or (needs.service is not service and needs.service != service):
+            needs = self._learn(connection, service)
+        values, error, age = None, "", None
+        if needs.values is not None:
+            try:
+                values = needs.values.values(data)
+            except ShsaError as refusal:
+                error = str(refusal)
+        if needs.stamps:
+            stamped = stamp(data)
+            age = None if stamped is None else rospy.get_time() - stamped
+        whom = (connection.topic, connection.publisher)
+        return Message(time, *whom, values, error, age, waited)
+
+    def _learn(self, connection: Connection, service: Optional[Service]) -> _Needs:
+        for gone in [known for known in self._needs if known.transport.done]:
+            del self._needs[gone]
+        needs = _Needs(service)
+        fields = [each.field for each in checked_provisions(service)] if service else []
+        if service is not None and (fields or checks_stamps(service)):
+            try:
+                decoder = Decoder(connection.header, fields)
+                stamps = checks_stamps(service) and decoder.has_stamp
+                needs = _Needs(service, decoder if fields else None, stamps)
+            except ShsaError as error:
+                text = "%s: the messages of %s are not checked: %s"
+                rospy.logwarn(text, connection.topic, connection.publisher, error)
+        self._needs[connection] = needs
+        return needs

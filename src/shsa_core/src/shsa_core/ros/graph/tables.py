@@ -1,0 +1,167 @@
+"""Tables sent as changes: a new subscriber, or one that missed a change, gets the whole.
+
+The messages have the fields `header`, `sequence`, `whole`, `removed` and one with rows; see
+shsa_msgs/Health.
+"""
+import threading
+import time
+from typing import Any, Callable, Dict, Iterable, List, Optional, Type
+
+import genpy
+import rospy
+from std_msgs.msg import Header
+
+QUEUE = 200
+"""Messages that wait for a slow subscriber. It misses those beyond, and then subscribes again."""
+RESUBSCRIBE_PAUSE_S = 0.5
+"""At least between two subscriptions of one table."""
+
+Key = Callable[[Any], str]
+"""The key of a row, as `removed` names it."""
+
+
+class TablePublisher(rospy.SubscribeListener):
+    """Publishes a table: its changes to everybody, the whole of it to whoever connects.
+
+    Rows are messages; `rows_field` is the message's field for them. Nothing waits for a subscriber.
+    """
+
+    def __init__(
+        self, topic: str, message_class: Type[genpy.Message], rows_field: str, key: Key
+    ) -> None:
+        super().__init__()
+        self._class, self._field, self._key = message_class, rows_field, key
+        self._rows: Dict[str, genpy.Message] = {}
+        self._sequence = 0
+        self._lock = threading.Lock()  # whoever holds it sees table, sequence and queues agree
+        self._publisher = rospy.Publisher(
+            topic, message_class, self, queue_size=QUEUE, tcp_nodelay=True
+        )
+
+    def update(self, changed: Iterable[genpy.Message], removed: Iterable[str] = ()) -> None:
+        """Publish new and changed rows, and the keys of those that are gone, if any."""
+        rows = {self._key(row): row for row in changed}
+        with self._lock:
+            gone = [key for key in removed if key in self._rows and key not in rows]
+            if not rows and not gone:
+                return
+            self._rows.update(rows)
+            for key in gone:
+                del self._rows[key]
+            self._sequence += 1
+            self._publisher.publish(self._message(False, list(rows.values()), gone))
+
+    def peer_subscribe(
+        self, topic_name: str, topic_publish: object, peer_publish: Callable[[Any], None]
+    ) -> None:
+        """Called by rospy, in a thread of its own, once a subscriber has connected."""
+        with self._lock:
+            peer_publish(self._message(True, list(self._rows.values()), []))
+
+    def unregister(self) -> None:
+        """Publish no more."""
+        self._publisher.unregister()
+
+    def _message(self, whole: bool, rows: List[genpy.Message], gone: List[str]) -> genpy.Message:
+        header = Header(stamp=rospy.Time.now())
+        message = self._class(header=header, sequence=self._sequence, whole=whole, removed=gone)
+        setattr(message, self._field, rows)
+        return message
+
+
+class TableSubscriber:
+    """Calls `heard(message)` with a whole table, or with the changes that follow; never others.
+
+    `heard` is called in rospy's threads, by one at a time. A table needs a subscriber of its own: a
+    process may have one for each topic, since rospy shares the connections among all of a process's
+    subscribers.
+    """
+
+    def __init__(
+        self, topic: str, message_class: Type[genpy.Message], heard: Callable[[Any], None]
+    ) -> None:
+        self._topic, self._class, self._heard = topic, message_class, heard
+        self._lock = threading.Lock()
+        self._sequence = -1
+        self._connection: Optional[object] = None
+        self._retry: Optional[threading.Timer] = None
+        self._ended = False
+        self._subscribe()
+
+    def unregister(self) -> None:
+        """Hear no more."""
+        with self._lock:
+            self._ended = True
+            self._subscriber.unregister()
+
+    def get_num_connections(self) -> int:
+        """How many publishers are connected."""
+        return int(self._subscriber.get_num_connections())
+
+    def _subscribe(self) -> None:
+        self._subscribed = time.monotonic()
+        self._subscriber = rospy.Subscriber(
+            self._topic, self._class, self._received, tcp_nodelay=True
+        )
+
+    def _received(self, message: Any) -> None:
+        connection = message._connection_header  # one object for each connection
+        with self._lock:
+            follows = connection is self._connection and message.sequence == self._sequence + 1
+            if self._ended or not (message.whole or follows):
+                self._miss()
+                return
+            self._connection, self._sequence = connection, message.sequence
+            self._heard(message)
+
+    def _miss(self) -> None:
+        """Subscribe again soon, unless a whole table comes before."""
+        self._connection = None
+        if self._retry is None and not self._ended:
+            pause = self._subscribed + RESUBSCRIBE_PAUSE_S - time.monotonic()
+            self._retry = threading.Timer(max(0.0, pause), self._subscribe_again)
+            self._retry.daemon = True
+            self._retry.start()
+
+    def _subscribe_again(self) -> None:
+        with self._lock:
+            self._retry = None
+            if self._ended or self._connection is not None or rospy.is_shutdown():
+                return
+            self._subscriber.unregister()
+            self._subscribe()
+
+
+class TableCopy:
+    """A copy of a table that is kept up: `rows` by key.
+
+    `changed`, if given, is called after each change.
+    """
+
+    def __init__(
+        self,
+        topic: str,
+        message_class: Type[genpy.Message],
+        rows_field: str,
+        key: Key,
+        changed: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.rows: Dict[str, Any] = {}
+        self._field, self._key, self._changed = rows_field, key, changed
+        self._subscriber = TableSubscriber(topic, message_class, self._heard)
+
+    def _heard(self, message: Any) -> None:
+        rows = {} if message.whole else dict(self.rows)
+        for key in message.removed:
+            rows.pop(key, None)
+        rows.update({self._key(row): row for row in getattr(message, self._field)})
+        self.rows = rows  # a new one each time: readers need no lock
+        self._changed()
+
+    def get_num_connections(self) -> int:
+        """How many publishers are connected."""
+        return self._subscriber.get_num_connections()
+
+    def unregister(self) -> None:
+        """Keep it up no more."""
+        self._subscriber.unregister()

@@ -1,0 +1,73 @@
+"""The incidents as they are shown: every step on a topic, the whole story as one line of a log."""
+import json
+import os
+import threading
+from typing import Callable, Dict, Optional
+
+import rospkg
+import rospy
+from shsa_msgs import msg
+
+from shsa_core.healing.incident import Incident, State
+from shsa_core.ros.wire import healing as wire
+from shsa_core.ros.wire import names
+
+SETTLED = (State.HEALED, State.UNHEALED, State.SAFE, State.ENDED)
+
+
+class Incidents:
+    """Publishes incidents, logs those that have ended, and lets threads wait for one.
+
+    `log_file`: one JSON line an incident; empty: `shsa_incidents.jsonl` in the log folder of ROS.
+    """
+
+    def __init__(self, log_file: str) -> None:
+        default = os.path.join(rospkg.get_log_dir(), "shsa_incidents.jsonl")
+        self._log_file = log_file or default
+        self._open: Dict[str, Incident] = {}
+        self._changed = threading.Condition()
+        self._publisher = rospy.Publisher(names.INCIDENTS, msg.Incident, queue_size=100)
+
+    def show(self, incident: Incident) -> None:
+        """Publish a step of an incident."""
+        self._publisher.publish(wire.incident(incident))
+        if incident.state is State.ENDED:
+            self._log(incident)
+        with self._changed:
+            self._open[incident.service] = incident
+            if incident.state is State.ENDED:
+                del self._open[incident.service]
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Log the incidents that are open at the end."""
+        for incident in self._open.values():
+            self._log(incident)
+
+    def await_settled(
+        self, service: str, changed: Callable[[Incident], None], cancelled: Callable[[], bool]
+    ) -> Optional[Incident]:
+        """The incident of a service once it is healed or cannot be.
+
+        None if it was cancelled before.
+
+        `changed` is called at each step.
+        """
+        last: Optional[Incident] = None
+        while not rospy.is_shutdown() and not cancelled():
+            with self._changed:
+                self._changed.wait(0.1)
+                incident = self._open.get(service)
+            if incident is not None and incident is not last:
+                last = incident
+                changed(incident)
+            if last is not None and (incident is None or incident.state in SETTLED):
+                return last
+        return None
+
+    def _log(self, incident: Incident) -> None:
+        try:
+            with open(self._log_file, "a", encoding="utf-8") as log:
+                log.write(json.dumps(wire.incident_record(incident)) + "\n")
+        except OSError as error:
+            rospy.logerr("The incident log %s cannot be written: %s", self._log_file, error)

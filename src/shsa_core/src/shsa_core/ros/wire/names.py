@@ -1,0 +1,12 @@
+"""The ROS names of healing, relative to the namespace in which it runs."""
+
+FAILURES = "shsa/failures"
+HEALTH = "shsa/health"
+INCIDENTS = "shsa/incidents"
+SUBSTITUTIONS = "shsa/substitutions"
+SOM_STATE = "shsa/som_state"
+SOM_PARAMETER = "shsa/som"
+FIND_SUBSTITUTE = "shsa/find_substitute"
+RELEASE = "shsa/release"
+RELOAD = "shsa/reload"
+SUBSTITUTE_ACTION = "shsa/substitute"

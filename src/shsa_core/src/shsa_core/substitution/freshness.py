@@ -1,0 +1,60 @@
+"""The newest value of each signal that a substitute listens to, and whether it counts."""
+from typing import Dict, Iterable, Optional, Sequence, Tuple
+
+from shsa_core.model.service import Signal
+
+Key = Tuple[str, str]
+"""A field of a topic's messages, and whose messages count; empty: anybody's."""
+Reading = Tuple[float, float]
+"""When a value came, and the value."""
+
+
+class Freshness:
+    """Values and how old each is.
+
+    What was listened to once stays so: its value may be wanted again at any time.
+    """
+
+    def __init__(self) -> None:
+        self._readings: Dict[str, Dict[Key, Optional[Reading]]] = {}
+
+    def listen(self, signals: Iterable[Signal]) -> Tuple[Signal, ...]:
+        """Keep the values of `signals` from now on; those of them that are new."""
+        new = []
+        for signal in signals:
+            readings = self._readings.setdefault(signal.topic, {})
+            key = signal.field, signal.node
+            if key not in readings:
+                readings[key] = None
+                new.append(signal)
+        return tuple(new)
+
+    def take(
+        self, time: float, topic: str, publisher: str, values: Iterable[Tuple[str, float]]
+    ) -> None:
+        """Keep the values of a message."""
+        readings = self._readings.get(topic, {})
+        for field, value in values:
+            for key in ((field, ""), (field, publisher)):
+                if key in readings:
+                    readings[key] = time, value
+
+    def values(self, signals: Sequence[Signal], now: float) -> Optional[Tuple[float, ...]]:
+        """The values of `signals`.
+
+        None if one has never come or is older than its deadline: no value is invented.
+        """
+        found = []
+        for signal in signals:
+            reading = self._readings[signal.topic][signal.field, signal.node]
+            if reading is None:
+                return None
+            time, value = reading
+            if signal.deadline is not None and now - time > signal.deadline:
+                return None
+            found.append(value)
+        return tuple(found)
+
+    def listens(self, signal: Signal) -> bool:
+        """Whether the values of a signal are kept."""
+        return (signal.field, signal.node) in self._readings.get(signal.topic, {})

@@ -1,0 +1,292 @@
+"""The substitute's core: what it computes, when it publishes, and to whom."""
+import math
+from typing import Dict, Iterable, List, Optional, Tuple
+
+from shsa_core.dispatch import Table, table
+from shsa_core.errors import ShsaError
+from shsa_core.model.service import Signal
+from shsa_core.model.substitution import Substitution
+from shsa_core.substitution import events
+from shsa_core.substitution.advertising import Advertising
+from shsa_core.substitution.events import Command, Event, Level, Log, Unusable
+from shsa_core.substitution.freshness import Freshness
+from shsa_core.substitution.job import Job, Words, words
+from shsa_core.substitution.schedule import Schedule
+from shsa_core.substitution.settings import Settings
+from shsa_core.substitution.yielding import Yielding
+
+
+class Substitute:
+    """Follows its row of the table of substitutions.
+
+    The program, whether it publishes, and whom it stands in for.
+
+    Muted, it goes on computing, so that it can publish at once. Idle, it listens to what it might
+    have to compute from, and advertises what it might have to publish.
+    """
+
+    def __init__(self, settings: Settings = Settings()) -> None:
+        self._settings = settings
+        self._now = -math.inf
+        self._row = Substitution("", "", (), "", ())
+        self._job: Optional[Job] = None
+        self._refused: Optional[Words] = None
+        self._schedule = Schedule(None, math.inf)
+        self._said: List[Command] = []
+        self._types: Dict[str, str] = {}
+        self._plans: Dict[str, Substitution] = {}
+        self._unusable: Dict[Signal, str] = {}
+        self._freshness = Freshness()
+        self._advertising = Advertising(settings)
+        self._yielding = Yielding(settings)
+        self._handlers: Table[List[Command]] = table(
+            Event,
+            {
+                events.Started: self._started,
+                events.RowChanged: self._row_changed,
+                events.RowRemoved: self._row_removed,
+                events.PlansChanged: self._plans_changed,
+                events.InputArrived: self._input_arrived,
+                events.Advertised: self._advertised,
+                events.ConsumerJoined: self._consumer_joined,
+                events.SubscribersFound: self._subscribers_found,
+                events.CallFailed: self._call_failed,
+                events.OriginalServes: self._original_serves,
+                events.Tick: self._tick,
+            },
+        )
+
+    def handle(self, event: Event) -> List[Command]:
+        """The commands that an event calls for.
+
+        What has become due meanwhile is among them, messages first.
+        """
+        self._now = max(self._now, event.time)
+        commands: List[Command] = self._handlers[type(event)](event)
+        commands += self._publish()
+        commands += self._yielding.due(self._now)
+        commands += self._advertising.due(self._now)
+        self._said = commands
+        return commands
+
+    def next_deadline(self) -> Optional[float]:
+        """When the next Tick is wanted; None: not before another event."""
+        due = self._schedule.due if self._values() is not None else math.inf
+        soonest = min(due, self._yielding.next(), self._advertising.next())
+        return None if soonest == math.inf else soonest
+
+    @property
+    def publishing(self) -> bool:
+        """Whether it publishes; it does not where its program is not for what its row names."""
+        row = self._row
+        return row.publishing and self._job is not None and self._job.topic in row.topics
+
+    def validate(self) -> None:
+        """Raises ShsaError if what must always hold after an event does not."""
+        job, now = self._job, self._now
+        yields = self._yielding.yields(now)
+        published = [each for each in self._said if isinstance(each, events.Publish)]
+        looked = any(isinstance(each, events.LookAtOriginal) for each in self._said)
+        held = {
+            "muted, it publishes only while it yields": not published or self.publishing or yields,
+            "it publishes one message at most": len(published) <= 1,
+            "it publishes where it has advertised": all(
+                self._advertising.ready(each.outputs[0].topic) for each in published
+            ),
+            "without a program nothing is due": job is not None or self._schedule.due == math.inf,
+            "what is due is done, unless an input is stale": self._schedule.due > now
+            or self._values() is None,
+            "it listens to what it computes from": job is None
+            or all(self._freshness.listens(signal) for signal in job.inputs),
+            "it advertises what it computes": job is None or job.topic in self._advertising.topics,
+            "it stands in for an original only while it publishes or yields": not (
+                self._yielding.original or self._yielding.served or looked
+            )
+            or self.publishing
+            or yields,
+            "all that is due has been said": (self.next_deadline() or math.inf) > now,
+        }
+        broken = [what for what, holds in held.items() if not holds]
+        if broken:
+            raise ShsaError(f"{'; '.join(broken)}: not so at {now:g} after {self._said}")
+
+    # What the row says.
+
+    def _started(self, event: events.Started) -> List[Command]:
+        commands = self._heed(event.row, event.unusable)
+        if self._refused is not None:
+            return [events.GiveUp(command.text) for command in commands if isinstance(command, Log)]
+        return commands
+
+    def _row_changed(self, event: events.RowChanged) -> List[Command]:
+        return self._heed(event.row, event.unusable)
+
+    def _row_removed(self, _: events.RowRemoved) -> List[Command]:
+        """Whoever made the table may have started anew, and learns of us later.
+
+        Go on as told last.
+        """
+        return [Log(Level.DEBUG, "the table has no row of this node any more")]
+
+    def _plans_changed(self, event: events.PlansChanged) -> List[Command]:
+        """Be ready for each plan, as long as there is no work."""
+        told = {row.service: row for row in event.rows}
+        gone = [name for name in self._plans if name not in told] if event.whole else event.removed
+        for name in gone:
+            self._plans.pop(name, None)
+        self._plans.update(told)
+        self._unusable.update(event.unusable)
+        return self._prepare(event.rows) if self._row.idle else []
+
+    def _heed(self, row: Substitution, unusable: Unusable) -> List[Command]:
+        before, topic = self.publishing, self._topic
+        self._row = row
+        self._unusable.update(unusable)
+        plans = self._plans.values()
+        commands = self._prepare((row, *plans)) if row.idle else self._work(row)
+        after, stays = self.publishing, self._topic == topic and topic in row.topics
+        period = None if self._job is None else self._job.period
+        same = stays and row.original == self._yielding.original
+        if after and not (before and same):
+            self._yielding.stand_in(self._topic, row.original, period, self._now)
+        elif not after and not same:
+            original = row.original if before and stays else ""
+            self._yielding.stand_in(self._topic, original, period, self._now)
+        if after and not before:
+            self._schedule.hasten(self._now)
+        if before and not after:
+            self._yielding.mute(self._now)
+        return commands
+
+    @property
+    def _topic(self) -> str:
+        """The topic of its program; empty if it has none."""
+        return "" if self._job is None else self._job.topic
+
+    def _prepare(self, rows: Iterable[Substitution]) -> List[Command]:
+        """Have no program, and be ready for one: what cannot be used must not hurt the rest."""
+        self._job, self._refused = None, None
+        self._schedule = Schedule(None, math.inf)
+        commands: List[Command] = []
+        for row in rows:
+            problems = self._problems(row)
+            commands += [
+                Log(Level.WARNING, f"does not prepare for {signal.path}: {why}")
+                for signal, why in problems.items()
+            ]
+            usable = tuple(signal for signal in row.inputs if signal not in problems)
+            commands += self._listen(usable)
+            outputs = tuple(signal for signal in row.outputs if signal not in problems)
+            self._types.update({signal.topic: signal.type for signal in outputs})
+            commands += self._advertising.prepare(outputs)
+        wanted = {topic for row in (self._row, *self._plans.values()) for topic in row.topics}
+        self._advertising.leave_all_but(wanted, self._now)
+        return commands
+
+    def _work(self, row: Substitution) -> List[Command]:
+        """Compute the program of a row; if that is not possible, the old one goes on."""
+        if self._job is not None and self._job.follow(row):
+            self._refused = None
+            self._reschedule(self._job.period)
+            return self._listen(row.inputs)
+        if words(row) == self._refused:
+            return []
+        try:
+            for signal, why in self._problems(row).items():
+                raise ShsaError(f"{signal.path}: {why}")
+            job = Job(row, self._settings)
+        except ShsaError as error:
+            self._refused = words(row)
+            return [Log(Level.ERROR, f"refuses its program: {error}")]
+        old, self._job, self._refused = self._job, job, None
+        if old is not None and old.topic == job.topic:
+            self._reschedule(job.period)
+        else:
+            self._schedule = Schedule(job.period, self._now)
+        commands = self._listen(job.inputs)
+        self._types[job.topic] = job.outputs[0].type
+        return commands + self._advertising.take(job.outputs[0], self._now)
+
+    def _problems(self, row: Substitution) -> Dict[Signal, str]:
+        """The signals of a row that cannot be used here, each with the reason."""
+        problems: Dict[Signal, str] = {}
+        for signal in (*row.inputs, *row.outputs):
+            known = self._types.get(signal.topic, signal.type)
+            if signal in self._unusable:
+                problems[signal] = self._unusable[signal]
+            elif known != signal.type:
+                problems[signal] = f"it is a {known} to this process, and cannot be a {signal.type}"
+        return problems
+
+    def _listen(self, inputs: Tuple[Signal, ...]) -> List[Command]:
+        self._types.update({signal.topic: signal.type for signal in inputs})
+        new = self._freshness.listen(inputs)
+        return [events.Listen(new)] if new else []
+
+    def _reschedule(self, period: Optional[float]) -> None:
+        """Take another period; the phase stays."""
+        latest = self._now + (math.inf if period is None else period)
+        self._schedule = Schedule(period, min(self._schedule.due, latest))
+
+    # When it publishes.
+
+    def _input_arrived(self, event: events.InputArrived) -> List[Command]:
+        self._freshness.take(event.time, event.topic, event.publisher, event.values)
+        job = self._job
+        if job is not None and job.period is None:
+            if any(signal.topic == event.topic for signal in job.inputs):
+                self._schedule.hasten(self._now)
+        return []
+
+    def _consumer_joined(self, event: events.ConsumerJoined) -> List[Command]:
+        """It may have waited for long: it hears the newest message at once, and alone.
+
+        Nobody hears it twice.
+        """
+        job = self._job
+        if job is None or job.latest is None or self._values() is None:
+            return []
+        ours = self.publishing and event.topic == job.topic and self._advertising.ready(job.topic)
+        if not ours or event.consumer in self._yielding.served:
+            return []
+        return [events.Publish(job.outputs, job.latest, only=event.consumer)]
+
+    def _values(self) -> Optional[Tuple[float, ...]]:
+        """The inputs now; None without a program, and while an input is missing or stale."""
+        if self._job is None:
+            return None
+        return self._freshness.values(self._job.inputs, self._now)
+
+    def _publish(self) -> List[Command]:
+        """Evaluate the program if that is due.
+
+        What is due while an input is stale follows as soon as it is not.
+        """
+        job, values = self._job, self._values()
+        if job is None or values is None or self._now < self._schedule.due:
+            return []
+        job.evaluate(values, self._now)
+        self._schedule.done(self._now)
+        if job.latest is None or not self._advertising.ready(job.topic):
+            return []
+        if not self.publishing and not self._yielding.yields(self._now):
+            return []
+        return [events.Publish(job.outputs, job.latest, self._yielding.served)]
+
+    # What is answered.
+
+    def _advertised(self, event: events.Advertised) -> List[Command]:
+        return self._advertising.advertised(event.topic, self._now)
+
+    def _subscribers_found(self, event: events.SubscribersFound) -> List[Command]:
+        return self._advertising.found(event)
+
+    def _call_failed(self, event: events.CallFailed) -> List[Command]:
+        return [Log(Level.WARNING, f"{event.what}: {event.detail}")]
+
+    def _original_serves(self, event: events.OriginalServes) -> List[Command]:
+        self._yielding.heard(event)
+        return []
+
+    def _tick(self, _: events.Tick) -> List[Command]:
+        return []

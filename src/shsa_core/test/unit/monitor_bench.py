@@ -1,0 +1,150 @@
+"""The monitor's core on the bench: time is moved by hand, messages and connections are made up."""
+from dataclasses import replace
+from typing import Any, Dict, List, Optional, Tuple
+
+from shsa_core.model.checks import Checks, default_checks
+from shsa_core.model.service import Provision, Service, Signal
+from shsa_core.model.som import Som
+from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.events import (
+    Command,
+    Connected,
+    Disconnected,
+    Event,
+    FailureDetected,
+    HealthChanged,
+    Key,
+    Message,
+    PublisherHealth,
+    SomChanged,
+    SubstitutionsChanged,
+    Tick,
+)
+from shsa_core.monitoring.machine import Monitor
+from shsa_core.monitoring.settings import Settings
+
+TOPIC, NODE = "/battery_current", "/amperemeter"
+PERIOD = 0.02
+DEADLINE = 5 * PERIOD
+SETTINGS = Settings(minimum_deadline=DEADLINE)
+
+
+def provision(**changes: Any) -> Provision:
+    values: Dict[str, Any] = dict(property="battery_current", field="data", range=(-5.0, 60.0))
+    values.update(changes)
+    return Provision(**values)
+
+
+def service(value: Optional[Provision] = None, **changes: Any) -> Service:
+    """The amperemeter, with changes; `value`: what it provides."""
+    values: Dict[str, Any] = dict(
+        name="current",
+        topic=TOPIC,
+        type="shsa_msgs/Float64Stamped",
+        node=NODE,
+        period=PERIOD,
+        provides=(value or provision(),),
+    )
+    values.update(changes)
+    return Service(**values)
+
+
+def message_checks(*checks: Any, **counts: int) -> Checks:
+    """These checks of messages, and no others."""
+    return Checks(each=tuple(checks), **counts)
+
+
+def with_value_checks(*checks: Any, **changes: Any) -> Provision:
+    """The usual value with these checks beside the usual ones."""
+    return provision(checks=(*default_checks(of_values=True), *checks), **changes)
+
+
+def row(node: str, publishing: bool, *topics: str, service: str = "current") -> Substitution:
+    """A substitute: idle if it has no service."""
+    outputs = tuple(Signal(topic, "data", "x/Y", "", PERIOD, DEADLINE) for topic in topics)
+    code = "y=0.0" if service else ""
+    return Substitution(node, service, (), code, outputs, publishing=publishing)
+
+
+class Bench:
+    """A monitor whose time is moved by hand; collects every failure.
+
+    After each event, its invariants hold, and what it said of changes adds up to its table.
+    """
+
+    def __init__(self, *services: Service, settings: Settings = SETTINGS) -> None:
+        self.core = Monitor(settings)
+        self.now = 100.0
+        self.failures: List[FailureDetected] = []
+        self.changes: List[HealthChanged] = []
+        self.rows: Dict[Key, PublisherHealth] = {}
+        self.watch(*(services or (service(),)))
+
+    def watch(self, *services: Service) -> None:
+        self.send(SomChanged(self.now, Som(services)))
+
+    def send(self, event: Event) -> List[Command]:
+        commands = self.core.handle(event)
+        for command in commands:
+            if isinstance(command, FailureDetected):
+                self.failures.append(command)
+            else:
+                self.changes.append(command)
+                self.rows.update({each.key: each for each in command.rows})
+                for key in command.removed:
+                    self.rows.pop(key, None)
+        self.core.validate()
+        # Messages are as of the row's last change.
+        strip = lambda each: replace(each, first_message=None, last_good=None)
+        table = {each.key: strip(each) for each in self.core.table()}
+        assert table == {key: strip(each) for key, each in self.rows.items()}
+        return commands
+
+    def connect(self, node: str = NODE, topic: str = TOPIC) -> None:
+        self.send(Connected(self.now, topic, node))
+
+    def disconnect(self, node: str = NODE, topic: str = TOPIC) -> None:
+        self.send(Disconnected(self.now, topic, node))
+
+    def message(
+        self, value: float = 1.0, node: str = NODE, topic: str = TOPIC, age: Optional[float] = None
+    ) -> None:
+        self.send(Message(self.now, topic, node, (value,), age=age))
+
+    def stream(
+        self,
+        count: int,
+        node: str = NODE,
+        value: float = 1.0,
+        topic: str = TOPIC,
+        period: float = PERIOD,
+        age: Optional[float] = None,
+    ) -> None:
+        """`count` messages at a period in s, and the ticks that fall due between them."""
+        for _ in range(count):
+            self.wait(period)
+            self.message(value, node, topic, age)
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass; the monitor wakes at each of its deadlines."""
+        end = self.now + seconds
+        while self.core.next_deadline <= end:
+            self.now = max(self.now, self.core.next_deadline)
+            self.send(Tick(self.now))
+        self.now = end
+
+    def wake(self, late: float) -> None:
+        """The monitor wakes `late` s after it wanted to, and looks."""
+        self.send(Tick(self.now, self.now - late, self.now))
+
+    def substitutes(self, *rows: Tuple[str, bool], topic: str = TOPIC) -> None:
+        """The whole table: nodes that have a program for `topic`, and whether they publish."""
+        whole = tuple(row(node, publishing, topic) for node, publishing in rows)
+        self.send(SubstitutionsChanged(self.now, whole, whole=True))
+
+    def state(self, node: str = NODE, topic: str = TOPIC) -> Optional[str]:
+        found = self.rows.get((topic, node))
+        return str(found.state) if found else None
+
+    def kinds(self) -> List[Tuple[str, str]]:
+        return [(f.publisher, str(f.kind)) for f in self.failures]

@@ -1,0 +1,29 @@
+"""What is due when."""
+from typing import Dict, List, Optional, Tuple
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shsa_core.healing.agenda import Agenda
+
+MOMENTS = st.one_of(st.none(), st.integers(0, 9).map(float))
+
+
+@given(st.lists(st.tuples(st.integers(0, 5), MOMENTS)))
+def test_the_earliest_is_at_hand_however_often_moments_change(
+    changes: List[Tuple[int, Optional[float]]]
+) -> None:
+    agenda: Agenda[int] = Agenda()
+    plain: Dict[int, float] = {}
+    for key, due in changes:
+        agenda.set(key, due)
+        plain.pop(key, None)
+        if due is not None:
+            plain[key] = due
+        assert agenda.next() == min(plain.values(), default=None)
+    due_now = [key for key, due in plain.items() if due <= 5.0]
+    popped = agenda.pop_due(5.0)
+    assert sorted(popped) == sorted(due_now)
+    assert [plain[key] for key in popped] == sorted(plain[key] for key in popped)
+    assert agenda.pop_due(5.0) == []
+    assert agenda.next() == min((d for d in plain.values() if d > 5.0), default=None)

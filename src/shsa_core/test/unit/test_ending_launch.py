@@ -1,0 +1,99 @@
+"""Whether our launch is ending, told by the log of the process that started us."""
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Iterator, List
+
+import pytest
+
+PARENT = """
+import os, signal, subprocess, sys
+log = open(os.path.join(sys.argv[1], "roslaunch-host-%d.log" % os.getpid()), "w", buffering=1)
+log.write(sys.argv[2] + "\\n")
+child = subprocess.Popen([sys.executable, "-c", sys.argv[3]], start_new_session=True)
+os.close(1)
+for line in sys.stdin:
+    log.write(line)
+os.killpg(child.pid, signal.SIGKILL)
+child.wait()
+"""
+CHILD = """
+import time
+from shsa_core.ros.graph.launch import Launch
+launch = Launch()
+while True:
+    print(launch.ending(), flush=True)
+    time.sleep(0.01)
+"""
+EXIT = "[roslaunch.pmon][INFO] 2026-01-01 10:00:00,000: ProcessMonitor._post_run <ProcessMonitor>"
+SIGNAL = EXIT.replace("_post_run", "shutdown")
+
+
+class Launched:
+    """A node, and what stands for the roslaunch that started it.
+
+    `wrapped`: through another process.
+    """
+
+    def __init__(self, folder: Path, before: str = "started", wrapped: bool = False) -> None:
+        child = CHILD
+        if wrapped:
+            child = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {CHILD!r}])"
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", PARENT, str(folder), before, child],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            universal_newlines=True,
+            bufsize=1,
+        )
+
+    def log(self, line: str) -> None:
+        assert self.process.stdin
+        self.process.stdin.write(line + "\n")
+
+    def answers(self, count: int) -> List[str]:
+        assert self.process.stdout
+        return [self.process.stdout.readline().strip() for _ in range(count)]
+
+    def ends(self) -> bool:
+        """Whether the node sees an end within 10 s."""
+        end = time.monotonic() + 10.0
+        while time.monotonic() < end:
+            if self.answers(1) == ["True"]:
+                return True
+        return False
+
+
+@pytest.fixture
+def launched(tmp_path: Path) -> Iterator[List[Launched]]:
+    made: List[Launched] = []
+    yield made
+    for each in made:
+        each.process.communicate(timeout=10.0)
+
+
+@pytest.mark.parametrize("line", [EXIT, SIGNAL])
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_the_log_of_roslaunch_tells(
+    launched: List[Launched], tmp_path: Path, line: str, wrapped: bool
+) -> None:
+    launched.append(Launched(tmp_path, wrapped=wrapped))
+    launch = launched[0]
+    assert launch.answers(3) == ["False"] * 3
+    launch.log("[roslaunch][INFO] [x-1] restarting process")
+    launch.log("[rosout][INFO] ProcessMonitor.shutdown is only talked about")
+    assert launch.answers(20) == ["False"] * 20
+    launch.log(line)
+    assert launch.ends()
+    assert launch.answers(3) == ["True"] * 3
+
+
+def test_what_was_logged_before_we_came_does_not_count(
+    launched: List[Launched], tmp_path: Path
+) -> None:
+    launched.append(Launched(tmp_path, before=EXIT))
+    launch = launched[0]
+    assert launch.answers(3) == ["False"] * 3
+    launch.log("[roslaunch][INFO] something else")
+    assert launch.answers(20) == ["False"] * 20

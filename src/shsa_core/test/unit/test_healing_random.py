@@ -1,0 +1,434 @@
+"""Any story of a robot: what its consumers and nodes see, and the core's own invariants."""
+from dataclasses import replace
+from typing import Any, Dict, List, Optional, Set, Tuple
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
+
+from core_robot import function
+from shsa_core.codegen.plans import Plan, plan_service
+from shsa_core.errors import ShsaError
+from shsa_core.healing import events
+from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.machine import Reconfigurator
+from shsa_core.healing.settings import Settings
+from shsa_core.model.kinds import Kind, Policy, Standby
+from shsa_core.model.ontology import Ontology, Property
+from shsa_core.model.service import LastResort, Provision, Service
+from shsa_core.model.som import Som
+from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.events import PublisherHealth, PublisherState
+
+FUNCTIONS = [
+    function("ab", "a", "b + 1", 0.9),
+    function("ac", "a", "2 * c", 0.5),
+    function("ba", "b", "a - 1", 0.9),
+    function("bd", "b", "lowpass(d, 0.1)", 0.6),
+    function("cd", "c", "d", 0.8),
+    function("dab", "d", "a + b", 0.7),
+]
+NAMES = "abcd"
+NODES = ("/m", "/n", "/o")
+TOPICS = (*("/" + name for name in NAMES), "/shared", "/unknown")
+LAST_RESORTS = (
+    LastResort(),
+    LastResort(values=tuple((name, 0.0) for name in NAMES)),
+    LastResort(command=("stop",)),
+)
+SETTINGS = (
+    Settings(pool=1),
+    Settings(pool=0, healings=2, switches=1, restarts=0, method="orr"),
+    Settings(switches=0, node_restarts=1, restart_timeout=1.0, hold_off=0.5),
+)
+PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
+
+
+@st.composite
+def services(draw: Any, name: str) -> Service:
+    """A service of the property of its name."""
+    return Service(
+        name=name,
+        topic=draw(st.sampled_from(("/" + name, "/" + name, "/shared"))),
+        type="pkg/Type",
+        node=draw(st.sampled_from(NODES)),
+        period=draw(st.sampled_from((0.02, 0.1, None))),
+        provides=(Provision(name, name, quality=draw(st.sampled_from((1.0, 0.5)))),),
+        needed=draw(st.sampled_from((True, True, False))),
+        standby=draw(st.sampled_from(list(Standby))),
+        policy=draw(st.sampled_from(list(Policy))),
+        last_resort=draw(st.sampled_from(LAST_RESORTS)),
+    )
+
+
+@st.composite
+def soms(draw: Any) -> Som:
+    """A SOM whose pairs of topic and node differ."""
+    names = draw(st.lists(st.sampled_from(NAMES), min_size=1, unique=True))
+    found = [draw(services(name)) for name in names]
+    return Som({(each.topic, each.node): each for each in found}.values())
+
+
+@st.composite
+def ontologies(draw: Any) -> Ontology:
+    """Some of the functions."""
+    functions = draw(st.lists(st.sampled_from(FUNCTIONS), min_size=2, unique_by=id))
+    return Ontology({name: Property(name) for name in NAMES}, {}, functions)
+
+
+class AnyRobot(RuleBasedStateMachine):
+    """What was told to the reconfigurator and what it said, beside it."""
+
+    sound = False  # no event was refused
+
+    @initialize(
+        ontology=ontologies(),
+        som=soms(),
+        chosen=st.sampled_from(SETTINGS),
+        left=st.sets(st.sampled_from(("/substitute_a_7", "/substitute_standby_x"))),
+    )
+    def start(self, ontology: Ontology, som: Som, chosen: Settings, left: Set[str]) -> None:
+        self.core = Reconfigurator(ontology, som, chosen)
+        self.ontology, self.som = ontology, som
+        self.now = 100.0
+        self.health: Dict[Tuple[str, str], PublisherHealth] = {}
+        self.failed: Set[Tuple[str, str]] = set()  # topic and node, told since it was healthy
+        self.accused: Set[str] = set()  # nodes that the event at hand gives evidence against
+        self.shown: Dict[str, Substitution] = {}
+        self.states: Dict[str, events.ServiceState] = {}
+        self.incidents: Dict[str, Incident] = {}
+        self.used: Set[str] = set(left)
+        self.running: Set[str] = set()
+        self.ending = False
+        self.orphans = left
+        self.hear(events.Started(self.now, tuple(sorted(left))))
+        self.rows([(each.topic, each.node, PublisherState.HEALTHY, 1.0) for each in som])
+
+    # What it says
+
+    def hear(self, event: events.Event) -> None:
+        """Hand over an event, and check every command and what holds after it."""
+        self.sound = False
+        for command in self.core.handle(event):
+            check = getattr(self, "on_" + type(command).__name__, None)
+            if check is not None:
+                check(command)
+        self.accused = set()
+        self.core.validate()
+        self.check_tables()
+        self.check_publishing()
+        if isinstance(event, events.Tick):
+            due = self.core.deadline
+            assert due is None or due > self.now, "a tick that has done nothing"
+        self.sound = True
+
+    def on_StartSubstitute(self, command: events.StartSubstitute) -> None:
+        assert command.node not in self.used, "a name is used twice"
+        self.used.add(command.node)
+        self.running.add(command.node)
+
+    def on_AssignSubstitute(self, command: events.AssignSubstitute) -> None:
+        assert command.node in self.running, "work for a process that is not there"
+
+    def on_StopSubstitute(self, command: events.StopSubstitute) -> None:
+        assert command.node in self.used
+        self.running.discard(command.node)
+
+    def on_FindNode(self, command: events.FindNode) -> None:
+        open_ = {incident.faulty_node for incident in self.incidents.values()}
+        told = {node for _, node in self.failed}
+        assert command.node in self.accused | told | open_ | self.orphans, "it is innocent"
+
+    def on_RestartNode(self, command: events.RestartNode) -> None:
+        blaming = [each for each in self.incidents.values() if each.faulty_node == command.node]
+        assert any(self.som.services[each.service].policy.restarts for each in blaming)
+
+    def on_RunCommand(self, command: events.RunCommand) -> None:
+        assert command.words == self.som.services[command.service].last_resort.command != ()
+
+    def on_ShowSubstitutions(self, command: events.ShowSubstitutions) -> None:
+        for key in command.removed:
+            del self.shown[key]
+        self.shown.update({row.node or row.service: row for row in command.rows})
+
+    def on_ShowSom(self, command: events.ShowSom) -> None:
+        for key in command.removed:
+            del self.states[key]
+        self.states.update({row.service.name: row for row in command.rows})
+
+    def on_ShowIncident(self, command: events.ShowIncident) -> None:
+        incident = command.incident
+        self.incidents[incident.service] = incident
+        if incident.state is State.ENDED:
+            del self.incidents[incident.service]
+
+    # What always holds
+
+    def check_tables(self) -> None:
+        """What was told in changes is how things stand, looked at anew."""
+        core = self.core
+        availability, planner, pool = core._availability, core._planner, core._pool
+        assert self.states == {each.name: availability._state(self.som, each) for each in self.som}
+        rows = {name: Substitution(name, "", (), "", ()) for name in pool.nodes}
+        rows.update(pool.plans)
+        for name, healing in core._healings.items():
+            assert self.incidents.get(name) == healing.incident
+            plan = healing.substitute.plan
+            if plan is not None:
+                rows[healing.node] = Substitution(
+                    healing.node,
+                    name,
+                    planner.inputs(plan),
+                    plan.program.code,
+                    planner.outputs(plan),
+                    plan.relations if isinstance(plan, Plan) else (),
+                    plan.quality if isinstance(plan, Plan) else 0.0,
+                    healing.publishes,
+                    healing.original,
+                )
+        assert self.shown == rows
+        assert set(core.substitutes) <= self.running
+        assert self.running <= {node for node in self.shown if node in self.used}
+
+    def check_publishing(self) -> None:
+        publish = [row for row in self.shown.values() if row.publishing]
+        assert len({row.service for row in publish}) == len(publish), "two for one service"
+        for row in publish:
+            incident = self.incidents.get(row.service)
+            assert incident is not None and incident.state in PUBLISHED
+            assert row.node == incident.substitute
+
+    # What happens
+
+    def rows(self, told: List[Tuple[str, str, PublisherState, float]], whole: bool = False) -> None:
+        """The monitor tells of publishers: topic, node, state, and for how long so."""
+        changed = []
+        for topic, node, state, age in told:
+            kind = Kind.SILENT if state is PublisherState.FAILED else None
+            since = self.now - age
+            row = PublisherHealth(topic, node, state, since, since, since, kind, "as told")
+            self.health[topic, node] = row
+            changed.append(row)
+            if kind is not None:
+                self.accuse(topic, node)
+            else:
+                self.failed.discard((topic, node))
+        sent = tuple(self.health.values()) if whole else tuple(changed)
+        if whole:
+            self.failed &= set(self.health)
+            for row in sent:
+                if row.state is PublisherState.FAILED:
+                    self.accuse(row.topic, row.publisher)
+        self.hear(events.HealthSeen(self.now, sent, whole=whole))
+
+    def accuse(self, topic: str, node: str) -> None:
+        nodes = [node] if node else [each.node for each in self.som.of_topic(topic)]
+        self.failed.update((topic, each) for each in nodes)
+
+    def nodes(self) -> List[str]:
+        return [*NODES, "", *sorted(self.used)]
+
+    @rule(
+        topic=st.sampled_from(TOPICS),
+        data=st.data(),
+        state=st.sampled_from(list(PublisherState)),
+        age=st.sampled_from((0.0, 0.1, 5.0)),
+        whole=st.booleans(),
+    )
+    def any_row(
+        self, topic: str, data: Any, state: PublisherState, age: float, whole: bool
+    ) -> None:
+        node = data.draw(st.sampled_from(self.nodes()))
+        self.rows([(topic, node, state, age)], whole)
+
+    @rule(data=st.data(), state=st.sampled_from((PublisherState.HEALTHY, PublisherState.FAILED)))
+    def original(self, data: Any, state: PublisherState) -> None:
+        if self.som.services:
+            service = data.draw(st.sampled_from(list(self.som)))
+            self.rows([(service.topic, service.node, state, 0.0)])
+
+    @rule(data=st.data())
+    def node_is_back(self, data: Any) -> None:
+        node = data.draw(st.sampled_from(NODES))
+        mine = [each for each in self.som if each.node == node]
+        self.rows([(each.topic, node, PublisherState.HEALTHY, 0.0) for each in mine])
+
+    @rule()
+    def first_messages(self) -> None:
+        """Every substitute that is to publish does."""
+        working = [row for row in self.shown.values() if row.publishing]
+        self.rows([(row.topics[0], row.node, PublisherState.HEALTHY, 0.0) for row in working])
+
+    @rule(data=st.data())
+    def gone_row(self, data: Any) -> None:
+        topic = data.draw(st.sampled_from(TOPICS))
+        node = data.draw(st.sampled_from(self.nodes()))
+        self.health.pop((topic, node), None)
+        self.failed.discard((topic, node))
+        self.hear(events.HealthSeen(self.now, (), ((topic, node),)))
+
+    @rule(
+        data=st.data(),
+        kind=st.sampled_from((Kind.SILENT, Kind.NODE_GONE, Kind.OUT_OF_RANGE)),
+        late=st.sampled_from((0.0, 0.0, 0.3)),
+        named=st.booleans(),
+    )
+    def failure(self, data: Any, kind: Kind, late: float, named: bool) -> None:
+        if not self.som.services:
+            return
+        service = data.draw(st.sampled_from(list(self.som)))
+        node = data.draw(st.sampled_from([service.node, service.node, *self.nodes()]))
+        self.accuse(service.topic, node)
+        name = service.name if named else ""
+        self.tell_failure(name, service.topic, node, kind, late)
+
+    def tell_failure(self, name: str, topic: str, node: str, kind: Kind, late: float) -> None:
+        time = self.now - late
+        self.accused.add(node)
+        self.hear(events.FailureSeen(time, name, topic, node, kind, "as told.", time - 0.1))
+
+    @rule(data=st.data(), kind=st.sampled_from((Kind.SILENT, Kind.NODE_GONE, Kind.STUCK)))
+    def substitute_fails(self, data: Any, kind: Kind) -> None:
+        working = [row for row in self.shown.values() if row.node and row.service]
+        if working:
+            row = data.draw(st.sampled_from(working))
+            self.tell_failure(row.service, row.topics[0], row.node, kind, 0.0)
+
+    @rule(data=st.data(), where=st.sampled_from(list(events.Where)))
+    def found(self, data: Any, where: events.Where) -> None:
+        """An answer to FindNode, and what follows at once."""
+        killing = sorted(self.core._kills.nodes)
+        if killing:
+            node = data.draw(st.sampled_from(killing))
+            self.hear(events.NodeFound(self.now, node, where))
+
+    @rule(data=st.data(), answer=st.sampled_from((events.NodeLeft, events.ProcessUntouchable)))
+    def answered(self, data: Any, answer: Any) -> None:
+        killing = sorted(self.core._kills.nodes)
+        if killing:
+            self.hear(answer(self.now, data.draw(st.sampled_from(killing))))
+
+    @rule(data=st.data(), known=st.booleans())
+    def late_or_lost(self, data: Any, known: bool) -> None:
+        """An answer that may be late, or to a question that nobody asked."""
+        node, now = data.draw(st.sampled_from(self.nodes())), self.now
+        event = data.draw(
+            st.sampled_from(
+                (
+                    events.NodeLearned(now, node, known),
+                    events.NodeFound(now, node, events.Where.DEAD),
+                    events.NodeLeft(now, node),
+                    events.ProcessUntouchable(now, node),
+                    events.NodeRestarted(now, node, known),
+                    events.RestartFailed(now, node, "as told"),
+                    events.StarterEnded(now, node),
+                    events.SubstituteStarted(now, node, now),
+                )
+            )
+        )
+        self.hear(event)
+
+    @rule(data=st.data())
+    def exited(self, data: Any) -> None:
+        node = data.draw(st.sampled_from(self.nodes()))
+        self.running.discard(node)
+        self.hear(events.ProcessExited(self.now, node, "as told"))
+
+    @rule(name=st.sampled_from((*NAMES, "unknown")))
+    def requested(self, name: str) -> None:
+        service = self.som.services.get(name)
+        if service is not None:
+            self.accused |= {node for topic, node in self.health if topic == service.topic}
+            self.accused.add(service.node)
+        self.hear(events.SubstituteRequested(self.now, name))
+
+    @rule(name=st.sampled_from((*NAMES, "unknown")))
+    def released(self, name: str) -> None:
+        self.hear(events.Released(self.now, name))
+
+    @rule(som=soms())
+    def another_som(self, som: Som) -> None:
+        """One service more, or another one."""
+        services = {each.name: each for each in (*self.som, next(iter(som)))}
+        self.som = Som({(each.topic, each.node): each for each in services.values()}.values())
+        self.hear(events.SomChanged(self.now, self.som))
+
+    @rule(
+        data=st.data(),
+        changes=st.sampled_from(
+            (
+                {"period": 0.5},
+                {"needed": False},
+                {"node": "/o"},
+                *({"standby": standby} for standby in Standby),
+                *({"policy": policy} for policy in Policy),
+                *({"last_resort": last} for last in LAST_RESORTS),
+            )
+        ),
+    )
+    def little_change(self, data: Any, changes: Dict[str, Any]) -> None:
+        """One service is a little different."""
+        changed = data.draw(st.sampled_from(list(self.som)))
+        new = [replace(each, **changes) if each is changed else each for each in self.som]
+        self.som = Som({(each.topic, each.node): each for each in new}.values())
+        self.hear(events.SomChanged(self.now, self.som))
+
+    @rule(ontology=ontologies())
+    def reload(self, ontology: Ontology) -> None:
+        self.ontology = ontology
+        self.hear(events.ModelsReloaded(self.now, ontology, self.som))
+
+    @rule()
+    def idle(self) -> None:
+        self.hear(events.Idle(self.now))
+
+    @rule()
+    def long_idle(self) -> None:
+        """All plans are made: each is as good as one that is searched for now."""
+        while self.core.plans_ahead:
+            self.hear(events.Idle(self.now))
+        plans, method = self.core._planner.plans, self.core.settings.method
+        for service in self.core.needed():
+            made, name = plans.plan(service.name), service.name
+            found: Optional[Plan] = None
+            try:
+                avoided = plans.to_avoid(name)
+                found = plan_service(self.ontology, service, plans.sources, avoided, method)
+            except ShsaError:
+                pass
+            assert (made and made.quality) == (found and found.quality)
+
+    @rule(passed=st.sampled_from((0.0, 0.05, 0.5, 3.0, 100.0)))
+    def tick(self, passed: float) -> None:
+        self.now += passed
+        self.hear(events.Tick(self.now))
+
+    @rule()
+    def tick_when_due(self) -> None:
+        due = self.core.deadline
+        if due is not None:
+            self.now = max(self.now, due)
+            self.hear(events.Tick(self.now))
+
+    @rule(passed=st.sampled_from((0.01, 0.3)))
+    def time_passes(self, passed: float) -> None:
+        self.now += passed
+
+    @precondition(lambda self: not self.ending)
+    @rule(sure=st.sampled_from((True, False, False, False)))
+    def launch_ending(self, sure: bool) -> None:
+        if sure:
+            self.ending = True
+            self.hear(events.LaunchEnding(self.now))
+
+    def teardown(self) -> None:
+        if self.sound:
+            commands = self.core.handle(events.ShuttingDown(self.now))
+            stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
+            assert stopped >= self.running, "a process is left behind"
+
+
+TestAnyRobot = AnyRobot.TestCase
+TestAnyRobot.settings = settings(
+    max_examples=100, stateful_step_count=60, deadline=None, derandomize=True
+)

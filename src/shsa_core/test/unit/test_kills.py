@@ -1,0 +1,120 @@
+"""How a faulty node is killed, step by step, and what counts as certain."""
+from typing import List
+
+import pytest
+
+from shsa_core.healing.events import (
+    AskToLeave,
+    ClearNode,
+    Command,
+    EndProcess,
+    FindNode,
+    NodeFound,
+    NodeLeft,
+    ProcessUntouchable,
+    Where,
+)
+from shsa_core.healing.kills import KillNode, Kills, NodeKilled
+
+N = "/node"
+
+
+def begun(urgent: bool = True) -> Kills:
+    kills = Kills(patience=0.1)
+    assert kills.begin(10.0, KillNode(N, urgent)) == [FindNode(N, successor=urgent)]
+    assert kills.nodes == {N}
+    return kills
+
+
+def found(kills: Kills, where: Where) -> List[Command]:
+    commands, over = kills.found(NodeFound(10.0, N, where))
+    assert over is None and kills.nodes == {N}
+    return commands
+
+
+def test_a_node_that_leaves_when_it_is_asked_is_certainly_gone() -> None:
+    kills = begun()
+    assert found(kills, Where.HERE) == [AskToLeave(N)]
+    commands, over = kills.left(NodeLeft(10.05, N))
+    assert commands == [ClearNode(N)]
+    assert over == NodeKilled(10.05, N, True, "it left")
+    assert not kills.nodes and kills.deadline is None
+
+
+@pytest.mark.parametrize("urgent, patience", [(True, 0.1), (False, 1.0)])
+def test_a_node_that_does_not_leave_in_time_is_forced(urgent: bool, patience: float) -> None:
+    kills = begun(urgent)
+    found(kills, Where.HERE)
+    assert kills.deadline == 10.0 + patience
+    assert kills.tick(10.0 + 0.9 * patience) == ([], [])
+    assert kills.tick(10.0 + patience) == ([EndProcess(N)], [])
+    _, over = kills.left(NodeLeft(11.5, N))
+    assert over is not None and over.certain and "did not leave in time" in over.detail
+
+
+def test_a_stopped_node_is_forced_at_once() -> None:
+    assert found(begun(), Where.STOPPED) == [EndProcess(N)]
+
+
+def test_a_dead_node_is_only_cleared() -> None:
+    kills = begun()
+    commands, over = kills.found(NodeFound(10.0, N, Where.DEAD))
+    assert commands == [ClearNode(N)]
+    assert over == NodeKilled(10.0, N, True, "it had died")
+
+
+def test_a_node_that_nobody_knows_is_gone() -> None:
+    commands, over = begun().found(NodeFound(10.0, N, Where.NOWHERE))
+    assert commands == [] and over is not None and over.certain
+
+
+def test_a_node_elsewhere_that_does_not_answer_may_still_run() -> None:
+    kills = begun()
+    assert found(kills, Where.ELSEWHERE) == [AskToLeave(N)]
+    commands, (over,) = kills.tick(11.0)
+    assert commands == [] and not over.certain and "another computer" in over.detail
+
+
+def test_a_node_elsewhere_that_answers_is_gone() -> None:
+    kills = begun()
+    found(kills, Where.ELSEWHERE)
+    _, over = kills.left(NodeLeft(10.2, N))
+    assert over is not None and over.certain
+
+
+def test_a_process_that_does_not_end_may_still_run() -> None:
+    kills = begun()
+    found(kills, Where.STOPPED)
+    _, (over,) = kills.tick(11.0)
+    assert not over.certain and over.detail == "its process does not end"
+
+
+def test_a_process_of_somebody_else_may_still_run() -> None:
+    kills = begun()
+    found(kills, Where.STOPPED)
+    over = kills.untouchable(ProcessUntouchable(10.1, N))
+    assert over is not None and not over.certain and "somebody else" in over.detail
+
+
+def test_a_node_that_cannot_be_found_in_time_may_still_run() -> None:
+    kills = begun()
+    assert kills.tick(11.9) == ([], [])
+    _, (over,) = kills.tick(12.0)
+    assert not over.certain and "found in time" in over.detail
+
+
+def test_a_kill_that_is_under_way_is_not_begun_again() -> None:
+    kills = begun()
+    assert kills.begin(10.1, KillNode(N, True)) == []
+    assert kills.begin(10.1, KillNode("", True)) == []
+
+
+def test_what_comes_late_changes_nothing() -> None:
+    kills = begun()
+    found(kills, Where.HERE)
+    assert kills.found(NodeFound(10.1, N, Where.DEAD)) == ([], None)  # told twice
+    kills.left(NodeLeft(10.2, N))
+    assert kills.left(NodeLeft(10.3, N)) == ([], None)
+    assert kills.found(NodeFound(10.3, N, Where.HERE)) == ([], None)
+    assert kills.untouchable(ProcessUntouchable(10.3, N)) is None
+    assert kills.tick(20.0) == ([], [])

@@ -1,0 +1,317 @@
+"""Each check of messages: found when on, silent when off, healthy again when over."""
+from math import nan
+from typing import Any, Dict, List
+
+from monitor_bench import (
+    NODE,
+    PERIOD,
+    SETTINGS,
+    TOPIC,
+    Bench,
+    message_checks,
+    provision,
+    service,
+    with_value_checks,
+)
+
+from shsa_core.model.checks import (
+    REGISTRY,
+    FutureStamp,
+    Jump,
+    NotANumber,
+    OutOfRange,
+    RateHigh,
+    RateLow,
+    StaleStamp,
+    Stuck,
+    UnknownPublisher,
+)
+from shsa_core.model.service import Service
+from shsa_core.monitoring.events import Message
+from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
+
+OF_VALUES = ("not_a_number", "out_of_range", "stuck", "jump")
+
+
+def only(**limits: Any) -> Service:
+    """A service with these checks and no others; `bad`, `of`, `recovery` may be among them."""
+    counts = {name: limits.pop(name) for name in ("bad", "of", "recovery") if name in limits}
+    checks = {name: REGISTRY[name](limit) for name, limit in limits.items()}
+    of_values = tuple(check for name, check in checks.items() if name in OF_VALUES)
+    of_messages = (check for name, check in checks.items() if name not in OF_VALUES)
+    value = provision(range=None, checks=of_values)
+    return service(value, checks=message_checks(*of_messages, **counts))
+
+
+def bench_with(**limits: Any) -> Bench:
+    """A bench whose topic has no checks but these, after a second of healthy messages."""
+    bench = Bench(only(**limits))
+    bench.connect()
+    bench.stream(60)
+    assert bench.state() == "healthy"
+    return bench
+
+
+def test_too_fast() -> None:
+    bench = bench_with(rate_high=1.5)
+    bench.stream(200, period=PERIOD / 1.4)
+    assert bench.failures == []
+    bench.stream(200, period=PERIOD / 1.6)
+    assert bench.kinds() == [(NODE, "rate_high")]
+    assert "at most 75.0 Hz" in bench.failures[0].detail
+    bench.stream(100)
+    assert bench.state() == "healthy"
+
+
+def test_too_slow() -> None:
+    bench = bench_with(rate_low=0.5)
+    bench.stream(200, period=PERIOD / 0.6)
+    assert bench.failures == []
+    bench.stream(200, period=PERIOD / 0.4)
+    assert bench.kinds() == [(NODE, "rate_low")]
+    bench.stream(100)
+    assert bench.state() == "healthy"
+
+
+def test_a_burst_after_a_short_gap_is_not_too_fast() -> None:
+    bench = bench_with(rate_high=1.5, rate_low=0.5)
+    for _ in range(20):
+        bench.wait(4 * PERIOD)
+        for _ in range(5):
+            bench.message()
+    assert bench.failures == []
+
+
+def test_what_has_waited_for_the_monitor_is_judged_in_the_publishers_favour() -> None:
+    bench = bench_with(rate_high=1.1, rate_low=0.9, stale_stamp=0.2)
+    for _ in range(3):
+        bench.now += 5.0
+        for number in range(250):
+            age = 5.0 - number * PERIOD
+            bench.send(Message(bench.now, TOPIC, NODE, (1.0,), age=age, waited=5.0))
+        bench.stream(100, age=0.0)
+    assert bench.failures == []
+
+
+def test_waiting_excuses_no_more_than_its_time() -> None:
+    bench = bench_with(stale_stamp=0.2)
+    for _ in range(3):
+        bench.wait(PERIOD)
+        bench.send(Message(bench.now, TOPIC, NODE, (1.0,), age=0.31, waited=0.1))
+    assert bench.kinds() == [(NODE, "stale_stamp")]
+    assert bench.failures[0].detail == "the stamp is 0.210 s old, 0.2 s are allowed"
+
+
+def test_stuck() -> None:
+    bench = bench_with()
+    bench.stream(500, value=2.0)
+    assert bench.failures == []
+    bench = Bench(service(with_value_checks(Stuck(1.0))))
+    for step in range(200):
+        bench.stream(1, value=1.0 + step % 7)
+    assert bench.failures == []
+    bench.stream(49, value=3.0)
+    assert bench.failures == []
+    bench.stream(10, value=3.0)
+    assert bench.kinds() == [(NODE, "stuck")]
+    for step in range(6):
+        bench.stream(1, value=1.0 + step)
+    assert bench.state() == "healthy"
+
+
+def test_jump() -> None:
+    bench = bench_with(jump=5.0)
+    for value in (6.0, 11.0, 7.0):
+        bench.stream(1, value=value)
+    bench.stream(1, value=100.0)
+    bench.stream(20, value=7.0)
+    assert bench.failures == []
+    bench.stream(2, value=13.0)
+    assert bench.failures == []
+    bench.stream(1, value=13.0)
+    assert bench.kinds() == [(NODE, "jump")]
+    assert bench.failures[0].detail == "battery_current went from 7 to 13, steps of 5 are allowed"
+    bench.stream(5, value=13.0)
+    assert bench.state() == "healthy"
+
+
+def test_stale_stamp() -> None:
+    bench = bench_with(stale_stamp=0.5)
+    bench.stream(20, age=0.4)
+    bench.stream(20, age=-9.0)
+    bench.stream(20)
+    assert bench.failures == []
+    bench.stream(3, age=0.6)
+    assert bench.kinds() == [(NODE, "stale_stamp")]
+    bench.stream(5, age=0.0)
+    assert bench.state() == "healthy"
+
+
+def test_future_stamp() -> None:
+    bench = bench_with(future_stamp=0.5)
+    bench.stream(20, age=-0.4)
+    bench.stream(20, age=9.0)
+    assert bench.failures == []
+    bench.stream(3, age=-0.6)
+    assert bench.kinds() == [(NODE, "future_stamp")]
+
+
+def test_switched_off_checks_see_nothing() -> None:
+    bench = bench_with()
+    bench.stream(100, period=PERIOD / 3, value=nan, age=100.0)
+    bench.connect("/stranger")
+    for _ in range(100):
+        bench.stream(1)
+        bench.message(node="/stranger")
+    assert bench.failures == []
+
+
+def test_range_can_be_switched_off() -> None:
+    bench = Bench(service(provision(checks=(NotANumber(True),))))
+    bench.stream(20, value=1000.0)
+    assert bench.failures == []
+
+
+def both(bench: Bench, seconds: float, other: str = "/stranger") -> None:
+    """The SOM's node and another one publish side by side."""
+    for _ in range(round(seconds / PERIOD)):
+        bench.stream(1)
+        bench.message(node=other)
+
+
+def test_a_stranger_beside_the_soms_node() -> None:
+    bench = bench_with(unknown_publisher=1.0)
+    bench.connect("/stranger")
+    both(bench, 0.9)
+    assert bench.failures == []
+    both(bench, 1.0)
+    assert bench.kinds() == [("/stranger", "unknown_publisher")]
+    both(bench, 10.0)
+    bench.disconnect()
+    bench.stream(100, node="/stranger")
+    assert bench.state("/stranger") == "failed"
+
+
+def test_a_stranger_becomes_known_when_the_som_names_it() -> None:
+    bench = Bench()
+    both(bench, 2.0)
+    assert bench.kinds() == [("/stranger", "unknown_publisher")]
+    bench.watch(service(node="/stranger"))
+    bench.stream(10, node="/stranger")
+    assert bench.state("/stranger") == "healthy"
+
+
+def test_substitutes_are_no_strangers() -> None:
+    bench = bench_with(unknown_publisher=1.0)
+    bench.connect("/substitute_1")
+    bench.substitutes(("/substitute_1", True))
+    both(bench, 3.0, "/substitute_1")
+    bench.substitutes()
+    both(bench, 3.0, "/substitute_1")
+    assert bench.failures == []
+
+
+def test_a_stranger_alone_on_a_topic_is_welcome() -> None:
+    bench = Bench()
+    bench.connect("/stranger")
+    bench.stream(200, node="/stranger")
+    assert bench.failures == [] and bench.state("/stranger") == "healthy"
+
+
+def test_how_many_bad_messages_make_a_failure_is_tuned() -> None:
+    bench = bench_with(not_a_number=True, bad=1, of=1, recovery=1)
+    bench.stream(1, value=nan)
+    bench.stream(1)
+    bench.stream(1, value=nan)
+    assert bench.kinds() == [(NODE, "not_a_number")] * 2
+    bench = bench_with(not_a_number=True, bad=4, of=4)
+    for _ in range(10):
+        bench.stream(3, value=nan)
+        bench.stream(1)
+    assert bench.failures == []
+
+
+def test_the_deadline_is_tuned_exactly() -> None:
+    bench = Bench(service(deadline=2.0))
+    bench.connect()
+    bench.message()
+    bench.wait(2 * PERIOD - 0.001)
+    assert bench.failures == []
+    bench.wait(0.001)
+    assert bench.kinds() == [(NODE, "silent")]
+
+
+def test_each_field_of_a_topic_is_checked() -> None:
+    bench = Bench(
+        service(
+            provides=(
+                provision(property="speed", field="x", range=(0.0, 1.0)),
+                with_value_checks(Jump(0.1), property="turn", field="z", range=None),
+            )
+        )
+    )
+    bench.connect()
+    for _ in range(10):
+        bench.send(Message(bench.now, TOPIC, NODE, (0.5, 0.0)))
+    for _ in range(3):
+        bench.send(Message(bench.now, TOPIC, NODE, (0.5, 0.2)))
+    assert bench.failures[0].kind == "jump" and "turn went" in bench.failures[0].detail
+
+
+def test_the_defaults_find_gross_faults_only() -> None:
+    bench = Bench(service(provision(range=None)))
+    bench.connect()
+    for step in range(400):
+        bench.stream(1, value=1.0 if step % 100 < 50 else -1e6, age=100.0)
+    assert bench.failures == []
+
+
+def test_what_a_topic_must_be_decoded_for() -> None:
+    assert checked_provisions(only()) == () and not checks_stamps(only())
+    each: List[Dict[str, Any]] = [{"stuck": 1.0}, {"jump": 1.0}, {"not_a_number": True}]
+    for limits in each:
+        assert len(checked_provisions(only(**limits))) == 1
+    unlimited = service(provision(range=None, checks=(OutOfRange(True),)))
+    assert checked_provisions(unlimited) == ()
+    assert len(checked_provisions(service(provision(checks=(OutOfRange(True),))))) == 1
+    for check in (StaleStamp(1.0), FutureStamp(1.0)):
+        assert checks_stamps(service(checks=message_checks(check)))
+    assert not checks_stamps(service(checks=message_checks(RateHigh(1.0), RateLow(1.0))))
+
+
+def test_values_follow_the_provisions_that_are_checked() -> None:
+    unchecked = provision(property="speed", field="x", checks=())
+    turn = provision(property="turn", field="z", range=(0.0, 1.0))
+    bench = Bench(service(provides=(unchecked, turn)))
+    assert checked_provisions(service(provides=(unchecked, turn))) == (turn,)
+    for _ in range(3):
+        bench.send(Message(bench.now, TOPIC, NODE, (2.0,)))
+    assert bench.failures[0].detail == "turn is 2, 0 to 1 are allowed"
+
+
+def test_the_first_check_that_finds_something_tells_its_kind() -> None:
+    bench = bench_with(not_a_number=True, stale_stamp=0.5, bad=1, of=1)
+    bench.stream(1, value=nan, age=9.0)
+    assert bench.kinds() == [(NODE, "not_a_number")]
+
+
+def test_an_event_driven_topic_has_no_rate() -> None:
+    checks = message_checks(RateHigh(1.5), RateLow(0.5))
+    bench = Bench(service(period=None, checks=checks))
+    for _ in range(1000):
+        bench.message()
+    bench.wait(1000.0)
+    bench.stream(100, period=10.0)
+    assert bench.failures == []
+
+
+def test_a_stranger_is_judged_by_any_service_of_its_topic() -> None:
+    patient, strict = UnknownPublisher(5.0), UnknownPublisher(0.5)
+    bench = Bench(
+        service(checks=message_checks(patient)),
+        service(name="other", node="/other", checks=message_checks(strict)),
+        settings=SETTINGS,
+    )
+    both(bench, 1.0)
+    assert bench.kinds() == [("/stranger", "unknown_publisher")]
+    assert "for 0.5 s" in bench.failures[0].detail

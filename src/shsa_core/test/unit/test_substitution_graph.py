@@ -1,0 +1,307 @@
+"""Whom a substitute tells of its topics, and how it yields them to the original."""
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from substitute_driver import (
+    DEADLINE,
+    PERIOD,
+    SETTINGS,
+    Driver,
+    idle,
+    only,
+    row,
+    running,
+    served,
+    signal,
+    values,
+)
+
+from shsa_core.model.service import Signal
+from shsa_core.model.substitution import Substitution
+from shsa_core.substitution import events
+from shsa_core.substitution.machine import Substitute
+
+FLOAT = "std_msgs/Float64"
+A, B = signal("/a"), signal("/b")
+
+
+def found(driver: Driver, *connected: str) -> list:
+    subscribers = ("/one", "/two", "/three")
+    return driver.tell(events.SubscribersFound, "/out", subscribers, frozenset(connected))
+
+
+def looks(driver: Driver, until: float) -> list:
+    """When subscribers were looked for."""
+    driver.pass_to(until)
+    return [
+        round(time, 6)
+        for time, command in driver.said
+        if isinstance(command, events.FindSubscribers)
+    ]
+
+
+def test_a_new_topic_is_announced_at_once_and_looked_after_in_pauses() -> None:
+    driver = Driver(row())
+    assert events.Advertise("/out", FLOAT) in [command for _, command in driver.said]
+    driver.time = 1.0
+    assert driver.ready() == [events.Announce("/out", FLOAT)]
+    assert looks(driver, 60.0) == [1.05, 1.15, 1.35, 1.75, 2.55, 4.15]
+
+
+def test_an_idle_process_has_no_hurry() -> None:
+    driver = Driver(idle(outputs=(A, B, signal("/a", field="x"))))
+    assert [command for _, command in driver.said] == [
+        events.Advertise("/a", FLOAT),
+        events.Advertise("/b", FLOAT),
+    ]
+    assert driver.ready("/a") == [] and driver.ready("/b") == []
+    assert looks(driver, 60.0) == [0.5, 1.5, 3.5]
+    assert events.FindSubscribers(("/a", "/b")) in [command for _, command in driver.said]
+
+
+def test_a_prepared_topic_is_not_advertised_again_but_looked_after() -> None:
+    driver = Driver(idle(outputs=(A,)))
+    driver.ready("/a")
+    driver.time = 10.0
+    assert driver.change(row(outputs=(A,))) == [events.Listen((signal("/in"),))]
+    assert looks(driver, 60.0)[-6:] == [10.05, 10.15, 10.35, 10.75, 11.55, 13.15]
+
+
+def test_a_topic_that_is_wanted_while_it_is_being_advertised_is_announced() -> None:
+    driver = Driver(idle(outputs=(A,)))
+    driver.change(row(outputs=(A,)))
+    assert driver.ready("/a") == [events.Announce("/a", FLOAT)]
+
+
+def test_nothing_is_published_before_the_topic_is_advertised() -> None:
+    driver = Driver(row(publishing=True))
+    driver.stream(0.1)
+    assert driver.published() == []
+    driver.ready()
+    driver.stream(0.14)
+    assert len(driver.published()) == 2
+
+
+def test_those_who_have_not_connected_are_told_again() -> None:
+    driver = running()
+    assert found(driver, "/one") == [events.Tell("/out", ("/two", "/three"))]
+    assert found(driver, "/one", "/two", "/three") == []
+
+
+def test_nobody_is_told_of_a_topic_that_was_taken_back() -> None:
+    driver = running()
+    driver.change(idle())
+    assert found(driver) == []
+    assert driver.ready() == []
+    assert looks(driver, 60.0) == []
+
+
+def test_after_a_takeover_other_topics_are_withdrawn_with_a_delay() -> None:
+    driver = Driver(idle(outputs=(A, B)))
+    driver.ready("/a")
+    driver.ready("/b")
+    driver.change(row(publishing=True, outputs=(A,)))
+    delay = SETTINGS.withdraw_delay_s
+    assert only(driver.pass_to(delay - 0.001), events.Withdraw) == []
+    assert only(driver.pass_to(delay), events.Withdraw) == [events.Withdraw(("/b",))]
+    assert driver.core._advertising.topics == ("/a",)
+
+
+def test_a_topic_that_is_wanted_again_is_not_withdrawn() -> None:
+    driver = Driver(idle(outputs=(A, B)))
+    driver.change(row(outputs=(A,)))
+    driver.time = 0.1
+    driver.change(row(outputs=(B,)))
+    driver.pass_to(10.0)
+    withdrawn = [c for _, c in driver.said if isinstance(c, events.Withdraw)]
+    assert withdrawn == [events.Withdraw(("/a",))]
+
+
+def test_an_idle_process_takes_topics_back_at_once() -> None:
+    driver = Driver(idle(outputs=(A, B)))
+    assert driver.change(idle(outputs=(B,))) == [events.Withdraw(("/a",))]
+
+
+def test_a_call_that_failed_is_said() -> None:
+    (log,) = running().tell(events.CallFailed, "announcing /out", "refused")
+    assert (log.level, log.text) == (events.Level.WARNING, "announcing /out: refused")
+
+
+def standing_in(**of: Any) -> Driver:
+    """A substitute that has just taken over from the node /node."""
+    driver = running(original="/node", **of)
+    driver.change(row(True, original="/node", outputs=driver.core._row.outputs))
+    return driver
+
+
+def test_it_looks_once_a_period_whom_the_original_serves() -> None:
+    driver = standing_in()
+    assert only(driver.pass_to(PERIOD / 2), events.LookAtOriginal) == []
+    (look,) = only(driver.pass_to(PERIOD), events.LookAtOriginal)
+    assert (look.topic, look.original) == ("/out", "/node")
+    driver.stream(0.1)
+    assert only([c for _, c in driver.said], events.LookAtOriginal) == [look]
+    driver.tell(events.OriginalServes, look, frozenset())
+    assert len(only(driver.pass_to(0.1 + PERIOD), events.LookAtOriginal)) == 1
+
+
+def test_it_looks_no_more_often_than_a_node_can_bear() -> None:
+    fast = signal("/out", period=0.001)
+    driver = running(outputs=(fast,), original="/node")
+    driver.change(row(True, outputs=(fast,), original="/node"))
+    assert only(driver.pass_to(0.0099), events.LookAtOriginal) == []
+    assert len(only(driver.pass_to(0.0101), events.LookAtOriginal)) == 1
+
+
+def test_it_yields_each_consumer_once_the_original_serves_it() -> None:
+    driver = standing_in()
+    driver.served(driver.pass_to(PERIOD), "/one")
+    driver.arrive(1.0)
+    heard = driver.pass_to(2 * PERIOD)
+    assert served(heard) == [frozenset({"/one"})]
+    driver.served(heard)
+    driver.arrive(1.0)
+    assert served(driver.pass_to(3 * PERIOD)) == [frozenset()]
+
+
+def test_a_joining_consumer_that_the_original_serves_is_left_to_it() -> None:
+    driver = standing_in()
+    driver.served(driver.pass_to(PERIOD), "/one")
+    assert driver.tell(events.ConsumerJoined, "/out", "/one") == []
+    assert len(values(driver.tell(events.ConsumerJoined, "/out", "/two"))) == 1
+
+
+def test_muted_it_serves_the_others_for_a_while_and_looks_at_once() -> None:
+    driver = standing_in()
+    driver.stream(0.1)
+    assert len(only([c for _, c in driver.said], events.LookAtOriginal)) == 1  # not answered
+    driver.tell(events.OriginalServes, driver.said[0][1], frozenset())  # not one of its looks
+    (look,) = only([c for _, c in driver.said], events.LookAtOriginal)
+    driver.tell(events.OriginalServes, look, frozenset())
+    (look,) = only(driver.change(row(False, original="/node")), events.LookAtOriginal)
+    driver.tell(events.OriginalServes, look, frozenset({"/one"}))
+    driver.stream(0.1 + SETTINGS.yield_s - PERIOD)
+    times = [time for time, _ in driver.published(0.1)]
+    assert len(times) >= 48
+    said = driver.said[-10:]
+    assert set(served([c for _, c in said])) == {frozenset({"/one"})}
+    driver.stream(3.0)
+    assert driver.published(0.1 + SETTINGS.yield_s) == []
+
+
+def test_once_the_time_to_yield_is_over_nobody_looks_any_more() -> None:
+    driver = standing_in()
+    driver.served(driver.change(row(False, original="/node")))
+    driver.pass_to(10.0)
+    last = [time for time, c in driver.said if isinstance(c, events.LookAtOriginal)][-1]
+    assert last < SETTINGS.yield_s
+    assert driver.core.next_deadline() is None
+
+
+def test_it_yields_to_nobody_where_no_original_is_named() -> None:
+    driver = running(publishing=True)
+    driver.stream(0.09)
+    driver.change(row(False))
+    driver.stream(0.5)
+    assert driver.published(0.101) == []
+    assert only([c for _, c in driver.said], events.LookAtOriginal) == []
+
+
+def test_an_original_that_fails_again_serves_nobody() -> None:
+    """Else its consumers would get nothing until the next look."""
+    driver = standing_in()
+    driver.served(driver.change(row(False, original="/node")), "/one")
+    driver.time = 0.015
+    driver.arrive(1.0)
+    again = driver.change(row(True, original="/node"))
+    assert served(again) == [frozenset()]
+
+
+def test_an_answer_from_before_the_takeover_is_not_heeded() -> None:
+    driver = standing_in()
+    (look,) = only(driver.change(row(False, original="/node")), events.LookAtOriginal)
+    driver.change(row(True, original="/node"))
+    driver.tell(events.OriginalServes, look, frozenset({"/one"}))
+    assert served(driver.pass_to(PERIOD)) == [frozenset()]
+
+
+def test_it_follows_another_original() -> None:
+    driver = standing_in()
+    driver.served(driver.pass_to(PERIOD), "/one")
+    driver.change(row(True, original="/other"))
+    (look,) = only(driver.pass_to(2 * PERIOD), events.LookAtOriginal)
+    assert look.original == "/other"
+    assert served([c for _, c in driver.said])[-1] == frozenset()
+
+
+def test_it_yields_to_whom_the_row_names_when_it_is_muted() -> None:
+    driver = running(publishing=True)
+    (look,) = only(driver.change(row(False, original="/node")), events.LookAtOriginal)
+    assert look.original == "/node"
+    assert values(driver.pass_to(PERIOD)) == [(1.0,)]
+
+
+def test_it_yields_no_more_once_the_row_names_nobody_or_another_topic() -> None:
+    for muted in (row(False), row(False, original="/node", outputs=(A,))):
+        driver = standing_in()
+        driver.change(row(False, original="/node"))
+        driver.change(muted)
+        driver.ready("/a")
+        assert values(driver.pass_to(DEADLINE)) == []
+
+
+@pytest.mark.parametrize("original", ["", "/node"])
+def test_what_was_muted_before_does_not_yield(original: str) -> None:
+    driver = running(original=original)
+    driver.change(row(False, original="/other"))
+    driver.stream(0.2)
+    assert driver.published() == []
+
+
+def test_what_an_idle_process_cannot_use_is_not_listened_to_when_other_plans_come() -> None:
+    strange = Signal("/strange", "data", "no/Type", "", 0.1, 0.5)
+    fine = Signal("/fine", "data", "std_msgs/Float64", "", 0.1, 0.5)
+    out = Signal("/out", "data", "std_msgs/Float64", "", 0.1, 0.5)
+    core = Substitute()
+    row = Substitution("/s", "", (strange,), "", ())
+    commands = core.handle(events.Started(1.0, row, ((strange, "it is not built"),)))
+    commands += core.handle(
+        events.PlansChanged(2.0, (Substitution("", "a", (fine, strange), "", (out,)),), whole=True)
+    )
+    commands += core.handle(events.PlansChanged(3.0, (Substitution("", "b", (fine,), "", ()),)))
+    listened = [each.inputs for each in commands if isinstance(each, events.Listen)]
+    assert listened == [(fine,)]
+    core.validate()
+
+
+def test_an_idle_process_leaves_the_topics_of_plans_that_are_gone() -> None:
+    out = Signal("/out", "data", "std_msgs/Float64", "", 0.1, 0.5)
+    core = Substitute()
+    core.handle(events.Started(1.0, Substitution("/s", "", (), "", ())))
+    plan = Substitution("", "a", (), "", (out,))
+    commands = core.handle(events.PlansChanged(2.0, (plan,), whole=True))
+    assert events.Advertise("/out", "std_msgs/Float64") in commands
+    core.handle(events.Advertised(2.1, "/out"))
+    commands = core.handle(events.PlansChanged(3.0, (), removed=("a",)))
+    assert events.Withdraw(("/out",)) in commands
+    commands = core.handle(events.PlansChanged(4.0, (plan,)))
+    assert events.Advertise("/out", "std_msgs/Float64") in commands
+    assert events.Withdraw(("/out",)) in core.handle(events.PlansChanged(5.0, (), whole=True))
+
+
+def test_plans_that_are_not_in_the_whole_table_are_prepared_for_no_more() -> None:
+    driver = Driver(idle())
+    plans = [replace(row(outputs=(each,)), node="", service=each.topic) for each in (A, B)]
+    driver.tell(events.PlansChanged, tuple(plans), (), True)
+    driver.ready("/a")
+    driver.ready("/b")
+    commands = driver.tell(events.PlansChanged, (plans[1],), (), True)
+    assert [each.topics for each in only(commands, events.Withdraw)] == [("/a",)]
+
+
+def test_a_topic_that_was_prepared_keeps_its_type() -> None:
+    driver = Driver(idle(outputs=(signal("/out"),)))
+    commands = driver.change(row(outputs=(signal("/out", type="std_msgs/Int8"),)))
+    (told,) = only(commands, events.Log)
+    assert "it is a std_msgs/Float64 to this process" in told.text

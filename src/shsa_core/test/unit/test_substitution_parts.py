@@ -1,0 +1,103 @@
+"""The parts of a substitute's core: schedule, inputs, program, and signals as text."""
+import math
+
+import pytest
+from substitute_driver import DEADLINE, IN, OUT, SETTINGS, row, signal
+
+from shsa_core.errors import ShsaError
+from shsa_core.substitution.freshness import Freshness
+from shsa_core.substitution.job import Job
+from shsa_core.substitution.schedule import Schedule
+from shsa_core.substitution.signals import decode, encode
+
+
+def test_the_first_is_due_at_once_and_then_one_a_period() -> None:
+    schedule = Schedule(0.5, 10.0)
+    assert schedule.due == 10.0
+    schedule.done(10.1)
+    assert schedule.due == 10.5
+    schedule.done(10.7)
+    assert schedule.due == 11.0
+
+
+def test_what_is_late_is_not_followed_closely() -> None:
+    schedule = Schedule(0.5, 10.0)
+    schedule.done(10.3)
+    assert schedule.due == 10.8
+    schedule.done(99.0)
+    assert schedule.due == 99.5
+
+
+def test_what_is_hastened_is_due_sooner_and_never_later() -> None:
+    schedule = Schedule(0.5, 10.0)
+    schedule.hasten(11.0)
+    assert schedule.due == 10.0
+    schedule.hasten(9.0)
+    assert schedule.due == 9.0
+
+
+def test_without_a_period_only_what_is_hastened_is_due() -> None:
+    schedule = Schedule(None, 10.0)
+    schedule.done(10.0)
+    assert schedule.due == math.inf
+    schedule.hasten(12.0)
+    assert schedule.due == 12.0
+
+
+def test_a_value_counts_up_to_its_deadline() -> None:
+    inputs = Freshness()
+    assert inputs.listen([IN, IN]) == (IN,)
+    assert inputs.listen([IN]) == ()
+    assert inputs.listens(IN) and not inputs.listens(OUT)
+    assert inputs.values([IN], 0.0) is None
+    inputs.take(1.0, "/in", "/sensor", [("data", 7.0), ("other", 8.0)])
+    inputs.take(1.0, "/elsewhere", "/sensor", [("data", 8.0)])
+    assert inputs.values([IN], 1.0 + DEADLINE) == (7.0,)
+    assert inputs.values([IN], 1.001 + DEADLINE) is None
+    assert inputs.values([signal("/in", deadline=None)], 1e9) == (7.0,)
+    assert inputs.values([], 0.0) == ()
+
+
+def test_a_signal_of_one_node_takes_its_messages_alone() -> None:
+    inputs = Freshness()
+    named, anybody = signal("/in", node="/left"), signal("/in")
+    inputs.listen([named, anybody])
+    inputs.take(0.0, "/in", "/right", [("data", 1.0)])
+    assert inputs.values([anybody], 0.0) == (1.0,)
+    assert inputs.values([named], 0.0) is None
+    inputs.take(0.0, "/in", "/left", [("data", 2.0)])
+    assert inputs.values([named, anybody], 0.0) == (2.0, 2.0)
+
+
+def test_a_long_gap_makes_derivatives_start_anew_and_is_measured_in_periods() -> None:
+    code = "t0=x[0];\ndef _tf1(i1): return derivative(i1)\nt1=_tf1(t0);\ny=t1"
+    for period, gap in ((0.01, 1.0), (1.0, 10.0), (None, math.inf)):
+        job = Job(row(code=code, outputs=(signal("/out", period=period),)), SETTINGS)
+        assert job._gap == gap
+        job.evaluate((0.0,), 0.0)
+        assert job.latest is None
+        job.evaluate((5.0,), 5.0)
+        assert (job.latest is None) == (gap < 5.0)
+
+
+def test_a_job_follows_the_numbers_of_its_own_program_alone() -> None:
+    job = Job(row(), SETTINGS)
+    assert job.follow(row(outputs=(signal("/out", period=3.0),))) and job.period == 3.0
+    assert not job.follow(row(code="t0=x[0];y=t0;"))
+    assert not job.follow(row(inputs=(signal("/in", node="/left"),)))
+
+
+def test_signals_survive_the_way_as_text() -> None:
+    inputs = (IN, signal("/x", None, None, "/left", "a.b[3]", "pkg/Type"))
+    assert decode(encode(inputs, (OUT,))) == (inputs, (OUT,))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{", "[]", "[[], [], []]", "[[1], []]", '[[["/a"]], []]']
+    + ['[[["/a", "data", "t/T", 5, 1.0, 1.0]], []]']
+    + ['[[["/a", "data", "t/T", "", %s, null]], []]' % bad for bad in ('"1"', "0", "-1", "NaN")],
+)
+def test_what_is_no_signals_is_refused(text: str) -> None:
+    with pytest.raises(ShsaError, match="SHSA_SIGNALS holds no signals"):
+        decode(text)

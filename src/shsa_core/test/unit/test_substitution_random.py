@@ -1,0 +1,171 @@
+"""Any story of a substitute: what its consumers see, and its own invariants."""
+from typing import Any, Dict, List, Optional, Set, Tuple
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
+from substitute_driver import CODE, NAME, SETTINGS, signal
+
+from shsa_core.model.substitution import Substitution
+from shsa_core.substitution import events
+from shsa_core.substitution.machine import Substitute
+
+INPUTS = (signal("/in"), signal("/spare", deadline=None), signal("/in", node="/left"))
+OUTPUTS = tuple(
+    signal(topic, period=period) for topic in ("/out", "/other") for period in (0.02, 0.5, None)
+)
+CODES = (
+    CODE,
+    "t0=x[0];\ndef _tf1(i1): return derivative(i1)\nt1=_tf1(t0);\ny=t1",
+    "t0=x[0];\ndef _tf1(i1): return 1.0/i1\nt1=_tf1(t0);\ny=t1",
+    "nonsense",
+)
+CONSUMERS = ("/one", "/two")
+NODES = ("", "/left", "/node")
+
+
+class AnySubstitute(RuleBasedStateMachine):
+    """A model of what it was told, beside the core."""
+
+    @initialize()
+    def start(self) -> None:
+        self.core = Substitute()
+        self.now = 100.0
+        self.told = Substitution(NAME, "", (), "", ())
+        self.muted_at: Optional[float] = None
+        self.original = ""
+        self.advertised: Dict[str, bool] = {}
+        self.listening: Set[Tuple[str, str, str]] = set()
+        self.looks: List[events.LookAtOriginal] = []
+        self.last: Optional[float] = None  # message to all since the row changed
+        self.stale_looks = 0  # which the core awaits no more
+        self.hear(events.Started(self.now, self.told))
+
+    def hear(self, event: events.Event) -> None:
+        """Hand over an event, and check every command against the model."""
+        for command in self.core.handle(event):
+            check = getattr(self, "on_" + type(command).__name__, None)
+            if check is not None:
+                check(command)
+        self.core.validate()
+
+    def on_Listen(self, command: events.Listen) -> None:
+        for each in command.inputs:
+            key = each.topic, each.field, each.node
+            assert key not in self.listening, "it listens twice"
+            self.listening.add(key)
+
+    def on_Advertise(self, command: events.Advertise) -> None:
+        assert command.topic not in self.advertised, "it advertises twice"
+        self.advertised[command.topic] = False
+
+    def on_Withdraw(self, command: events.Withdraw) -> None:
+        for topic in command.topics:
+            del self.advertised[topic]
+
+    def on_LookAtOriginal(self, look: events.LookAtOriginal) -> None:
+        self.looks.append(look)
+        assert look.original and len(self.looks) <= 1 + self.stale_looks
+
+    def on_Publish(self, command: events.Publish) -> None:
+        topic = command.outputs[0].topic
+        assert self.advertised[topic]
+        yields = self.muted_at is not None and self.now < self.muted_at + SETTINGS.yield_s
+        assert self.told.publishing or (yields and self.original)
+        assert topic in self.told.topics or not self.told.publishing
+        if command.only:
+            assert self.told.publishing and command.only not in command.served
+            return
+        period = command.outputs[0].period
+        if period is not None and self.last is not None:
+            assert self.now - self.last > 0.49 * period, "two messages at once"
+        self.last = self.now
+
+    @rule(
+        publishing=st.booleans(),
+        source=st.sampled_from(INPUTS),
+        output=st.sampled_from(OUTPUTS),
+        code=st.sampled_from(CODES),
+        original=st.sampled_from(NODES),
+    )
+    def program(self, publishing: bool, source: Any, output: Any, code: str, original: str) -> None:
+        row = Substitution(NAME, "s", (source,), code, (output,), (), 1.0, publishing, original)
+        self.change(row)
+
+    @rule(publishing=st.booleans())
+    def order(self, publishing: bool) -> None:
+        """The same program, told to publish or muted."""
+        told = self.told
+        self.change(
+            Substitution(
+                NAME, "s", told.inputs, told.code, told.outputs, (), 1.0, publishing, told.original
+            )
+        )
+
+    @rule(outputs=st.sets(st.sampled_from(OUTPUTS)), inputs=st.sets(st.sampled_from(INPUTS)))
+    def rest(self, outputs: Any, inputs: Any) -> None:
+        self.change(Substitution(NAME, "", tuple(inputs), "", tuple(outputs)))
+
+    def change(self, row: Substitution) -> None:
+        """Keep who was told what: who publishes, and until when it may yield."""
+        if self.told.publishing and not row.publishing:
+            self.muted_at = self.now
+        if row.publishing:
+            self.muted_at = None
+        self.told, self.original = row, row.original
+        self.stale_looks, self.last = len(self.looks), None
+        self.hear(events.RowChanged(self.now, row))
+
+    @rule(
+        topic=st.sampled_from(("/in", "/spare")),
+        node=st.sampled_from(NODES),
+        value=st.sampled_from((0.0, 1.0, 5.0, float("nan"))),
+    )
+    def arrive(self, topic: str, node: str, value: float) -> None:
+        self.hear(events.InputArrived(self.now, topic, node, (("data", value),)))
+
+    @rule(late=st.sampled_from((0.0, 0.0, 0.001, 0.03)))
+    def deadline(self, late: float) -> None:
+        """The next thing that is due."""
+        due = self.core.next_deadline()
+        if due is not None:
+            assert due > self.now
+            self.now = due + late
+            self.hear(events.Tick(self.now))
+
+    @rule(passed=st.sampled_from((0.0, 0.001, 0.01, 0.1, 0.3, 2.0)))
+    def wait(self, passed: float) -> None:
+        self.now += passed
+        self.hear(events.Tick(self.now))
+
+    @rule()
+    def registered(self) -> None:
+        for topic in list(self.advertised):
+            self.advertised[topic] = True
+            self.hear(events.Advertised(self.now, topic))
+
+    @rule(topic=st.sampled_from(("/out", "/other")), consumer=st.sampled_from(CONSUMERS))
+    def join(self, topic: str, consumer: str) -> None:
+        if self.advertised.get(topic):
+            self.hear(events.ConsumerJoined(self.now, topic, consumer))
+
+    @rule(served=st.sets(st.sampled_from(CONSUMERS)))
+    def answer(self, served: Any) -> None:
+        if self.looks:
+            look = self.looks.pop(0)
+            self.stale_looks = max(0, self.stale_looks - 1)
+            self.hear(events.OriginalServes(self.now, look, frozenset(served)))
+
+    @rule(topic=st.sampled_from(("/out", "/other")), connected=st.sets(st.sampled_from(CONSUMERS)))
+    def found(self, topic: str, connected: Any) -> None:
+        self.hear(events.SubscribersFound(self.now, topic, CONSUMERS, frozenset(connected)))
+
+    @rule()
+    def lost(self) -> None:
+        self.hear(events.RowRemoved(self.now))
+
+
+TestAnySubstitute = AnySubstitute.TestCase
+TestAnySubstitute.settings = settings(
+    max_examples=100, stateful_step_count=60, deadline=None, derandomize=True
+)

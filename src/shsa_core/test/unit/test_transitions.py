@@ -1,0 +1,71 @@
+"""The states of a service: the table, its diagram in the documentation, and what is impossible."""
+import re
+from pathlib import Path
+from typing import Dict, Set, Tuple
+
+import pytest
+
+from core_robot import Robot
+from shsa_core.healing.incident import State
+from shsa_core.healing.topic import TopicHealing
+from shsa_core.healing.transitions import TRANSITIONS, InvalidTransition, Story, Trigger
+
+PAGE = Path(__file__).resolve().parents[4] / "docs" / "architecture.md"
+ARROW = re.compile(r"^ *(\w+) --> (\w+) : (.+)$", re.MULTILINE)
+
+
+def drawn() -> Set[Tuple[str, str, str]]:
+    """The arrows in the documentation: from, to, and what leads there."""
+    diagram = PAGE.read_text().split("stateDiagram-v2")[1].split("```")[0]
+    return {
+        (start.lower(), end.lower(), trigger.strip())
+        for start, end, triggers in ARROW.findall(diagram)
+        for trigger in triggers.split(" / ")
+    }
+
+
+def test_the_diagram_in_the_documentation_is_the_table() -> None:
+    table = {
+        (state.value, to.value, trigger.value)
+        for (state, trigger), (_, ends) in TRANSITIONS.items()
+        for to in ends
+    }
+    assert drawn() == table
+
+
+def test_every_method_in_the_table_is_there() -> None:
+    for method, _ in TRANSITIONS.values():
+        assert callable(getattr(TopicHealing, method))
+
+
+def test_every_state_can_be_reached_and_left() -> None:
+    ends: Dict[State, Set[State]] = {}
+    for (state, _), (_, to) in TRANSITIONS.items():
+        ends.setdefault(state, set()).update(to)
+    reached = {State.WELL}
+    while True:
+        more = set().union(*(ends[state] for state in reached)) - reached
+        if not more:
+            break
+        reached |= more
+    assert reached == set(State) - {State.ENDED}
+    assert all(to != {state} for state, to in ends.items())
+
+
+def test_a_trigger_that_a_state_does_not_have_raises_with_its_story() -> None:
+    robot = Robot()
+    robot.heal(10.0)
+    story = robot.core._healings["a"]._story
+    with pytest.raises(InvalidTransition) as caught:
+        story.method(State.HEALED, Trigger.STEADY)
+    told = str(caught.value)
+    assert "a: healed: nothing is to be done about 'healthy for the hold-off'" in told
+    assert "10.000 well -> healing: its node failed" in told
+    assert "10.510 healing -> healed: first message of the substitute" in told
+
+
+def test_a_transition_to_a_state_that_the_table_does_not_have_raises() -> None:
+    story = Story("a")
+    with pytest.raises(InvalidTransition) as caught:
+        story.add(1.0, State.WELL, Trigger.FAILED, State.RETURNING)
+    assert "'its node failed' does not lead from well to returning" in str(caught.value)

@@ -1,0 +1,101 @@
+"""A node that fails on command (`rosrun shsa_testing faulty_publisher`), and a test's handle."""
+import subprocess
+import sys
+import time
+
+import rospy
+from shsa_msgs.msg import Float64Stamped
+from std_msgs.msg import Header, String
+
+from shsa_testing.processes import end_process
+from shsa_testing.waiting import wait_until
+
+
+class FaultyPublisher:
+    """Publishes shsa_msgs/Float64Stamped and obeys what it hears on `~fault`.
+
+    Parameters: ~topic, ~period in s, ~value, ~mute. Commands: `value X`, `period S`, `stamp S`
+    (seconds added to the stamp), `ramp X` (added to the value at every message), `mute`, `publish`,
+    `burst N`, `unadvertise`, `advertise`.
+    """
+
+    def __init__(self) -> None:
+        self.topic = rospy.get_param("~topic", "/watched")
+        self.period = rospy.get_param("~period", 0.02)
+        self.value = rospy.get_param("~value", 1.0)
+        self.mute = rospy.get_param("~mute", False)
+        self.stamp = self.ramp = 0.0
+        self.publisher = self.advertise()
+        rospy.Subscriber("~fault", String, self.obey)
+
+    def advertise(self) -> rospy.Publisher:
+        """Advertise the topic."""
+        return rospy.Publisher(self.topic, Float64Stamped, queue_size=100, tcp_nodelay=True)
+
+    def obey(self, command: String) -> None:
+        """Fail as commanded."""
+        word, _, argument = command.data.partition(" ")
+        if word == "unadvertise":
+            self.mute = True
+            self.publisher.unregister()
+        elif word == "advertise":
+            self.publisher = self.advertise()
+            self.mute = False
+        elif word == "burst":
+            for _ in range(int(argument)):
+                self.publish()
+        elif word in ("mute", "publish"):
+            self.mute = word == "mute"
+        elif word in ("value", "period", "stamp", "ramp"):
+            setattr(self, word, float(argument))
+        else:
+            rospy.logerr("No such fault: %s", command.data)
+
+    def publish(self) -> None:
+        """Publish once."""
+        stamp = rospy.Time.from_sec(rospy.get_time() + self.stamp)
+        self.value += self.ramp
+        self.publisher.publish(Float64Stamped(header=Header(stamp=stamp), data=self.value))
+
+    def spin(self) -> None:
+        """Publish until the node is asked to end."""
+        due = time.monotonic()
+        while not rospy.is_shutdown():
+            if not self.mute:
+                self.publish()
+            due = max(due + self.period, time.monotonic())
+            rospy.rostime.wallsleep(max(0.0, due - time.monotonic()))
+
+
+class FaultyNode:
+    """A `faulty_publisher` in a process of its own."""
+
+    def __init__(self, name: str, topic: str, **parameters: object) -> None:
+        self.name = name
+        command = [sys.executable, "-m", "shsa_testing.faulty_publisher", f"__name:={name[1:]}"]
+        command += [f"_topic:={topic}", *(f"_{key}:={value}" for key, value in parameters.items())]
+        self.process = subprocess.Popen(command)
+        self._fault = rospy.Publisher(name + "/fault", String, queue_size=10)
+
+    def fault(self, command: str) -> float:
+        """Make it fail as `command` says; when that was sent, in s of the monotonic clock."""
+        listens = lambda: self._fault.get_num_connections() > 0
+        wait_until(listens, 10.0, f"{self.name} listens to faults")
+        sent = time.monotonic()
+        self._fault.publish(command)
+        return sent
+
+    def end(self) -> None:
+        """Kill it for certain."""
+        end_process(self.process)
+        self._fault.unregister()
+
+
+def main() -> None:
+    """Run the node."""
+    rospy.init_node("faulty_publisher")
+    FaultyPublisher().spin()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""What healing publishes, and who publishes on a topic, as a test hears it."""
+import threading
+import time
+from typing import Any, Dict, List, Optional, Tuple
+
+import rospy
+from shsa_msgs.msg import Incident, ServiceState, SomState, Substitution, Substitutions
+
+from shsa_testing.graph import publishers
+from shsa_testing.waiting import wait_until
+
+
+class TopicRecord:
+    """Who published on a topic, and when (monotonic, s); `last` is the newest message."""
+
+    def __init__(self, topic: str, message_class: type = rospy.AnyMsg) -> None:
+        self.heard: List[Tuple[float, str]] = []
+        self.last: Any = None
+        self._subscriber = rospy.Subscriber(topic, message_class, self._received, tcp_nodelay=True)
+
+    def _received(self, message: Any) -> None:
+        self.last = message
+        self.heard.append((time.monotonic(), message._connection_header["callerid"]))
+
+    def times(self, node: str) -> List[float]:
+        """When `node` published."""
+        return [at for at, who in list(self.heard) if who == node]
+
+    def others(self, node: str, since: float) -> List[Tuple[float, str]]:
+        """Who else published since a moment."""
+        return [(at, who) for at, who in list(self.heard) if who != node and at >= since]
+
+    def await_node(self, node: str, seconds: float = 20.0) -> None:
+        """Wait until `node` publishes from now on."""
+        now = time.monotonic()
+        heard = self.heard
+        wait_until(
+            lambda: any(who == node and at > now for at, who in reversed(heard[-50:])),
+            seconds,
+            f"{node} publishes",
+        )
+
+
+class HealedRobot:
+    """The state of healing, as it is published: incidents, substitutions, services."""
+
+    def __init__(self) -> None:
+        self.incidents: Dict[int, Incident] = {}
+        self._substitutions: Dict[str, Substitution] = {}
+        self._services: Dict[str, ServiceState] = {}
+        self._lock = threading.Lock()
+        rospy.Subscriber("/shsa/incidents", Incident, self._incident)
+        rospy.Subscriber("/shsa/substitutions", Substitutions, self._substitutions_changed)
+        rospy.Subscriber("/shsa/som_state", SomState, self._som_changed)
+
+    def _incident(self, incident: Incident) -> None:
+        with self._lock:
+            self.incidents[incident.id] = incident
+
+    def _substitutions_changed(self, change: Substitutions) -> None:
+        rows = {row.node or row.service: row for row in change.substitutions}
+        self._substitutions = _changed(self._substitutions, change, rows)
+
+    def _som_changed(self, change: SomState) -> None:
+        rows = {row.service: row for row in change.services}
+        self._services = _changed(self._services, change, rows)
+
+    @property
+    def substitutions(self) -> List[Substitution]:
+        """The rows of processes in the table of substitutions.
+
+        The others are plans of warm services.
+        """
+        return [row for row in self._substitutions.values() if row.node]
+
+    @property
+    def services(self) -> List[ServiceState]:
+        """The rows of the running SOM."""
+        return list(self._services.values())
+
+    def latest(self, topic: str) -> Optional[Incident]:
+        """The newest incident of a topic."""
+        with self._lock:
+            known = [i for i in self.incidents.values() if i.topic == topic]
+        return max(known, key=lambda each: int(each.id)) if known else None
+
+    def publishers(self, topic: str) -> List[str]:
+        """The nodes registered as publishers of a topic, save the pool's idle processes."""
+        idle = {row.node for row in self.substitutions if not row.service}
+        return [node for node in publishers(topic) if node not in idle]
+
+    def await_state(self, topic: str, state: str, seconds: float = 20.0) -> Incident:
+        """Wait until the newest incident of a topic is in a state."""
+
+        def reached() -> Optional[Incident]:
+            incident = self.latest(topic)
+            return incident if incident is not None and incident.state == state else None
+
+        return wait_until(reached, seconds, f"the incident of {topic} is {state}")
+
+    def await_available(self, *topics: str, seconds: float = 30.0) -> None:
+        """Wait until all services of the topics are available."""
+
+        def available() -> bool:
+            states: Dict[str, bool] = {}
+            for row in self.services:
+                states[row.topic] = states.get(row.topic, True) and row.available
+            return all(states.get(topic) for topic in topics)
+
+        wait_until(available, seconds, f"{', '.join(topics)} available")
+
+
+def _changed(old: Dict[str, Any], change: Any, rows: Dict[str, Any]) -> Dict[str, Any]:
+    """A table after a change; the whole replaces it."""
+    kept = {} if change.whole else old
+    return {**{key: row for key, row in kept.items() if key not in change.removed}, **rows}

@@ -1,0 +1,39 @@
+"""Processes that a test starts: found by the mark that they inherit, and ended with it."""
+import atexit
+import subprocess
+from typing import List
+
+import psutil
+
+
+def running(process: psutil.Process) -> bool:
+    """Whether a process is there and not a zombie."""
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+def marked(name: str, value: str) -> List[psutil.Process]:
+    """The running processes that inherited the environment variable `name` with this value."""
+
+    def has_mark(process: psutil.Process) -> bool:
+        try:
+            return bool(process.environ().get(name) == value)
+        except (psutil.Error, OSError):  # it ended, or is another user's
+            return False
+
+    return [each for each in psutil.process_iter() if has_mark(each) and running(each)]
+
+
+def rosrun(package: str, executable: str, *arguments: str) -> "subprocess.Popen[bytes]":
+    """Start a node as a person would; it ends with this process."""
+    process = subprocess.Popen(["rosrun", package, executable, *arguments])
+    atexit.register(end_process, process)
+    return process
+
+
+def end_process(process: "subprocess.Popen[bytes]") -> None:
+    """End a process that a test started."""
+    process.kill()
+    process.wait()

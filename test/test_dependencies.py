@@ -1,0 +1,142 @@
+"""Whatever the code imports is packaged, in Debian 12 and in Ubuntu 20.04.
+
+Every package says what it needs.
+"""
+import ast
+import csv
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+from shutil import which
+from typing import Dict, Iterator, List, Set
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+SOURCES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
+PACKAGES = [path.name for path in SOURCES]
+TEST_FOLDERS = ("test", "bench")
+"""Of a package: what is imported there may be a test_depend."""
+
+
+def rows() -> List[Dict[str, str]]:
+    """The list of dependencies."""
+    with open(ROOT / "tools" / "dependencies.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+MODULES = {row["name"]: row for row in rows() if row["kind"] == "module"}
+STANDARD = {*sys.builtin_module_names, *getattr(sys, "stdlib_module_names", ())}
+
+
+def is_standard(name: str) -> bool:
+    """Whether a module comes with Python."""
+    if name in STANDARD:
+        return True
+    spec = importlib.util.find_spec(name)
+    origin = str(spec.origin) if spec is not None else ""
+    return "/lib/python3" in origin and "-packages" not in origin
+
+
+def python_files(folder: Path) -> Iterator[Path]:
+    """The Python files below a folder, executables without a suffix included."""
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and not {"build", "devel", "install"} & set(path.parts):
+            script = path.suffix == "" and path.read_bytes()[:30].startswith(b"#!/usr/bin/env py")
+            if path.suffix == ".py" or script:
+                yield path
+
+
+def imported(path: Path) -> Set[str]:
+    """The top-level names that a file imports."""
+    names: Set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module.split(".")[0])
+    return names
+
+
+def foreign(path: Path) -> Set[str]:
+    """What a file imports that is neither Python's own nor a module of ours."""
+    beside = {other.stem for other in path.parent.glob("*.py")}
+    # Tests of benchmarks import these from their folder.
+    benchmarks = {other.stem for other in ROOT.glob("src/*/bench/*.py")}
+    ours = {*PACKAGES, *beside, *benchmarks}
+    return {name for name in imported(path) if name not in ours and not is_standard(name)}
+
+
+def depends(package: Path, *tags: str) -> Set[str]:
+    """The dependencies in a package.xml."""
+    root = ElementTree.parse(str(package / "package.xml")).getroot()
+    return {str(each.text) for tag in tags for each in root.findall(tag)}
+
+
+def in_tests(package: Path, path: Path) -> bool:
+    return path.relative_to(package).parts[0] in TEST_FOLDERS
+
+
+def test_every_import_is_in_the_list_and_the_list_has_no_more() -> None:
+    used: Set[str] = set()
+    for folder in ("src", "test", "tools", "examples"):
+        for path in python_files(ROOT / folder):
+            used |= foreign(path)
+    assert used == set(MODULES)
+
+
+@pytest.mark.parametrize("package", SOURCES, ids=PACKAGES)
+def test_package_xml_names_what_the_package_imports(package: Path) -> None:
+    runs = depends(package, "depend", "exec_depend", "buildtool_depend")
+    tests = runs | depends(package, "test_depend")
+    missing = []
+    for path in python_files(package):
+        allowed = tests if in_tests(package, path) else runs
+        needed = {MODULES[name]["rosdep"] for name in foreign(path) if name in MODULES}
+        needed |= {name for name in imported(path) if name in PACKAGES and name != package.name}
+        missing += [f"{path.name}: {name}" for name in sorted(needed - allowed - {""})]
+    assert not missing
+
+
+@pytest.mark.parametrize("package", SOURCES, ids=PACKAGES)
+def test_package_xml_names_no_library_that_is_not_imported(package: Path) -> None:
+    used = {name for path in python_files(package) for name in foreign(path)}
+    keys = {MODULES[name]["rosdep"] for name in used if name in MODULES}
+    given = depends(package, "depend", "exec_depend", "test_depend")
+    assert {key for key in given if key.startswith("python3-")} <= keys
+
+
+@pytest.mark.parametrize("package", SOURCES, ids=PACKAGES)
+def test_package_xml_names_only_keys_that_rosdep_knows(package: Path) -> None:
+    known = {row["rosdep"] for row in rows()} | set(PACKAGES)
+    # Not imported from Python: headers, generators, message packages.
+    known |= {"actionlib_msgs", "message_generation", "message_runtime", "roscpp"}
+    assert depends(package, "depend", "build_depend", "exec_depend", "test_depend") <= known
+
+
+@pytest.mark.parametrize(
+    "system, column",
+    [("debian", "debian 12"), ("noetic", "ubuntu 20.04")],
+    ids=["debian", "noetic"],
+)
+def test_set_up_installs_what_is_in_the_list(system: str, column: str) -> None:
+    installed = set((ROOT / "tools" / f"packages-{system}.txt").read_text().split())
+    # On Ubuntu, rosdep installs what it has a key for.
+    wanted = {row[column] for row in rows() if system == "debian" or not row["rosdep"]} - {""}
+    assert wanted <= installed
+
+
+@pytest.mark.skipif(which("dpkg") is None, reason="no dpkg on this system")
+def test_the_list_names_the_packages_that_hold_the_modules() -> None:
+    column = "ubuntu 20.04" if Path("/opt/ros/noetic").exists() else "debian 12"
+    for name, row in MODULES.items():
+        spec = importlib.util.find_spec("ruamel.yaml" if name == "ruamel" else name)
+        assert spec is not None, f"{name} is not installed"
+        found = subprocess.run(
+            ["dpkg", "-S", str(Path(str(spec.origin)).resolve())],
+            stdout=subprocess.PIPE,
+            universal_newlines=True,
+        ).stdout
+        assert row[column] in found.split(":")[0].split(", "), f"{name}: {found}"

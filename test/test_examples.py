@@ -1,0 +1,45 @@
+"""The examples are valid, and what the README shows are the examples' files."""
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import List
+from xml.etree import ElementTree
+
+import pytest
+
+from shsa_core.analysis.check import check_files
+
+ROOT = Path(__file__).resolve().parent.parent
+EXAMPLES = sorted(path.parent for path in ROOT.glob("examples/*/README.md"))
+
+
+def blocks(text: str) -> List[str]:
+    """The indented blocks of a Markdown text, without their indent."""
+    found = re.findall(r"(?:^    .*\n|^\n)+", text, re.MULTILINE)
+    return [re.sub(r"^    ", "", block, flags=re.MULTILINE).strip("\n") for block in found]
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.name)
+def test_an_example_is_valid(example: Path) -> None:
+    assert check_files(str(example / "robot.yaml"), str(example / "robot_som.yaml")) == []
+    launch = ElementTree.parse(str(example / "robot.launch")).getroot()
+    for arg in launch.iter("arg"):
+        name = str(arg.get("value")).replace("$(dirname)", str(example))
+        assert Path(name).is_file()
+
+
+def test_the_readme_shows_the_files_of_the_example() -> None:
+    shown = blocks((ROOT / "README.md").read_text())
+    for name in ("robot.yaml", "robot_som.yaml"):
+        assert (ROOT / "examples" / "battery" / name).read_text().strip("\n") in shown
+
+
+def test_the_current_of_the_example_is_replaced() -> None:
+    example = ROOT / "examples" / "battery"
+    shsa = ROOT / "src" / "shsa_core" / "scripts" / "shsa"
+    command = [sys.executable, str(shsa), "find", "current"]
+    command += ["--ontology", str(example / "robot.yaml"), "--som", str(example / "robot_som.yaml")]
+    done = subprocess.run(command, stdout=subprocess.PIPE, universal_newlines=True)
+    assert done.returncode == 0
+    assert "inputs  /power/data,/voltage/data\noutput  /current/data" in done.stdout

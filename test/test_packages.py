@@ -1,0 +1,117 @@
+"""Each package builds and installs alone, with nothing but the packages that it names."""
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, Dict, Iterator, List, Set
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = {path.parent.name: path.parent for path in sorted(ROOT.glob("src/*/package.xml"))}
+OURS = ("ROS_PACKAGE_PATH", "CMAKE_PREFIX_PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "PKG_CONFIG_PATH")
+
+
+def needs(name: str) -> Set[str]:
+    """The packages of this repository that a package cannot be built or run without, and itself."""
+    root = ElementTree.parse(str(PACKAGES[name] / "package.xml")).getroot()
+    tags = ("depend", "build_depend", "exec_depend")
+    direct = {str(each.text) for tag in tags for each in root.findall(tag)} & set(PACKAGES)
+    return {name}.union(*(needs(each) for each in direct))
+
+
+def environment() -> Dict[str, str]:
+    """The environment without this workspace."""
+    clean = dict(os.environ)
+    for name in OURS:
+        parts = clean.get(name, "").split(":")
+        clean[name] = ":".join(part for part in parts if part and not part.startswith(str(ROOT)))
+    return clean
+
+
+def files(folder: Path) -> Iterator[Path]:
+    skipped = {"__pycache__"}
+    return (path for path in folder.rglob("*") if not skipped & set(path.parts))
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_no_link_leaves_a_package(name: str) -> None:
+    package = PACKAGES[name]
+    links = [path for path in files(package) if path.is_symlink()]
+    assert all(package in path.resolve().parents for path in links)
+
+
+def test_folders_at_the_top_show_the_files_of_the_packages() -> None:
+    for folder in ("launch", "ontology"):
+        shown = {path.resolve() for path in (ROOT / folder).iterdir()}
+        assert shown == {path.resolve() for path in ROOT.glob(f"src/*/{folder}/*")}
+        assert all(path.is_symlink() for path in (ROOT / folder).iterdir())
+
+
+class Installed:
+    """The packages, each built from a copy of its own against those that it needs."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._prefixes: Dict[str, Path] = {}
+
+    def prefix(self, name: str) -> Path:
+        """Where a package is installed, alone."""
+        if name not in self._prefixes:
+            others = [self.prefix(each) for each in sorted(needs(name) - {name})]
+            self._prefixes[name] = self._install(name, others)
+        return self._prefixes[name]
+
+    def _install(self, name: str, others: List[Path]) -> Path:
+        source, build, prefix = (self._folder / part / name for part in ("src", "build", "install"))
+        shutil.copytree(str(PACKAGES[name]), str(source), symlinks=True)
+        clean = environment()
+        paths = [*map(str, others), clean.get("CMAKE_PREFIX_PATH", "")]
+        clean["CMAKE_PREFIX_PATH"] = ":".join(filter(None, paths))
+        configure = ["cmake", "-S", str(source), "-B", str(build), "-DCATKIN_ENABLE_TESTING=OFF"]
+        configure += ["-DPYTHON_EXECUTABLE=/usr/bin/python3", f"-DCMAKE_INSTALL_PREFIX={prefix}"]
+        for command in (configure, ["make", "-C", str(build), "-j2", "install"]):
+            done = subprocess.run(
+                command,
+                env=clean,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                universal_newlines=True,
+            )
+            assert done.returncode == 0, done.stdout[-4000:]
+        shutil.rmtree(str(source))  # what is installed must not need it
+        return prefix
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: Any) -> Installed:
+    return Installed(tmp_path_factory.mktemp("packages"))
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_a_package_stands_alone(name: str, installed: Installed) -> None:
+    package, prefix = PACKAGES[name], installed.prefix(name)
+    share = prefix / "share" / name
+    for folder in ("launch", "ontology", "config"):
+        given = {path.name for path in (package / folder).glob("*")}
+        assert {path.name for path in (share / folder).glob("*")} == given
+    assert not [path for path in prefix.rglob("*") if path.is_symlink()]
+    modules = package / "src" / name
+    wanted = {path.relative_to(modules) for path in files(modules) if path.is_file()}
+    (found,) = prefix.glob(f"lib/python3*/*-packages/{name}")
+    assert {path.relative_to(found) for path in files(found)} >= wanted
+
+
+def test_the_command_line_works_where_it_is_installed(installed: Installed, tmp_path: Path) -> None:
+    (modules,) = installed.prefix("shsa_core").glob("lib/python3*/*-packages")
+    ontology = installed.prefix("shsa_rover") / "share" / "shsa_rover" / "ontology"
+    page = tmp_path / "page.html"
+    script = installed.prefix("shsa_core") / "bin" / "shsa"
+    command = [sys.executable, str(script), "report"]
+    command += ["--ontology", str(ontology / "rover.yaml")]
+    command += ["--som", str(ontology / "rover_som.yaml"), "--html", str(page)]
+    path = ":".join(filter(None, [str(modules), environment().get("PYTHONPATH", "")]))
+    subprocess.run(command, env={**environment(), "PYTHONPATH": path}, check=True)
+    assert "<svg" in page.read_text()
