@@ -1,10 +1,11 @@
 """What is due when."""
+from math import inf
 from typing import Dict, List, Optional, Tuple
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shsa_core.healing.agenda import Agenda
+from shsa_core.agenda import Agenda
 
 MOMENTS = st.one_of(st.none(), st.integers(0, 9).map(float))
 
@@ -27,3 +28,17 @@ def test_the_earliest_is_at_hand_however_often_moments_change(
     assert [plain[key] for key in popped] == sorted(plain[key] for key in popped)
     assert agenda.pop_due(5.0) == []
     assert agenda.next() == min((d for d in plain.values() if d > 5.0), default=None)
+
+
+def test_an_alarm_comes_once_at_the_earliest_time_that_it_was_set_to() -> None:
+    agenda: Agenda[str] = Agenda()
+    assert (agenda.next(), agenda.when("a")) == (None, inf)
+    for time in (5.0, 3.0, 4.0, inf):
+        agenda.bring_forward("a", time)
+    agenda.bring_forward("b", 4.0)
+    assert (agenda.next(), agenda.when("a")) == (3.0, 3.0)
+    assert agenda.pop_due(3.5) == ["a"]
+    assert agenda.pop_due(10.0) == ["b"]
+    assert agenda.next() is None
+    agenda.bring_forward("a", 7.0)
+    assert agenda.next() == 7.0

@@ -20,7 +20,6 @@ from monitor_bench import (
 from shsa_core.errors import ShsaError
 from shsa_core.model.checks import UnknownPublisher
 from shsa_core.model.som import Som
-from shsa_core.monitoring.alarms import Alarms
 from shsa_core.monitoring.events import (
     Connected,
     Disconnected,
@@ -730,20 +729,6 @@ def test_a_tick_looks_at_those_that_are_due_and_a_message_at_its_publisher(
     del looked[:]
     core.handle(Disconnected(first, "/t5", "/n5"))
     assert len(looked) < 10
-
-
-def test_an_alarm_comes_once_at_the_earliest_time_that_it_was_set_to() -> None:
-    alarms: Alarms[str] = Alarms()
-    assert (alarms.next, alarms.when("a")) == (inf, inf)
-    for time in (5.0, 3.0, 4.0, inf):
-        alarms.set("a", time)
-    alarms.set("b", 4.0)
-    assert (alarms.next, alarms.when("a")) == (3.0, 3.0)
-    assert list(alarms.due(3.5)) == ["a"]
-    assert list(alarms.due(10.0)) == ["b"]
-    assert alarms.next == inf
-    alarms.set("a", 7.0)
-    assert alarms.next == 7.0
 
 
 def test_a_row_that_did_not_change_changes_nothing(bench: Bench) -> None:

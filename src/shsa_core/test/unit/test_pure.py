@@ -11,7 +11,7 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2] / "src"
 PACKAGE = SOURCE / "shsa_core"
 # Lower to higher; those in one row do not know one another.
 ORDER = [
-    ("errors", "dispatch"),
+    ("errors", "dispatch", "agenda"),
     ("language",),
     ("model",),
     ("files",),

@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 from typing import Dict, FrozenSet, List, Optional, Tuple
 
-from shsa_core.healing.agenda import Agenda
+from shsa_core.agenda import Agenda
 from shsa_core.healing.events import (
     AskToLeave,
     ClearNode,

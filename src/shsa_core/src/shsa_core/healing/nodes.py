@@ -1,7 +1,7 @@
 """What the reconfigurator knows of the nodes: their health, and what it has done to them."""
 from typing import Dict, FrozenSet, List, Optional, Set, Tuple
 
-from shsa_core.healing.agenda import Agenda
+from shsa_core.agenda import Agenda
 from shsa_core.healing.events import Command, FailureSeen, HealthSeen, LearnNode, NodeLearned
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 

@@ -4,7 +4,7 @@ from typing import Callable, Dict, Iterable, List, Optional
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.agenda import Agenda
+from shsa_core.agenda import Agenda
 from shsa_core.healing.availability import Availability
 from shsa_core.healing.concern import Concern
 from shsa_core.healing.events import Command

@@ -2,9 +2,9 @@
 from math import inf
 from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
 
+from shsa_core.agenda import Agenda
 from shsa_core.errors import ShsaError
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.alarms import Alarms
 from shsa_core.monitoring.events import (
     Command,
     FailureDetected,
@@ -42,7 +42,7 @@ class Board:
     def __init__(self) -> None:
         self.topics: Dict[str, WatchedTopic] = {}
         self.substitutes = Substitutes()
-        self.alarms: Alarms[Due] = Alarms()
+        self.agenda: Agenda[Due] = Agenda()
         self._failures: List[FailureDetected] = []
         self._touched: Dict[Key, None] = {}
 
@@ -132,7 +132,7 @@ class Board:
     def become_healthy(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
         """A publisher is as it should be."""
         publisher.become(time, HEALTHY)
-        self.alarms.set(Silence(topic.name, publisher.name), publisher.deadline)
+        self.agenda.bring_forward(Silence(topic.name, publisher.name), publisher.deadline)
         self.touch(topic, publisher.name)
         self._miss_no_more(topic, publisher.watched)
         self.forget_gone(topic)
@@ -189,7 +189,7 @@ class Board:
         _must(bool(topic.publishers), f"{topic.name} has no row")
         for watched in topic.services.values():
             come = watched.published or watched.service.event_driven and watched.appeared
-            due = self.alarms.when(Grace(topic.name, watched.service.name))
+            due = self.agenda.when(Grace(topic.name, watched.service.name))
             missed = not come and not watched.overdue and due == inf
             _must(not missed, f"nobody waits for {watched.service.name}")
 
@@ -201,7 +201,7 @@ class Board:
         _must((state is FAILED) == (publisher.kind is not None), f"{where} is {state} without why")
         _must(publisher.connected or state is not HEALTHY, f"{where} is gone, and healthy")
         _must(publisher.name != NOBODY or not publisher.connected, f"{where} is connected")
-        due = self.alarms.when(Silence(topic.name, publisher.name))
+        due = self.agenda.when(Silence(topic.name, publisher.name))
         _must(due <= publisher.deadline, f"nobody looks at {where} when it is due")
 
 

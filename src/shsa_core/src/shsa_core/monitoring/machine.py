@@ -55,7 +55,8 @@ class Monitor:
     @property
     def next_deadline(self) -> float:
         """When the next Tick is due, in s; inf: none is. Messages only ever move it away."""
-        return inf if self._ends else self._board.alarms.next
+        due = None if self._ends else self._board.agenda.next()
+        return inf if due is None else due
 
     def handle(self, event: Event) -> List[Command]:
         """What `event` brings to light: failures first, then the rows that changed."""
@@ -114,7 +115,7 @@ class Monitor:
         board, grace = self._board, self._settings.startup_grace
         services = {name: publisher.service for name, publisher in topic.publishers.items()}
         for new in topic.serve(self._som.of_topic(topic.name), self._settings.deadlines, time):
-            board.alarms.set(Grace(topic.name, new), time + grace)
+            board.agenda.bring_forward(Grace(topic.name, new), time + grace)
         nobody = topic.publishers.get(NOBODY)
         if nobody is not None and nobody.watched not in (None, *topic.services.values()):
             board.drop(topic, NOBODY)
@@ -123,7 +124,7 @@ class Monitor:
                 watched = board.watched_of(topic, publisher.name)
                 publisher.provide(watched, anew=publisher.service != services[publisher.name])
                 board.notice(topic, publisher, time)
-                board.alarms.set(Silence(topic.name, publisher.name), publisher.deadline)
+                board.agenda.bring_forward(Silence(topic.name, publisher.name), publisher.deadline)
         if not topic.publishers:
             board.expect(topic, time)
 
@@ -141,7 +142,7 @@ class Monitor:
                 board.substitutes.retired.discard((name, node))
                 watched = board.watched_of(topic, node)
                 publisher.provide(watched, anew=watched is not publisher.watched)
-                board.alarms.set(Silence(name, node), publisher.deadline)
+                board.agenda.bring_forward(Silence(name, node), publisher.deadline)
                 was_muted = publishes(before, name) and not publishes(now, name)
                 if was_muted and publisher.state is HEALTHY:
                     board.mute(topic, publisher, event.time)
@@ -188,7 +189,9 @@ class Monitor:
         previous = publisher.last_message
         publisher.note_message(event.time)
         if previous is None:
-            self._board.alarms.set(Silence(topic.name, publisher.name), publisher.deadline)
+            self._board.agenda.bring_forward(
+                Silence(topic.name, publisher.name), publisher.deadline
+            )
         if publisher.watched is not None:
             publisher.watched.published = True
         if self._is_good(topic, publisher, event):
@@ -230,7 +233,7 @@ class Monitor:
 
     def _tick(self, event: Tick) -> None:
         self._now = event
-        for due in self._board.alarms.due(event.time):
+        for due in self._board.agenda.pop_due(event.time):
             self._judges[type(due)](due)
 
     def _judge_start(self, due: Grace) -> None:
@@ -241,7 +244,7 @@ class Monitor:
         if topic is None or watched is None or watched.published or watched.overdue:
             return
         if time < watched.began + grace:
-            board.alarms.set(due, watched.began + grace)
+            board.agenda.bring_forward(due, watched.began + grace)
             return
         if watched.service.event_driven and watched.appeared:
             return
@@ -264,7 +267,7 @@ class Monitor:
             return
         if found[1].deadline <= self._now.time:
             self._take_silence(*found)
-        self._board.alarms.set(due, found[1].deadline)
+        self._board.agenda.bring_forward(due, found[1].deadline)
 
     def _take_silence(self, topic: WatchedTopic, publisher: Publisher) -> None:
         """Mute who may be silent, grant time that the monitor itself has lost, or blame."""

@@ -1,5 +1,6 @@
 """What is due when: one moment a key, the earliest at hand."""
 from heapq import heappop, heappush
+from math import inf
 from typing import Dict, Generic, List, Optional, Tuple, TypeVar
 
 Key = TypeVar("Key")
@@ -26,6 +27,15 @@ class Agenda(Generic[Key]):
         self._due[key] = due
         self._count += 1  # so that keys need no order
         heappush(self._heap, (due, self._count, key))
+
+    def bring_forward(self, key: Key, due: float) -> None:
+        """`key` is due at `due`, in s, or earlier if it was already; never if that is infinite."""
+        if due < self.when(key):
+            self.set(key, due)
+
+    def when(self, key: Key) -> float:
+        """When `key` is due, in s; infinite: it is not."""
+        return self._due.get(key, inf)
 
     def next(self) -> Optional[float]:
         """When the earliest is due, in s; None: nothing is."""
