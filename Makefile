@@ -3,13 +3,17 @@ SHELL := /bin/bash
 PYTHON := /usr/bin/python3
 ENV := source tools/env.bash
 
-.PHONY: help setup build test coverage mutation demo bench clean
+MINUTES := 10
+
+.PHONY: help setup build test fuzz coverage mutation reliability demo bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
 	@echo "make test    run every test"
 	@echo "make bench   measure; see results/bench/"
+	@echo "make fuzz    MINUTES=10: look for inputs that break a reader; those found are tested from then on"
 	@echo "make coverage, make mutation   how well the core is tested; see docs/contributing.md"
+	@echo "make reliability   try every fault of the fault model, again and again; see docs/reliability.md"
 	@echo "make build   set up and build only"
 	@echo "make clean   delete what was built"
 
@@ -20,14 +24,21 @@ build: setup
 	@echo "[build] building the workspace"
 	@$(ENV) && catkin_make --source . -DPYTHON_EXECUTABLE=$(PYTHON) -DCMAKE_BUILD_TYPE=Release
 
+# Two at a time; the tests of one file stay together. See conftest.py for their order.
 test: build
-	@$(ENV) && $(PYTHON) -m pytest
+	@$(ENV) && $(PYTHON) -m pytest -n 2 --dist loadfile
+
+fuzz: build
+	@tools/fuzz $(MINUTES)
 
 coverage: build
 	@$(ENV) && $(PYTHON) -m pytest -q src/shsa_core/test/unit --cov --cov-report=term
 
 mutation: build
 	@$(ENV) && tools/mutation
+
+reliability: build
+	@$(ENV) && tools/reliability
 
 demo: build
 	@$(ENV) && rosrun shsa_rover demo --results results/demo

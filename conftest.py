@@ -1,5 +1,26 @@
-"""Closes every test run with the plain line `N passed, N failed`."""
-from typing import Any
+"""Ends every test run with what runs whole robots, and closes it with `N passed, N failed`."""
+from typing import Any, List
+
+from hypothesis import settings
+
+ROBOTS = (
+    *("test_rostests", "test_reliability", "test_rostests_of_robots"),
+    *("test_bench", "test_master", "test_partition"),
+)
+"""Files of tests on real processes: they judge real time. The longest comes first."""
+
+settings.register_profile("busy", deadline=None)  # the machine may be: time proves nothing
+settings.load_profile("busy")
+
+
+def pytest_collection_modifyitems(items: List[Any]) -> None:
+    """Those last: where files run side by side, two of them run, and nothing that only computes."""
+
+    def turn(item: Any) -> int:
+        name = item.nodeid.split("::")[0].rsplit("/", 1)[-1][: -len(".py")]
+        return ROBOTS.index(name) + 1 if name in ROBOTS else 0
+
+    items.sort(key=turn)
 
 
 def pytest_unconfigure(config: Any) -> None:

@@ -16,6 +16,7 @@ ROWS = {
     "failover": {"hot", "rosrun by hand, rospy"},
     "interference": {"hot"},
     "transfer_nodes": {*TRANSFER, "warm", "hot"},
+    "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
 
 

@@ -15,8 +15,10 @@ from xml.etree import ElementTree
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-SOURCES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
-PACKAGES = [path.name for path in SOURCES]
+SOURCES = sorted(
+    path.parent for folder in ("src", "examples") for path in ROOT.glob(f"{folder}/*/package.xml")
+)
+PACKAGES = [str(ElementTree.parse(str(path / "package.xml")).findtext("name")) for path in SOURCES]
 TEST_FOLDERS = ("test", "bench")
 """Of a package: what is imported there may be a test_depend."""
 
@@ -63,9 +65,11 @@ def imported(path: Path) -> Set[str]:
 def foreign(path: Path) -> Set[str]:
     """What a file imports that is neither Python's own nor a module of ours."""
     beside = {other.stem for other in path.parent.glob("*.py")}
-    # Tests of benchmarks import these from their folder.
-    benchmarks = {other.stem for other in ROOT.glob("src/*/bench/*.py")}
-    ours = {*PACKAGES, *beside, *benchmarks}
+    # Tests of benchmarks import these from their folder, and fuzzing a helper of the unit tests.
+    folders = ("src/*/bench/*.py", "src/*/test/unit/audit.py")
+    elsewhere = {other.stem for folder in folders for other in ROOT.glob(folder)}
+    elsewhere |= {other.parent.name for other in ROOT.glob("src/*/bench/*/__init__.py")}
+    ours = {*PACKAGES, *beside, *elsewhere}
     return {name for name in imported(path) if name not in ours and not is_standard(name)}
 
 

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from shsa_core import message_types
 from shsa_core.analysis.check import check_files
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -22,11 +23,14 @@ def blocks(text: str) -> List[str]:
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.name)
 def test_an_example_is_valid(example: Path) -> None:
-    assert check_files(str(example / "robot.yaml"), str(example / "robot_som.yaml")) == []
-    launch = ElementTree.parse(str(example / "robot.launch")).getroot()
-    for arg in launch.iter("arg"):
-        name = str(arg.get("value")).replace("$(dirname)", str(example))
-        assert Path(name).is_file()
+    models = str(example / "robot.yaml"), str(example / "robot_som.yaml")
+    assert check_files(*models, message_types) == []
+    for launch in example.glob("*.launch"):
+        given = [each.get("value", "") for each in ElementTree.parse(str(launch)).iter("arg")]
+        given += [each.get("file", "") for each in ElementTree.parse(str(launch)).iter("include")]
+        files = [name for name in given if name.startswith("$(dirname)")]
+        assert files
+        assert all(Path(name.replace("$(dirname)", str(example))).is_file() for name in files)
 
 
 def test_the_readme_shows_the_files_of_the_example() -> None:

@@ -79,11 +79,27 @@ def ask(environment: Dict[str, str], wanted: str, *command: str) -> None:
             printed = "nothing"
 
 
-def test_packages_are_found_where_they_are_installed(environment: Dict[str, str]) -> None:
+@pytest.mark.parametrize("name", ["shsa_core", "shsa_injection", "diff_drive_example"])
+def test_packages_are_found_where_they_are_installed(
+    environment: Dict[str, str], name: str
+) -> None:
     found = subprocess.run(
-        ["rospack", "find", "shsa_core"], env=environment, stdout=subprocess.PIPE, check=True
+        ["rospack", "find", name], env=environment, stdout=subprocess.PIPE, check=True
     ).stdout.decode()
-    assert found.strip().endswith("/install/share/shsa_core"), found
+    assert found.strip().endswith(f"/install/share/{name}"), found
+
+
+def test_an_example_starts_from_where_it_is_installed(environment: Dict[str, str]) -> None:
+    command = ["roslaunch", "--files", "diff_drive_example", "two_robots.launch"]
+    told = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True).stdout
+    files = told.decode().split()
+    assert len(files) == 3 and all("/install/share/" in name for name in files), files
+    nodes = ["roslaunch", "--args", "/robot1/reconfigurator", "diff_drive_example"]
+    told = subprocess.run(
+        [*nodes, "two_robots.launch"], env=environment, stdout=subprocess.PIPE, check=True
+    ).stdout
+    given = [word for word in told.decode().split() if word.endswith(".yaml")]
+    assert len(given) == 2 and all(Path(name).is_file() for name in given), given
 
 
 def test_the_rover_is_healed(environment: Dict[str, str], rover: None) -> None:

@@ -7,16 +7,18 @@ writes evaluate.csv and evaluate_goals.csv.
 import argparse
 import csv
 import math
+import random
 import time
 import timeit
 from pathlib import Path
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from report import Goals, print_table, summary
 
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
-from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.language.composition import parse_law
+from shsa_core.language.expression import parse_constraint
 from shsa_core.model.ontology import Constant
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service
@@ -94,6 +96,28 @@ class FilterByHand:
         return (self.filtered - before) / elapsed
 
 
+def network(neurons: int, names: Sequence[str], sums: str) -> Tuple[str, Hand]:
+    """The law of a layer of tanh neurons, its sums as such or by `dot`, and the same by hand.
+
+    By hand: every neuron a line of arithmetic.
+    """
+    draw = random.Random(1)
+    weights = [[round(draw.gauss(0.0, 1.0), 3) for _ in names] for _ in range(neurons)]
+    lines, steps = ["def hand(x, now):", f"  {', '.join(names)} = x"], []
+    for number, row in enumerate(weights):
+        written = " + ".join(f"{weight}*{name}" for weight, name in zip(row, names))
+        pairs = ", ".join(f"{weight}, {name}" for weight, name in zip(row, names))
+        lines.append(f"  h{number} = tanh({written} + 0.1)")
+        steps.append(f"h{number} = tanh({written if sums == '+' else f'dot({pairs})'} + 0.1)")
+    result = " + ".join(f"{0.1 * number:.1f}*h{number}" for number in range(neurons))
+    known: Dict[str, Any] = {"tanh": math.tanh}
+    exec("\n".join([*lines, f"  return {result} + 8.1"]), known)
+    return "; ".join([*steps, f"{result} + 8.1"]), known["hand"]
+
+
+FIVE = ("v", "a", "w", "alpha", "u")
+NETWORK, NETWORK_BY_HAND = network(16, FIVE, "+")
+NETWORK_BY_DOT, _ = network(16, FIVE, "dot")
 POLYNOMIAL = (
     "1.5 + 0.1*a - 0.2*b + 0.3*c + 0.4*a*b - 0.5*b*c + 0.6*a*c "
     "+ 0.7*a**2 - 0.8*b**2 + 0.9*c**2 + sin(a) - sqrt(c)"
@@ -133,6 +157,20 @@ CASES = (
         (0.5, 2.0, 3.0),
     ),
     Case(
+        "network of 16 neurons",
+        (("i", NETWORK, None),),
+        FIVE,
+        NETWORK_BY_HAND,
+        (0.8, -0.3, 0.5, 0.1, 1.2),
+    ),
+    Case(
+        "network of 16 neurons, by dot",
+        (("i", NETWORK_BY_DOT, None),),
+        FIVE,
+        NETWORK_BY_HAND,
+        (0.8, -0.3, 0.5, 0.1, 1.2),
+    ),
+    Case(
         "derivative(lowpass(v, 0.5))",
         (("a", "derivative(lowpass(v, 0.5))", None),),
         ("v",),
@@ -153,11 +191,11 @@ def compiled(case: Case) -> Callable[[Sequence[float], float], Optional[Tuple[fl
     inputs = [known[name] for name in case.inputs]
     result = inputs[0]
     for number, (output, law, condition) in enumerate(case.laws, 1):
-        expression = parse_expression(law)
+        expression = parse_law(law)
         constraint = parse_constraint(condition) if condition else None
         names = [*expression.names, *(constraint.names if constraint else ())]
         used = tuple(dict.fromkeys(name for name in names if name not in CONSTANTS))
-        function = TransferFunction(f"r{number}", output, used, expression, 1.0, constraint, law)
+        function = TransferFunction(f"r{number}", output, used, expression, 1.0, constraint)
         result = Derivation(output, None, function, tuple(known[name] for name in used))
         known[output] = result
     program = generate([(result, "/output/data")], CONSTANTS)

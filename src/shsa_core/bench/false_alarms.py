@@ -9,7 +9,7 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import Dict, List
+from typing import Dict, List, Tuple
 
 import numpy as np
 import rospy
@@ -35,7 +35,7 @@ def main() -> int:
     options = parser.parse_args()
     options.results.mkdir(parents=True, exist_ok=True)
     seconds = options.hours * 3600.0 / TOPICS
-    alarms: List[str] = []
+    heard: List[Tuple[float, str]] = []
     healthy: Dict[str, bool] = {}
 
     def look(table: Health) -> None:
@@ -54,9 +54,8 @@ def main() -> int:
         path = graph.folder / "rows.npy"
         well = lambda: len(healthy) == TOPICS and all(healthy.values())
         wait_until(well, PATIENCE_S, "all topics are healthy")
-        rospy.Subscriber(
-            "/shsa/failures", Failure, lambda f: alarms.append(f"{f.topic}: {f.kind}: {f.detail}")
-        )
+        hear = lambda f: heard.append((time.monotonic(), f"{f.topic}: {f.kind}: {f.detail}"))
+        rospy.Subscriber("/shsa/failures", Failure, hear)
         probe = graph.python(BENCH / "stream_probe.py", str(path), str(share), str(seconds))
         cores = os.cpu_count() or 1
         for _ in range(LOAD * cores):
@@ -66,7 +65,7 @@ def main() -> int:
             rospy.rostime.wallsleep(min(1.0, max(0.0, end - time.monotonic())))
         probe.wait(60.0)
         rows = np.load(path)
-        alarms = list(alarms)  # what comes from here on is the end of the nodes
+    alarms = [text for at, text in heard if at <= end]  # later ones are of the end of the nodes
     gaps = [np.max(np.diff(rows[rows[:, 0] == topic][:, 2])) for topic in range(share)]
     row = (
         options.hours,

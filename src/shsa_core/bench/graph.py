@@ -15,7 +15,7 @@ from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Dict, Iterable, Iterator, Mapping, Optional, Type
+from typing import Any, Dict, Iterable, Iterator, List, Mapping, Optional, Type
 
 import psutil
 import rosgraph
@@ -60,8 +60,8 @@ class Graph:
                 MARK: self._mark,
             }
         )
-        self.start("rosmaster", "--core", "-p", str(port))
-        wait_until(rosgraph.is_master_online, PATIENCE_S, "the master")
+        self._port = port
+        self.start_master()
         rospy.init_node("bench", disable_signals=True)
         return self
 
@@ -79,6 +79,15 @@ class Graph:
             except psutil.NoSuchProcess:
                 continue
         shutil.rmtree(str(self.folder), ignore_errors=True)
+
+    def start_master(self) -> None:
+        """Start the master, and wait until it answers."""
+        self.master = self.start("rosmaster", "--core", "-p", str(self._port))
+        wait_until(rosgraph.is_master_online, PATIENCE_S, "the master")
+
+    def processes(self) -> List[psutil.Process]:
+        """Everything that runs of this graph, save this process."""
+        return [each for each in marked(MARK, self._mark) if each.pid != os.getpid()]
 
     @cached_property
     def healing(self) -> HealedRobot:
@@ -115,7 +124,7 @@ class Graph:
     def _started(self) -> Iterator[psutil.Process]:
         """Every process with our mark, until there is none."""
         while True:
-            ours = [each for each in marked(MARK, self._mark) if each.pid != os.getpid()]
+            ours = self.processes()
             if not ours:
                 return
             yield from ours

@@ -1,11 +1,13 @@
 """The monitor's price: its share of a CPU, and its probe effect on the streams that it watches.
 
 50 topics at 1,000 and at 10,000 messages/s together; a consumer beside the monitor listens to 5 of
-them. Without the monitor; with it, values not checked; with it, values checked: taken in turns.
+them. Without the monitor; with it, values not checked; values checked; and half of them calibrated
+by the other half, which another node publishes: taken in turns.
 Writes results/bench/monitor_price.csv.
 """
 import argparse
 import csv
+import json
 from pathlib import Path
 from typing import Dict, List, Optional
 
@@ -18,7 +20,10 @@ from report import print_table
 TOPICS = 50
 PROBED = 5
 SETTLING_TIME_S = 3.0
-MODES = ("no monitor", "values not checked", "values checked")
+CALIBRATED = "values checked, calibrated"
+MODES = ("no monitor", "values not checked", "values checked", CALIBRATED)
+SOURCES = ("/stream_source", "/another_source")
+EACH = TOPICS // len(SOURCES)
 COLUMNS = (
     "messages_per_s",
     "mode",
@@ -35,11 +40,22 @@ COLUMNS = (
 def measure(graph: Graph, rate: float, mode: str, seconds: float) -> Dict[str, object]:
     """One run: the row of figures, times in us."""
     period = TOPICS / rate
-    value = {"checks": {"not_a_number": mode == "values checked"}}
-    services = [service(f"/stream_{i}", "/stream_source", period, value) for i in range(TOPICS)]
+    value = {"checks": {"not_a_number": mode in MODES[2:]}}
+    services = [
+        service(f"/stream_{i}", SOURCES[i // EACH], period, value, needed=i < EACH)
+        for i in range(TOPICS)
+    ]
     som = write_som(graph.folder / "som.yaml", services)
-    source = graph.python(BENCH / "stream_source.py", str(TOPICS), str(period))
-    monitor = None if mode == "no monitor" else graph.python(MONITOR, "--som", str(som))
+    models = ["--som", str(som)]
+    if mode == CALIBRATED:
+        models += ["--ontology", str(_write_ontology(graph.folder / "ontology.yaml"))]
+    sources = [
+        graph.python(
+            BENCH / "stream_source.py", str(EACH), str(period), str(k * EACH), f"__name:={node[1:]}"
+        )
+        for k, node in enumerate(SOURCES)
+    ]
+    monitor = None if mode == "no monitor" else graph.python(MONITOR, *models)
     path = graph.folder / "rows.npy"
     wanted = SETTLING_TIME_S + seconds
     probe = graph.python(BENCH / "stream_probe.py", str(path), str(PROBED), str(wanted))
@@ -47,10 +63,22 @@ def measure(graph: Graph, rate: float, mode: str, seconds: float) -> Dict[str, o
     probe.wait(wanted + 30.0)
     rows = np.load(path)
     path.unlink()
-    for process in (monitor, source):
+    for process in (monitor, *sources):
         if process is not None:
             ask_to_leave(process)
     return {"messages_per_s": rate, "mode": mode, **_figures(rows, seconds, period), **share}
+
+
+def _write_ontology(path: Path) -> Path:
+    """Each stream of the first node follows from one of the second."""
+    model = {
+        "properties": {f"stream_{i}": {} for i in range(TOPICS)},
+        "relations": {
+            f"r{i}": {f"stream_{i}": f"1.5 * stream_{EACH + i} + 0.5"} for i in range(EACH)
+        },
+    }
+    path.write_text(json.dumps(model))  # JSON is YAML as well
+    return path
 
 
 def _cpu_share(process: Optional[int], seconds: float) -> Dict[str, object]:

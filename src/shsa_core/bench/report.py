@@ -31,20 +31,37 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
     print(f"\n{title}\n{text}\n", flush=True)
 
 
+def write_table(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a table to a CSV file."""
+    with open(path, "w", newline="") as file:
+        csv.writer(file).writerows([columns, *rows])
+
+
 class Goals:
     """The goals of a benchmark, and whether they are met."""
 
     def __init__(self) -> None:
         self.rows: List[Tuple[str, ...]] = []
 
-    def at_most(self, goal: str, consumer: str, limit: float, measured: float, unit: str) -> None:
-        """A figure that must not be above a limit."""
-        verdict = "met" if measured <= limit else "not met"
-        figures = (f"{limit:.3g} {unit}", f"{measured:.3g} {unit}")
-        self.rows.append((goal, consumer, *figures, verdict))
+    def at_most(self, goal: str, of: str, limit: float, measured: float, unit: str) -> None:
+        """A figure that must not be above a limit; `of`: what it was measured of."""
+        self._add(goal, of, f"{limit:.3g} {unit}", measured, unit, measured <= limit)
+
+    def at_least(self, goal: str, of: str, limit: float, measured: float) -> None:
+        """A figure that must not be below a limit."""
+        self._add(goal, of, f"at least {limit:.3g}", measured, "", measured >= limit)
+
+    def within(self, goal: str, of: str, limits: Tuple[float, float], measured: float) -> None:
+        """A share that must be within limits; all are shown in %."""
+        low, high = (100.0 * each for each in limits)
+        met = low <= 100.0 * measured <= high
+        self._add(goal, of, f"{low:g} to {high:g} %", 100.0 * measured, "%", met)
+
+    def _add(self, goal: str, of: str, limit: str, measured: float, unit: str, met: bool) -> None:
+        verdict = "met" if met else "not met"
+        self.rows.append((goal, of, limit.strip(), f"{measured:.3g} {unit}".strip(), verdict))
 
     def show(self, path: Path) -> None:
         """Print the goals, and write them to a CSV file."""
         print_table("Goals", COLUMNS, self.rows)
-        with open(path, "w", newline="") as file:
-            csv.writer(file).writerows([COLUMNS, *self.rows])
+        write_table(path, COLUMNS, self.rows)

@@ -294,9 +294,14 @@ def ready_plans(size: int, say: Say, goals: Goals) -> None:
     goals.at_most(f"lookup of a plan at {len(functions)} relations", "", 0.1, 1e3 * lookup, "ms")
 
 
+def executable(functions: Iterable[TransferFunction]) -> List[TransferFunction]:
+    """The same with laws that use their inputs: code can be generated for them."""
+    return [dataclasses.replace(f, law=parse_expression(" + ".join(f.inputs))) for f in functions]
+
+
 def resilience(say: Say, goals: Goals) -> None:
     """A robot of 1,000 nodes and 10,000 functions, a fifth of its topics needed, or all."""
-    functions, _ = cycles(10000)
+    functions = executable(cycles(10000)[0])
     ontology = Ontology({}, {}, functions)
     for share in (0.2, 1.0):
         draw = random.Random(1)
@@ -322,9 +327,7 @@ def unhealable(sizes: Sequence[int], say: Say, goals: Goals) -> None:
     times: List[Tuple[float, float]] = []
     for size in sizes:
         functions, _ = cycles(size)
-        functions = [
-            dataclasses.replace(f, law=parse_expression(" + ".join(f.inputs))) for f in functions
-        ]
+        functions = executable(functions)
         names = dict.fromkeys(name for f in functions for name in (f.output, *f.inputs))
         ontology = Ontology({name: Property(name) for name in names}, {}, functions)
         step = len(names) // needed

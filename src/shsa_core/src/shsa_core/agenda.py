@@ -53,3 +53,8 @@ class Agenda(Generic[Key]):
             found.append(key)
             due = self.next()
         return found
+
+
+def doubled(first: float, times: int, longest: float = inf) -> float:
+    """A pause in s that doubles each time, up to `longest`."""
+    return min(first * 2.0 ** min(times, 60), longest)  # a power of a thousand is an error

@@ -1,12 +1,19 @@
 """The exceptions of self-healing; every one of them is a ShsaError."""
-from typing import Sequence
+from typing import Sequence, Tuple
 
+from shsa_core.text import LONGEST_LINE, shown
 
 LISTED = 20  # names in a message
 
 
 class ShsaError(Exception):
-    """Anything that self-healing refuses or cannot do; the message says what and why."""
+    """Anything that self-healing refuses or cannot do; the message says what and why.
+
+    What it quotes may come from anybody, so it is printable and not endless.
+    """
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(shown(message, LONGEST_LINE))
 
 
 class ModelError(ShsaError):
@@ -18,9 +25,22 @@ class ModelError(ShsaError):
     """
 
     def __init__(self, where: str, what: str) -> None:
-        super().__init__(f"{where}: {what}")
-        self.where = where
-        self.what = what
+        self.where = shown(where, LONGEST_LINE)
+        self.what = shown(what, LONGEST_LINE)
+        super().__init__(f"{self.where}: {self.what}")
+        self.errors: Tuple[ModelError, ...] = (self,)
+
+
+class ModelErrors(ModelError):
+    """Everything that is wrong with a model, a line each: `errors`, one at least.
+
+    Where and what are those of the first.
+    """
+
+    def __init__(self, errors: Sequence[ModelError]) -> None:
+        super().__init__(errors[0].where, errors[0].what)
+        self.errors = tuple(each for error in errors for each in error.errors)
+        self.args = ("\n".join(map(str, self.errors)),)
 
 
 class ExpressionError(ShsaError):

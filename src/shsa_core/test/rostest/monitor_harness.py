@@ -13,7 +13,7 @@ import yaml  # type: ignore[import]
 from rosgraph_msgs.msg import Log
 from shsa_msgs.msg import Failure, Health, PublisherHealth
 
-from shsa_core.model.checks import REGISTRY, ValueSample
+from shsa_core.model.checks import OF_VALUE, REGISTRY
 from shsa_core.ros.graph.tables import TableCopy
 from shsa_core.ros.wire.monitoring import health_row_key
 from shsa_testing.faulty_publisher import FaultyNode
@@ -40,7 +40,7 @@ def entry(topic: str, node: str, **changes: object) -> Dict[str, object]:
     for key, change in changes.items():
         (value if key in value else service)[key] = change
     for key, limit in checks.items():
-        of_value = key in REGISTRY and REGISTRY[key].sample is ValueSample
+        of_value = key in REGISTRY and REGISTRY[key].sample in OF_VALUE
         place = value if of_value else service
         place["checks"][key] = limit  # type: ignore[index]
     return service
@@ -82,8 +82,10 @@ class MonitorCase(unittest.TestCase):
         self.failures.clear()
 
     def tearDown(self) -> None:
+        """Ends the publishers, and has the monitor forget them before another test begins."""
         for process in self.processes:
             process.end()
+        self.watch()
 
     @classmethod
     def _failed(cls, failure: Failure) -> None:

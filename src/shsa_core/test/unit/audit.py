@@ -7,8 +7,8 @@ _events: Optional[List[str]] = None
 
 
 def _hook(event: str, arguments: tuple) -> None:
-    # The parser looks for the source line of a syntax error in a file of this name.
-    if _events is not None and not (event == "open" and arguments[0] == "<unknown>"):
+    # The parser looks for the line of a syntax error in a file without a name, which nobody has.
+    if _events is not None and not (event == "open" and arguments[0] == ""):
         _events.append(event)
 
 

@@ -5,6 +5,7 @@ from shsa_core.codegen.generator import Program
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.machine import Reconfigurator
+from shsa_core.healing.records import Record
 from shsa_core.healing.settings import Settings
 from shsa_core.language.expression import parse_expression
 from shsa_core.model.ontology import Ontology, Property
@@ -52,6 +53,7 @@ class Robot:
         self.core = Reconfigurator(ontology, som, Settings(**values))
         self.rows: Dict[Tuple[str, str], PublisherHealth] = {}
         self.said: List[events.Command] = []
+        self.written: Dict[str, Record] = {}
         self.shown: Dict[str, Substitution] = {}
         for each in som:
             self.row(each.topic, each.node, "healthy", 0.0)
@@ -97,9 +99,16 @@ class Robot:
         return commands + self.handle(events.ProcessUntouchable(time, node))
 
     def handle(self, event: events.Event) -> List[events.Command]:
-        """An event, and what the reconfigurator wants done."""
+        """An event, and what the reconfigurator wants done, once that is written down."""
         commands = self.core.handle(event)
         self.core.validate()
+        first = commands[0] if commands else None
+        if isinstance(first, events.WriteDown):
+            self.written.update({each.key: each for each in first.records})
+            for key in first.removed:
+                del self.written[key]
+            del commands[0]
+        assert not has(commands, events.WriteDown), "it comes first"
         self.said += commands
         for command in commands:
             if isinstance(command, events.ShowSubstitutions):

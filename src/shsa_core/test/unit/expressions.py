@@ -49,6 +49,31 @@ def _root(value: float) -> float:
     return value**0.5
 
 
+def _whole(call: Callable[[float], float]) -> Callable[[float], float]:
+    def rounded(value: float) -> float:
+        if not math.isfinite(value):
+            raise NoValue
+        return float(call(value))
+
+    return rounded
+
+
+def _overflowing(call: Callable[[float], float]) -> Callable[[float], float]:
+    def called(value: float) -> float:
+        try:
+            return call(value)
+        except OverflowError:
+            raise NoValue
+
+    return called
+
+
+def _logarithm(value: float) -> float:
+    if value <= 0.0:
+        raise NoValue
+    return math.log(value)
+
+
 _BINARY: Dict[str, Callable[[float, float], float]] = {
     "+": lambda left, right: left + right,
     "-": lambda left, right: left - right,
@@ -61,6 +86,11 @@ _UNARY: Dict[str, Callable[[float], float]] = {
     "sqrt": _root,
     "sin": math.sin,
     "atan": math.atan,
+    "floor": _whole(math.floor),
+    "ceil": _whole(math.ceil),
+    "exp": _overflowing(math.exp),
+    "log": _logarithm,
+    "cos": math.cos,
 }
 _COMPARE: Dict[str, Callable[[float, float], bool]] = {
     "<": lambda left, right: left < right,

@@ -7,12 +7,14 @@ from shsa_core.model.service import Provision, Service, Signal
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import (
+    ChangeRefused,
     Command,
     Connected,
     Disconnected,
     Event,
     FailureDetected,
     HealthChanged,
+    Interrupted,
     Key,
     Message,
     PublisherHealth,
@@ -69,16 +71,22 @@ def row(node: str, publishing: bool, *topics: str, service: str = "current") -> 
 class Bench:
     """A monitor whose time is moved by hand; collects every failure.
 
-    After each event, its invariants hold, and what it said of changes adds up to its table.
+    After each event, its invariants hold, and what it said of changes adds up to its table. The
+    robot is there, unless `alone`.
     """
 
-    def __init__(self, *services: Service, settings: Settings = SETTINGS) -> None:
+    def __init__(
+        self, *services: Service, settings: Settings = SETTINGS, alone: bool = False
+    ) -> None:
         self.core = Monitor(settings)
         self.now = 100.0
         self.failures: List[FailureDetected] = []
         self.changes: List[HealthChanged] = []
+        self.refused: List[ChangeRefused] = []
         self.rows: Dict[Key, PublisherHealth] = {}
         self.watch(*(services or (service(),)))
+        if not alone:
+            self.connect("/another", "/elsewhere")
 
     def watch(self, *services: Service) -> None:
         self.send(SomChanged(self.now, Som(services)))
@@ -88,14 +96,18 @@ class Bench:
         for command in commands:
             if isinstance(command, FailureDetected):
                 self.failures.append(command)
-            else:
+            elif isinstance(command, ChangeRefused):
+                self.refused.append(command)
+            elif isinstance(command, HealthChanged):
                 self.changes.append(command)
                 self.rows.update({each.key: each for each in command.rows})
                 for key in command.removed:
                     self.rows.pop(key, None)
         self.core.validate()
         # Messages are as of the row's last change.
-        strip = lambda each: replace(each, first_message=None, last_good=None)
+        # Under simulated time, so is when it was.
+        when = {"since": 0.0} if self.core.simulated else {}
+        strip = lambda each: replace(each, first_message=None, last_good=None, **when)
         table = {each.key: strip(each) for each in self.core.table()}
         assert table == {key: strip(each) for key, each in self.rows.items()}
         return commands
@@ -105,6 +117,9 @@ class Bench:
 
     def disconnect(self, node: str = NODE, topic: str = TOPIC) -> None:
         self.send(Disconnected(self.now, topic, node))
+
+    def interrupt(self, node: str = NODE, topic: str = TOPIC) -> None:
+        self.send(Interrupted(self.now, topic, node))
 
     def message(
         self, value: float = 1.0, node: str = NODE, topic: str = TOPIC, age: Optional[float] = None

@@ -237,7 +237,11 @@ def test_the_command_line(tmp_path: pathlib.Path, capsys: Any) -> None:
     assert report["findings"][0]["where"] == f"{bad}:15"
     assert set(report["findings"][0]) == {"level", "where", "what", "todo"}
     assert main(["check", str(good), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"valid": True, "findings": []}
+    assert json.loads(capsys.readouterr().out) == {
+        "valid": True,
+        "types_checked": False,
+        "findings": [],
+    }
     with pytest.raises(SystemExit) as caught:
         main(["check"])
     assert caught.value.code == 2
@@ -250,3 +254,12 @@ def test_a_service_is_one_finding_for_all_that_it_loses(check: Check) -> None:
         "wheels is needed, but if /wheels fails there is no substitute for v, lonely: "
         "missing any relation that yields it"
     ]
+
+
+def test_an_integral_that_would_start_at_zero_is_named(check: Check) -> None:
+    text = (
+        "properties: {x: , v: , y: }\nrelations:\n  r:\n    x: integral(v)\n    y: 2*integral(v)\n"
+    )
+    (found,) = [each for each in check(text) if "integral" in each.what]
+    assert (found.level, found.where.rsplit(":", 1)[1]) == ("warning", "5")
+    assert "r for y: an integral within an expression starts at 0" in found.what

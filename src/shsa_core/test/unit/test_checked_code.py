@@ -10,7 +10,13 @@ from hostile_programs import PROGRAMS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shsa_core.codegen.checked_code import MAX_CODE, MAX_RELATIONS, MAX_STEPS, check_code
+from shsa_core.codegen.checked_code import (
+    MAX_CODE,
+    MAX_DELAYS,
+    MAX_RELATIONS,
+    MAX_STEPS,
+    check_code,
+)
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import CodeError
 from shsa_core.language.syntax import _LANGUAGE
@@ -149,10 +155,33 @@ def test_names_may_be_given_values_on_the_way() -> None:
     assert len(relation.trees) == 3
 
 
+@pytest.mark.parametrize("name", ["nan", "now", "step", "power", "t1_1", "value_of_memory0", "T0"])
+def test_names_on_the_way_never_reach_what_runs_the_code(name: str) -> None:
+    code = f"t0=x[0];\ndef _tf1(i1):\n  {name}=2*i1\n  o=previous({name})**0.5\n"
+    code += f"  return {name} + 0*o + 1/i1\nt1=_tf1(t0)\ny=t1\n"
+    step = compile_program(code, 1, 1).step
+    assert step((1.0,), 0.0) is None
+    assert step((2.0,), 0.1) == (4.5,)
+    assert step((0.0,), 0.2) is None
+    assert step((4.0,), 0.3) == (8.25,)
+
+
 def test_the_number_of_assignments_is_limited() -> None:
     assert len(check_code(with_steps(MAX_STEPS), 1, 1).relations[0].steps) == MAX_STEPS
     with pytest.raises(CodeError, match="^line 2: _tf1 has more than 100 assignments$"):
         check_code(with_steps(MAX_STEPS + 1), 1, 1)
+
+
+def test_the_number_of_delays_is_limited() -> None:
+    def code(first: int, second: int) -> str:
+        terms = [" + ".join(["delay(i1, 10)"] * count) for count in (first, second)]
+        body = f"  o={terms[0]}\n  return o + {terms[1]}\n"
+        return f"t0=x[0];\ndef _tf1(i1):\n{body}t1=_tf1(t0)\ny=t1\n"
+
+    assert check_code(code(MAX_DELAYS - 1, 1), 1, 1)
+    message = "^line 4: delay\\(...\\) stands more than 200 times in the code$"
+    with pytest.raises(CodeError, match=message):
+        check_code(code(MAX_DELAYS, 1), 1, 1)
 
 
 def test_limits_of_size() -> None:

@@ -5,7 +5,7 @@ from typing import Dict, List, Set
 
 import pytest
 
-from shsa_core.model.checks import REGISTRY, Checks, default_checks
+from shsa_core.model.checks import LEARNED, OF_VALUE, REGISTRY, Checks, default_checks
 from shsa_core.model.kinds import Kind
 
 ROOT = Path(__file__).resolve().parents[4]
@@ -40,10 +40,10 @@ def test_each_check_is_documented_with_what_it_tells_and_its_default(name: str) 
     place, tells, default = rows()[name]
     assert tells == check.tells
     assert place == ("property" if check in _of_values() else "service")
-    words: Dict[object, str] = {None: "off", True: "on"}
+    words: Dict[object, str] = {None: "off", True: "on", LEARNED: "learned"}
     expected = words.get(check.default, f"{check.default:g}" if check.default else "")
     if check.default is None and check.usual is not None:
-        expected += f"; `true`: {check.usual:g}"
+        expected += f"; `true`: {words.get(check.usual, check.usual)}"
     assert default == expected
 
 
@@ -58,5 +58,4 @@ def test_what_holds_where_the_som_says_nothing() -> None:
 
 
 def _of_values() -> Set[type]:
-    values = REGISTRY["not_a_number"].sample
-    return {check for check in REGISTRY.values() if check.sample is values}
+    return {check for check in REGISTRY.values() if check.sample in OF_VALUE}

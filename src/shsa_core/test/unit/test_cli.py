@@ -5,15 +5,12 @@ import pathlib
 import re
 import subprocess
 import sys
-from typing import Any, Callable, Dict, List, Optional, Tuple
+from typing import Any, Callable, List, Tuple
 from xml.etree import ElementTree
 
 import pytest
 
-from shsa_core.cli import _drawing
-from shsa_core.cli.main import main
-from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.service import Provision, Service
+from shsa_core.cli.main import PLUGINS, main
 
 HERE = pathlib.Path(__file__).resolve().parent
 MODELS = ["--ontology", str(HERE / "data/boat.yaml"), "--som", str(HERE / "data/boat_som.yaml")]
@@ -46,6 +43,15 @@ def found(shsa: Shsa) -> Found:
     return run
 
 
+def test_a_command_of_a_package_that_is_not_installed_says_so(
+    monkeypatch: Any, capsys: Any
+) -> None:
+    monkeypatch.setitem(PLUGINS, "inject", "no_such_package.cli")
+    assert main(["inject", "/odom", "stuck", "--for", "5s"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "needs the package no_such_package" in said
+
+
 def test_find_prints_what_a_program_needs(found: Found) -> None:
     status, answer = found("current")
     assert status == 0
@@ -57,6 +63,7 @@ def test_find_prints_what_a_program_needs(found: Found) -> None:
         "inputs": ["/speed/data"],
         "code": answer["code"],
         "output": "/current/data",
+        "error": None,
     }
     assert answer["code"].startswith("t0=x[0];\n") and answer["code"].endswith("y=t1\n")
 
@@ -67,6 +74,26 @@ def test_find_does_without_nodes_and_topics(found: Found) -> None:
     status, answer = found("current", "--without", "/log", "--without", "/sonar")
     assert status == 1
     assert answer == {"property": "current", "substitute": None, "missing": ["flow"]}
+
+
+def test_relative_names_are_in_the_namespace_that_is_given(
+    tmp_path: pathlib.Path, capsys: Any
+) -> None:
+    som = tmp_path / "som.yaml"
+    text = (HERE / "data/boat_som.yaml").read_text()
+    som.write_text(re.sub(r"(topic|node): /", r"\1: ", text))
+    models = ["--ontology", MODELS[1], "--som", str(som)]
+    namespaces: List[Tuple[List[str], str]] = [([], ""), (["--namespace", "/boat1"], "/boat1")]
+    for options, root in namespaces:
+        for question in (["current"], ["--topic", "current"]):
+            assert main(["find", *question, *models, *options, "--json"]) == 0
+            answer = json.loads(capsys.readouterr().out)
+            answer = answer.get("services", [answer])[0]
+            assert answer["inputs"] == [f"{root}/speed/data"]
+            assert answer["output"] == f"{root}/current/data"
+        for without in ("log", f"{root}/log"):
+            main(["find", "current", "--without", without, *models, *options, "--json"])
+            assert json.loads(capsys.readouterr().out)["relations"] == ["fit", "water"]
 
 
 def test_find_takes_the_node_of_the_property_away(found: Found) -> None:
@@ -118,6 +145,10 @@ def test_find_explains(shsa: Shsa, found: Found) -> None:
         ["law", "propeller", "water"],
     ]
     assert {"relation": "law", "output": "power", "lacking": ["current"]} in answer["dead"]
+    assert answer["more_alternatives"] == 0
+    few = found("current", "--explain", "--alternatives", "1")[1]
+    assert len(few["alternatives"]) == 1 and few["more_alternatives"] == 2
+    assert "and 2 more; see --alt" in shsa("find", "current", "--explain", "--alternatives", "1")[1]
     text = shsa("find", "current", "--explain")[1]
     assert "current: quality 0.9 by fit from /speed/data, proven best" in text
     assert "law for power lacks current" in text
@@ -193,6 +224,130 @@ def test_find_a_property_that_nothing_provides(found: Found) -> None:
     assert answer["relations"] == ["law"]
 
 
+CART = """\
+properties: {speed: , turn: , wheel: , heading: , tilt: }
+relations:
+  rolling: {speed: 2*wheel}
+  learned: {heading: {not_executable: "network(tilt)", inputs: [tilt]}}
+"""
+CART_SOM = """\
+services:
+  odometry: {topic: /odom, type: p/T, node: /drive, period: 0.1, needed: true,
+             provides: {speed: {field: v}, turn: {field: w}}}
+  compass: {topic: /heading, type: p/T, node: /compass, period: 0.1, needed: true,
+            provides: {heading: {field: data}}}
+  wheel: {topic: /wheel, type: p/T, node: /encoder, period: 1.0, provides: {wheel: {field: data}}}
+  tilt: {topic: /tilt, type: p/T, node: /imu, period: 0.1, provides: {tilt: {field: data}}}
+"""
+GYRO = "  gyro: {topic: /gyro, type: p/T, node: /imu, period: 0.1, provides: {turn: {field: z}}}\n"
+SPARE = (
+    "  spare: {topic: /spare, type: p/T, node: /s, period: 0.1, needed: true,\n"
+    "          provides: {speed: {field: v}, tilt: {field: w}}}\n"
+)
+
+
+@pytest.fixture
+def cart(tmp_path: pathlib.Path, capsys: Any) -> Callable[..., Tuple[int, str]]:
+    """Runs a command on a cart with more services; returns its exit status and what it prints."""
+
+    def run(more: str, command: str, *words: str) -> Tuple[int, str]:
+        ontology, som = str(tmp_path / "cart.yaml"), str(tmp_path / "cart_som.yaml")
+        (tmp_path / "cart.yaml").write_text(CART)
+        (tmp_path / "cart_som.yaml").write_text(CART_SOM + more)
+        models = [ontology] if command == "check" else ["--ontology", ontology]
+        status = main([command, *words, *models, "--som", som])
+        return status, capsys.readouterr().out
+
+    return run
+
+
+def test_all_commands_say_that_a_topic_is_lost_with_one_of_its_values(cart: Any) -> None:
+    for words in (["speed"], ["--topic", "/odom"], ["--service", "odometry"]):
+        status, out = cart("", "find", *words)
+        assert status == 1 and "Nothing replaces the service odometry. Missing: any" in out
+    status, out = cart("", "find", "speed")
+    assert "speed alone could be derived: quality 1 by rolling from /wheel/data" in out
+    answer = json.loads(cart("", "find", "speed", "--json")[1])
+    assert answer["property"] == "speed" and answer["substitute"] is None
+    assert answer["missing"] == [] and answer["alone"]["relations"] == ["rolling"]
+    assert "odometry is needed, but if /drive fails there is no substitute for turn" in (
+        cart("", "check")[1]
+    )
+    services = json.loads(cart("", "report", "--json")[1])["services"]
+    assert [(s["service"], s["quality"]) for s in services] == [
+        ("odometry", None),
+        ("compass", None),
+    ]
+
+
+def test_all_commands_say_that_the_only_law_cannot_be_executed(cart: Any) -> None:
+    said = "the relation learned for heading cannot be executed: network(tilt)"
+    assert said in cart("", "check")[1] and said in cart("", "find", "heading")[1]
+    services = json.loads(cart("", "report", "--json")[1])["services"]
+    assert services[1]["refused"] == said
+    assert "cannot be executed" in " ".join(cart("", "report")[1].split())
+
+
+def test_a_property_is_healed_with_its_service(cart: Any) -> None:
+    status, out = cart(GYRO, "find", "speed")
+    assert status == 0 and "speed: quality 1 by rolling from /wheel/data, proven best" in out
+    assert "odometry (/odom) is healed with all of its values, speed, turn: quality 1" in out
+    answer = json.loads(cart(GYRO, "find", "speed", "--json")[1])
+    assert answer["relations"] == ["rolling"] and answer["output"] == "/odom/v"
+    (whole,) = answer["services"]
+    assert whole["service"] == "odometry" and whole["output"] == "/odom/v,/odom/w"
+    assert answer["slow"] == {"service": "wheel", "period": 1.0}
+    assert "It reads wheel, which comes every 1 s" in out
+    assert "its substitute reads wheel, which comes every 1 s" in cart(GYRO, "check")[1]
+
+
+def test_two_needed_services_of_a_property_are_two_answers(cart: Any) -> None:
+    status, out = cart(GYRO + SPARE, "find", "speed")
+    assert status == 0 and "If the service odometry of /drive fails:" in out
+    assert "If the service spare of /s fails:" in out
+    answer = json.loads(cart(GYRO + SPARE, "find", "speed", "--json")[1])
+    values = [whole["value"]["inputs"] for whole in answer["services"]]
+    assert values == [["/spare/v"], ["/odom/v"]] and answer["inputs"] == ["/spare/v"]
+    status, out = cart(SPARE, "find", "speed", "--json")
+    assert status == 1 and json.loads(out)["substitute"] is None
+    services = json.loads(out)["services"]
+    assert ["substitute" in service for service in services] == [True, False]
+
+
+def test_find_says_what_shares_a_cause(cart: Any, tmp_path: pathlib.Path) -> None:
+    hub = "  fast: {topic: /fast, type: p/T, node: /f, period: 0.1, needed: true,\n"
+    hub += "         fails_with: [hub], provides: {wheel: {field: v}}}\n"
+    other = hub.replace("fast", "slow").replace("/f,", "/s,")
+    answer = json.loads(cart(hub + other, "find", "--service", "fast", "--json")[1])
+    assert answer["inputs"] == ["/wheel/data"] and "shares" not in answer
+    words = ["--without", "/encoder", "--json"]
+    answer = json.loads(cart(hub + other, "find", "--service", "fast", *words)[1])
+    assert answer["inputs"] == ["/slow/v"] and answer["shares"] == ["hub"]
+    status, out = cart(hub + other, "find", "speed", "--without", "/drive", "--without", "hub")
+    assert "/wheel/data" in out and status == 1
+
+
+@pytest.mark.parametrize("law, told", [("2*integral(v)", True), ("integral(v)", False)])
+def test_find_says_what_starts_at_zero(
+    tmp_path: pathlib.Path, capsys: Any, law: str, told: bool
+) -> None:
+    ontology, som = tmp_path / "ontology.yaml", tmp_path / "som.yaml"
+    ontology.write_text(f"properties: {{x: , v: }}\nrelations: {{r: {{x: {law}}}}}\n")
+    som.write_text(
+        "services: {s: {topic: /v, type: p/T, node: /n, period: 0.1, provides: {v: {field: v}}}}\n"
+    )
+    models = ["--ontology", str(ontology), "--som", str(som)]
+    assert main(["find", "x", *models]) == 0
+    assert ("starts at 0" in capsys.readouterr().out) is told
+    assert main(["find", "x", "--json", *models]) == 0
+    assert ("starts_at_zero" in json.loads(capsys.readouterr().out)) is told
+
+
+def test_wrong_services_are_named(cart: Any, capsys: Any) -> None:
+    assert main(["find", "--service", "volt", *MODELS]) == 2
+    assert "no such service; did you mean voltage?" in capsys.readouterr().err
+
+
 def test_version_is_that_of_the_package(capsys: Any) -> None:
     with pytest.raises(SystemExit) as end:
         main(["--version"])
@@ -229,151 +384,3 @@ def test_the_program_runs_and_has_the_same_status() -> None:
     run = [sys.executable, str(SHSA), "find", "flow", *MODELS]
     done = subprocess.run(run, stdout=subprocess.PIPE, universal_newlines=True)
     assert done.returncode == 1 and "Nothing replaces flow" in done.stdout
-
-
-def svg_of(text: str, kind: str) -> List[str]:
-    """What stands in each group of a kind, `node` or `edge`, of a picture."""
-    groups = ElementTree.fromstring(text).iter("{http://www.w3.org/2000/svg}g")
-    return [
-        ElementTree.tostring(group, encoding="unicode")
-        for group in groups
-        if group.get("class") == kind
-    ]
-
-
-def test_plot_draws_every_property_and_the_substitution_in_bold(
-    shsa: Shsa, tmp_path: pathlib.Path
-) -> None:
-    path = tmp_path / "boat.svg"
-    assert shsa("plot", "current", "--without", "/voltmeter", "--output", str(path))[0] == 0
-    text = path.read_text()
-    for word in ("current is lost; its substitute has the quality 0.9", "propeller", "/speed/data"):
-        assert word in text
-    edges = svg_of(text, "edge")
-    assert all("polygon" in edge for edge in edges)  # an arrowhead
-    bold = [edge for edge in edges if 'stroke-width="2.5"' in edge]
-    assert len(edges) == 17 and len(bold) == 2
-    assert any("p speed-&gt;r fit current" in edge for edge in bold)
-    plain = tmp_path / "plain.svg"
-    shsa("plot", "--output", str(plain))
-    assert 'stroke-width="2.5"' not in plain.read_text()
-    again = tmp_path / "again.svg"
-    shsa("plot", "--output", str(again))
-    assert again.read_text() == plain.read_text()
-
-
-def test_plot_colours_what_is_provided_derivable_and_lost(
-    shsa: Shsa, tmp_path: pathlib.Path
-) -> None:
-    path = tmp_path / "boat.svg"
-
-    def boxes() -> Dict[str, int]:
-        nodes = svg_of(path.read_text(), "node")
-        colours = _drawing.COLOURS.items()
-        return {name: sum(colour in node for node in nodes) for name, colour in colours}
-
-    shsa("plot", "--output", str(path))
-    assert boxes() == {"provided": 5, "derivable": 1, "lost": 0}
-    status, _, err = shsa("plot", "flow", "--output", str(path))
-    assert status == 1 and "no substitute for flow" in err
-    assert boxes()["lost"] == 1
-    assert "nothing replaces it" in path.read_text()
-
-
-def test_plot_escapes_what_a_file_says(tmp_path: pathlib.Path) -> None:
-    source = Service("s", "/t", "p/T", "/n", 1.0, (Provision("a", 'x[0]<b>&"\\'),)).sources[0]
-    ontology = Ontology({"a": Property("a")}, {}, ())
-    text = _drawing.draw(ontology, [source], "svg", title='<&>"').decode()
-    words = " ".join(ElementTree.fromstring(text).itertext())
-    assert '/t/x[0]<b>&"\\' in words and '<&>"' in words
-
-
-def test_plot_writes_png_and_refuses_other_formats(shsa: Shsa, tmp_path: pathlib.Path) -> None:
-    path = tmp_path / "boat.png"
-    assert shsa("plot", "--output", str(path))[0] == 0
-    assert path.read_bytes().startswith(b"\x89PNG")
-    status, _, err = shsa("plot", "--output", "boat.jpg")
-    assert status == 2 and "does not end in .svg or .png" in err
-
-
-@pytest.mark.parametrize(
-    "program, said",
-    [(None, "needs the program 'dot'; install graphviz"), ("echo no >&2; exit 1", "dot says: no")],
-    ids=["missing", "failing"],
-)
-def test_plot_says_why_it_cannot_draw(
-    shsa: Shsa, tmp_path: pathlib.Path, monkeypatch: Any, program: Optional[str], said: str
-) -> None:
-    if program is not None:
-        (tmp_path / "dot").write_text(f"#!/bin/sh\n{program}\n")
-        (tmp_path / "dot").chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    status, _, err = shsa("plot", "--output", str(tmp_path / "boat.svg"))
-    assert status == 2 and said in err
-    assert not (tmp_path / "boat.svg").exists()
-
-
-def test_what_is_too_large_is_not_drawn(
-    shsa: Shsa, tmp_path: pathlib.Path, monkeypatch: Any
-) -> None:
-    monkeypatch.setattr(_drawing, "MOST_NODES", 5)
-    status, _, err = shsa("plot", "--output", str(tmp_path / "boat.svg"))
-    assert status == 2 and "at most 5" in err
-    path = tmp_path / "boat.html"
-    assert shsa("report", "--html", str(path))[0] == 0
-    assert "Not drawn" in path.read_text()
-
-
-def test_report_as_a_table(shsa: Shsa) -> None:
-    status, out, _ = shsa("report")
-    assert status == 0
-    for words in ("by fit (0.9)", "Nodes that must not fail together", "No node alone is fatal"):
-        assert words in out
-    assert "2 of 2 needed services can be replaced" in out
-
-
-def test_report_as_json(shsa: Shsa) -> None:
-    status, out, _ = shsa("report", "--json", "--size", "3")
-    report = json.loads(out)
-    assert status == 0
-    assert [service["topic"] for service in report["services"]] == ["/current", "/voltage"]
-    assert report["cuts"] == [
-        {"nodes": ["/amperemeter", "/log", "/sonar"], "services": ["current"]},
-        {"nodes": ["/log", "/sonar", "/voltmeter"], "services": ["voltage"]},
-    ]
-    assert report["survival"] == {"single": 1.0, "double": 1.0}
-
-
-def test_report_as_one_page_with_the_graph(shsa: Shsa, tmp_path: pathlib.Path) -> None:
-    path = tmp_path / "boat.html"
-    assert shsa("report", "--html", str(path))[0] == 0
-    text = path.read_text()
-    assert text.count("<svg") == 1 and "propeller" in text
-    assert not re.search(r"(src|href)\s*=\s*.(https?:)?//", text)
-    assert "<script" not in text and "by fit (0.9)" in text
-
-
-def test_report_refuses_a_size_below_one(shsa: Shsa) -> None:
-    status, _, err = shsa("report", "--size", "0")
-    assert status == 2 and "at least 1" in err
-
-
-def test_report_names_what_is_fatal_and_what_would_help(
-    capsys: Any, tmp_path: pathlib.Path
-) -> None:
-    som = tmp_path / "som.yaml"
-    som.write_text(
-        "services:\n"
-        "  power: {topic: /power, type: std_msgs/Float64, node: /meter, period: 1, needed: true,\n"
-        "    provides: {power: {field: data}}}\n"
-        "  voltage: {topic: /voltage, type: std_msgs/Float64, node: /volts, period: 1,\n"
-        "    provides: {voltage: {field: data}}}\n"
-    )
-    assert main(["report", "--ontology", MODELS[1], "--som", str(som)]) == 0
-    out = " ".join(capsys.readouterr().out.split())
-    assert "0 of 1 needed services can be replaced" in out
-    assert "missing: flow" in out
-    assert "Single points of failure" in out and "| /meter | power |" in out
-    assert "Failures of one node survived: 50.0 %; of two nodes at once: 0.0 %." in out
-    assert "new sensor that would raise it most: one of power on a node of its own" in out
-    assert "one that yields power from voltage, if there is one, to 100.0 % and 0.0 %." in out

@@ -1,4 +1,5 @@
 """Whether our launch is ending, told by the log of the process that started us."""
+import os
 import subprocess
 import sys
 import time
@@ -6,6 +7,8 @@ from pathlib import Path
 from typing import Iterator, List
 
 import pytest
+
+from shsa_core.ros.graph.launch import _processes_of
 
 PARENT = """
 import os, signal, subprocess, sys
@@ -97,3 +100,23 @@ def test_what_was_logged_before_we_came_does_not_count(
     assert launch.answers(3) == ["False"] * 3
     launch.log("[roslaunch][INFO] something else")
     assert launch.answers(20) == ["False"] * 20
+
+
+def test_a_node_of_the_same_name_on_another_master_is_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", "http://localhost:12345")
+    name = f"node_{os.getpid()}"
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", "input()", f"__name:={name}"],
+            env={**os.environ, "ROS_MASTER_URI": uri},
+            stdin=subprocess.PIPE,
+        )
+        for uri in ("http://127.0.0.1:12345/", "http://localhost:12346", "nonsense:x")
+    ]
+    try:
+        assert list(_processes_of({f"/{name}"})) == [(f"/{name}", processes[0].pid)]
+    finally:
+        for process in processes:
+            process.communicate(b"\n")

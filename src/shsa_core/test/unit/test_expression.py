@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from shsa_core.errors import ExpressionError
 from shsa_core.language.expression import Expression, parse_constraint, parse_expression
 from shsa_core.language.functions import FUNCTIONS, RESERVED, STATEFUL
-from shsa_core.language.syntax import MAX_DEPTH, MAX_LENGTH, MAX_NODES, is_name, literal
+from shsa_core.language.syntax import MAX_DEPTH, MAX_LENGTH, MAX_NODES, MAX_ROW, is_name
+from shsa_core.language.trees import literal
 
 HOSTILE = [text for texts in EXPRESSIONS.values() for text in texts]
 
@@ -107,8 +108,8 @@ def test_constraint_is_a_condition(text: str, names: Any) -> None:
 LANGUAGE = (
     "is not part of the language; allowed: numbers, names, + - * / // % **, "
     "comparisons, and, or, not, 'a if c else b', dt, pi, and the functions abs, sign, min, max, "
-    "floor, ceil, sqrt, exp, log, log10, sin, cos, tan, asin, acos, atan, atan2, hypot, "
-    "derivative, integral, previous, lowpass"
+    "floor, ceil, sqrt, exp, log, log10, sin, cos, tan, asin, acos, atan, tanh, atan2, hypot, "
+    "clip, dot, rbf, table, derivative, integral, previous, lowpass, delay"
 )
 
 
@@ -164,7 +165,30 @@ LANGUAGE = (
             "previous(...) stands where it is not evaluated every time, so it would miss samples; "
             "give it a property and a relation of its own",
         ),
-        ("a" * 4001, "the expression has 4001 characters; at most 4000 are allowed"),
+        ("a" * 40_001, "the expression has 40001 characters; at most 40000 are allowed"),
+        ("dot(a, b, c)", "dot(...) takes 2, 4, ... arguments, not 3"),
+        ("rbf(a, b)", "rbf(...) takes 3, 5, ... arguments, not 2"),
+        ("table(a, 0, 1)", "table(...) takes 5, 7, ... arguments, not 3"),
+        ("table(a, 0, 1, 2, 3, 4)", "table(...) takes 5, 7, ... arguments, not 6"),
+        (
+            "table(a, 0, 1, 0, 2)",
+            "table(...): x0, x1, ... must rise: 0 and then 0 do not",
+        ),
+        (
+            "table(a, 0, 1, 2, 2, -1, 3)",
+            "table(...): x0, x1, ... must rise: 2 and then -1 do not",
+        ),
+        (
+            "table(a, -1e308, 1, 1e308, 2)",
+            "table(...): x0, x1, ... must rise: -1e+308 and then 1e+308 do not",
+        ),
+        ("table(a, 0, 1, b + 1, 2)", "table(...): argument 4 must be a number or a constant"),
+        ("delay(a, 2*b)", "delay(...): argument 2 must be a number or a constant"),
+        ("delay(a, 0)", "delay(...): the time must be above 0 and at most 10 s"),
+        ("delay(a, -1)", "delay(...): the time must be above 0 and at most 10 s"),
+        ("delay(a, 10.1)", "delay(...): the time must be above 0 and at most 10 s"),
+        ("clip(a, 2, 1)", "clip(...): 2 is above 1"),
+        ("tanh(a, b)", "tanh(...) takes 1 arguments, not 2"),
         ("a b", "not an expression: it cannot be read from position 3 of 'a b'"),
         (
             "1 " * 30,
@@ -197,7 +221,9 @@ def test_refusal_says_what_was_wrong_and_what_is_allowed(text: str, message: Opt
         ("-{}", 1),
         ("+{}", 1),
         ("{} + b", 1),
+        ("{} + b - b + b", 1),
         ("b + {}", 1),
+        ("b + b*{}", 2),
         ("b**{}", 1),
         ("abs({})", 1),
         ("max(b, {})", 1),
@@ -254,7 +280,7 @@ def test_limits_are_where_they_are_said_to_be() -> None:
         parse_expression("-" * (depth + 1) + "a")
     flat = "max(" + ", ".join(["a"] * (MAX_NODES - 1)) + ")"
     assert parse_expression(flat)
-    with pytest.raises(ExpressionError, match="^the expression has more than 1000 parts$"):
+    with pytest.raises(ExpressionError, match="^the expression has more than 10000 parts$"):
         parse_expression(flat.replace("(", "(a, ", 1))
     assert parse_constraint("-" * (depth - 1) + "a > 0")
     with pytest.raises(ExpressionError, match="nested more than 100 deep"):
@@ -264,6 +290,23 @@ def test_limits_are_where_they_are_said_to_be() -> None:
     exact = "+".join(["a" * 43] * 90)[: MAX_LENGTH - 1] + "a"
     assert parse_expression("a" * MAX_LENGTH).names == ("a" * MAX_LENGTH,)
     assert parse_expression(exact)
+
+
+@pytest.mark.parametrize("sign", ["+", "-", "*", "/"])
+def test_terms_in_a_row_count_as_one_level(sign: str) -> None:
+    for term in ("a", "a**3", "(0.5*a*b)", "(a - b)"):
+        parse_expression(sign.join([term] * 500))
+    parse_expression(sign.join(["a"] * (MAX_ROW + 1)))
+    message = f"^the expression has more than {MAX_ROW} operations in a row$"
+    for text in (sign.join(["a"] * (MAX_ROW + 2)), sign.join(["abs(" + "a+" * 599 + "a)", "a"])):
+        with pytest.raises(ExpressionError, match=message):
+            parse_expression(sign.join([text, "a"]))
+
+
+def test_an_exponent_may_have_terms_in_a_row() -> None:
+    assert parse_expression("a**(" + "+".join(["0.1"] * 500) + ")")
+    with pytest.raises(ExpressionError, match="^the exponent is 250; at most 100 is allowed$"):
+        parse_expression("a**(" + "+".join(["0.5"] * 500) + ")")
 
 
 def test_names_are_replaced_and_functions_are_not() -> None:

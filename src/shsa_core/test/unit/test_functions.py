@@ -1,15 +1,20 @@
 """The functions with memory: right under jitter, after a gap, at the first sample."""
 import math
+from collections import deque
 from typing import Any, Callable, List, Tuple
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from shsa_core.language.fitted import clip, dot, rbf, table
 from shsa_core.language.functions import FUNCTIONS, STATEFUL, ceil, floor, namespace, power, sign
 from shsa_core.language.memory import (
+    HELD_SAMPLES,
+    MAX_DELAY_S,
     MAX_GAP_S,
     Memory,
+    delay,
     derivative,
     elapsed,
     integral,
@@ -66,7 +71,7 @@ def test_each_function_gives_a_float(name: str) -> None:
 
 
 def test_values_of_the_mathematics() -> None:
-    result = {name: f.call(*[0.25, 2.0][: f.least]) for name, f in FUNCTIONS.items()}
+    result = {name: f.call(*[0.25, 2.0, 3.0, 4.0, 5.0][: f.least]) for name, f in FUNCTIONS.items()}
     assert result == {
         "abs": 0.25,
         "sign": 1.0,
@@ -86,6 +91,11 @@ def test_values_of_the_mathematics() -> None:
         "atan": math.atan(0.25),
         "atan2": math.atan2(0.25, 2.0),
         "hypot": math.hypot(0.25, 2.0),
+        "tanh": math.tanh(0.25),
+        "clip": 2.0,
+        "dot": 0.5,
+        "rbf": math.exp(-0.25),
+        "table": 3.0,
     }
 
 
@@ -247,3 +257,75 @@ def test_the_list_cannot_be_changed() -> None:
         setattr(FUNCTIONS["abs"], "most", 2)
     with pytest.raises(AttributeError):
         setattr(STATEFUL["previous"], "arguments", 2)
+
+
+def test_values_of_the_functions_of_fitted_models() -> None:
+    assert [clip(value, -1.0, 2.0) for value in (-3.0, -1.0, 0.5, 2.0, 9.0)] == [-1, -1, 0.5, 2, 2]
+    assert clip(0.0, 2.0, 1.0) == 1.0
+    assert dot(2.0, 3.0, -1.0, 4.0, 0.5, 8.0) == 6.0
+    assert rbf(0.5, 1.0, 3.0, 2.0, 1.0) == math.exp(-2.5)
+    assert rbf(1.0, 1e300, -1e300) == 0.0 and rbf(0.0, 1e300, -1e300) == 1.0
+    with pytest.raises(OverflowError):
+        rbf(-1.0, 100.0, 0.0)
+
+
+def test_a_table_is_straight_between_its_points_and_held_beyond() -> None:
+    points = (-1.0, 10.0, 0.0, 20.0, 4.0, 0.0)
+    given_ = (-9.0, -1.0, -0.5, 0.0, 1.0, 2.0, 4.0, 99.0)
+    assert [table(x, *points) for x in given_] == [10.0, 10.0, 15.0, 20.0, 15.0, 10.0, 0.0, 0.0]
+    assert math.isnan(table(NAN, *points))
+    assert table(1.0, 0.0, -1.7e308, 2.0, 1.7e308) == 0.0  # the difference would be too large
+
+
+def test_delay_gives_what_was_that_long_ago() -> None:
+    memory = delay()
+    results = [memory(float(i), 0.1, 1.6e9 + 0.02 * i) for i in range(20)]
+    assert results == [0.0] * 5 + [float(i) for i in range(15)]
+
+
+@exhaustive
+@given(starts, jitter, st.floats(min_value=1e-3, max_value=10.0))
+def test_delay_holds_past_samples_under_jitter(
+    start: float, steps: List[float], time: float
+) -> None:
+    moments = times(start, steps)
+    memory = delay()
+    for count, now in enumerate(moments, 1):
+        result = memory(now, time, now)
+        past = [each for each in moments[:count] if each <= now - time + 2e-6]
+        sure = [each for each in moments[:count] if each <= now - time] or moments[:1]
+        assert result <= (past[-1] if past else moments[0])
+        assert result >= sure[-1] - time / HELD_SAMPLES
+
+
+def test_delay_starts_anew_after_a_gap_and_ignores_what_is_no_sample() -> None:
+    memory = delay(max_gap=0.5)
+    assert memory(1.0, 0.2, 0.0) == 1.0
+    assert memory(2.0, 0.2, 0.1) == 1.0
+    assert math.isnan(memory(NAN, 0.2, 0.2)) and math.isnan(memory(math.inf, 0.2, 0.2))
+    assert memory(3.0, 0.2, 0.3) == 2.0
+    assert memory(9.0, 0.2, 0.3) == 2.0  # the same time again
+    assert memory(4.0, 0.2, 0.9) == 4.0
+    assert memory(5.0, 0.2, 1.0) == 4.0
+    assert memory(6.0, 0.2, 0.5) == 6.0  # backwards
+
+
+@pytest.mark.parametrize("time", [0.0, -1.0, MAX_DELAY_S * 1.001, NAN, math.inf])
+def test_delay_needs_a_time_within_its_limits(time: float) -> None:
+    memory = delay()
+    assert math.isnan(memory(1.0, time, 0.0))
+    assert memory(1.0, MAX_DELAY_S, 0.0) == 1.0
+
+
+def test_delay_holds_so_many_samples_however_fast_they_come() -> None:
+    memory = delay()
+    (held,) = (c.cell_contents for c in closure(memory) if isinstance(c.cell_contents, deque))
+    for i in range(40_000):
+        now = 1e-3 * i
+        result = memory(now, 10.0, now)
+        assert result == pytest.approx(max(now - 10.0, 0.0), abs=2 * 10.0 / HELD_SAMPLES)
+    assert HELD_SAMPLES / 2 < len(held) <= HELD_SAMPLES + 2
+
+
+def closure(memory: Any) -> Any:
+    return memory.__closure__

@@ -6,90 +6,42 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
-from core_robot import function
+from random_models import LAST_RESORTS, NAMES, NODES, TOPICS, SETTINGS, ontologies, soms
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.machine import Reconfigurator
+from shsa_core.healing.records import HealingRecord, Record
 from shsa_core.healing.settings import Settings
-from shsa_core.model.kinds import Kind, Policy, Standby
-from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.service import LastResort, Provision, Service
+from shsa_core.journal.codec import Codec
+from shsa_core.journal.machines import FORMS
+from shsa_core.model.kinds import Contain, Kind, Policy, Standby
+from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
-FUNCTIONS = [
-    function("ab", "a", "b + 1", 0.9),
-    function("ac", "a", "2 * c", 0.5),
-    function("ba", "b", "a - 1", 0.9),
-    function("bd", "b", "lowpass(d, 0.1)", 0.6),
-    function("cd", "c", "d", 0.8),
-    function("dab", "d", "a + b", 0.7),
-]
-NAMES = "abcd"
-NODES = ("/m", "/n", "/o")
-TOPICS = (*("/" + name for name in NAMES), "/shared", "/unknown")
-LAST_RESORTS = (
-    LastResort(),
-    LastResort(values=tuple((name, 0.0) for name in NAMES)),
-    LastResort(command=("stop",)),
-)
-SETTINGS = (
-    Settings(pool=1),
-    Settings(pool=0, healings=2, switches=1, restarts=0, method="orr"),
-    Settings(switches=0, node_restarts=1, restart_timeout=1.0, hold_off=0.5),
-)
 PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
-
-
-@st.composite
-def services(draw: Any, name: str) -> Service:
-    """A service of the property of its name."""
-    return Service(
-        name=name,
-        topic=draw(st.sampled_from(("/" + name, "/" + name, "/shared"))),
-        type="pkg/Type",
-        node=draw(st.sampled_from(NODES)),
-        period=draw(st.sampled_from((0.02, 0.1, None))),
-        provides=(Provision(name, name, quality=draw(st.sampled_from((1.0, 0.5)))),),
-        needed=draw(st.sampled_from((True, True, False))),
-        standby=draw(st.sampled_from(list(Standby))),
-        policy=draw(st.sampled_from(list(Policy))),
-        last_resort=draw(st.sampled_from(LAST_RESORTS)),
-    )
-
-
-@st.composite
-def soms(draw: Any) -> Som:
-    """A SOM whose pairs of topic and node differ."""
-    names = draw(st.lists(st.sampled_from(NAMES), min_size=1, unique=True))
-    found = [draw(services(name)) for name in names]
-    return Som({(each.topic, each.node): each for each in found}.values())
-
-
-@st.composite
-def ontologies(draw: Any) -> Ontology:
-    """Some of the functions."""
-    functions = draw(st.lists(st.sampled_from(FUNCTIONS), min_size=2, unique_by=id))
-    return Ontology({name: Property(name) for name in NAMES}, {}, functions)
 
 
 class AnyRobot(RuleBasedStateMachine):
     """What was told to the reconfigurator and what it said, beside it."""
 
     sound = False  # no event was refused
+    taken_up = False  # the reconfigurator has started
 
     @initialize(
         ontology=ontologies(),
         som=soms(),
         chosen=st.sampled_from(SETTINGS),
-        left=st.sets(st.sampled_from(("/substitute_a_7", "/substitute_standby_x"))),
+        left=st.sets(st.sampled_from(("/substitute_a_7", "/substitute_standby_3"))),
     )
     def start(self, ontology: Ontology, som: Som, chosen: Settings, left: Set[str]) -> None:
         self.core = Reconfigurator(ontology, som, chosen)
-        self.ontology, self.som = ontology, som
+        self.ontology, self.som, self.settings = ontology, som, chosen
+        self.written: Dict[str, Record] = {}
+        self.lives_for: Optional[int] = None  # commands that are carried out yet
         self.now = 100.0
         self.health: Dict[Tuple[str, str], PublisherHealth] = {}
         self.failed: Set[Tuple[str, str]] = set()  # topic and node, told since it was healthy
@@ -97,6 +49,8 @@ class AnyRobot(RuleBasedStateMachine):
         self.shown: Dict[str, Substitution] = {}
         self.states: Dict[str, events.ServiceState] = {}
         self.incidents: Dict[str, Incident] = {}
+        self.closed: Set[str] = set()
+        self.named: Set[str] = set()  # substitutes that were written down
         self.used: Set[str] = set(left)
         self.running: Set[str] = set()
         self.ending = False
@@ -110,10 +64,16 @@ class AnyRobot(RuleBasedStateMachine):
         """Hand over an event, and check every command and what holds after it."""
         self.sound = False
         for command in self.core.handle(event):
+            if self.lives_for is not None and not isinstance(command, events.WriteDown):
+                self.lives_for -= 1
+                if self.lives_for < 0:
+                    self.die("all")
+                    return
             check = getattr(self, "on_" + type(command).__name__, None)
             if check is not None:
                 check(command)
         self.accused = set()
+        self.taken_up = self.taken_up or isinstance(event, events.Started)
         self.core.validate()
         self.check_tables()
         self.check_publishing()
@@ -121,6 +81,33 @@ class AnyRobot(RuleBasedStateMachine):
             due = self.core.deadline
             assert due is None or due > self.now, "a tick that has done nothing"
         self.sound = True
+
+    def die(self, survivors: str) -> None:
+        """The reconfigurator is killed, and the next one takes up what it has written down."""
+        self.lives_for = None
+        if survivors != "all":
+            self.running = {node for node in self.running if survivors == "some" and "a" in node}
+        codec = Codec(Record, FORMS)
+        records = tuple(codec.decode(codec.encode(each), "", "") for each in self.written.values())
+        before, self.shown, self.states = dict(self.incidents), {}, {}
+        self.taken_up = False
+        self.core = Reconfigurator(self.ontology, self.som, self.settings)
+        self.incidents, self.written = {}, {}
+        self.orphans = self.orphans | {incident.faulty_node for incident in before.values()}
+        self.hear(events.Started(self.now, (), (), records, tuple(sorted(self.running))))
+        if self.ending:
+            self.hear(events.LaunchEnding(self.now))
+        for name, incident in before.items():
+            after = self.incidents.get(name)
+            assert after is not None and after.id == incident.id or name in self.closed
+            self.closed.discard(name)
+
+    def on_WriteDown(self, command: events.WriteDown) -> None:
+        self.written.update({each.key: each for each in command.records})
+        written = [each for each in command.records if isinstance(each, HealingRecord)]
+        self.named |= {each.substitution.node for each in written if each.substitution}
+        for key in command.removed:
+            del self.written[key]
 
     def on_StartSubstitute(self, command: events.StartSubstitute) -> None:
         assert command.node not in self.used, "a name is used twice"
@@ -131,7 +118,7 @@ class AnyRobot(RuleBasedStateMachine):
         assert command.node in self.running, "work for a process that is not there"
 
     def on_StopSubstitute(self, command: events.StopSubstitute) -> None:
-        assert command.node in self.used
+        assert command.node in self.used | self.named
         self.running.discard(command.node)
 
     def on_FindNode(self, command: events.FindNode) -> None:
@@ -141,7 +128,8 @@ class AnyRobot(RuleBasedStateMachine):
 
     def on_RestartNode(self, command: events.RestartNode) -> None:
         blaming = [each for each in self.incidents.values() if each.faulty_node == command.node]
-        assert any(self.som.services[each.service].policy.restarts for each in blaming)
+        services = [self.som.services[each.service] for each in blaming]
+        assert any(s.policy.restarts and s.node == command.node for s in services)
 
     def on_RunCommand(self, command: events.RunCommand) -> None:
         assert command.words == self.som.services[command.service].last_resort.command != ()
@@ -161,6 +149,7 @@ class AnyRobot(RuleBasedStateMachine):
         self.incidents[incident.service] = incident
         if incident.state is State.ENDED:
             del self.incidents[incident.service]
+            self.closed.add(incident.service)
 
     # What always holds
 
@@ -188,7 +177,8 @@ class AnyRobot(RuleBasedStateMachine):
                 )
         assert self.shown == rows
         assert set(core.substitutes) <= self.running
-        assert self.running <= {node for node in self.shown if node in self.used}
+        if self.taken_up:
+            assert self.running <= {node for node in self.shown if node in self.used}
 
     def check_publishing(self) -> None:
         publish = [row for row in self.shown.values() if row.publishing]
@@ -316,6 +306,7 @@ class AnyRobot(RuleBasedStateMachine):
             st.sampled_from(
                 (
                     events.NodeLearned(now, node, known),
+                    events.NodeLearned(now, node, known, "as told"),
                     events.NodeFound(now, node, events.Where.DEAD),
                     events.NodeLeft(now, node),
                     events.ProcessUntouchable(now, node),
@@ -342,6 +333,14 @@ class AnyRobot(RuleBasedStateMachine):
             self.accused.add(service.node)
         self.hear(events.SubstituteRequested(self.now, name))
 
+    @rule(survivors=st.sampled_from(("all", "some", "none")))
+    def dies(self, survivors: str) -> None:
+        self.die(survivors)
+
+    @rule(commands=st.integers(0, 4))
+    def dies_at_the_next_event(self, commands: int) -> None:
+        self.lives_for = commands
+
     @rule(name=st.sampled_from((*NAMES, "unknown")))
     def released(self, name: str) -> None:
         self.hear(events.Released(self.now, name))
@@ -363,6 +362,7 @@ class AnyRobot(RuleBasedStateMachine):
                 *({"standby": standby} for standby in Standby),
                 *({"policy": policy} for policy in Policy),
                 *({"last_resort": last} for last in LAST_RESORTS),
+                *({"contain": contain} for contain in (None, *Contain)),
             )
         ),
     )

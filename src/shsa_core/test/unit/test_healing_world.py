@@ -40,13 +40,13 @@ def test_a_node_is_learned_once_each_time_that_it_comes_up() -> None:
     assert sorted(learned(robot.said)) == [A, C]
     robot.row("/b", A, "healthy", 5.0)
     assert not learned(robot.table(5.0))
-    robot.fail("/a", A, 10.0, "silent")
+    robot.fail("/a", A, 10.0, "out_of_range")
     robot.killed(10.1, A)
     robot.row("/a", A, "healthy", 20.0)
     assert learned(robot.table(20.0)) == [A]
 
 
-def test_a_node_that_could_not_be_learned_is_tried_again_twice() -> None:
+def test_a_node_that_could_not_be_learned_is_tried_until_it_is_known() -> None:
     robot = Robot()
     robot.handle(events.NodeLearned(1.0, B, True))
     robot.handle(events.NodeLearned(1.0, A, False))
@@ -54,8 +54,26 @@ def test_a_node_that_could_not_be_learned_is_tried_again_twice() -> None:
     assert learned(robot.handle(events.Tick(1.5))) == [A]
     robot.handle(events.NodeLearned(1.6, A, False))
     assert learned(robot.handle(events.Tick(3.6))) == [A]
-    robot.handle(events.NodeLearned(3.7, A, False))
+    for time in (3.7, 13.8, 23.9):
+        robot.handle(events.NodeLearned(time, A, False))
+        assert learned(robot.handle(events.Tick(time + 10.0))) == [A]
+    robot.handle(events.NodeLearned(34.0, A, True))
     assert robot.core.deadline is None
+
+
+def test_the_som_tells_which_processes_are_known() -> None:
+    robot = Robot()
+
+    def verified(commands: List[events.Command]) -> List[str]:
+        tables = [each for each in commands if isinstance(each, events.ShowSom)]
+        return [node for table in tables for row in table.rows for node in row.verified]
+
+    assert verified(robot.handle(events.NodeLearned(1.0, A, True))) == [A]
+    again = robot.rows.pop(("/a", A))
+    robot.table(1.2)
+    robot.rows["/a", A] = replace(again, since=1.4)
+    assert not verified(robot.table(1.4))
+    assert verified(robot.handle(events.NodeLearned(1.5, A, True))) == [A]
 
 
 def test_a_node_that_died_is_not_tried_any_more() -> None:
@@ -68,12 +86,40 @@ def test_a_node_that_died_is_not_tried_any_more() -> None:
 
 def test_substitutes_that_were_left_behind_are_ended_and_their_names_not_used_again() -> None:
     robot = Robot()
-    left = ("/substitute_a_7", "/substitute_standby_x")
+    left = ("/substitute_a_7", "/substitute_standby_3")
     commands = robot.handle(events.Started(1.0, left))
     assert [each.node for each in commands if isinstance(each, events.FindNode)] == list(left)
     assert "Stopping orphaned substitute /substitute_a_7." in str(commands)
     start = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
     assert start.node == "/substitute_a_8"
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        "/substitute_messages",
+        "/substitute_7",
+        "/substitute_a_\u00b2",
+        "/substitute_a_\u0667",
+        "/substitute_a_" + "7" * 5000,
+        "/substitute_4242_1700000000000",
+        "/robot1/substitute_a_7",
+    ],
+)
+def test_a_node_whose_name_only_begins_like_a_substitutes_is_never_killed(node: str) -> None:
+    robot = Robot()
+    for event in (events.Started(1.0, (node,)), events.Started(1.0, (), (node,))):
+        commands = robot.handle(event)
+        assert not has(commands, events.FindNode) and "Stopping" not in str(commands)
+    assert only(robot.fail("/a", A, 10.0), events.StartSubstitute).node == "/substitute_a_1"
+
+
+def test_what_is_named_as_a_substitute_and_not_known_to_be_one_is_left_alone_and_told() -> None:
+    robot = Robot()
+    commands = robot.handle(events.Started(1.0, (), ("/substitute_a_7", "/substitute_messages")))
+    (log,) = [each for each in commands if isinstance(each, events.Log)]
+    assert "/substitute_a_7 is left alone" in log.text and not has(commands, events.FindNode)
+    assert only(robot.fail("/a", A, 10.0), events.StartSubstitute).node == "/substitute_a_8"
 
 
 def test_a_substitute_that_was_left_behind_and_not_found_in_time_is_looked_for_again() -> None:
@@ -311,6 +357,15 @@ def test_a_service_is_found_by_a_property_alone() -> None:
     assert Robot(Som([named, two])).core.find("c") == named
 
 
+def test_nothing_is_healed_without_evidence_in_the_record() -> None:
+    robot = Robot()
+    commands = robot.failure("/a", A, 10.0, "silent", "", 9.9)
+    assert not has(commands, events.ShowIncident) and not has(commands, events.FindNode)
+    assert "Nothing is healed without evidence" in str(commands)
+    incident = last_incident(robot.fail("/a", A, 11.0))
+    assert incident.kind == "node_gone" and incident.detail
+
+
 def test_a_service_that_moves_to_another_topic_is_healed_there() -> None:
     first, *others = SOM
     robot = Robot()
@@ -354,7 +409,7 @@ def test_silence_of_a_substitute_beside_its_returning_original_is_no_step() -> N
 def test_a_node_that_is_back_before_its_kill_is_over_is_not_healed_for_ever() -> None:
     robot = Robot()
     commands = robot.fail("/a", A, 10.0)
-    assert only(commands, events.FindNode) == events.FindNode(A, successor=False)
+    assert only(commands, events.FindNode) == events.FindNode(A, False, "/a")
     robot.row("/a", A, "healthy", 10.3)
     robot.table(10.31)
     assert publishing(robot) == (True,)
@@ -363,7 +418,7 @@ def test_a_node_that_is_back_before_its_kill_is_over_is_not_healed_for_ever() ->
     assert last_incident(commands).state is State.RETURNING
     assert learned(commands) == [A]
     assert last_incident(robot.handle(events.Tick(12.6))).state is State.ENDED
-    start = only(robot.fail("/a", A, 20.0, "silent"), events.FindNode)
+    start = only(robot.fail("/a", A, 20.0, "out_of_range"), events.FindNode)
     assert start.successor
 
 

@@ -214,9 +214,20 @@ def test_an_expression_is_checked_when_it_is_read(text: str) -> None:
         Codec(Condition, FORMS).decode(text, "journal:1", "the setup")
 
 
-def test_a_law_that_there_is_not_is_refused() -> None:
-    with pytest.raises(ModelError, match="no law 'python', only function"):
-        Codec(Law, FORMS).decode(["python", "1"], "journal:1", "the setup")
+@pytest.mark.parametrize("data", ["a", "a===", "\u00e4", 5, None, ["AA=="]])
+def test_bytes_are_base_64_and_nothing_else(data: Any) -> None:
+    codec = Codec(bytes)
+    assert codec.encode(b"\0\xff") == "AP8="
+    with pytest.raises(ModelError, match="bytes in base 64"):
+        codec.decode(data, "journal:1", "the event")
+    with pytest.raises(TypeError, match="no bytes"):
+        codec.encode("text")
+
+
+def test_a_law_that_is_not_in_the_language_is_refused() -> None:
+    for text in ("a.b", "h = a", "h = a; b", "h = a; h = b; h", "x = a; x", "; a", "a;", ";"):
+        with pytest.raises(ModelError, match="^journal:1: the setup is no Law: "):
+            Codec(Law, FORMS).decode(text, "journal:1", "the setup")
 
 
 def test_a_field_that_has_a_default_may_be_missing() -> None:

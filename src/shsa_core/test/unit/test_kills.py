@@ -14,7 +14,7 @@ from shsa_core.healing.events import (
     ProcessUntouchable,
     Where,
 )
-from shsa_core.healing.kills import KillNode, Kills, NodeKilled
+from shsa_core.healing.kills import KillNode, Kills, NodeKilled, NodeSpared
 
 N = "/node"
 
@@ -49,7 +49,7 @@ def test_a_node_that_does_not_leave_in_time_is_forced(urgent: bool, patience: fl
     assert kills.tick(10.0 + 0.9 * patience) == ([], [])
     assert kills.tick(10.0 + patience) == ([EndProcess(N)], [])
     _, over = kills.left(NodeLeft(11.5, N))
-    assert over is not None and over.certain and "did not leave in time" in over.detail
+    assert isinstance(over, NodeKilled) and over.certain and "did not leave in time" in over.detail
 
 
 def test_a_stopped_node_is_forced_at_once() -> None:
@@ -65,13 +65,14 @@ def test_a_dead_node_is_only_cleared() -> None:
 
 def test_a_node_that_nobody_knows_is_gone() -> None:
     commands, over = begun().found(NodeFound(10.0, N, Where.NOWHERE))
-    assert commands == [] and over is not None and over.certain
+    assert commands == [] and isinstance(over, NodeKilled) and over.certain
 
 
 def test_a_node_elsewhere_that_does_not_answer_may_still_run() -> None:
     kills = begun()
     assert found(kills, Where.ELSEWHERE) == [AskToLeave(N)]
     commands, (over,) = kills.tick(11.0)
+    assert isinstance(over, NodeKilled)
     assert commands == [] and not over.certain and "another computer" in over.detail
 
 
@@ -79,13 +80,14 @@ def test_a_node_elsewhere_that_answers_is_gone() -> None:
     kills = begun()
     found(kills, Where.ELSEWHERE)
     _, over = kills.left(NodeLeft(10.2, N))
-    assert over is not None and over.certain
+    assert isinstance(over, NodeKilled) and over.certain
 
 
 def test_a_process_that_does_not_end_may_still_run() -> None:
     kills = begun()
     found(kills, Where.STOPPED)
     _, (over,) = kills.tick(11.0)
+    assert isinstance(over, NodeKilled)
     assert not over.certain and over.detail == "its process does not end"
 
 
@@ -93,13 +95,14 @@ def test_a_process_of_somebody_else_may_still_run() -> None:
     kills = begun()
     found(kills, Where.STOPPED)
     over = kills.untouchable(ProcessUntouchable(10.1, N))
-    assert over is not None and not over.certain and "somebody else" in over.detail
+    assert isinstance(over, NodeKilled) and not over.certain and "somebody else" in over.detail
 
 
 def test_a_node_that_cannot_be_found_in_time_may_still_run() -> None:
     kills = begun()
     assert kills.tick(11.9) == ([], [])
     _, (over,) = kills.tick(12.0)
+    assert isinstance(over, NodeKilled)
     assert not over.certain and "found in time" in over.detail
 
 
@@ -118,3 +121,31 @@ def test_what_comes_late_changes_nothing() -> None:
     assert kills.found(NodeFound(10.3, N, Where.HERE)) == ([], None)
     assert kills.untouchable(ProcessUntouchable(10.3, N)) is None
     assert kills.tick(20.0) == ([], [])
+
+
+@pytest.mark.parametrize("where", [Where.HERE, Where.STOPPED, Where.ELSEWHERE])
+def test_a_node_that_is_to_be_cleared_if_it_is_dead_is_spared_if_it_is_not(where: Where) -> None:
+    kills = Kills(patience=0.1)
+    assert kills.begin(10.0, KillNode(N, False, if_dead=True)) == [FindNode(N, successor=False)]
+    assert kills.found(NodeFound(10.1, N, where)) == ([], NodeSpared(10.1, N))
+    assert not kills.nodes and kills.deadline is None
+
+
+def test_a_dead_node_is_cleared_even_if_it_is_to_be_spared() -> None:
+    kills = Kills(patience=0.1)
+    kills.begin(10.0, KillNode(N, False, if_dead=True))
+    commands, over = kills.found(NodeFound(10.1, N, Where.DEAD))
+    assert commands == [ClearNode(N)] and isinstance(over, NodeKilled)
+
+
+def test_a_node_that_cannot_be_found_in_time_is_spared() -> None:
+    kills = Kills(patience=0.1)
+    kills.begin(10.0, KillNode(N, False, if_dead=True))
+    assert kills.tick(12.0) == ([], [NodeSpared(12.0, N)])
+
+
+def test_a_node_that_is_to_be_killed_after_all_is_not_spared() -> None:
+    kills = Kills(patience=0.1)
+    kills.begin(10.0, KillNode(N, False, if_dead=True))
+    assert kills.begin(10.01, KillNode(N, True)) == []
+    assert found(kills, Where.HERE) == [AskToLeave(N)]

@@ -75,7 +75,8 @@ def notes(base: KnowledgeBase) -> List[str]:
 def test_the_ontology(read: Read) -> None:
     ontology = read(BASE).ontology
     assert {name: c.value for name, c in ontology.constants.items()} == {"gear": 2.0, "fixed": 1.5}
-    assert set(ontology.properties) == {"dmin", "laser", "wheel_angle", "steering_angle", "battery"}
+    names = {"dmin", "laser_min", "wheel_angle", "steering_angle", "battery"}
+    assert set(ontology.properties) == names
     functions: Any = {(f.relation, f.output): f for f in ontology.functions}
     assert set(functions) == {
         ("scan", "dmin"),
@@ -91,7 +92,7 @@ def test_the_ontology(read: Read) -> None:
     assert steer.constraint == Condition("steering_angle < 3", ("steering_angle",))
     assert functions["steer", "steering_angle"].law.text == "9*wheel_angle"
     scan = functions["scan", "dmin"]
-    assert (scan.law, scan.text, scan.inputs) == (None, "min(laser)", ("laser",))
+    assert (scan.text, scan.inputs) == ("laser_min", ("laser_min",))
     guarded = functions["guarded", "dmin"]
     assert (guarded.law, guarded.constraint) == (None, None)
     assert guarded.text == "battery if False"
@@ -104,7 +105,7 @@ def test_the_services(read: Read) -> None:
         Provision("dmin", "/stop/dmin/data", True, 0.1, None),
         Provision("battery", "/battery", True, 0.5, 0.7),
         Provision("battery", "/battery2", True, 0.5, None),
-        Provision("laser", "/scan", False, None, 0.9),
+        Provision("laser_min", "/scan", False, None, 0.9, "min"),
     )
 
 
@@ -112,7 +113,7 @@ def test_what_is_not_taken_over_is_said_with_its_line(read: Read) -> None:
     found = notes(read(BASE))
     assert found == [
         "1: the section 'utils' is not taken over; nothing in it is run",
-        "4: scan for dmin cannot be executed: min(...) takes 2 or more arguments, not 1",
+        "4: scan for dmin is taken over as laser_min",
         "8: steer for wheel_angle does not use its input battery",
         "9: steer for steering_angle does not use its input gear",
         "11: self for dmin is left out: it uses its own output",
@@ -213,7 +214,7 @@ def test_errors_name_file_and_line(read: Read, text: str, line: int, what: str) 
 
 
 def test_what_cannot_be_executed_is_found_by_the_search_and_refused_by_name(read: Read) -> None:
-    ontology = read("relations: {scan: {dmin: {in: [laser], fct: min(laser)}}}").ontology
+    ontology = read("relations: {scan: {dmin: {in: [laser], fct: map(laser)}}}").ontology
     laser = Service("laser", "/scan", "p/T", "/hokuyo", 0.1, (Value("laser", "data"),))
     derivation: Derivation = find_substitute(ontology, laser.sources, "dmin").derivation
     with pytest.raises(GenerationError, match="the relation scan for dmin cannot be executed"):
@@ -226,7 +227,7 @@ def test_the_command_line(tmp_path: pathlib.Path, capsys: Any) -> None:
         stream.write(BASE)
     assert main(["import", base, "--ontology", ontology, "--som", som]) == 0
     printed = capsys.readouterr().out
-    assert f"{base}:4: scan for dmin cannot be executed" in printed
+    assert f"{base}:4: scan for dmin is taken over as laser_min" in printed
     assert f"{ontology}: 5 properties, 2 constants, 6 functions" in printed
     assert (
         f"{som}: 4 services with blanks; fill them in, then: shsa check {ontology} --som {som}"
@@ -236,8 +237,8 @@ def test_the_command_line(tmp_path: pathlib.Path, capsys: Any) -> None:
     with open(som) as stream:
         draft = stream.read()
     assert (
-        '  laser:\n    topic: "/scan"\n    type:\n    node:\n    period:\n    provides:\n'
-        "      laser: {field: , quality: 0.9}\n"
+        '  laser_min:\n    topic: "/scan"\n    type:\n    node:\n    period:\n    provides:\n'
+        "      laser_min: {field: min(), quality: 0.9}\n"
     ) in draft
     assert '    topic: "/stop/dmin/data"\n' in draft
     assert "    period: 0.1\n    needed: true\n" in draft
@@ -245,7 +246,11 @@ def test_the_command_line(tmp_path: pathlib.Path, capsys: Any) -> None:
     with pytest.raises(ModelError, match="type must be a text, not empty"):
         read_som(som)
     filled = draft.replace("type:\n", "type: p/T\n").replace("node:\n", "node: /n\n")
-    filled = filled.replace("period:\n", "period: 1\n").replace("field: ", "field: a")
+    filled = (
+        filled.replace("period:\n", "period: 1\n")
+        .replace("field: ", "field: a")
+        .replace("min()", "")
+    )
     with open(som, "w") as stream:
         stream.write(filled)
     assert len(read_som(som)) == 4
@@ -260,3 +265,85 @@ def test_the_command_line(tmp_path: pathlib.Path, capsys: Any) -> None:
     assert report["ontology"] == fresh and report["som"] is None and len(report["notes"]) == 11
     assert main(["import", base, "--ontology", str(tmp_path / "more.yaml")]) == 0
     assert capsys.readouterr().out.endswith("6 functions\n")
+
+
+@pytest.mark.parametrize(
+    "text, condition, law, constraint",
+    [
+        ("arctan(b/c)", "", "atan(b/c)", None),
+        ("math.arcsin(b) + np.arccos(c)", "", "asin(b) + acos(c)", None),
+        ("arctan2(b, c)", "True", "atan2(b, c)", None),
+        ("b^2/c", "a > 0", "b**2/c", "(b**2/c) > 0"),
+        ("integral ( b dt )", "", "integral(b)", None),
+        ("integral(b dt) + c", "c > 0 and a < 3", "integral(b) + c", None),
+        ("d b / dt", "a < b", "derivative(b)", "(derivative(b)) < b"),
+        ("1 - int(b > c)", "", "1 - (1 if b > c else 0)", None),
+        ("max(b)", "a > 0", "b_max", "(b_max) > 0"),
+        ("min(b) + average(c)", "", "b_min + c_mean", None),
+        ("min(b, c)", "", "min(b, c)", None),
+        ("min(b) + b", "", "b_min + b", None),
+    ],
+)
+def test_what_is_written_otherwise_is_translated(
+    read: Read, text: str, condition: str, law: str, constraint: Any
+) -> None:
+    rest = f", constraint: '{condition}'" if condition else ""
+    base = read(f"relations: {{r: {{a: {{in: [b, c], fct: '{text}'{rest}}}}}}}")
+    (function,) = base.ontology.functions
+    if condition == "c > 0 and a < 3":  # the integral would miss samples
+        assert function.law is None and "would miss samples" in base.notes[0]
+        return
+    assert function.law is not None and function.law.text == law
+    assert (function.constraint.text if function.constraint else None) == constraint
+    assert any(f"is taken over as {law}" in note for note in base.notes) == (law != text)
+
+
+def test_numbers_of_arrays_do_not_take_the_name_of_something_else(read: Read) -> None:
+    base = read("relations: {r: {a: {in: [b, b_min], fct: 'min(b) + b_min'}}}")
+    assert base.ontology.functions[0].law is None
+    assert "b_min is the name of something else" in base.notes[0]
+
+
+ROVER = """\
+relations:
+  near_scan: {gap: {in: [scan], fct: "min(scan)"}}
+  near_echo: {gap: {in: [echo], fct: "min(echo)"}}
+  near_touch: {gap: {in: [touch], fct: "all(touch) * FAR"}}
+  near_plan: {gap: {in: [place, plan], fct: "plan(place)"}}
+  pace: {rate: {in: [place], fct: "d place / dt"}}
+properties:
+  provision: {gap: [], scan: [], echo: ["/echo/ranges"], touch: ["/touch"], place: ["/pose/x"]}
+  need: {gap: ["/stop/gap/data"]}
+  accuracy: {echo: 0.8, place: 0.7}
+  period: {gap: 0.1}
+provision_properties:
+  "/stop/gap/data": {need: True, pubrate: 10}
+  "/echo/ranges": {accuracy: 0.8}
+"""
+
+
+def test_a_robot_of_arrays_heals_its_one_needed_property(
+    tmp_path: pathlib.Path, capsys: Any
+) -> None:
+    base, ontology, som = (str(tmp_path / name) for name in ("kb.yaml", "o.yaml", "s.yaml"))
+    (tmp_path / "kb.yaml").write_text(ROVER)
+    assert main(["import", base, "--ontology", ontology, "--som", som]) == 0
+    draft = (tmp_path / "s.yaml").read_text()
+    for words, filled in (
+        ("type:\n", "type: p/T\n"),
+        ("period:\n", "period: 0.1\n"),
+        ('"/echo/ranges"', "/echo"),
+        ('"/stop/gap/data"', "/stop/gap"),
+        ("field: min()", "field: nearest"),
+        ("field: ,", "field: data,"),
+        ("field: }", "field: data}"),
+    ):
+        draft = draft.replace(words, filled)
+    lines = draft.splitlines()
+    for number, line in enumerate(lines):
+        if line == "    node:":
+            lines[number] = f"    node: /node{number}"
+    (tmp_path / "s.yaml").write_text("\n".join(lines) + "\n")
+    capsys.readouterr()
+    assert main(["find", "gap", "--ontology", ontology, "--som", som]) == 0
+    assert "gap: quality 0.8 by near_echo from /echo/nearest" in capsys.readouterr().out

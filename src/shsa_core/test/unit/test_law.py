@@ -23,21 +23,25 @@ class Steps(NamedTuple):
     limit: float
     values: Tuple[float, float]
     unit: str
-    key: str = "table"
     text: str = "two steps"
+    entry: Mapping[str, str] = {}
 
     def mismatches(
         self, units: Mapping[str, Optional[Unit]], result: Optional[Unit]
     ) -> List[Mismatch]:
         return [] if result == parse_unit(self.unit) else [("the table gives another unit", True)]
 
-    def troubles(self, ranges: Mapping[str, Interval]) -> List[Trouble]:
+    def troubles(
+        self,
+        ranges: Mapping[str, Interval],
+        always: Optional[Mapping[str, Interval]] = None,
+    ) -> List[Trouble]:
         inside = ranges[self.names[0]].low >= 0.0
         return [] if inside else [Trouble(self.names[0], "leaves the table")]
 
-    def code(self, inputs: Mapping[str, str]) -> str:
+    def body(self, inputs: Mapping[str, str]) -> List[str]:
         low, high = self.values
-        return f"{low} if {inputs[self.names[0]]} < {self.limit} else {high}"
+        return [f"return {low} if {inputs[self.names[0]]} < {self.limit} else {high}"]
 
 
 def robot(law: Law) -> Ontology:

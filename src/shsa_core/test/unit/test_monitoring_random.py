@@ -47,7 +47,11 @@ class AnyRobot(RuleBasedStateMachine):
         for failure in failures:
             self.check_failure(failure, before, event)
         changes = [each for each in commands if isinstance(each, events.HealthChanged)]
-        assert commands == [*failures, *changes] and len(changes) <= 1
+        refused = [each for each in commands if isinstance(each, events.ChangeRefused)]
+        adopted = [each for each in commands if isinstance(each, events.ChangeAdopted)]
+        assert commands == [*failures, *changes, *adopted, *refused] and len(changes) <= 1
+        for refusal in refused:
+            self.check_refusal(refusal)
         for change in changes:
             assert not {each.key for each in change.rows} & set(change.removed)
         due = self.bench.core.next_deadline
@@ -68,12 +72,15 @@ class AnyRobot(RuleBasedStateMachine):
     ) -> None:
         """Who fails had not failed before; and silence is no fault of who is told to be silent.
 
-        Each service that was never there is told of for itself.
+        Each service that was never there is told of for itself, and so are wrong values of who was
+        silent before.
         """
         key = failure.topic, failure.publisher
         known = before.get(key)
         again = known is not None and known.state is PublisherState.FAILED
-        assert not again or str(failure.kind) == "never_published", "told twice"
+        spoke = known is not None and str(known.kind) in ("silent", "never_published")
+        anew = str(failure.kind) == "never_published" or (spoke and failure.kind != "silent")
+        assert not again or anew, "told twice"
         assert failure.time == event.time
         told = self.rows.get(failure.publisher)
         muted = told is not None and not (told.publishing and failure.topic in told.topics)
@@ -81,6 +88,13 @@ class AnyRobot(RuleBasedStateMachine):
         assert not (muted and str(failure.kind) in quiet), "a muted substitute is silent"
         after = self.bench.rows.get(key)
         assert after is None or after.kind is failure.kind or isinstance(event, events.Disconnected)
+
+    def check_refusal(self, refusal: events.ChangeRefused) -> None:
+        """Only what a healthy publisher contradicts is refused."""
+        asked = self.som.services[refusal.service.name]
+        assert asked != refusal.service, "nothing is refused"
+        rows = [row for row in self.bench.core.table() if row.topic == asked.topic]
+        assert any(row.state is PublisherState.HEALTHY for row in rows), "nobody contradicts"
 
     def check_row(self, health: PublisherHealth) -> None:
         healthy = health.state is PublisherState.HEALTHY
@@ -100,6 +114,10 @@ class AnyRobot(RuleBasedStateMachine):
     def disconnect(self, topic: str, node: str) -> None:
         self.connected[topic, node] = False
         self.hear(events.Disconnected(self.bench.now, topic, node))
+
+    @rule(topic=st.sampled_from(TOPICS), node=st.sampled_from(NODES))
+    def interrupt(self, topic: str, node: str) -> None:
+        self.hear(events.Interrupted(self.bench.now, topic, node))
 
     @rule(
         topic=st.sampled_from(TOPICS),

@@ -59,6 +59,12 @@ def test_the_files_of_the_examples_are_valid(tmp_path: pathlib.Path) -> None:
     assert len(read_som(str(tmp_path / "s.yaml")).services) == 2
 
 
+def test_the_network_of_the_examples_is_valid(tmp_path: pathlib.Path) -> None:
+    (block,) = (block for block in BLOCKS if "where:" in block)
+    (tmp_path / "o.yaml").write_text(block)
+    assert check_files(str(tmp_path / "o.yaml")) == []
+
+
 @pytest.mark.parametrize("block", SOM_BLOCKS)
 def test_the_soms_of_the_examples_are_valid(tmp_path: pathlib.Path, block: str) -> None:
     (tmp_path / "s.yaml").write_text(block)
@@ -66,7 +72,8 @@ def test_the_soms_of_the_examples_are_valid(tmp_path: pathlib.Path, block: str) 
 
 
 def test_every_key_check_and_setting_is_described() -> None:
-    given = {*_names(Service), *_names(Provision)} - {"name", "property", "sources", "where"}
+    ours = {"name", "property", "sources", "where", "unreadable", "unwritable", "upstream"}
+    given = {*_names(Service), *_names(Provision)} - ours  # which are not in a file
     counts = set(_names(Checks)) - {"each"}
     settings = {"~" + name for name in _names(Settings)}
     for name in {*given, *REGISTRY, *counts, *settings}:

@@ -4,8 +4,10 @@ from typing import Any
 
 import pytest
 
-from shsa_core.errors import ModelError
+from shsa_core.analysis.check import check_model
+from shsa_core.errors import ModelError, ModelErrors
 from shsa_core.model.ontology import Constant, Property
+from shsa_core.model.error import Error
 from shsa_core.files.ontology_file import load_ontology, read_ontology
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
@@ -26,6 +28,7 @@ relations:
       function: 48.67 - 0.03*abs(v) - wheel_base
       quality: 0.9
       constraint: battery_voltage > n
+      error: 0.4
   power:
     battery_power:   battery_voltage * battery_current
     battery_current: battery_power / battery_voltage
@@ -64,10 +67,11 @@ def test_a_good_file(tmp_path: pathlib.Path) -> None:
     assert f1.quality == 0.9 and f1.constraint.text == "battery_voltage > n"
     assert f1.law.text == f1.text == "48.67 - 0.03*abs(v) - wheel_base"
     assert f1.where.endswith("o.yaml:12")
+    assert (f1.error, power.error) == (Error(0.4), None)
     assert (power.relation, power.output) == ("power", "battery_power")
     assert power.inputs == ("battery_voltage", "battery_current")
     assert power.quality == 1.0 and power.constraint is None
-    assert current.output == "battery_current" and current.where.endswith("o.yaml:18")
+    assert current.output == "battery_current" and current.where.endswith("o.yaml:19")
     assert laser.law is None and laser.text == "min(points)"
     assert laser.inputs == ("battery_power",) and laser.quality == 0.5
     assert fixed.inputs == () and fixed.law.text == "12"
@@ -96,6 +100,9 @@ PROPERTIES = "properties: {a: , b: , c: {unit: m}}\nconstants: {k: {value: 2}}\n
         ("properties:\n  a: 5", 2, "the property a must be a mapping"),
         ("properties:\n  a: {unit: [A]}", 2, "unit must be a text"),
         ("properties:\n  a: {symbol: {}}", 2, "symbol must be a text"),
+        ("properties:\n  a: {usual: 3}", 2, "usual, [lowest, highest], must be a list, not 3"),
+        ("properties:\n  a: {usual: [2, 1]}", 2, "usual must have its lowest first, not [2, 1]"),
+        ("properties:\n  a: {usual: [2]}", 2, "usual must be two numbers"),
         ("properties:\n  1a:", 2, "a property cannot be named '1a'; a name has letters"),
         ("properties:\n  a b:", 2, "a property cannot be named 'a b'"),
         ("properties:\n  a-b:", 2, "a property cannot be named 'a-b'"),
@@ -118,6 +125,35 @@ PROPERTIES = "properties: {a: , b: , c: {unit: m}}\nconstants: {k: {value: 2}}\n
         (PROPERTIES + "relations:\n  r 1: {a: b}", 4, "the relation cannot be named 'r 1'"),
         (PROPERTIES + "relations:\n  r:\n    d: b", 5, "yields 'd', which is not in 'properties'"),
         (PROPERTIES + "relations:\n  r:\n    k: b", 5, "yields 'k', which is a constant"),
+        (
+            PROPERTIES + "relations:\n  r:\n    a: {function: b, error: 0}",
+            5,
+            "error must be above 0",
+        ),
+        (PROPERTIES + "relations:\n  r:\n    a: {function: b, error: x}", 5, "error must be a num"),
+        *[
+            (
+                PROPERTIES + "relations:\n  r:\n    a:\n      function: b\n      error:\n" + keys,
+                *told,
+            )
+            for keys, *told in [
+                ("        bias: 1", 7, "error lacks the key 'rms'"),
+                ("        rms: 0", 8, "error: rms must be above 0, not 0"),
+                ("        rms: .nan", 8, "error: rms must be a finite number"),
+                ("        rms: 1\n        bias: -2", 9, "bias must be at most rms, 1, not -2"),
+                ("        rms: 1\n        p95: -1", 9, "error: p95 must be 0 or above, not -1"),
+                ("        rms: 1\n        delay: -1", 9, "error: delay must be 0 or above"),
+                (
+                    "        rms: 1\n        baseline: 0",
+                    9,
+                    "error: baseline must be above 0, not 0",
+                ),
+                ("        rms: 1\n        n: 1.5", 9, "error: n must be a whole number above 0"),
+                ("        rms: 1\n        n: 0", 9, "error: n must be a whole number above 0"),
+                ("        rms: 1\n        source: [a]", 9, "error: source must be a text"),
+                ("        rms: 1\n        mean: 2", 9, "error has no key 'mean'"),
+            ]
+        ],
         (PROPERTIES + "relations:\n  r:\n    a:", 5, "r for a must be a text, not empty"),
         (PROPERTIES + "relations:\n  r:\n    a: [b]", 5, "r for a must be a text, not a list"),
         (PROPERTIES + "relations:\n  r:\n    a: ''", 5, "the expression is empty"),
@@ -220,7 +256,39 @@ def test_the_valid_part_is_kept_and_every_error_is_told(tmp_path: pathlib.Path) 
     assert [error.where.rsplit(":")[-1] for error in errors] == ["4", "5", "6"]
 
 
+def test_all_errors_are_raised_at_once(tmp_path: pathlib.Path) -> None:
+    text = PROPERTIES + "relations:\n  r: {a: b, b: z}\n  s: {c: 'a +'}\nmore: 1\n"
+    with pytest.raises(ModelErrors) as caught:
+        read_ontology(write(tmp_path, text))
+    assert [line.split(":")[1] for line in str(caught.value).splitlines()] == ["6", "4", "5"]
+
+
+def test_a_percentage_is_a_unit_in_quotes(tmp_path: pathlib.Path) -> None:
+    found = read_ontology(write(tmp_path, "properties: {a: {unit: '%'}}\n"))
+    assert found.properties["a"].unit == "%"
+    assert [f for f in check_model(found) if f.level == "error"] == []
+    with pytest.raises(ModelError, match="put it in quotes: '%'"):
+        read_ontology(write(tmp_path, "properties: {a: {unit: %}}\n"))
+
+
 def test_quality_may_be_one_or_very_small(tmp_path: pathlib.Path) -> None:
     for quality in ("1", "1.0", "1e-9"):
         text = PROPERTIES + f"relations:\n  r:\n    a: {{function: b, quality: {quality}}}"
         assert read_ontology(write(tmp_path, text)).functions[0].quality == float(quality)
+
+
+def test_the_quality_of_what_has_figures_is_theirs_unless_it_says_another(
+    tmp_path: pathlib.Path,
+) -> None:
+    head = PROPERTIES + "relations:\n"
+    figures = "{rms: 0.6, bias: -0.1, p95: 1.1, delay: 0.04, baseline: 2.4, n: 9, source: drive 1}"
+    path = tmp_path / "o.yaml"
+    path.write_text(
+        f"{head}  one:\n    a: {{function: b, error: {figures}}}\n"
+        f"  two:\n    a: {{function: b, quality: 0.5, error: {figures}}}\n"
+        "  three:\n    a: {function: b, error: {rms: 0.6}}\n"
+    )
+    one, three, two = read_ontology(str(path)).functions_for("a")
+    assert one.error == two.error == Error(0.6, -0.1, 1.1, 0.04, 2.4, 9, "drive 1")
+    assert (one.quality, two.quality) == (0.75, 0.5)
+    assert (three.error, three.quality) == (Error(0.6), 1.0)

@@ -64,6 +64,22 @@ def test_the_table_has_the_plan_before_the_node_fails() -> None:
     assert read(ready, ODOM.name) == ["/left", "/right"]
 
 
+def test_what_cannot_be_read_or_written_here_is_left_out_and_the_rest_is_healed() -> None:
+    strange = replace(LEFT, provides=(replace(LEFT.provides[0], unreadable="not built here"),))
+    spare = replace(single("left", "/spare"), name="spare", topic="/spare")
+    ready = table((ODOM, strange, RIGHT, GYRATION, spare))
+    assert read(ready, ODOM.name) == ["/right", "/spare"]
+    ready.change([strange], ())
+    assert read(ready, ODOM.name) == ["/right", "/spare"]
+
+
+def test_a_service_that_cannot_be_written_has_no_plan_and_the_others_have() -> None:
+    sound, noise = single("sound", needed=True), single("noise")
+    robot = ontology(*ROBOT.functions, law("ear", "sound", "noise"))
+    ready = table((replace(ODOM, unwritable="not built here"), *ALL[1:], sound, noise), robot)
+    assert ready.plan(ODOM.name) is None and read(ready, sound.name) == ["/noise"]
+
+
 def test_a_plan_whose_input_is_gone_is_made_anew() -> None:
     ready = table()
     ready.change([RIGHT], ())

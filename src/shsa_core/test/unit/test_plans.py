@@ -51,6 +51,25 @@ def all_plans(method: str = "best") -> List[Plan]:
         return plans
 
 
+def test_what_cannot_be_written_is_planned_by_nothing_and_says_why() -> None:
+    values = LastResort((("speed", 0.0),))
+    strange = dataclasses.replace(ODOM, unwritable="no/Type is not built", last_resort=values)
+    with pytest.raises(GenerationError, match="no/Type is not built"):
+        plan_odometry(service=strange)
+    assert safe_values(strange) is None
+
+
+def test_a_field_that_can_be_read_alone_is_an_input_and_never_an_output() -> None:
+    nearest = Provision("speed", "min(ranges)")
+    scan = Service("scan", "/scan", "x/Y", "/lidar", 0.1, (nearest,))
+    with pytest.raises(GenerationError, match=r"min\(ranges\) can be read alone"):
+        plan_odometry(service=scan)
+    robot = ontology(law("same", "turn", "speed"))
+    turn = Service("turn", "/turn", "x/Y", "/n", 0.1, (Provision("turn", "data"),))
+    plan = plan_odometry(robot, scan.sources, service=turn)
+    assert plan.program.inputs == ("/scan/min(ranges)",)
+
+
 def test_one_plan_fills_all_fields_of_the_topic() -> None:
     plan = plan_odometry()
     assert plan.service == ODOM.name
@@ -137,7 +156,7 @@ def test_a_relation_that_cannot_be_executed_is_named_if_there_is_no_other() -> N
 def test_a_plan_that_is_too_large_for_code_is_refused_by_name() -> None:
     chain = [law(f"r{i}", f"p{i}", f"p{i + 1}") for i in range(3000)]
     lost = source("p0").service
-    with pytest.raises(GenerationError, match="r0"):
+    with pytest.raises(GenerationError, match="r2999.* more"):
         plan_odometry(ontology(*chain), [source("p3000")], service=lost)
 
 
@@ -147,6 +166,47 @@ def test_the_next_smaller_plan_is_taken_if_the_best_is_too_large_for_code() -> N
     available = [source("p3000"), source("q")]
     plan = plan_odometry(ontology(*chain, short), available, service=source("p0").service)
     assert plan.relations == ("short",)
+
+
+@pytest.mark.parametrize("oversized", [3, 150])
+def test_a_small_plan_is_found_behind_many_that_are_too_large(oversized: int) -> None:
+    chain = [law(f"r{i}", f"p{i}", f"p{i + 1}") for i in range(1, 1200)]
+    ways = [law(f"way{i}", "p0", "p1", f"q{i}", quality=0.9) for i in range(oversized)]
+    small = [law("short", "p0", "s", quality=0.5), law("worse", "p0", "s", quality=0.4)]
+    robot = ontology(*chain, *ways, *small)
+    available = [source("p1200"), source("s"), *(source(f"q{i}") for i in range(oversized))]
+    lost = source("p0").service
+    plan = plan_odometry(robot, available, service=lost)
+    assert plan.relations == ("short",) and plan.quality == 0.5
+    assert plan.proven_best == (oversized < 20)
+    second = plan_odometry(robot, available, service=lost, tried=[plan])
+    assert second.relations == ("worse",)
+    with pytest.raises(GenerationError):
+        plan_odometry(robot, available, service=lost, tried=[plan, second])
+
+
+def sharing(*causes: str) -> Iterable[Source]:
+    """The same robot; the odometry and its wheels have something in common."""
+    for each in SOM:
+        common = each in (ODOM, LEFT.service) and causes
+        yield from dataclasses.replace(each, fails_with=tuple(common or ())).sources
+
+
+def test_what_shares_a_cause_is_used_only_if_nothing_else_will_do() -> None:
+    robot = ontology(*ROBOT.functions, law("slip", "speed", "gyration", quality=0.1))
+    lost = dataclasses.replace(ODOM, fails_with=("usb_hub",))
+    assert plan_odometry(robot, service=lost).relations == ("wheels", "turning")
+    apart = plan_odometry(robot, sharing("usb_hub", "mast"), service=lost)
+    assert apart.relations == ("slip", "gyro") and apart.proven_best
+    assert plan_odometry(robot, sharing("mast"), service=lost).relations[0] == "wheels"
+    better_than_nothing = plan_odometry(ROBOT, sharing("usb_hub"), service=lost)
+    assert better_than_nothing.relations == ("wheels", "turning")
+    second = plan_odometry(robot, sharing("usb_hub"), service=lost, tried=[apart])
+    assert second.relations == ("wheels", "turning")
+    with pytest.raises(NoSubstitute, match="missing left"):
+        plan_odometry(ROBOT, sharing("usb_hub"), excluded=["usb_hub"], service=lost)
+    with pytest.raises(NoSubstitute):
+        plan_odometry(ROBOT, sharing("/drive"), excluded=["/drive"])
 
 
 def test_unknown_methods_are_named() -> None:

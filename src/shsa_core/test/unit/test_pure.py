@@ -11,7 +11,9 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2] / "src"
 PACKAGE = SOURCE / "shsa_core"
 # Lower to higher; those in one row do not know one another.
 ORDER = [
+    ("text",),
     ("errors", "dispatch", "agenda"),
+    ("message_types",),
     ("language",),
     ("model",),
     ("files",),

@@ -3,18 +3,23 @@ import dataclasses
 from itertools import combinations
 from math import comb
 from random import Random
-from typing import Iterable, List, Set, Tuple
+from typing import Iterable, List, Tuple
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from search_models import every_derivation, law, ontology, random_model, som_of, source
 
+from shsa_core.analysis.check import check_model
 from shsa_core.analysis.report import Suggestion, Survival
 from shsa_core.analysis.resilience import analyse
-from shsa_core.errors import NoSubstitute
+from shsa_core.codegen.plans import plan_service
+from shsa_core.errors import GenerationError, NoSubstitute
 from shsa_core.model.ontology import Ontology
+from shsa_core.model.relation import TransferFunction
+from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.search.derivation import SourceTable
 from shsa_core.search.substitutes import find_substitute
 
 RANDOM = settings(max_examples=300, deadline=None, derandomize=True)
@@ -26,16 +31,25 @@ def random_robot(seed: int) -> Tuple[Ontology, Som]:
     random = Random(seed)
     som = som_of(sources)
     needed = {service.topic: random.random() < 0.6 for service in som}
-    return robot, Som(dataclasses.replace(s, needed=needed[s.topic]) for s in som)
+    causes: List[List[str]] = [[], [], ["hub"], ["hub", "mast"], ["/m"]]
+    return robot, Som(
+        dataclasses.replace(s, needed=needed[s.topic], fails_with=tuple(random.choice(causes)))
+        for s in som
+    )
+
+
+def causes_of(som: Som) -> List[str]:
+    """All that can fail: nodes, and what services fail with."""
+    return sorted({cause for service in som for cause in service.causes})
 
 
 def lost_services(robot: Ontology, som: Som, failed: Iterable[str]) -> List[str]:
-    """The needed services that nothing replaces after some nodes failed, by plain enumeration."""
-    left = [source for source in som.sources if source.node not in failed]
+    """The needed services that nothing replaces after some failures, by plain enumeration."""
+    left = [source for source in som.sources if set(failed).isdisjoint(source.service.causes)]
     return [
         service.name
         for service in som.needed()
-        if service.node in failed
+        if not set(failed).isdisjoint(service.causes)
         and not all(
             any(True for _ in every_derivation(robot, left, name)) for name in service.properties
         )
@@ -44,9 +58,9 @@ def lost_services(robot: Ontology, som: Som, failed: Iterable[str]) -> List[str]
 
 @RANDOM
 @given(st.integers(0, 2**32))
-def test_the_cuts_are_all_smallest_sets_of_nodes_that_lose_a_service(seed: int) -> None:
+def test_the_cuts_are_all_smallest_sets_of_causes_that_lose_a_service(seed: int) -> None:
     robot, som = random_robot(seed)
-    nodes = sorted({service.node for service in som})
+    nodes = causes_of(som)
     fatal = {
         frozenset(failed): lost_services(robot, som, failed)
         for size in (1, 2, 3)
@@ -69,49 +83,108 @@ def test_the_cuts_are_all_smallest_sets_of_nodes_that_lose_a_service(seed: int) 
 
 @RANDOM
 @given(st.integers(0, 2**32))
-def test_services_and_nodes_are_reported_as_a_search_finds_them(seed: int) -> None:
+def test_services_and_nodes_are_reported_as_healing_plans_them(seed: int) -> None:
     robot, som = random_robot(seed)
+    random = Random(seed)
+    functions = [
+        dataclasses.replace(f, law=None) if random.random() < 0.2 else f for f in robot.functions
+    ]
+    robot = ontology(*functions)
     report = analyse(robot, som)
+    table = SourceTable(robot.network, som.sources)
+    warned = [f.what.split()[0] for f in check_model(robot, som) if "there is no" in f.what]
+    assert warned == [each.service for each in report.services if each.quality is None]
     for service in report.services:
-        quality = 1.0
-        missing: Set[str] = set()
-        for name in service.properties:
-            try:
-                quality *= find_substitute(robot, som.sources, name, [service.node]).quality
-            except NoSubstitute as none:
-                missing.update(none.missing)
-                quality = 0.0
-        assert service.quality == (pytest.approx(quality) if quality else None)
-        assert service.missing == tuple(sorted(missing))
         node = next(n for n in report.nodes if n.node == service.node)
-        if service.quality is None:
-            assert service.service in node.lost and service.cuts == ((service.node,),)
+        try:
+            plan = plan_service(robot, som.services[service.service], table, [service.node])
+        except NoSubstitute as none:
+            assert service.quality is None and service.missing == none.missing
+            assert not service.refused
+        except GenerationError as error:
+            assert service.quality is None and service.refused == str(error)
         else:
+            assert service.quality == pytest.approx(plan.quality)
+            assert {c for source in plan.inputs for c in source.service.causes} == {*service.reads}
             assert (service.service, service.quality) in node.healed
-            for name in service.properties:
-                best = next(a for a in service.alternatives if a.property == name)
-                assert best.quality == pytest.approx(
-                    find_substitute(robot, som.sources, name, [service.node]).quality
-                )
+        if service.quality is None:
+            assert service.service in node.lost and (service.node,) in service.cuts
         for other in report.nodes:
             assert (service.service in other.leaned_on) == (other.node in service.reads)
-        for cut in service.cuts:
-            assert service.service in lost_services(robot, som, cut)
+            lost = service.service in lost_services(ontology(*executable(robot)), som, [other.node])
+            assert (service.service in other.lost) == lost
+
+
+def executable(robot: Ontology) -> List[TransferFunction]:
+    return [function for function in robot.functions if function.law is not None] or [
+        law("unused", "z", "y")
+    ]
 
 
 @RANDOM
 @given(st.integers(0, 2**32))
-def test_a_suggested_sensor_is_worth_what_it_says(seed: int) -> None:
+def test_the_best_alternative_is_what_a_search_finds(seed: int) -> None:
+    robot, som = random_robot(seed)
+    for service in analyse(robot, som).services:
+        for name in service.properties:
+            try:
+                best = find_substitute(robot, som.sources, name, [service.node])
+            except NoSubstitute:
+                assert not [a for a in service.alternatives if a.property == name]
+            else:
+                first = next(a for a in service.alternatives if a.property == name)
+                assert first.quality == pytest.approx(best.quality)
+
+
+def survived(robot: Ontology, som: Som, services: Iterable[Service]) -> Tuple[int, int]:
+    """How many failures of one cause of the robot, and of two, lose nothing with more services."""
+    more = Som([*som, *services])
+    one, two = (
+        sum(not lost_services(robot, more, failed) for failed in combinations(causes_of(som), size))
+        for size in (1, 2)
+    )
+    return one, two
+
+
+@RANDOM
+@given(st.integers(0, 2**32))
+def test_the_suggested_sensor_is_the_one_that_raises_it_most(seed: int) -> None:
     robot, som = random_robot(seed)
     report = analyse(robot, som)
-    if report.sensor is not None:
-        new = source(report.sensor.property, "/new", "/new").service
-        nodes = sorted({service.node for service in som})
-        for size, share in ((1, report.sensor.survival.single), (2, report.sensor.survival.double)):
-            sets = list(combinations(nodes, size))
-            survived = sum(not lost_services(robot, Som([*som, new]), failed) for failed in sets)
-            assert share == (pytest.approx(survived / len(sets)) if sets else 1.0)
-        assert dataclasses.astuple(report.sensor.survival) > dataclasses.astuple(report.survival)
+    assert report.exact == ("sensor", "relation")
+    before = survived(robot, som, [])
+    with_sensor = {
+        name: survived(robot, som, [source(name, "/new", "/new").service])
+        for name in {*robot.properties, *(s.property for s in som.sources)}
+    }
+    most = max(with_sensor.values(), default=before)
+    if report.sensor is None:
+        assert most == before
+    else:
+        assert with_sensor[report.sensor.property] == most > before
+        count = len(causes_of(som))
+        shares = [n / comb(count, k) if comb(count, k) else 1.0 for k, n in zip((1, 2), most)]
+        assert dataclasses.astuple(report.sensor.survival) == pytest.approx(tuple(shares))
+
+
+@RANDOM
+@given(st.integers(0, 2**32))
+def test_the_suggested_relation_is_the_one_that_raises_it_most(seed: int) -> None:
+    robot, som = random_robot(seed)
+    report = analyse(robot, som)
+    before = survived(robot, som, [])
+    measured = {source.property for source in som.sources}
+    most = before
+    for name in {*robot.properties, *measured}:
+        for other in measured - {name}:
+            more = ontology(*robot.functions, law("new", name, other))
+            most = max(most, survived(more, som, []))
+    if report.relation is None:
+        assert most == before
+    else:
+        assert report.relation.source is not None
+        new = law("new", report.relation.property, report.relation.source)
+        assert survived(ontology(*robot.functions, new), som, []) == most > before
 
 
 SPEED = source("speed", "/odom", "/drive", needed=True)
@@ -175,3 +248,48 @@ def test_nothing_is_suggested_for_a_robot_that_nothing_can_hurt() -> None:
 def test_a_robot_of_one_node_and_of_none() -> None:
     assert analyse(ROBOT, som_of([SPEED])).survival == Survival(0.0, 1.0)
     assert analyse(ROBOT, Som()).survival == Survival(1.0, 1.0)
+
+
+def test_a_sensor_that_changes_nothing_by_rounding_alone_is_not_suggested() -> None:
+    """A third of the nodes is fatal: 1 - 1/3 is not 2/3 of a float."""
+    spare = [source(name, "/" + name, "/node_" + name) for name in ("u", "v")]
+    for count in range(3, 30):
+        others = [source(f"o{i}") for i in range(count)]
+        lost = source("lost", needed=True)
+        report = analyse(ontology(law("f", "u", "v")), som_of([lost, *spare, *others]))
+        assert report.sensor is not None and report.sensor.property == "lost"
+        both = [source("a", "/ab", "/ab", needed=True), source("b", "/ab", "/ab", needed=True)]
+        report = analyse(ontology(law("f", "u", "v")), som_of([*both, *spare, *others]))
+        assert report.sensor is None and report.relation is None
+
+
+def test_a_second_sensor_of_an_input_is_found() -> None:
+    robot = ontology(law("f", "speed", "wheel"), law("g", "turn", "wheel"))
+    odometry = [source("speed", "/odom", "/drive", needed=True), source("turn", "/odom", "/drive")]
+    report = analyse(robot, som_of([*odometry, source("wheel", node="/drive")]))
+    assert report.sensor == Suggestion("wheel", None, Survival(1.0, 1.0))
+
+
+def test_what_services_fail_with_is_a_cut() -> None:
+    som = Som(
+        dataclasses.replace(s, fails_with=("usb_hub",) if s.topic != "/right" else ())
+        for s in som_of([SPEED, LEFT, RIGHT])
+    )
+    report = analyse(ROBOT, som)
+    assert [cut.nodes for cut in report.cuts] == [
+        ("usb_hub",), ("/drive", "/left_wheel"), ("/drive", "/right_wheel"),
+    ]  # fmt: skip
+    (service,) = report.services
+    assert service.quality == 0.9 and service.reads == ("/left_wheel", "usb_hub", "/right_wheel")
+    hub = next(node for node in report.nodes if node.node == "usb_hub")
+    assert hub.lost == (SPEED.service.name,) and hub.leaned_on == hub.lost
+    (warning,) = [f for f in check_model(ROBOT, som) if "usb_hub" in f.what]
+    assert "so does left_of_left_wheel, which its substitute reads" in warning.what
+
+
+def test_what_is_too_large_for_code_is_lost() -> None:
+    chain = [law(f"r{i}", f"p{i}", f"p{i + 1}") for i in range(1200)]
+    som = som_of([source("p0", needed=True), source("p1200")])
+    report = analyse(ontology(*chain), som)
+    assert report.services[0].quality is None and "r1199" in report.services[0].refused
+    assert [cut.nodes for cut in report.cuts] == [("/node_of_p0",)]

@@ -1,4 +1,5 @@
 """Rows of the table of substitutions as messages, and a reader whom only its own rows concern."""
+from dataclasses import replace
 from io import BytesIO
 
 import genpy
@@ -7,6 +8,7 @@ from shsa_msgs.msg import Substitutions
 from std_msgs.msg import Header
 from substitute_driver import IN, OUT, row, signal
 
+from shsa_core.model.error import Error
 from shsa_core.model.substitution import Substitution
 from shsa_core.ros.wire.rows import only_rows_of, substitution_message, substitution_row
 
@@ -14,6 +16,7 @@ ROWS = (
     row(True, (IN, signal("/joint", None, None, "/left", "position[2]")), original="/node"),
     Substitution("/substitute_12", "s", (IN,), "y=x[0]", (OUT, OUT), ("f1", "f2"), 0.5),
     Substitution("/idle", "", (), "", ()),
+    row(outputs=(replace(OUT, gain=1.2, offset=-0.5, error=Error(0.3, p95=0.7)),)),
 )
 
 
@@ -45,7 +48,8 @@ def test_a_table_that_names_the_reader_is_decoded(node: str) -> None:
     rows = [substitution_message(each) for each in ROWS]
     data = encoded(substitutions=rows, removed=["/substitute_2"])
     message = only_rows_of(node, lambda: False)().deserialize(data)
-    assert (message.substitutions, message.removed) == (rows, ["/substitute_2"])
+    assert [substitution_row(each) for each in message.substitutions] == list(ROWS)
+    assert message.removed == ["/substitute_2"]
 
 
 def test_the_reader_subscribes_the_type_of_the_table() -> None:

@@ -2,6 +2,7 @@
 import os
 import pathlib
 import stat
+from dataclasses import replace
 from typing import Any, List
 
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from shsa_core.errors import ModelError
 from shsa_core.language.expression import is_name, parse_constraint, parse_expression
+from shsa_core.model.error import Error
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.files.ontology_file import read_ontology
@@ -55,6 +57,13 @@ def file(tmp_path: pathlib.Path) -> pathlib.Path:
 
 def comments(path: pathlib.Path) -> List[str]:
     return [line.split("#")[1].strip() for line in path.read_text().splitlines() if "#" in line]
+
+
+@pytest.mark.parametrize("field", ["velocity[name=a.b/1]", "min(ranges[10:50])", "yaw(q)"])
+def test_fields_of_every_kind_are_saved(tmp_path: pathlib.Path, field: str) -> None:
+    som = Som([Service("s", "/s", "a/B", "/n", None, (Provision("p", field),), latched=True)])
+    save_som(som, str(tmp_path / "s.yaml"))
+    assert read_som(str(tmp_path / "s.yaml")) == som
 
 
 def change(ontology: Ontology, **parts: Any) -> Ontology:
@@ -106,15 +115,50 @@ def test_a_new_file_holds_the_same(file: pathlib.Path, tmp_path: pathlib.Path) -
 def test_a_new_relation_leaves_the_rest_and_its_comments(file: pathlib.Path) -> None:
     ontology = read_ontology(str(file))
     learned = TransferFunction(
-        "learned", "c", ("a",), parse_expression("1.5*a - 2"), 0.75, None, "1.5*a - 2"
+        "learned",
+        "c",
+        ("a",),
+        parse_expression("1.5*a - 2"),
+        0.75,
+        None,
+        "1.5*a - 2",
+        error=Error(0.2),
     )
     bigger = change(ontology, functions=(*ontology.functions, learned))
     save_ontology(bigger, str(file))
     assert read_ontology(str(file)) == bigger
     assert comments(file) == COMMENTS
     assert file.read_text().endswith(
-        "  learned:\n    c:\n      function: 1.5*a - 2\n      quality: 0.75\n"
+        "  learned:\n    c:\n      function: 1.5*a - 2\n      quality: 0.75\n      error: 0.2\n"
     )
+
+
+def test_what_is_usual_is_saved(file: pathlib.Path) -> None:
+    ontology = read_ontology(str(file))
+    properties = {**ontology.properties, "b": Property("b", "V", usual=(-1.0, 2.5))}
+    bigger = change(ontology, properties=properties)
+    save_ontology(bigger, str(file))
+    assert read_ontology(str(file)) == bigger
+    assert "  b: {unit: V, usual: [-1.0, 2.5]}" in file.read_text()
+
+
+def test_figures_are_saved_on_one_line(file: pathlib.Path) -> None:
+    ontology = read_ontology(str(file))
+    error = Error(0.2, -0.1, 0.4, 0.04, 0.8, 100, "drive.bag: 60 s")
+    law = parse_expression("a")
+    new = [
+        TransferFunction("by_figures", "c", ("a",), law, 0.75, text="a", error=error),
+        TransferFunction("by_word", "c", ("a",), law, 1.0, text="a", error=error),
+    ]
+    bigger = change(ontology, functions=(*ontology.functions, *new))
+    save_ontology(bigger, str(file))
+    assert read_ontology(str(file)) == bigger
+    text = file.read_text()
+    assert text.count("quality: 1.0") == 1 and "quality: 0.75" not in text
+    line = (
+        'error: {rms: 0.2, bias: -0.1, p95: 0.4, delay: 0.04, baseline: 0.8, n: 100, source: "dri'
+    )
+    assert text.count(line) == 2
 
 
 def test_a_new_direction_of_a_relation(file: pathlib.Path) -> None:
@@ -199,6 +243,17 @@ def test_the_mode_of_the_file_stays(file: pathlib.Path) -> None:
     assert stat.S_IMODE(os.stat(str(file)).st_mode) == 0o600
 
 
+def test_a_link_stays_a_link(file: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    (tmp_path / "linked").mkdir()
+    link = tmp_path / "linked" / "ontology.yaml"
+    link.symlink_to(file)
+    ontology = read_ontology(str(link))
+    properties = {**ontology.properties, "new": Property("new", "m")}
+    save_ontology(replace(ontology, properties=properties), str(link))
+    assert link.is_symlink()
+    assert "new" in read_ontology(str(file)).properties
+
+
 def test_soms(tmp_path: pathlib.Path) -> None:
     path = tmp_path / "s.yaml"
     path.write_text(
@@ -236,6 +291,18 @@ def test_soms(tmp_path: pathlib.Path) -> None:
     copy = tmp_path / "copy.yaml"
     save_som(bigger, str(copy))
     assert read_som(str(copy)) == bigger
+
+
+def test_a_changed_service_keeps_its_relative_names(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / "s.yaml"
+    entry = "{topic: %s, type: p/T, node: %s, period: 1, provides: {%s: {field: x}}}"
+    both = f"  a: {entry % ('t', '/n', 'v')}\n  b: {entry % ('/u', 'm', 'w')}\n"
+    path.write_text("services:\n" + both)
+    som = read_som(str(path), "/r")
+    save_som(Som(replace(each, needed=True) for each in som), str(path), "/r")
+    for text in ("topic: t\n", "node: /n\n", "topic: /u\n", "node: m\n"):
+        assert text in path.read_text()
+    assert [service.topic for service in read_som(str(path))] == ["/t", "/u"]
 
 
 def test_the_models_that_come_with_it(tmp_path: pathlib.Path) -> None:

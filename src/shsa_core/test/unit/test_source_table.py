@@ -1,4 +1,5 @@
 """The table of sources, kept up by changes: always the same as one that is made anew."""
+import dataclasses
 from random import Random
 from typing import Iterable, List
 
@@ -9,6 +10,7 @@ from search_models import random_model, source, usable
 from shsa_core.model.network import Network
 from shsa_core.model.service import Source
 from shsa_core.search.derivation import LOST, SourceTable
+from shsa_core.search.substitutes import iter_substitutes
 
 NAMES = "abcdef"
 
@@ -52,3 +54,17 @@ def test_a_table_without_anything_to_leave_out_is_the_table_itself() -> None:
     for name in ("/t", "/n", source("a", "/t", "/n").service.name):
         assert table.excluding([name]).rating(number) == LOST
         assert table.excluding([name]).of(number) == []
+
+
+def test_of_sources_that_are_as_good_the_faster_is_the_best() -> None:
+    robot, _, _ = random_model(0)
+    number = robot.network.number("a")
+    slow, event = source("a", "/a0", "/n"), source("a", "/a1", "/n")
+    event = dataclasses.replace(event.service, period=None).sources[0]
+    fast = dataclasses.replace(source("a", "/a2", "/n").service, period=0.02).sources[0]
+    worse = dataclasses.replace(source("a", "/a", "/n", 0.9).service, period=0.01).sources[0]
+    assert SourceTable(robot.network, [event, slow, fast, worse]).best(number) == fast
+    assert SourceTable(robot.network, [event, slow, worse]).best(number) == slow
+    assert SourceTable(robot.network, [event, worse]).best(number) == event
+    found = [each.derivation.source for each in iter_substitutes(robot, [event, slow, fast], "a")]
+    assert found[:3] == [fast, slow, event]

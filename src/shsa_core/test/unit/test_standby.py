@@ -1,5 +1,6 @@
 """Warm and hot: what the reconfigurator has ready before a failure."""
 from dataclasses import replace
+from typing import Sequence
 
 import pytest
 
@@ -28,6 +29,22 @@ def test_a_warm_topic_takes_an_idle_process_and_the_pool_is_refilled() -> None:
     refill = only(commands, events.StartSubstitute)
     assert refill.program is None and refill.node != idle.node
     assert [row.node for row in robot.idle_rows()] == [refill.node]
+
+
+def test_a_warm_takeover_that_finds_the_pool_empty_says_that_it_is_a_cold_one() -> None:
+    robot = Robot(standby("warm"), pool=0)
+    commands = robot.fail("/a", A, 10.0)
+    assert has(commands, events.StartSubstitute)
+    assert "No idle process is left: this is a cold start." in last_incident(commands).detail
+
+
+def test_idle_processes_are_started_one_after_the_other() -> None:
+    robot = Robot(standby("warm"), pool=3)
+    assert len([each for each in robot.said if isinstance(each, events.StartSubstitute)]) == 1
+    assert len(robot.idle_rows()) == 1
+    for count, time in ((2, 2.0), (3, 3.0), (3, 9.0)):
+        robot.handle(events.Tick(time))
+        assert len(robot.idle_rows()) == count
 
 
 def test_a_warm_process_that_does_not_publish_soon_makes_room_for_another_with_the_same_plan() -> (
@@ -110,6 +127,53 @@ def test_a_hot_substitute_whose_input_died_with_the_original_is_not_used_as_it_i
     assert reads(robot, row.node) == ("/c/data",)
 
 
+def no_value(robot: Robot, node: str, time: float) -> Sequence[events.Command]:
+    return robot.failure("/a", node, time, "no_value", "it has no value", None)
+
+
+def test_a_hot_substitute_whose_law_does_not_hold_follows_the_next_and_later_looks_again() -> None:
+    robot = Robot(standby("hot"), retry_limit=60.0)
+    node = only(robot.said, events.StartSubstitute).node
+    commands = no_value(robot, node, 5.0)
+    assert only(commands, events.AssignSubstitute).node == node
+    assert reads(robot, node) == ("/c/data",) and publishing(robot) == (False,)
+    robot.handle(events.Tick(66.0))
+    assert reads(robot, node) == ("/b/data",)
+
+
+@pytest.mark.parametrize("mode", ("hot", "warm", "cold"))
+def test_a_law_that_ceases_to_hold_makes_room_for_the_next_in_the_same_process(mode: str) -> None:
+    robot = Robot(standby(mode))
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.01, A)
+    (row,) = robot.working()
+    robot.row("/a", row.node, "healthy", 10.05, first=10.05)
+    assert last_incident(robot.table(10.06)).state is State.HEALED
+    commands = no_value(robot, row.node, 11.0)
+    assert only(commands, events.AssignSubstitute).node == row.node
+    assert not has(commands, events.StopSubstitute)
+    assert last_incident(commands).state is State.HEALED
+    assert reads(robot, row.node) == ("/c/data",) and publishing(robot) == (True,)
+
+
+def test_a_process_that_is_none_of_ours_cannot_tell_of_its_law() -> None:
+    robot = Robot(standby("hot"))
+    assert no_value(robot, "/substitute_hot_77", 5.0) == []
+    assert no_value(robot, A, 5.0) == []
+    assert not robot.working()[0].publishing
+
+
+def test_without_another_law_the_process_goes_on_as_its_law_may_hold_again() -> None:
+    robot = Robot(standby("hot"))
+    node = only(robot.said, events.StartSubstitute).node
+    robot.row("/c", C, "failed", 5.0)
+    robot.table(5.0)
+    robot.fail("/a", A, 10.0)
+    commands = no_value(robot, node, 11.0)
+    assert only(commands, events.Log).text.endswith("and there is no other.")
+    assert robot.working()[0].node == node and publishing(robot) == (True,)
+
+
 def test_a_hot_substitute_stays_muted_after_the_original_returned() -> None:
     robot = Robot(standby("hot"))
     node = only(robot.said, events.StartSubstitute).node
@@ -151,3 +215,69 @@ def test_a_plan_ahead_whose_input_dies_with_the_same_failure_is_not_used() -> No
     robot.fail("/b", B, 9.0, "silent")
     start = only(robot.fail("/a", A, 9.001), events.StartSubstitute)
     assert start.program is not None and start.program.inputs == ("/c/data",)
+
+
+def test_a_process_that_gives_no_sign_of_life_is_not_set_to_work() -> None:
+    robot = Robot(standby("warm"), pool=2)
+    robot.handle(events.Tick(5.0))
+    first, second = (row.node for row in robot.idle_rows())
+    robot.handle(events.ProcessSilent(29.0, first))
+    assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == second
+
+
+def test_a_process_that_was_heard_is_set_to_work_rather_than_one_that_was_not() -> None:
+    robot = Robot(standby("warm"), pool=2)
+    robot.handle(events.Tick(5.0))
+    _, second = (row.node for row in robot.idle_rows())
+    robot.handle(events.ProcessHeard(6.0, second))
+    assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == second
+
+
+def test_one_that_hung_before_its_first_sign_of_life_makes_room_for_one_that_was_heard() -> None:
+    robot = Robot(standby("warm"), pool=1)
+    (hung,) = (row.node for row in robot.idle_rows())
+    assert only(robot.fail("/a", A, 10.0), events.AssignSubstitute).node == hung
+    robot.killed(10.01, A)
+    refill = only(robot.handle(events.Tick(11.0)), events.StartSubstitute).node
+    assert not has(robot.handle(events.Tick(12.0)), events.StopSubstitute)
+    robot.handle(events.ProcessHeard(12.5, refill))
+    commands = robot.handle(events.Tick(14.0))
+    assert events.StopSubstitute(hung) in commands
+    assert only(commands, events.AssignSubstitute).node == refill
+
+
+def test_an_idle_process_that_hangs_is_ended_and_replaced() -> None:
+    robot = Robot(standby("warm"), pool=1)
+    (row,) = robot.idle_rows()
+    robot.handle(events.ProcessSilent(29.0, row.node))
+    commands = robot.handle(events.ProcessHung(30.0, row.node))
+    assert only(commands, events.StopSubstitute).node == row.node
+    assert [each.node for each in robot.idle_rows()] == [
+        only(commands, events.StartSubstitute).node
+    ]
+
+
+def test_a_process_that_was_slow_is_ready_again() -> None:
+    robot = Robot(standby("warm"), pool=1)
+    (row,) = robot.idle_rows()
+    robot.handle(events.ProcessSilent(29.0, row.node))
+    robot.handle(events.ProcessHeard(29.1, row.node))
+    assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == row.node
+
+
+def test_a_takeover_by_a_process_that_hangs_goes_to_the_next_at_once() -> None:
+    robot = Robot(standby("warm"), pool=2)
+    robot.handle(events.Tick(5.0))
+    first, second = (row.node for row in robot.idle_rows())
+    assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == first
+    commands = robot.handle(events.ProcessSilent(30.2, first))
+    assert only(commands, events.StopSubstitute).node == first
+    assert only(commands, events.AssignSubstitute).node == second
+    assert publishing(robot) == (True,)
+
+
+def test_one_that_publishes_is_not_ended_for_a_moment_without_a_sign_of_life() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    assert robot.handle(events.ProcessSilent(20.0, node)) == []
+    assert only(robot.handle(events.ProcessHung(21.0, node)), events.StopSubstitute).node == node

@@ -1,4 +1,7 @@
 """When a substitute publishes, and what it computes: each sentence of it, in made-up time."""
+from dataclasses import replace
+from typing import List
+
 import pytest
 from substitute_driver import (
     CODE,
@@ -7,6 +10,7 @@ from substitute_driver import (
     NAME,
     OUT,
     PERIOD,
+    SETTINGS,
     Driver,
     idle,
     only,
@@ -161,6 +165,37 @@ def test_where_the_code_yields_nothing_nothing_is_published() -> None:
     assert values(driver.pass_to(PERIOD)) == []
     driver.arrive(2.0)
     assert values(driver.pass_to(2 * PERIOD)) == [(0.5,)]
+
+
+HOLDS = "t0=x[0];\ndef _tf1(i1): return sqrt(5.0-i1)\nt1=_tf1(t0);\ny=t1"
+
+
+def told(driver: Driver, value: float, steps: int) -> List[float]:
+    """When the substitute says that it has no value, while its input has this value."""
+    said = []
+    for _ in range(steps):
+        driver.arrive(value)
+        commands = driver.pass_to(driver.time + PERIOD)
+        said += [driver.time for each in only(commands, events.TellNoValue)]
+    return said
+
+
+@pytest.mark.parametrize("publishing", (True, False))
+def test_a_law_that_does_not_hold_any_more_is_told_at_the_second_miss_and_once(
+    publishing: bool,
+) -> None:
+    driver = running(publishing=publishing, code=HOLDS)
+    assert told(driver, 1.0, 5) == []
+    assert told(driver, 7.0, 1) == []
+    assert len(told(driver, 7.0, 50)) == 1
+    assert told(driver, 1.0, 5) == []
+    assert len(told(driver, 7.0, 3)) == 1
+
+
+def test_a_law_that_never_held_is_told_later_as_filters_need_a_few_samples() -> None:
+    driver = running(publishing=True, code=HOLDS.replace("5.0-i1", "i1-5.0"))
+    assert told(driver, 1.0, SETTINGS.first_misses - 2) == []
+    assert len(told(driver, 1.0, 2)) == 1
 
 
 def test_a_program_is_not_evaluated_twice_in_close_succession() -> None:
@@ -343,3 +378,11 @@ def test_an_equal_story_is_told_with_equal_commands() -> None:
         stories.append(driver.said)
     assert stories[0] == stories[1]
     assert NAME == driver.core._row.node
+
+
+def test_who_stands_by_for_nobody_ends_and_who_publishes_goes_on() -> None:
+    assert only(Driver(idle()).tell(events.LeftAlone), events.GiveUp)
+    assert only(running().tell(events.LeftAlone), events.GiveUp)
+    assert running(publishing=True).tell(events.LeftAlone) == []
+    by_hand = Driver(replace(row(), service=""))
+    assert not only(by_hand.tell(events.LeftAlone), events.GiveUp)

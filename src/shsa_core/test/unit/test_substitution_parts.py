@@ -1,5 +1,6 @@
 """The parts of a substitute's core: schedule, inputs, program, and signals as text."""
 import math
+from dataclasses import replace
 
 import pytest
 from substitute_driver import DEADLINE, IN, OUT, SETTINGS, row, signal
@@ -42,6 +43,15 @@ def test_without_a_period_only_what_is_hastened_is_due() -> None:
     assert schedule.due == math.inf
     schedule.hasten(12.0)
     assert schedule.due == 12.0
+
+
+def test_a_message_without_a_value_leaves_the_last_one_until_that_is_stale() -> None:
+    inputs = Freshness()
+    inputs.listen([IN])
+    inputs.take(1.0, "/in", "/sensor", [("data", 7.0)])
+    inputs.take(1.0 + DEADLINE / 2, "/in", "/sensor", [])
+    assert inputs.values([IN], 1.0 + DEADLINE) == (7.0,)
+    assert inputs.values([IN], 1.001 + DEADLINE) is None
 
 
 def test_a_value_counts_up_to_its_deadline() -> None:
@@ -87,16 +97,38 @@ def test_a_job_follows_the_numbers_of_its_own_program_alone() -> None:
     assert not job.follow(row(inputs=(signal("/in", node="/left"),)))
 
 
+def test_what_is_computed_is_published_as_it_is_calibrated() -> None:
+    calibrated = replace(signal("/out"), gain=1.2, offset=0.5)
+    job = Job(row(code="t0=x[0];y=t0;"), SETTINGS)
+    job.evaluate((5.0,), 1.0)
+    assert job.latest == (5.0,)
+    assert job.follow(row(code="t0=x[0];y=t0;", outputs=(calibrated,)))
+    job.evaluate((5.0,), 2.0)
+    assert job.latest == (6.5,)
+    job.evaluate((1.6e308,), 3.0)
+    assert job.latest is None
+
+
 def test_signals_survive_the_way_as_text() -> None:
     inputs = (IN, signal("/x", None, None, "/left", "a.b[3]", "pkg/Type"))
+    assert decode('[[["/a", "data", "t/T", "", 1.0, 1.0, null, true, 1.2, 0.5]], []]')[0][0].latched
     assert decode(encode(inputs, (OUT,))) == (inputs, (OUT,))
 
 
 @pytest.mark.parametrize(
     "text",
     ["", "{", "[]", "[[], [], []]", "[[1], []]", '[[["/a"]], []]']
-    + ['[[["/a", "data", "t/T", 5, 1.0, 1.0]], []]']
-    + ['[[["/a", "data", "t/T", "", %s, null]], []]' % bad for bad in ('"1"', "0", "-1", "NaN")],
+    + ['[[["/a", "data", "t/T", 5, 1.0, 1.0, false, 1.0, 0.0]], []]']
+    + ['[[["/a", "data", "t/T", "", 1.0, 1.0, null, 1, 1.0, 0.0]], []]']
+    + ['[[["/a", "x;y", "t/T", "", 1.0, 1.0, false, 1.0, 0.0]], []]']
+    + [
+        '[[["/a", "data", "t/T", "", %s, null, null, false, 1.0, 0.0]], []]' % bad
+        for bad in ('"1"', "0", "-1", "NaN")
+    ]
+    + [
+        '[[], [["/a", "data", "t/T", "", 1.0, null, null, false, %s]]]' % bad
+        for bad in ("0.0, 0.0", "-1.0, 0.0", "NaN, 0.0", "1.0, Infinity", '1.0, "0"')
+    ],
 )
 def test_what_is_no_signals_is_refused(text: str) -> None:
     with pytest.raises(ShsaError, match="SHSA_SIGNALS holds no signals"):

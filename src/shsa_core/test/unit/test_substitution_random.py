@@ -1,4 +1,5 @@
 """Any story of a substitute: what its consumers see, and its own invariants."""
+from dataclasses import replace
 from typing import Any, Dict, List, Optional, Set, Tuple
 
 from hypothesis import settings
@@ -18,6 +19,7 @@ CODES = (
     CODE,
     "t0=x[0];\ndef _tf1(i1): return derivative(i1)\nt1=_tf1(t0);\ny=t1",
     "t0=x[0];\ndef _tf1(i1): return 1.0/i1\nt1=_tf1(t0);\ny=t1",
+    "t0=x[0];\ndef _tf1(i1): return integral(i1)\nt1=_tf1(t0);\ny=t1",
     "nonsense",
 )
 CONSUMERS = ("/one", "/two")
@@ -31,6 +33,7 @@ class AnySubstitute(RuleBasedStateMachine):
     def start(self) -> None:
         self.core = Substitute()
         self.now = 100.0
+        self.stamps: Dict[str, int] = {}
         self.told = Substitution(NAME, "", (), "", ())
         self.muted_at: Optional[float] = None
         self.original = ""
@@ -76,6 +79,8 @@ class AnySubstitute(RuleBasedStateMachine):
         if command.only:
             assert self.told.publishing and command.only not in command.served
             return
+        assert self.stamps.get(topic, 0) <= command.stamp <= self.ros_time()
+        self.stamps[topic] = command.stamp
         period = command.outputs[0].period
         if period is not None and self.last is not None:
             assert self.now - self.last > 0.49 * period, "two messages at once"
@@ -87,20 +92,18 @@ class AnySubstitute(RuleBasedStateMachine):
         output=st.sampled_from(OUTPUTS),
         code=st.sampled_from(CODES),
         original=st.sampled_from(NODES),
+        message=st.sampled_from((b"", b"one", b"two")),
     )
-    def program(self, publishing: bool, source: Any, output: Any, code: str, original: str) -> None:
+    def program(
+        self, publishing: bool, source: Any, output: Any, code: str, original: str, message: bytes
+    ) -> None:
         row = Substitution(NAME, "s", (source,), code, (output,), (), 1.0, publishing, original)
-        self.change(row)
+        self.change(replace(row, last_message=message))
 
     @rule(publishing=st.booleans())
     def order(self, publishing: bool) -> None:
         """The same program, told to publish or muted."""
-        told = self.told
-        self.change(
-            Substitution(
-                NAME, "s", told.inputs, told.code, told.outputs, (), 1.0, publishing, told.original
-            )
-        )
+        self.change(replace(self.told, service="s", quality=1.0, publishing=publishing))
 
     @rule(outputs=st.sets(st.sampled_from(OUTPUTS)), inputs=st.sets(st.sampled_from(INPUTS)))
     def rest(self, outputs: Any, inputs: Any) -> None:
@@ -114,15 +117,25 @@ class AnySubstitute(RuleBasedStateMachine):
             self.muted_at = None
         self.told, self.original = row, row.original
         self.stale_looks, self.last = len(self.looks), None
-        self.hear(events.RowChanged(self.now, row))
+        last = None
+        if row.last_message and row.outputs:
+            values = tuple((signal.field, 7.0) for signal in row.outputs)
+            last = events.LastMessage(values, self.ros_time(-0.01))
+        self.hear(events.RowChanged(self.now, row, (), last, self.ros_time()))
+
+    def ros_time(self, later: float = 0.0) -> int:
+        """ROS time in ns, now or a while later."""
+        return 10**18 + int(round((self.now + later) * 1e9))
 
     @rule(
         topic=st.sampled_from(("/in", "/spare")),
         node=st.sampled_from(NODES),
         value=st.sampled_from((0.0, 1.0, 5.0, float("nan"))),
+        age=st.sampled_from((0.0, 0.001, 0.5, -1.0)),
     )
-    def arrive(self, topic: str, node: str, value: float) -> None:
-        self.hear(events.InputArrived(self.now, topic, node, (("data", value),)))
+    def arrive(self, topic: str, node: str, value: float, age: float) -> None:
+        stamp, now = self.ros_time(-age), self.ros_time()
+        self.hear(events.InputArrived(self.now, topic, node, (("data", value),), stamp, now))
 
     @rule(late=st.sampled_from((0.0, 0.0, 0.001, 0.03)))
     def deadline(self, late: float) -> None:
@@ -149,12 +162,12 @@ class AnySubstitute(RuleBasedStateMachine):
         if self.advertised.get(topic):
             self.hear(events.ConsumerJoined(self.now, topic, consumer))
 
-    @rule(served=st.sets(st.sampled_from(CONSUMERS)))
-    def answer(self, served: Any) -> None:
+    @rule(served=st.sets(st.sampled_from(CONSUMERS)), up=st.booleans())
+    def answer(self, served: Any, up: bool) -> None:
         if self.looks:
             look = self.looks.pop(0)
             self.stale_looks = max(0, self.stale_looks - 1)
-            self.hear(events.OriginalServes(self.now, look, frozenset(served)))
+            self.hear(events.OriginalServes(self.now, look, frozenset(served), up or bool(served)))
 
     @rule(topic=st.sampled_from(("/out", "/other")), connected=st.sets(st.sampled_from(CONSUMERS)))
     def found(self, topic: str, connected: Any) -> None:

@@ -1,10 +1,18 @@
-"""What messages from outside may say to the reconfigurator's core."""
+"""What messages from outside may say to the reconfigurator's core, and what its own say."""
+import itertools
+from dataclasses import replace
+from math import isnan
+
 import pytest
 import rospy
-from shsa_msgs.msg import Failure
+from shsa_msgs.msg import Failure, Health, PublisherHealth
 from std_msgs.msg import Header
 
+from shsa_core.healing.incident import Incident
+from shsa_core.model.error import Error
+from shsa_core.model.kinds import Kind
 from shsa_core.ros.graph import clock
+from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire.healing import failure_seen
 
 
@@ -17,3 +25,33 @@ def test_a_failure_has_happened_by_now_whatever_the_clock_of_its_sender_says(
     seen = failure_seen(Failure(header=Header(stamp=stamp), topic="/odom", kind="silent"))
     assert seen.time <= clock.now()
     assert seen.time == pytest.approx(clock.now() + min(ahead, 0.0), abs=1.0)
+
+
+def test_the_moments_of_an_incident_keep_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between looks at the two clocks a thread may have to wait."""
+    waits = itertools.cycle((0.0, 0.003, 0.001))
+    monkeypatch.setattr(clock, "now", lambda: 100.0 + next(waits))
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    monkeypatch.setattr(rospy, "get_time", lambda: 5000.0)
+    incident = Incident(1, "odom", "/odom", ("v",), "/base", Kind.SILENT, "x", detected=1.0)
+    message = wire.incident(replace(incident, killed=1.0, found=1.0, spawned=1.001))
+    assert message.detected == message.killed == message.found < message.spawned
+    assert message.ended.is_zero()
+    assert (message.error_rms, message.error_p95) == ([], [])
+    told = replace(incident, errors=(Error(0.5, p95=0.9), None))
+    message = wire.incident(told)
+    assert (message.error_rms[0], message.error_p95[0]) == (0.5, 0.9)
+    assert isnan(message.error_rms[1]) and isnan(message.error_p95[1])
+
+
+def test_nothing_that_is_told_lies_ahead_of_now(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    far = rospy.Time(3_976_214_400)  # in the year 2096
+    row = PublisherHealth("/odom", "/base", "healthy", "", "", far, far, far)
+    (seen,) = wire.health_seen(Health(publishers=[row])).rows
+    moments = [seen.since, seen.first_message, seen.last_good]
+    failure = failure_seen(
+        Failure(header=Header(stamp=far), topic="/odom", kind="silent", last_good=far)
+    )
+    for moment in (*moments, failure.time, failure.last_good):
+        assert moment is not None and moment <= clock.now()

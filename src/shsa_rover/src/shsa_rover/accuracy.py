@@ -6,16 +6,16 @@ two decimals.
 """
 import math
 from dataclasses import dataclass
-from typing import Callable, List
+from typing import Dict, List, Sequence, Tuple
 
 import numpy as np
 
-from shsa_core.codegen.generator import generate
-from shsa_core.codegen.program import compile_program
+from shsa_core.learning.evaluation import evaluate, evaluate_derivation
+from shsa_core.learning.figures import error_of
+from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
-from shsa_core.search.substitutes import Derivation, find_substitute
+from shsa_core.search.substitutes import find_substitute
 from shsa_rover.dataset import Dataset
 
 FULL_SPAN = {"state_of_charge": 1.0}
@@ -50,12 +50,39 @@ def relations(ontology: Ontology, data: Dataset) -> List[Accuracy]:
     """The accuracy of every transfer function that is fed with the truth."""
     results = []
     for function in ontology.functions:
-        inputs = tuple(Derivation(name, _true(name), None) for name in function.inputs)
-        root = Derivation(function.output, None, function, inputs)
-        values = _evaluate(root, ontology, data.time, lambda path: data.truth[path.strip("/")[:-2]])
+        values = evaluate(function, ontology.constants, data.time, data.truth)
         name = f"{function.relation}: {function.output}"
         results.append(_accuracy(name, function.output, function.quality, values, data))
     return results
+
+
+def errors(ontology: Ontology, som: Som, drives: Sequence[Dataset]) -> Dict[Tuple[str, str], Error]:
+    """The error of every transfer function with inputs as good as usual, by relation and output.
+
+    Each input is what its best service measured, and the truth where it has none.
+    """
+    best: Dict[str, Tuple[float, str]] = {}
+    for source in som.sources:
+        error = source.provision.error
+        if error is not None:
+            best[source.property] = min(
+                (error.rms, source.path), best.get(source.property, (math.inf, ""))
+            )
+    found = {}
+    for function in ontology.functions:
+        values, truths = [], []
+        for data in drives:
+            inputs = {
+                name: data.measured[best[name][1]] if name in best else data.truth[name]
+                for name in function.inputs
+            }
+            settled = data.time >= WARM_UP_S
+            values.append(evaluate(function, ontology.constants, data.time, inputs)[settled])
+            truths.append(data.truth[function.output][settled])
+        off = np.concatenate(values) - np.concatenate(truths)
+        baseline = float(np.std(np.concatenate(truths)))
+        found[function.relation, function.output] = error_of(off[np.isfinite(off)], baseline)
+    return found
 
 
 def substitutes(ontology: Ontology, som: Som, data: Dataset) -> List[Accuracy]:
@@ -68,41 +95,10 @@ def substitutes(ontology: Ontology, som: Som, data: Dataset) -> List[Accuracy]:
     results = []
     for lost in (source for service in som.needed() for source in service.sources):
         found = find_substitute(ontology, som.sources, lost.property, excluded=(lost.node,))
-        values = _evaluate(found.derivation, ontology, data.time, lambda path: data.measured[path])
-        name = f"{lost.path}: {' < '.join(_relations(found.derivation)) or 'passed on'}"
+        values = evaluate_derivation(found.derivation, ontology.constants, data.time, data.measured)
+        name = f"{lost.path}: {' < '.join(found.derivation.relations()) or 'passed on'}"
         results.append(_accuracy(name, lost.property, found.quality, values, data))
     return results
-
-
-def _relations(derivation: Derivation) -> List[str]:
-    """The relations used, each once, the last one computed first."""
-    own = [derivation.function.relation] if derivation.function else []
-    below = [name for child in derivation.inputs for name in _relations(child)]
-    return list(dict.fromkeys(own + below))
-
-
-def _true(name: str) -> Source:
-    """A source that tells the true value of the property `name`."""
-    provided = (Provision(name, "x"),)
-    (source,) = Service(name, f"/{name}", "std_msgs/Float64", "/truth", 0.02, provided).sources
-    return source
-
-
-def _evaluate(
-    derivation: Derivation,
-    ontology: Ontology,
-    time: np.ndarray,
-    column: Callable[[str], np.ndarray],
-) -> np.ndarray:
-    """The generated code of a derivation on recorded inputs.
-
-    Not a number where it has no output.
-    """
-    program = generate([(derivation, "/result/x")], ontology.constants)
-    compiled = compile_program(program.code, len(program.inputs), 1)
-    rows = np.array([column(path) for path in program.inputs]).T
-    results = (compiled.step(row, now) for row, now in zip(rows.tolist(), time.tolist()))
-    return np.array([math.nan if result is None else result[0] for result in results])
 
 
 def _accuracy(name: str, prop: str, stated: float, values: np.ndarray, data: Dataset) -> Accuracy:

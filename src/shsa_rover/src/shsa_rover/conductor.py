@@ -7,8 +7,6 @@ import rosnode
 import rospy
 from shsa_msgs.msg import Float64Stamped
 
-NODE = "/amperemeter"
-
 
 def main() -> None:
     """Run the conductor node; it ends the launch that it belongs to.
@@ -16,16 +14,17 @@ def main() -> None:
     Parameters: `~kill_at`, `~return_at`, `~end_at`: s since the first battery current.
     """
     rospy.init_node("conductor")
+    node = rospy.resolve_name("amperemeter")
     kill_at = float(rospy.get_param("~kill_at"))
     return_at = float(rospy.get_param("~return_at"))
     end_at = float(rospy.get_param("~end_at"))
-    rospy.wait_for_message("/battery_current", Float64Stamped)
-    rospy.wait_for_message("/battery_state", rospy.AnyMsg)
+    rospy.wait_for_message("battery_current", Float64Stamped)
+    rospy.wait_for_message("battery_state", rospy.AnyMsg)
     start = rospy.get_time()
     rospy.loginfo("DEMO: the rover drives. In %g s its amperemeter dies.", kill_at)
     rospy.sleep(start + kill_at - rospy.get_time())
-    rospy.loginfo("DEMO: rosnode kill %s", NODE)
-    rosnode.kill_nodes([NODE])
+    rospy.loginfo("DEMO: rosnode kill %s", node)
+    rosnode.kill_nodes([node])
     rospy.sleep(start + return_at - rospy.get_time())
     rospy.loginfo("DEMO: rosrun shsa_rover amperemeter")
     subprocess.Popen(["rosrun", "shsa_rover", "amperemeter"])

@@ -1,7 +1,8 @@
 """Recorded drives as columns, 50 rows a second: what the topics carried, and what was true."""
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
+from operator import attrgetter
 from random import Random
-from typing import List, Mapping, Tuple
+from typing import List, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from shsa_rover.current_sensor import CurrentSensor
 from shsa_rover.drive import Drive, Leg
 from shsa_rover.odometry import Odometry
 from shsa_rover.rover import Rover, Truth
+from shsa_rover.worlds import AS_FITTED, World
 
 PERIOD_S = 0.02
 STEPS = 2  # of the simulation, a row
@@ -64,10 +66,20 @@ def random_drive(seed: int, legs: int = 60) -> Drive:
     return Drive(drive)
 
 
-def simulate(drive: Drive, duration: float, seed: int, soc: float = 0.8) -> Dataset:
-    """What would be recorded in `duration` s of `drive` on the simulated rover with `seed`."""
-    rover, odometry, sensor = Rover(seed, soc), Odometry(), CurrentSensor()
+def simulate(
+    drive: Drive,
+    duration: float,
+    seed: int,
+    soc: Optional[float] = None,
+    world: World = AS_FITTED,
+) -> Dataset:
+    """What would be recorded in `duration` s of `drive` on the simulated rover with `seed`.
+
+    `soc` (0 to 1) is the state of charge at its beginning; without it, it is the world's.
+    """
+    rover, odometry, sensor = Rover(seed, soc, world), Odometry(), CurrentSensor()
     names = [field.name for field in fields(Truth)]
+    values = attrgetter(*names)
     measured: List[Tuple[float, ...]] = []
     truth: List[Tuple[float, ...]] = []
     time = np.arange(int(duration / PERIOD_S)) * PERIOD_S
@@ -80,8 +92,7 @@ def simulate(drive: Drive, duration: float, seed: int, soc: float = 0.8) -> Data
             rover.step(PERIOD_S / STEPS)
         reading = rover.measure()
         odometry.update(float(now), reading.wheel_velocity, reading.wheel_turn_rate)
-        state = asdict(rover.truth())
-        truth.append(tuple(state[name] for name in names))
+        truth.append(values(rover.truth()))
         measured.append(
             (
                 sensor.amperes(reading.current_counts),
@@ -107,7 +118,7 @@ def simulate(drive: Drive, duration: float, seed: int, soc: float = 0.8) -> Data
 
 
 def _counted(current: np.ndarray, voltage: np.ndarray) -> np.ndarray:
-    """The state of charge as `soc_estimator` counts it, to begin with the first row."""
+    """The state of charge, counted from that of the first second: every drive begins at rest."""
     battery = BatteryParameters()
     charges, voltages = np.array(battery.open_circuit).T
     source = np.mean(voltage[:START_ROWS]) + battery.resting_resistance * np.mean(

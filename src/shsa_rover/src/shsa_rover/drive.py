@@ -65,10 +65,10 @@ def parse_drive(lines: Iterable[str], where: str) -> List[Leg]:
     for number, line in enumerate(lines, 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        cells = next(csv.reader([line]))
         try:
+            cells = next(csv.reader([line]))
             duration, velocity, turn_rate = (float(cell) for cell in cells)
-        except ValueError:
+        except (ValueError, csv.Error):
             raise ModelError(
                 f"{where}:{number}",
                 f"'{line.strip()}' is not three numbers: duration (s), velocity (m/s), "

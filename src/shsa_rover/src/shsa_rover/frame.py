@@ -3,17 +3,24 @@
 A frame is ``S``, the number of data bytes, high and low byte of each channel (10-bit ADC counts),
 ``E``, ``\\n\\r``. Data bytes may look like ``S`` or ``E``: only a whole frame whose every part is
 valid counts.
+
+That is the paper's. A checked frame begins with ``C`` instead, and has the CRC-16/CCITT of the
+number and the data, high byte first, before its ``E``: no one, two or three flipped bits in what it
+covers, and no burst of up to 16, pass it. A parser takes one sort or the other: which it is, the
+line cannot say.
 """
+import binascii
 from dataclasses import dataclass, field
 from typing import Dict, List, Optional, Sequence, Tuple
 
 from shsa_core.errors import ShsaError
 
-START = b"S"
+START, CHECKED_START = b"S", b"C"
 TRAILER = b"E\n\r"
 MAX_CHANNELS = 8
 MAX_COUNT = 1023
-MAX_FRAME_BYTES = 2 + 2 * MAX_CHANNELS + len(TRAILER)
+CHECKSUM_BYTES = 2
+MAX_FRAME_BYTES = 2 + 2 * MAX_CHANNELS + CHECKSUM_BYTES + len(TRAILER)
 
 
 class FrameError(ShsaError):
@@ -31,12 +38,15 @@ class Frame:
 class Counters:
     """What a parser has seen: good frames, and dropped bytes by reason.
 
-    Reasons: `noise` outside any frame, bad `length`, `value` above 10 bits, bad `trailer`.
+    Reasons: `noise` outside any frame, bad `length`, `value` above 10 bits, `checksum`, bad
+    `trailer`.
     """
 
     frames: int = 0
     dropped: Dict[str, int] = field(
-        default_factory=lambda: {"noise": 0, "length": 0, "value": 0, "trailer": 0}
+        default_factory=lambda: dict.fromkeys(
+            ("noise", "length", "value", "checksum", "trailer"), 0
+        )
     )
 
     @property
@@ -45,22 +55,39 @@ class Counters:
         return sum(self.dropped.values())
 
 
-def encode(channels: Sequence[int]) -> bytes:
-    """The frame for ADC counts, one per channel; raises FrameError for what does not fit."""
+def encode(channels: Sequence[int], checked: bool = False) -> bytes:
+    """The frame for ADC counts, one per channel; raises FrameError for what does not fit.
+
+    `checked`: one with a checksum.
+    """
     if not 1 <= len(channels) <= MAX_CHANNELS:
         raise FrameError(f"a frame has 1 to {MAX_CHANNELS} channels, not {len(channels)}")
     for number, count in enumerate(channels):
         if not 0 <= count <= MAX_COUNT:
             raise FrameError(f"channel {number}: {count} is not in 0 to {MAX_COUNT}")
     data = b"".join(count.to_bytes(2, "big") for count in channels)
-    return START + bytes([len(data)]) + data + TRAILER
+    body = bytes([len(data)]) + data
+    return (CHECKED_START if checked else START) + body + _end(body, checked)
+
+
+def _end(body: bytes, checked: bool) -> bytes:
+    """What follows the number of data bytes and the data."""
+    if not checked:
+        return TRAILER
+    return binascii.crc_hqx(body, 0xFFFF).to_bytes(CHECKSUM_BYTES, "big") + TRAILER
 
 
 class Parser:
-    """Takes bytes as they come and yields frames; after noise it finds the next frame by itself."""
+    """Takes bytes as they come and yields frames; after noise it finds the next frame by itself.
 
-    def __init__(self) -> None:
+    `checked`: the frames have a checksum.
+    """
+
+    def __init__(self, checked: bool = False) -> None:
         self.counters = Counters()
+        self._checked = checked
+        self._start = CHECKED_START if checked else START
+        self._end_bytes = len(TRAILER) + (CHECKSUM_BYTES if checked else 0)
         self._buffer = bytearray()
 
     @property
@@ -77,7 +104,7 @@ class Parser:
         self._buffer += data
         frames: List[Frame] = []
         while self._buffer:
-            start = self._buffer.find(START)
+            start = self._buffer.find(self._start)
             if start != 0:
                 self._drop(len(self._buffer) if start < 0 else start, "noise")
                 continue
@@ -105,16 +132,20 @@ class Parser:
             return "length"
         if any(high > MAX_COUNT >> 8 for high in buffer[2 : 2 + length : 2]):
             return "value"
-        trailer = bytes(buffer[2 + length : 2 + length + len(TRAILER)])
-        return "" if TRAILER.startswith(trailer) else "trailer"
+        end = bytes(buffer[2 + length : 2 + length + self._end_bytes])
+        expected = _end(bytes(buffer[1 : 2 + length]), self._checked)
+        if expected.startswith(end):
+            return ""
+        checksum = self._end_bytes - len(TRAILER)
+        return "trailer" if end[:checksum] == expected[:checksum] else "checksum"
 
     def _take(self) -> Optional[Frame]:
         """The frame at the start of the faultless buffer, or None while it is not complete."""
         buffer = self._buffer
-        if len(buffer) < 2 or len(buffer) < 2 + buffer[1] + len(TRAILER):
+        if len(buffer) < 2 or len(buffer) < 2 + buffer[1] + self._end_bytes:
             return None
         end = 2 + buffer[1]
         channels = tuple(buffer[i] << 8 | buffer[i + 1] for i in range(2, end, 2))
-        del buffer[: end + len(TRAILER)]
+        del buffer[: end + self._end_bytes]
         self.counters.frames += 1
         return Frame(channels)

@@ -1,4 +1,4 @@
-"""The commands `fit_current` and `relation_accuracy`."""
+"""The command `relation_accuracy`."""
 import argparse
 import sys
 from pathlib import Path
@@ -10,21 +10,13 @@ from tabulate import tabulate
 from shsa_core.errors import ShsaError
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
-from shsa_rover.accuracy import Accuracy, relations, services, substitutes
+from shsa_rover.accuracy import Accuracy, errors, relations, services, substitutes
 from shsa_rover.dataset import Dataset, random_drive, simulate
-from shsa_rover.drive import Drive
-from shsa_rover.fitting import Fit, f1_variants, f1_with, fit_others
 
-FIT_SEED, TEST_SEED = 1, 2
+TEST_SEED = 2
 DRIVE_SEED = 7
-FIT_DURATION, TEST_DURATION = 120.0, 360.0  # s
-FIT_CHARGES = (0.8, 0.95, 0.6, 0.4, 0.2)
-TEST_CHARGES = (0.95, 0.8, 0.7, 0.5, 0.3)
-
-
-def fit_data() -> List[Dataset]:
-    """The drive that the relations are fitted to, four times round at each state of charge."""
-    return [simulate(Drive(), FIT_DURATION, FIT_SEED, charge) for charge in FIT_CHARGES]
+TEST_DURATION = 360.0  # s
+ERROR_CHARGES = (0.95, 0.75, 0.55, 0.35)  # at which relations are measured: from full to flat
 
 
 def test_data(charge: float = 0.8) -> Dataset:
@@ -32,41 +24,10 @@ def test_data(charge: float = 0.8) -> Dataset:
     return simulate(random_drive(DRIVE_SEED), TEST_DURATION, TEST_SEED, charge)
 
 
-def fit_main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Prints the fitted coefficients.
-
-    Returns the exit status (0 done, 2 the bag cannot be used).
-    """
-    parser = argparse.ArgumentParser(
-        prog="fit_current",
-        description="Fits the rover's relations to recorded drives, and compares the paper's f1 "
-        "with ours.",
-    )
-    parser.add_argument(
-        "bags",
-        nargs="*",
-        metavar="BAG",
-        help="rosbags of the rover's topics, at states of charge from full to flat: "
-        "f1 is fitted to all of them, "
-        "what else there is to the first; without any, drives are simulated",
-    )
-    options = parser.parse_args(arguments)
-    try:
-        if options.bags:
-            # rosbag takes long to import, and only here is it needed.
-            from shsa_rover.drive_bag import read_bag
-
-            drives = [read_bag(bag) for bag in options.bags]
-        else:
-            drives = fit_data()
-    except ShsaError as error:
-        print(error, file=sys.stderr)
-        return 2
-    variants = f1_variants(drives)
-    print(_fit_table(variants + fit_others(drives[0])))
-    if not options.bags:
-        print(_charge_table(variants))
-    return 0
+def error_data() -> List[Dataset]:
+    """Drives on level ground from full to flat, by which the errors of relations are stated."""
+    drives = enumerate(ERROR_CHARGES, 101)
+    return [simulate(random_drive(seed), TEST_DURATION, seed, charge) for seed, charge in drives]
 
 
 def accuracy_main(arguments: Optional[Sequence[str]] = None) -> int:
@@ -88,6 +49,7 @@ def accuracy_main(arguments: Optional[Sequence[str]] = None) -> int:
         data = test_data()
         parts = [services(som, data), relations(ontology, data)]
         healed = substitutes(ontology, som, data)
+        stated = errors(ontology, som, error_data())
     except ShsaError as error:
         print(error, file=sys.stderr)
         return 2
@@ -95,30 +57,18 @@ def accuracy_main(arguments: Optional[Sequence[str]] = None) -> int:
     for title, part in zip(("service", "relation"), parts):
         print(_accuracy_table(title, part, units))
     print(_accuracy_table("lost: substitute", healed, units))
+    rows = [
+        (
+            f"{relation}: {output}",
+            *(f"{x:.3g}" for x in (e.rms, e.bias, e.p95 or 0.0, e.baseline or 0.0)),
+        )
+        for (relation, output), e in stated.items()
+    ]
+    print(_table(rows, "relation, with usual inputs", "rms", "bias", "p95", "baseline"))
     wrong = [item for part in parts for item in part if item.stated != item.quality]
     for item in wrong:
         print(f"{item.name}: its file says {item.stated:g}, measured is {item.quality:g}")
     return 1 if wrong else 0
-
-
-def _fit_table(fits: List[Fit]) -> str:
-    rows = []
-    for fit in fits:
-        coefficients = ", ".join(f"{name} {value:.4g}" for name, value in fit.coefficients.items())
-        share = f"{100.0 * fit.error / fit.span:.1f} %"
-        rows.append((fit.relation, coefficients, f"{fit.error:.3g} {fit.unit}", share))
-    return _table(rows, "relation", "coefficients", "RMS error", "of span")
-
-
-def _charge_table(variants: List[Fit]) -> str:
-    """The errors of f1 on drives that nothing was fitted to, each from another state of charge."""
-    drives = [[test_data(charge)] for charge in TEST_CHARGES]
-    rows = [
-        [fit.relation]
-        + [f"{f1_with(fit.relation, fit.coefficients, drive).error:.2f}" for drive in drives]
-        for fit in variants
-    ]
-    return _table(rows, "A on other drives, from a charge of", *map(str, TEST_CHARGES))
 
 
 def _accuracy_table(title: str, items: List[Accuracy], units: Mapping[str, str]) -> str:

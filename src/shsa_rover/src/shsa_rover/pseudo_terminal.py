@@ -1,6 +1,7 @@
 """A serial line in software: a pseudo-terminal under a name of its own."""
 import errno
 import os
+import secrets
 import select
 import stat
 import tty
@@ -31,7 +32,7 @@ class PseudoTerminal:
         os.set_blocking(self._master, False)
         self._poll = select.poll()
         self._poll.register(self._master, 0)
-        temporary = f"{link}.{os.getpid()}"
+        temporary = f"{link}.{secrets.token_hex(8)}"  # nobody has put anything there before
         try:
             os.symlink(self._port, temporary)
             os.replace(temporary, link)

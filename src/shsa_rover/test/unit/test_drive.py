@@ -5,6 +5,7 @@ import pytest
 
 from shsa_core.errors import ModelError
 from shsa_rover.drive import SCRIPTED, Drive, Leg, parse_drive
+from shsa_rover.covariance import diagonal
 from shsa_rover.odometry import Odometry
 from shsa_rover.steering import TOP_TURN_RATE, TOP_VELOCITY, Steering
 
@@ -91,3 +92,20 @@ def test_odometry_after_a_jump_in_time_starts_anew_where_it_is(jump: float) -> N
     assert (odometry.x, odometry.acceleration) == (x, 0.0)
     odometry.update(1.0 + jump, -0.5, 0.0)
     assert odometry.x == pytest.approx(x - 0.01)
+
+
+def test_the_error_of_the_pose_grows_with_the_drive_and_never_is_zero() -> None:
+    odometry = Odometry()
+    assert odometry.position_error > 0.0 and odometry.heading_error > 0.0
+    errors = []
+    for number in range(500):
+        odometry.update(0.02 * number, 0.5, 0.0, 0.001, 0.004)
+        errors.append((odometry.position_error, odometry.heading_error))
+    assert errors == sorted(errors)
+    # A random walk in the heading: its deviation is the noise of one step, times sqrt(steps).
+    assert odometry.heading_error == pytest.approx(0.004 * 0.02 * math.sqrt(499), rel=0.2)
+    assert odometry.position_error > 5.0 * 1e-3
+
+
+def test_an_axis_that_nobody_measures_is_no_certain_one() -> None:
+    assert diagonal(3, {2: 0.04}) == [1e6, 0, 0, 0, 1e6, 0, 0, 0, 0.04]

@@ -1,5 +1,7 @@
 """The serial framing: nothing good is lost, nothing bad gets through, every byte counts."""
-from typing import List
+import random
+from itertools import combinations
+from typing import Iterator, List, Tuple
 
 import pytest
 from hypothesis import given
@@ -124,3 +126,68 @@ def test_a_cut_line_spoils_at_most_the_frame_that_it_cut(
     parser.reset()
     assert parser.pending_bytes == 0
     assert parser.feed(encode(after)) == [Frame(tuple(after))]
+
+
+def flips(data: bytes, count: int) -> Iterator[bytes]:
+    """The bytes with every choice of so many bits flipped."""
+    for bits in combinations(range(8 * len(data)), count):
+        changed = bytearray(data)
+        for bit in bits:
+            changed[bit // 8] ^= 1 << bit % 8
+        yield bytes(changed)
+
+
+@pytest.mark.parametrize("channels", [(600,), (0, 1023), (0x0253, 0x0343, 0x0145)])
+@pytest.mark.parametrize("count", [1, 2])
+def test_no_flipped_bits_pass_a_checksum_for_a_value(channels: Tuple[int, ...], count: int) -> None:
+    """Every one and every two of a frame between two good ones."""
+    good = encode(channels, checked=True)
+    for bad in flips(good, count):
+        frames = Parser(checked=True).feed(good + bad + good + bytes(MAX_FRAME_BYTES))
+        assert set(frames) == {Frame(channels)} and len(frames) >= 1
+
+
+def test_random_noise_passes_a_checksum_no_oftener_than_16_bits_let_it() -> None:
+    """Frames whose number, data and checksum are random, their framing right: seeded."""
+    dice = random.Random(7)
+    trials, passed = 200_000, 0
+    for _ in range(trials):
+        body = bytes([2, dice.randrange(4), *dice.getrandbits(24).to_bytes(3, "big")])
+        passed += bool(Parser(checked=True).feed(b"C" + body + b"E\n\r"))
+    assert passed <= 12  # 3.05 are to be expected
+
+
+def test_how_often_a_flipped_bit_in_the_papers_frame_is_a_wrong_value() -> None:
+    """The share that the documentation states: ten of the 56 bits are the value's."""
+    wrong = total = 0
+    for count in range(0, 1024, 11):
+        for bad in flips(encode([count]), 1):
+            frames = Parser().feed(bad)
+            wrong += any(frame.channels != (count,) for frame in frames)
+            total += 1
+    assert wrong / total == pytest.approx(10 / 56)
+
+
+@given(st.lists(counts, max_size=10), st.lists(st.integers(0, 300), max_size=20))
+def test_checked_frames_survive_any_split(samples: List[List[int]], cuts: List[int]) -> None:
+    parser = Parser(checked=True)
+    data = b"".join(encode(sample, checked=True) for sample in samples)
+    assert feed_in_pieces(parser, data, cuts) == [Frame(tuple(sample)) for sample in samples]
+    assert parser.counters.dropped_bytes == parser.pending_bytes == 0
+
+
+def test_each_parser_takes_its_own_sort_alone() -> None:
+    for checked in (False, True):
+        parser = Parser(checked)
+        assert parser.feed(encode([600], not checked) * 20) == []
+        assert parser.feed(encode([601], checked)) == [Frame((601,))]
+
+
+def test_a_wrong_checksum_is_counted() -> None:
+    good = encode([600], checked=True)
+    assert good == b"C\x02\x02\x58\x1f\x63E\n\r"
+    parser = Parser(checked=True)
+    assert parser.feed(good[:3] + b"\x59" + good[4:]) == []
+    assert parser.counters.dropped["checksum"] == 1
+    parser = Parser(checked=True)
+    assert parser.feed(good[:-1] + b"X") == [] and parser.counters.dropped["trailer"] == 1

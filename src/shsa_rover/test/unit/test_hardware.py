@@ -84,7 +84,8 @@ def test_the_estimator_knows_the_battery_that_is_simulated() -> None:
     file = Path(__file__).resolve().parents[2] / "config" / "battery.yaml"
     known, p = YAML(typ="safe").load(file.read_text(encoding="utf-8")), BatteryParameters()
     assert known["capacity"] == p.capacity
-    assert known["resting_resistance"] == pytest.approx(p.resting_resistance)
+    for name in ("resistance", "polarisation_resistance", "polarisation_time"):
+        assert known[name] == pytest.approx(getattr(p, name))
     steps = len(known["open_circuit"]) - 1
     table = [(i / steps, volts) for i, volts in enumerate(known["open_circuit"])]
     assert table == [pytest.approx(point) for point in p.open_circuit]

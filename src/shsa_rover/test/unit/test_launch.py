@@ -34,6 +34,17 @@ def test_the_simulated_rover_has_one_port_of_its_own() -> None:
     assert parameters(load("healing:=false"))["/amperemeter/port"] != values["/amperemeter/port"]
 
 
+def test_the_simulated_world_is_chosen_by_arguments() -> None:
+    fitted = parameters(load("healing:=false"))
+    assert fitted["/rover_simulator/world"] == "as_fitted"
+    switches = ("payload", "floor", "slope", "state_of_charge")
+    assert not any(f"/rover_simulator/{name}" in fitted for name in switches)
+    chosen = parameters(load("world:=drawn", "payload:=5", "floor:=carpet", "slope:=2.5"))
+    assert chosen["/rover_simulator/world"] == "drawn"
+    values = [chosen[f"/rover_simulator/{name}"] for name in switches[:3]]
+    assert values == [5, "carpet", 2.5]
+
+
 def test_the_real_rover_has_the_same_nodes_without_the_simulator() -> None:
     config = load("sim:=false", "port:=/dev/ttyAMA0", "healing:=false")
     assert names(config) == SIMULATED - {"rover_simulator"}
@@ -62,3 +73,11 @@ def test_each_computer_can_start_its_own_nodes(here: str, expected: Set[str]) ->
 def test_keys_drive_instead_of_the_script() -> None:
     assert "teleop" in names(load("drive:=false", "healing:=false"))
     assert "driver" not in names(load("drive:=false", "healing:=false"))
+
+
+def test_messages_can_fail_where_that_is_asked_for() -> None:
+    prefixes = {node.name: node.launch_prefix for node in load("injectable:=true").nodes}
+    failing = {name for name, prefix in prefixes.items() if prefix}
+    assert failing == DRIVERS | {"driver"}
+    assert prefixes["imu"] == "rosrun shsa_injection injectable"
+    assert not any(node.launch_prefix for node in load().nodes)

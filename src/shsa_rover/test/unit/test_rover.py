@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from shsa_rover.chassis import Chassis, ChassisParameters
 from shsa_rover.dataset import random_drive
 from shsa_rover.drive import Drive
-from shsa_rover.rover import Readings, Rover, Truth, quantised
+from shsa_rover.rover import Rover, Truth
+from shsa_rover.sensors import Readings, quantised
 
 STEP = 0.01
 

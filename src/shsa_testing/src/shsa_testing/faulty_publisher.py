@@ -1,4 +1,6 @@
 """A node that fails on command (`rosrun shsa_testing faulty_publisher`), and a test's handle."""
+import math
+import random
 import subprocess
 import sys
 import time
@@ -14,9 +16,11 @@ from shsa_testing.waiting import wait_until
 class FaultyPublisher:
     """Publishes shsa_msgs/Float64Stamped and obeys what it hears on `~fault`.
 
-    Parameters: ~topic, ~period in s, ~value, ~mute. Commands: `value X`, `period S`, `stamp S`
-    (seconds added to the stamp), `ramp X` (added to the value at every message), `mute`, `publish`,
-    `burst N`, `unadvertise`, `advertise`.
+    Parameters: ~topic, ~period in s, ~value, ~mute, ~well (another topic, on which it publishes
+    the first value and never fails), ~ros_time (its period is of ROS time). Commands: `value X`,
+    `period S`, `stamp S` (seconds added to the stamp), `ramp X` (added to the value at every
+    message), `noise X` (of each message, a standard deviation), `nan N` (every Nth value, 0: none),
+    `mute`, `publish`, `burst N`, `unadvertise`, `advertise`.
     """
 
     def __init__(self) -> None:
@@ -24,8 +28,14 @@ class FaultyPublisher:
         self.period = rospy.get_param("~period", 0.02)
         self.value = rospy.get_param("~value", 1.0)
         self.mute = rospy.get_param("~mute", False)
-        self.stamp = self.ramp = 0.0
+        self.noise = rospy.get_param("~noise", 0.0)
+        self.ros_time = rospy.get_param("~ros_time", False)
+        self.stamp = self.ramp = self.nan = 0.0
+        self.count = 0
         self.publisher = self.advertise()
+        self.well_topic, self.well_value = rospy.get_param("~well", ""), self.value
+        if self.well_topic:
+            self.well = rospy.Publisher(self.well_topic, Float64Stamped, queue_size=100)
         rospy.Subscriber("~fault", String, self.obey)
 
     def advertise(self) -> rospy.Publisher:
@@ -46,7 +56,7 @@ class FaultyPublisher:
                 self.publish()
         elif word in ("mute", "publish"):
             self.mute = word == "mute"
-        elif word in ("value", "period", "stamp", "ramp"):
+        elif word in ("value", "period", "stamp", "ramp", "noise", "nan"):
             setattr(self, word, float(argument))
         else:
             rospy.logerr("No such fault: %s", command.data)
@@ -55,7 +65,11 @@ class FaultyPublisher:
         """Publish once."""
         stamp = rospy.Time.from_sec(rospy.get_time() + self.stamp)
         self.value += self.ramp
-        self.publisher.publish(Float64Stamped(header=Header(stamp=stamp), data=self.value))
+        self.count += 1
+        value = self.value + random.gauss(0.0, self.noise)
+        if self.nan and self.count % self.nan == 0:
+            value = math.nan
+        self.publisher.publish(Float64Stamped(header=Header(stamp=stamp), data=value))
 
     def spin(self) -> None:
         """Publish until the node is asked to end."""
@@ -63,18 +77,20 @@ class FaultyPublisher:
         while not rospy.is_shutdown():
             if not self.mute:
                 self.publish()
+            if self.well_topic:
+                self.well.publish(Float64Stamped(data=self.well_value))
+            if self.ros_time:
+                rospy.sleep(self.period)
+                continue
             due = max(due + self.period, time.monotonic())
             rospy.rostime.wallsleep(max(0.0, due - time.monotonic()))
 
 
-class FaultyNode:
-    """A `faulty_publisher` in a process of its own."""
+class FaultHandle:
+    """What makes a running `faulty_publisher` fail."""
 
-    def __init__(self, name: str, topic: str, **parameters: object) -> None:
+    def __init__(self, name: str) -> None:
         self.name = name
-        command = [sys.executable, "-m", "shsa_testing.faulty_publisher", f"__name:={name[1:]}"]
-        command += [f"_topic:={topic}", *(f"_{key}:={value}" for key, value in parameters.items())]
-        self.process = subprocess.Popen(command)
         self._fault = rospy.Publisher(name + "/fault", String, queue_size=10)
 
     def fault(self, command: str) -> float:
@@ -84,6 +100,16 @@ class FaultyNode:
         sent = time.monotonic()
         self._fault.publish(command)
         return sent
+
+
+class FaultyNode(FaultHandle):
+    """A `faulty_publisher` in a process of its own."""
+
+    def __init__(self, name: str, topic: str, **parameters: object) -> None:
+        command = [sys.executable, "-m", "shsa_testing.faulty_publisher", f"__name:={name[1:]}"]
+        command += [f"_topic:={topic}", *(f"_{key}:={value}" for key, value in parameters.items())]
+        self.process = subprocess.Popen(command)
+        super().__init__(name)
 
     def end(self) -> None:
         """Kill it for certain."""

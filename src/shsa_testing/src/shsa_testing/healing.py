@@ -11,16 +11,21 @@ from shsa_testing.waiting import wait_until
 
 
 class TopicRecord:
-    """Who published on a topic, and when (monotonic, s); `last` is the newest message."""
+    """Who published on a topic, and when (monotonic, s); `last` is the newest message.
+
+    `newest` has that of each node.
+    """
 
     def __init__(self, topic: str, message_class: type = rospy.AnyMsg) -> None:
         self.heard: List[Tuple[float, str]] = []
         self.last: Any = None
+        self.newest: Dict[str, Any] = {}
         self._subscriber = rospy.Subscriber(topic, message_class, self._received, tcp_nodelay=True)
 
     def _received(self, message: Any) -> None:
-        self.last = message
-        self.heard.append((time.monotonic(), message._connection_header["callerid"]))
+        node = message._connection_header["callerid"]
+        self.last = self.newest[node] = message
+        self.heard.append((time.monotonic(), node))
 
     def times(self, node: str) -> List[float]:
         """When `node` published."""
@@ -42,16 +47,18 @@ class TopicRecord:
 
 
 class HealedRobot:
-    """The state of healing, as it is published: incidents, substitutions, services."""
+    """The state of healing in a namespace: incidents, substitutions, services."""
 
-    def __init__(self) -> None:
+    def __init__(self, namespace: str = "") -> None:
         self.incidents: Dict[int, Incident] = {}
         self._substitutions: Dict[str, Substitution] = {}
         self._services: Dict[str, ServiceState] = {}
         self._lock = threading.Lock()
-        rospy.Subscriber("/shsa/incidents", Incident, self._incident)
-        rospy.Subscriber("/shsa/substitutions", Substitutions, self._substitutions_changed)
-        rospy.Subscriber("/shsa/som_state", SomState, self._som_changed)
+        rospy.Subscriber(f"{namespace}/shsa/incidents", Incident, self._incident)
+        rospy.Subscriber(
+            f"{namespace}/shsa/substitutions", Substitutions, self._substitutions_changed
+        )
+        rospy.Subscriber(f"{namespace}/shsa/som_state", SomState, self._som_changed)
 
     def _incident(self, incident: Incident) -> None:
         with self._lock:
@@ -108,6 +115,14 @@ class HealedRobot:
             return all(states.get(topic) for topic in topics)
 
         wait_until(available, seconds, f"{', '.join(topics)} available")
+
+    def await_verified(self, *nodes: str, seconds: float = 30.0) -> None:
+        """Wait until healing knows which processes these nodes are."""
+
+        def verified() -> bool:
+            return {*nodes} <= {node for row in self.services for node in row.verified}
+
+        wait_until(verified, seconds, f"{', '.join(nodes)} verified")
 
 
 def _changed(old: Dict[str, Any], change: Any, rows: Dict[str, Any]) -> Dict[str, Any]:

@@ -1,43 +1,36 @@
 """Checks an ontology and a SOM before they are relied on: `shsa check`."""
 import re
-from dataclasses import dataclass
 from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple, Union
 
-from shsa_core.analysis.failures import Failures
+from shsa_core.analysis.budget import check_budgets
+from shsa_core.analysis.finding import Finding
+from shsa_core.analysis.takeover import Takeover, Takeovers
+from shsa_core.analysis.type_check import MessageTypes, check_healable, check_types
 from shsa_core.codegen.generator import generate
+from shsa_core.codegen.plans import read_alone
+from shsa_core.codegen.program import INTEGRAL, compile_program
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, UnitError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
+from shsa_core.files.trust import refuse_others_commands
 from shsa_core.language.interval import Interval
 from shsa_core.language.units import Unit, parse_unit
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
-from shsa_core.search.derivation import LOST, Derivation
+from shsa_core.search.derivation import Derivation
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One thing that a check found: where (file and line), what, and what to do.
-
-    `level` is error or warning.
-    """
-
-    level: str
-    where: str
-    what: str
-    todo: str = ""
-
-    def __str__(self) -> str:
-        text = f"{self.where}: {self.level}: {self.what}"
-        return f"{text}. {self.todo}." if self.todo else text
-
-
-def check_files(ontology_path: str, som_path: Optional[str] = None) -> List[Finding]:
+def check_files(
+    ontology_path: str,
+    som_path: Optional[str] = None,
+    types: Optional[MessageTypes] = None,
+    namespace: str = "/",
+) -> List[Finding]:
     """Everything found in the files, by file and line.
 
-    The model is valid if no finding is an error.
+    The model is valid if no finding is an error. Without `types` no message type is looked up.
     """
     try:
         ontology, errors = load_ontology(ontology_path)
@@ -46,11 +39,15 @@ def check_files(ontology_path: str, som_path: Optional[str] = None) -> List[Find
     som = None
     if som_path is not None:
         try:
-            som, som_errors = load_som(som_path)
+            som, som_errors = load_som(som_path, namespace)
             errors = errors + som_errors
         except ModelError as error:
             errors = errors + [error]
     findings = [_from_error(error) for error in errors] + check_model(ontology, som)
+    if som is not None and types is not None:
+        findings += check_types(som, types)
+    if som is not None and som_path is not None:
+        findings += _check_who_writes(som, som_path)
     return sorted(findings, key=lambda f: (f.level != "error", _place(f.where)))
 
 
@@ -63,8 +60,18 @@ def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
         findings += _check_names(ontology, som)
         findings += _check_ranges(ontology, known)
         findings += _check_reach(ontology, known)
-        findings += _check_needed(ontology, som, known)
+        findings += _check_needed(ontology, som)
+        findings += check_healable(som)
+        findings += check_budgets(som)
     return findings
+
+
+def _check_who_writes(som: Som, path: str) -> Iterator[Finding]:
+    try:
+        refuse_others_commands(som, path)
+    except ModelError as error:
+        todo = "Healing refuses it here: keep it from others"
+        yield Finding("warning", path, error.what, todo)
 
 
 def _from_error(error: ModelError) -> Finding:
@@ -118,9 +125,18 @@ def _check_functions(ontology: Ontology) -> Iterator[Finding]:
         )
         derivation = Derivation(function.output, None, function, inputs)
         try:
-            generate([(derivation, "/output/data")], ontology.constants)
+            program = generate([(derivation, "/output/data")], ontology.constants)
         except GenerationError as error:
             yield Finding("error", function.where, str(error), "Correct the function or a constant")
+            continue
+        if INTEGRAL in program.code and compile_program(program.code, len(inputs), 1).hidden:
+            yield Finding(
+                "warning",
+                function.where,
+                f"{_name(function)}: an integral within an expression starts at 0 in a substitute",
+                "Give the integral a property and a relation of its own: "
+                "a lost value that is nothing but an integral starts at its last good value",
+            )
 
 
 def _check_names(ontology: Ontology, som: Som) -> Iterator[Finding]:
@@ -141,10 +157,12 @@ def _check_ranges(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Fin
         if function.law is None:
             continue
         names = [*function.law.names, *(function.constraint.names if function.constraint else ())]
-        own = {name: ranges[name] for name in names if name in ranges}
+        always = {name: ranges[name] for name in names if name in ranges}
+        own, troubles = always, []
         if function.constraint is not None:
-            own = function.constraint.narrowed(own)
-        for trouble in function.law.troubles(own):
+            troubles = function.constraint.troubles(always)
+            own = function.constraint.narrowed(always)
+        for trouble in dict.fromkeys([*troubles, *function.law.troubles(own, always)]):
             yield Finding(
                 "warning",
                 function.where,
@@ -201,22 +219,45 @@ def _reachable(ontology: Ontology, provided: Set[str]) -> Set[str]:
     return reached
 
 
-def _check_needed(ontology: Ontology, som: Som, sources: List[Source]) -> Iterator[Finding]:
-    failures = Failures(ontology.network, sources)
+def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
+    takeovers = Takeovers(ontology, som.sources)
     for service in som.needed():
-        failure = failures.after([service.node])
-        known = [name for name in service.properties if name in ontology.properties]
-        numbers = {name: ontology.network.number(name) for name in known}
-        lost = [name for name in known if failure.ratings[numbers[name]] == LOST]
-        if lost:
-            missing = {m for name in lost for m in failures.missing(numbers[name], failure)}
-            yield Finding(
-                "warning",
-                service.where,
-                f"{service.name} is needed, but if {service.node} fails there is "
-                f"{NoSubstitute(lost, sorted(missing))}",
-                "Add a relation or a service that yields what is missing",
-            )
+        if read_alone(service) or not service.policy.plans:
+            continue  # check_healable says it, or nobody looks for a substitute
+        what = f"{service.name} is needed, but if {service.node} fails there is"
+        todo = "Add a relation or a service that yields what is missing"
+        try:
+            takeover = takeovers.of(service)
+        except NoSubstitute as none:
+            yield Finding("warning", service.where, f"{what} {none}", todo)
+        except GenerationError as error:
+            todo = "Write the relation as an expression, or add another one"
+            yield Finding("warning", service.where, f"{what} no substitute for it: {error}", todo)
+        else:
+            yield from _check_takeover(service, takeover)
+
+
+def _check_takeover(service: Service, takeover: Takeover) -> Iterator[Finding]:
+    """What is not as good of a substitute as its quality says."""
+    shared = {c: source for source in takeover.reads for c in source.service.fails_with}
+    for cause in (cause for cause in service.fails_with if cause in shared):
+        yield Finding(
+            "warning",
+            service.where,
+            f"{service.name} is needed, and fails with {cause}; "
+            f"so does {shared[cause].service.name}, which its substitute reads",
+            f"Add a relation or a service that does without {cause}",
+        )
+    slow = takeover.slower_than(service)
+    if slow is not None:
+        yield Finding(
+            "warning",
+            service.where,
+            f"{service.name} comes every {service.period:g} s; its substitute reads "
+            f"{slow.service.name}, which comes every {slow.service.period:g} s: "
+            "in between it repeats what is old",
+            "Add a faster service, or lower the quality of the slow one",
+        )
 
 
 def _sources_of(names: Iterable[str]) -> Tuple[Source, ...]:

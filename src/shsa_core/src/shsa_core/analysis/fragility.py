@@ -1,4 +1,4 @@
-"""Which node failures a property does not survive, for all nodes at once."""
+"""Which failures a property does not survive, for all nodes and common causes at once."""
 from contextlib import contextmanager
 from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
 
@@ -6,29 +6,32 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 
 AS_IT_IS = (
-    1  # the bit for: lost already, whatever else fails; each bit above it stands for one node
+    1  # the bit for: lost already, whatever else fails; each bit above it stands for one cause
 )
 
 
 class Fragility:
-    """For every property the nodes that it cannot be derived without, as bits of a number.
+    """For every property the causes that it cannot be derived without, as bits of a number.
 
-    A source is lost with its node, a function with any of its inputs, a property with all of its
-    sources and functions. All begin as lost and are regained until nothing changes: what depends on
-    itself alone stays lost. Functions that cannot be executed do not count.
+    A cause is a node, or what services fail with. A source is lost with any of its causes, a
+    function with any of its inputs, a property with all of its sources and functions. All begin
+    as lost and are regained until nothing changes: what depends on itself alone stays lost.
+    Functions that cannot be executed do not count.
     """
 
     def __init__(self, ontology: Ontology, som: Som) -> None:
         network = ontology.network
-        self.nodes = tuple(sorted({service.node for service in som}))
-        self._bits = {node: AS_IT_IS << place for place, node in enumerate(self.nodes, 1)}
+        self.causes = tuple(sorted({cause for service in som for cause in service.causes}))
+        self._bits = {cause: AS_IT_IS << place for place, cause in enumerate(self.causes, 1)}
         self._number = network.number
+        self._names = network.names
         self._measured: Dict[int, List[int]] = {}
         self._measures: Dict[str, List[int]] = {}
         for source in som.sources:
             number = network.number(source.property)
-            self._measured.setdefault(number, []).append(self._bits[source.node])
-            self._measures.setdefault(source.node, []).append(number)
+            self._measured.setdefault(number, []).append(self.bit(*source.service.causes))
+            for cause in source.service.causes:
+                self._measures.setdefault(cause, []).append(number)
         self._functions: Dict[int, List[Sequence[int]]] = {}
         self._users: Dict[int, Set[int]] = {}
         for f, function in enumerate(network.functions):
@@ -37,7 +40,7 @@ class Fragility:
                 for input_ in network.inputs_of(f):
                     self._users.setdefault(input_, set()).add(network.outputs[f])
         self._order = self._inputs_first(range(len(network.names)))
-        everything = (AS_IT_IS << (len(self.nodes) + 1)) - 1
+        everything = (AS_IT_IS << (len(self.causes) + 1)) - 1
         self._lost = dict.fromkeys(self._order, everything)
         self._everything = everything
         self._regain(self._order, self._lost, failed=0)
@@ -71,9 +74,9 @@ class Fragility:
                 users.remove(number)
 
     def after(self, failed: Iterable[str]) -> Dict[int, int]:
-        """The bits of each property, by number, once some nodes have failed."""
-        nodes = tuple(failed)
-        stack = [number for node in nodes for number in self._measures[node]]
+        """The bits of each property, by number, once some causes have failed."""
+        causes = tuple(failed)
+        stack = [number for cause in causes for number in self._measures[cause]]
         touched = set(stack)
         while stack:
             for output in self._users.get(stack.pop(), ()):
@@ -83,12 +86,12 @@ class Fragility:
         lost = self._lost.copy()
         lost.update(dict.fromkeys(touched, self._everything))
         order = [number for number in self._order if number in touched]
-        self._regain(order, lost, sum(self._bits[node] for node in nodes))
+        self._regain(order, lost, self.bit(*causes))
         return lost
 
     def names(self, bits: int) -> Tuple[str, ...]:
-        """The nodes that bits stand for."""
-        return tuple(node for node in self.nodes if self._bits[node] & bits)
+        """The causes that bits stand for."""
+        return tuple(cause for cause in self.causes if self._bits[cause] & bits)
 
     def bits(self, names: Iterable[str], lost: Optional[Dict[int, int]] = None) -> int:
         """The bits of several properties together: one lost is all lost.
@@ -100,9 +103,17 @@ class Fragility:
             together |= (self._lost if lost is None else lost)[self._number(name)]
         return together
 
-    def bit(self, node: str) -> int:
-        """The bit of a node."""
-        return self._bits[node]
+    def ancestors(self, names: Iterable[str]) -> List[str]:
+        """Some properties, and all that they can be derived from, in the order of the network."""
+        found = set(self._inputs_first([self._number(name) for name in names]))
+        return [name for number, name in enumerate(self._names) if number in found]
+
+    def bit(self, *causes: str) -> int:
+        """The bits of some causes."""
+        together = 0
+        for cause in causes:
+            together |= self._bits[cause]
+        return together
 
     def _regain(self, order: Sequence[int], lost: Dict[int, int], failed: int) -> None:
         stale = set(order)
@@ -129,9 +140,9 @@ class Fragility:
 
     def _bits_of(self, number: int, lost: Dict[int, int], failed: int) -> int:
         bits = lost[number]
-        for node in self._measured.get(number, ()):
-            if not node & failed:
-                bits &= node
+        for causes in self._measured.get(number, ()):
+            if not causes & failed:
+                bits &= causes
         for inputs in self._functions.get(number, ()):
             needed = 0
             for input_ in inputs:

@@ -1,6 +1,6 @@
 """What is left when a property is lost, by the SOM alone: without a running graph."""
 from collections import deque
-from typing import Iterable, List, NamedTuple, Tuple
+from typing import Iterable, List, NamedTuple, Optional, Tuple
 
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
@@ -10,33 +10,43 @@ from shsa_core.search.derivation import LOST, SourceTable
 
 
 class Loss(NamedTuple):
-    """A lost property: its lost sources, those that stay, and what must not be used."""
+    """A lost property: its lost source, those that stay, and what must not be used.
+
+    `source` is None where nothing provides it.
+    """
 
     name: str
-    lost: Tuple[Source, ...]
+    source: Optional[Source]
     available: Tuple[Source, ...]
     excluded: Tuple[str, ...]
 
-    @property
-    def output(self) -> str:
-        """Topic and field that a substitute would fill.
+    def apart(self) -> "Loss":
+        """The same, without all that shares a cause with the lost service."""
+        assert self.source is not None
+        causes = self.source.service.fails_with
+        available = [s for s in self.available if set(causes).isdisjoint(s.names)]
+        return self._replace(available=tuple(available), excluded=(*self.excluded, *causes))
 
-        The property's name if nothing provides it.
-        """
-        return self.lost[0].path if self.lost else self.name
 
+def lose(som: Som, name: str, without: Iterable[str] = ()) -> Tuple[Loss, ...]:
+    """The losses of the property `name`: by each needed service, or its first if none is needed.
 
-def lose(som: Som, name: str, without: Iterable[str] = ()) -> Loss:
-    """The loss of the property `name`: of its needed sources, or its first one if none is needed.
-
-    What their services and nodes provide, and the services, topics and nodes in `without`, are lost
-    with it.
+    What this service and its node provide, and the services, topics, nodes and causes in `without`,
+    are lost with it. Each is a loss of its own: other services of the property stay.
     """
     own = som.of_property(name)
     lost = tuple(source for source in own if source.service.needed) or own[:1]
-    excluded = dict.fromkeys([*(s.service.name for s in lost), *(s.node for s in lost), *without])
-    available = [s for s in som.sources if excluded.keys().isdisjoint(s.names)]
-    return Loss(name, lost, tuple(available), tuple(excluded))
+    if not lost:
+        return (_loss(som, name, None, without),)
+    return tuple(
+        _loss(som, name, source, [source.service.name, source.node, *without]) for source in lost
+    )
+
+
+def _loss(som: Som, name: str, source: Optional[Source], excluded: Iterable[str]) -> Loss:
+    names = tuple(dict.fromkeys(excluded))
+    available = tuple(s for s in som.sources if set(names).isdisjoint(s.names))
+    return Loss(name, source, available, names)
 
 
 class DeadBranch(NamedTuple):

@@ -1,6 +1,9 @@
 """What the resilience analysis says."""
 from dataclasses import dataclass
+from math import comb
 from typing import Optional, Tuple
+
+from shsa_core.model.error import Error
 
 
 @dataclass(frozen=True)
@@ -8,7 +11,7 @@ class Alternative:
     """The best derivation of a lost property by one relation, or by another source of it.
 
     `by` is the relation's name or the source's path, `inputs` the paths read, `nodes` those that
-    publish them.
+    publish them; `error`: what is expected, in the property's unit, None: not known.
     """
 
     property: str
@@ -16,15 +19,18 @@ class Alternative:
     quality: float
     inputs: Tuple[str, ...]
     nodes: Tuple[str, ...]
+    error: Optional[Error] = None
 
 
 @dataclass(frozen=True)
 class ServiceReport:
     """A needed service, and what is left of it when its node fails.
 
-    `quality` of its best substitute, None if there is none; `reads`, the nodes that it needs;
-    `missing`, what it lacks; `alternatives` for each of its properties, the best first; `cuts`, the
-    smallest sets of nodes whose failure together loses the service.
+    `quality` of its best substitute, None if there is none; `errors`, what is expected of each of
+    its properties, in the order and unit of these, None: not known; `reads`, the causes that this
+    needs; `missing`, what it lacks; `refused`, why there is none although nothing is missing;
+    `alternatives` for each of its properties, the best first; `cuts`, the smallest sets of causes
+    whose failure together loses the service. A cause is a node, or what services fail with.
     """
 
     service: str
@@ -34,13 +40,15 @@ class ServiceReport:
     quality: Optional[float]
     reads: Tuple[str, ...]
     missing: Tuple[str, ...]
+    refused: str
     alternatives: Tuple[Alternative, ...]
     cuts: Tuple[Tuple[str, ...], ...]
+    errors: Tuple[Optional[Error], ...] = ()
 
 
 @dataclass(frozen=True)
 class NodeReport:
-    """What the loss of a node costs.
+    """What the loss of a node costs, or of whatever else services fail with.
 
     `lost`: its needed services that nothing replaces; `healed`: those with a substitute, and its
     quality; `leaned_on`: needed services of other nodes whose best substitute reads this node.
@@ -54,7 +62,7 @@ class NodeReport:
 
 @dataclass(frozen=True)
 class Cut:
-    """A smallest set of nodes whose failure together loses needed services, and which."""
+    """A smallest set of causes whose failure together loses needed services, and which."""
 
     nodes: Tuple[str, ...]
     services: Tuple[str, ...]
@@ -62,7 +70,7 @@ class Cut:
 
 @dataclass(frozen=True)
 class Survival:
-    """The share of failures of one node, and of two at once, that lose no needed service.
+    """The share of failures of one cause, and of two at once, that lose no needed service.
 
     `double` is None where it was not worked out.
     """
@@ -85,7 +93,12 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Report:
-    """How resilient a robot is."""
+    """How resilient a robot is.
+
+    `exact` names what was looked for among all that there is: `sensor`, `relation`. The other is
+    the best of those that seemed worth a look. `late`: the services that are healed later than they
+    tolerate, each with the sums.
+    """
 
     services: Tuple[ServiceReport, ...]
     nodes: Tuple[NodeReport, ...]
@@ -93,3 +106,15 @@ class Report:
     survival: Survival
     sensor: Optional[Suggestion]
     relation: Optional[Suggestion]
+    exact: Tuple[str, ...]
+    late: Tuple[str, ...] = ()
+
+
+def survival(causes: int, alone: int, pairs: Optional[int]) -> Survival:
+    """The shares survived, if `alone` causes and `pairs` of them lose something.
+
+    The pairs include those of which one is fatal alone.
+    """
+    both = comb(causes, 2)
+    double = None if pairs is None else (both - pairs) / both if both else 1.0
+    return Survival((causes - alone) / causes if causes else 1.0, double)

@@ -1,29 +1,35 @@
-"""How resilient a robot is: what replaces each needed service, and which nodes must not fail."""
+"""How resilient a robot is: what replaces each needed service, and what must not fail."""
+from dataclasses import replace
 from itertools import combinations
 from math import comb
-from typing import Dict, FrozenSet, Iterable, Iterator, List, Sequence, Set, Tuple
+from typing import Dict, FrozenSet, Iterable, List, Sequence, Set, Tuple
 
-from shsa_core.analysis.failures import Failures
+from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.fragility import Fragility
 from shsa_core.analysis.remedies import Remedies
-from shsa_core.analysis.report import Alternative, Cut, NodeReport, Report, ServiceReport, Survival
+from shsa_core.analysis.report import Alternative, Cut, NodeReport, Report, ServiceReport
+from shsa_core.analysis.report import Survival, survival
+from shsa_core.analysis.takeover import Takeovers
+from shsa_core.codegen.choice import ordered
+from shsa_core.errors import GenerationError, NoSubstitute
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.quality import cost
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
-from shsa_core.search.derivation import LOST
+from shsa_core.search.derivation import LOST, Derivation
 from shsa_core.search.ratings import Ratings
 
 Nodes = FrozenSet[str]
 
 
 def analyse(ontology: Ontology, som: Som, size: int = 2) -> Report:
-    """How resilient a robot is, with all cuts of up to `size` nodes, two at least.
+    """How resilient a robot is, with all cuts of up to `size` causes, two at least.
 
-    Every service in the SOM counts as available until its node fails. Relations that cannot be
-    executed do not count. The cuts are exact: a set of nodes is a cut if no substitute avoids it,
-    and each of its nodes lies on a substitute that avoids the others (hitting sets; R. Reiter, A
-    theory of diagnosis from first principles, 1987).
+    A cause is a node, or what services fail with. Every service in the SOM counts as available
+    until one of its causes fails. Relations that cannot be executed do not count. The cuts are
+    exact: a set of causes is a cut if no substitute avoids it, and each of its causes lies on a
+    substitute that avoids the others (hitting sets; R. Reiter, A theory of diagnosis from first
+    principles, 1987).
     """
     return _Analysis(ontology, som, max(size, 2)).report()
 
@@ -35,87 +41,109 @@ class _Analysis:
         self._som = som
         self._size = size
         self._fragility = Fragility(ontology, som)
-        self._failures = Failures(ontology.network, som.sources, self._executable)
+        self._takeovers = Takeovers(ontology, som.sources)
+        self._failures = self._takeovers.failures
         self._failed: Nodes = frozenset()
         self._left: Dict[int, int] = {}
-        self._hosted: Dict[str, List[Service]] = {}  # the needed services by their node
+        self._hosted: Dict[str, List[Service]] = {}  # the needed services by what they fail with
         for service in som.needed():
-            self._hosted.setdefault(service.node, []).append(service)
+            for cause in service.causes:
+                self._hosted.setdefault(cause, []).append(service)
+        self._cuts_of: Dict[str, Set[Nodes]] = {}  # by service
 
     def report(self) -> Report:
         """The whole analysis."""
-        found: Dict[str, ServiceReport] = {}
-        for node, hosted in self._hosted.items():
-            found.update(self._services(node, hosted))
-        services = tuple(found[service.name] for service in self._som.needed())
-        cuts = _robot_cuts(services)
-        survival = _survived(len(self._fragility.nodes), cuts)
+        for cause, hosted in self._hosted.items():
+            for service in hosted:
+                cuts = self._cuts(service.properties, frozenset([cause]))
+                self._cuts_of.setdefault(service.name, set()).update(cuts)
+        services = tuple(self._service(service) for service in self._som.needed())
+        robot_cuts = _robot_cuts(services)
         remedies = Remedies(self._ontology, self._som, self._fragility, services)
+        sensors, relations = remedies.sensors(), remedies.relations()
+        kinds = {"sensor": sensors, "relation": relations}
         return Report(
             services,
-            tuple(self._node(node, services) for node in self._fragility.nodes),
-            cuts,
-            survival,
-            remedies.most_helpful(remedies.sensors(), survival),
-            remedies.most_helpful(remedies.relations(), survival),
+            tuple(self._node(cause, services) for cause in self._fragility.causes),
+            robot_cuts,
+            _survived(len(self._fragility.causes), robot_cuts),
+            sensors.best,
+            relations.best,
+            tuple(kind for kind, found in kinds.items() if found.exact),
+            tuple(finding.what for finding in check_budgets(self._som)),
         )
 
-    def _services(
-        self, node: str, hosted: Sequence[Service]
-    ) -> Iterator[Tuple[str, ServiceReport]]:
-        """The reports on the needed services of a node."""
-        failure = self._failures.after([node])
-        ratings = failure.ratings
-        for service in hosted:
-            names = service.properties
-            numbers = [self._network.number(name) for name in names]
-            dead = [number for number in numbers if ratings[number] == LOST]
-            missing = {name for n in dead for name in self._failures.missing(n, failure)}
-            alternatives = [a for name in names for a in self._alternatives(name, node)]
-            yield service.name, ServiceReport(
-                service.name,
-                service.topic,
-                node,
-                names,
-                None if dead else _product(ratings[number][4] for number in numbers),
-                () if dead else _nodes(_read(ratings, numbers)),
-                tuple(sorted(missing)),
-                tuple(alternatives),
-                _sorted(self._cuts(names, frozenset([node]))),
-            )
+    def _service(self, service: Service) -> ServiceReport:
+        """The report on a needed service."""
+        missing: Tuple[str, ...] = ()
+        refused = ""
+        takeover = None
+        try:
+            takeover = self._takeovers.of(service)
+        except NoSubstitute as none:
+            missing = none.missing
+        except GenerationError as error:
+            refused = str(error)
+        cuts = self._cuts_of[service.name]
+        if takeover is None:
+            cuts.add(frozenset([service.node]))
+        names = service.properties
+        return ServiceReport(
+            service.name,
+            service.topic,
+            service.node,
+            names,
+            None if takeover is None else takeover.quality,
+            () if takeover is None else _causes(takeover.reads),
+            missing,
+            refused,
+            tuple(a for name in names for a in self._alternatives(name, service.node)),
+            _sorted(_smallest(cuts)),
+            () if takeover is None else takeover.errors,
+        )
 
     def _alternatives(self, name: str, failed: str) -> List[Alternative]:
         """For a lost property its sources, and relations with their best inputs; best first."""
         network, number = self._network, self._network.number(name)
         ratings = self._failures.after([failed], blocked=number).ratings
         found = [
-            ((cost(s.quality), 0, 1), Alternative(name, s.path, s.quality, (s.path,), (s.node,)))
+            (
+                (cost(s.quality), 0, 1),
+                Derivation(name, s, None),
+                Alternative(name, s.path, s.quality, (s.path,), (s.node,)),
+            )
             for s in ratings.sources.of(number)
         ]
-        for function in filter(self._executable, network.functions_of(number)):
+        for function in filter(self._takeovers.executable, network.functions_of(number)):
             rating = ratings.by_function(function)
             if rating != LOST:
-                read = _read(ratings, network.inputs_of(function))
+                inputs = tuple(map(ratings.derivation, network.inputs_of(function)))
+                by = Derivation(name, None, network.functions[function], inputs)
+                read = by.sources()
                 paths = tuple(source.path for source in read)
                 relation = network.functions[function].relation
                 alternative = Alternative(name, relation, rating[4], paths, _nodes(read))
-                found.append((rating[:3], alternative))
-        found.sort(key=lambda pair: pair[0])
-        return [alternative for _, alternative in found]
-
-    def _executable(self, function: int) -> bool:
-        return self._network.functions[function].law is not None
+                found.append((rating[:3], by, alternative))
+        found.sort(key=lambda each: each[0])
+        predictor = self._takeovers.predictor
+        alternatives = [alternative for *_, alternative in found]
+        if predictor is None:
+            return alternatives
+        derivations = [derivation for _, derivation, _ in found]
+        errors = predictor.of(derivations)
+        order = ordered(derivations, errors, predictor)
+        return [replace(alternatives[i], error=errors[i]) for i in order]
 
     def _cuts(self, names: Sequence[str], failed: Nodes) -> Set[Nodes]:
-        """The smallest cuts of a service that have the nodes `failed`, one of which is its own."""
+        """The smallest cuts of a service that have the causes `failed`, one of which is its own."""
         if any(self._fragility.bits(names) & self._fragility.bit(node) for node in failed):
             return {failed}
         bits = self._fragility.bits(names, self._left_by(failed))
         cuts = {failed | {node} for node in self._fragility.names(bits) if node not in failed}
         if len(failed) + 1 < self._size:
             numbers = [self._network.number(name) for name in names]
-            for node in _nodes(_read(self._failures.after(failed).ratings, numbers)):
-                more = failed | {node}
+            for cause in _causes(_read(self._failures.after(failed).ratings, numbers)):
+                more = failed | {cause}
                 if more not in cuts:
                     cuts |= self._cuts(names, more)
         return _smallest(cuts)
@@ -129,24 +157,35 @@ class _Analysis:
             self._failed, self._left = failed, self._fragility.after(failed)
         return self._left
 
-    def _node(self, node: str, services: Iterable[ServiceReport]) -> NodeReport:
-        own = [service for service in services if service.node == node]
-        return NodeReport(
-            node,
-            tuple(s.service for s in own if s.quality is None),
-            tuple((s.service, s.quality) for s in own if s.quality is not None),
-            tuple(s.service for s in services if node in s.reads),
-        )
+    def _node(self, cause: str, services: Sequence[ServiceReport]) -> NodeReport:
+        own = {service.name for service in self._hosted.get(cause, ())}
+        lost: List[str] = []
+        healed: List[Tuple[str, float]] = []
+        for service in services:
+            if service.service not in own:
+                continue
+            quality = service.quality
+            if cause != service.node:
+                quality = None if (cause,) in service.cuts else self._quality(service, cause)
+            if quality is None:
+                lost.append(service.service)
+            else:
+                healed.append((service.service, quality))
+        leaned_on = tuple(s.service for s in services if cause in s.reads)
+        return NodeReport(cause, tuple(lost), tuple(healed), leaned_on)
+
+    def _quality(self, service: ServiceReport, cause: str) -> float:
+        """How well a service is replaced once a cause has failed that it shares."""
+        ratings = self._failures.after([cause]).ratings
+        return _product(ratings[self._network.number(name)][4] for name in service.properties)
 
 
-def _survived(nodes: int, cuts: Iterable[Cut]) -> Survival:
-    """The shares of single and double failures that a robot of so many nodes survives."""
+def _survived(causes: int, cuts: Iterable[Cut]) -> Survival:
+    """The shares of single and double failures that a robot with so many causes survives."""
     singles = sum(len(cut.nodes) == 1 for cut in cuts)
     doubles = sum(len(cut.nodes) == 2 for cut in cuts)
-    if nodes < 2:
-        return Survival(1.0 - singles, 1.0)
-    survived = comb(nodes - singles, 2) - doubles
-    return Survival(1 - singles / nodes, survived / comb(nodes, 2))
+    pairs = comb(causes, 2) - comb(causes - singles, 2) + doubles
+    return survival(causes, singles, pairs)
 
 
 def _robot_cuts(services: Iterable[ServiceReport]) -> Tuple[Cut, ...]:
@@ -168,6 +207,10 @@ def _read(ratings: Ratings, numbers: Iterable[int]) -> Tuple[Source, ...]:
     """The sources that the best derivations of several properties read."""
     derivations = [ratings.derivation(number) for number in numbers]
     return tuple(dict.fromkeys(s for d in derivations for s in d.sources()))
+
+
+def _causes(sources: Iterable[Source]) -> Tuple[str, ...]:
+    return tuple(dict.fromkeys(cause for s in sources for cause in s.service.causes))
 
 
 def _nodes(sources: Iterable[Source]) -> Tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Draws an ontology and a SOM with graphviz: what is provided, derivable and lost."""
+import html
 import subprocess
-from html import escape
 from typing import Dict, Iterable, Iterator, List, Optional, Set, Tuple
 
 from shsa_core.errors import ModelError
@@ -8,6 +8,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import Derivation, SourceTable
+from shsa_core.text import shown
 
 Edge = Tuple[str, str]
 
@@ -82,7 +83,7 @@ def dot_text(
         lines.append(_node(node, _property(name, own, node in used), attributes, node in used))
     for function in ontology.functions:
         node = f"r {function.relation} {function.output}"
-        text = f"<i>{escape(function.relation)}</i>"
+        text = f"<i>{_escaped(function.relation)}</i>"
         lines.append(_node(node, text, RELATION, node in used))
         edges = [(f"p {name}", node) for name in function.inputs if name in sources]
         lines += [_edge(edge, bold) for edge in [*edges, (node, f"p {function.output}")]]
@@ -116,9 +117,9 @@ def _bold(substitution: Optional[Derivation]) -> Set[Edge]:
 
 def _property(name: str, sources: Iterable[Source], used: bool) -> str:
     """A property's name, and below it in small where it is provided."""
-    paths = (f'<br/><font point-size="9">{escape(source.path)}</font>' for source in sources)
-    shown = f"<b>{escape(name)}</b>" if used else escape(name)
-    return shown + "".join(paths)
+    paths = (f'<br/><font point-size="9">{_escaped(source.path)}</font>' for source in sources)
+    label = f"<b>{_escaped(name)}</b>" if used else _escaped(name)
+    return label + "".join(paths)
 
 
 def _node(node: str, text: str, attributes: str, used: bool) -> str:
@@ -143,9 +144,14 @@ def _label(title: str, with_substitution: bool) -> str:
             yield "<td><b>→</b></td><td>the substitution</td>"
 
     key = f'<table border="0" cellspacing="4"><tr>{"".join(cells())}</tr></table>'
-    rows = f"<tr><td>{escape(title)}</td></tr>" if title else ""
+    rows = f"<tr><td>{_escaped(title)}</td></tr>" if title else ""
     return f'  label=<<table border="0">{rows}<tr><td>{key}</td></tr></table>>;'
 
 
+def _escaped(text: str) -> str:
+    """A text in a label."""
+    return html.escape(shown(text))
+
+
 def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return '"' + shown(text).replace("\\", "\\\\").replace('"', '\\"') + '"'

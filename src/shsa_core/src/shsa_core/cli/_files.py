@@ -1,9 +1,9 @@
 """The options that name the ontology and the SOM, and what they name."""
 import argparse
 import difflib
-import sys
-from typing import Iterable, Tuple
+from typing import Iterable, List, Tuple
 
+from shsa_core.cli._output import say
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
@@ -18,22 +18,34 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--som", metavar="FILE", required=True, help="the service-to-ontology mapping"
     )
+    add_namespace(parser)
+
+
+def add_namespace(parser: argparse.ArgumentParser) -> None:
+    """Add --namespace."""
+    parser.add_argument(
+        "--namespace",
+        metavar="NAME",
+        default="/",
+        help="where relative names of topics and nodes are (/)",
+    )
 
 
 def add_without(parser: argparse.ArgumentParser) -> None:
     """Add --without."""
     parser.add_argument(
         "--without",
-        metavar="NODE|TOPIC",
+        metavar="NAME",
         action="append",
         default=[],
-        help="do without this node or topic as well; may be given several times",
+        help="do without this node, topic, service or common cause (fails_with) as well; may be "
+        "given several times",
     )
 
 
 def read_models(args: argparse.Namespace) -> Tuple[Ontology, Som]:
     """The models that the options name. Raises ModelError."""
-    return read_ontology(args.ontology), read_som(args.som)
+    return read_ontology(args.ontology), read_som(args.som, args.namespace)
 
 
 def check_property(name: str, ontology: Ontology, som: Som) -> None:
@@ -53,13 +65,26 @@ def services_of(topic: str, som: Som) -> Tuple[Service, ...]:
     return services
 
 
-def warn_of_unknown(names: Iterable[str], som: Som) -> None:
-    """Say on stderr which names are no node, topic or service of the SOM."""
-    known = {name for service in som for name in (service.name, service.node, service.topic)}
+def service_of(name: str, som: Som) -> Service:
+    """The service of a name. Raises ModelError, with the nearest names, if there is none."""
+    service = som.services.get(name)
+    if service is None:
+        raise ModelError(name, f"no such service{_nearest(name, som.services)}")
+    return service
+
+
+def left_out(args: argparse.Namespace, som: Som) -> List[str]:
+    """What --without names: services and common causes by name, topics and nodes by full name.
+
+    Says on stderr what is none of them.
+    """
+    known = {name for source in som.sources for name in source.names}
+    names = [som.known_name(name, args.namespace) for name in args.without]
     for name in names:
         if name not in known:
             text = f"no service in the SOM has the node or topic {name}{_nearest(name, known)}"
-            print(f"shsa: {text}", file=sys.stderr)
+            say(f"shsa: {text}", error=True)
+    return names
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:

@@ -4,7 +4,10 @@ import json
 from dataclasses import asdict
 from typing import Any
 
+from shsa_core import message_types
 from shsa_core.analysis.check import check_files
+from shsa_core.cli._files import add_namespace
+from shsa_core.cli._output import say
 
 
 def add_parser(subparsers: Any) -> None:
@@ -17,20 +20,23 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("ontology", metavar="FILE", help="the ontology")
     parser.add_argument("--som", metavar="FILE", help="the service-to-ontology mapping")
+    add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON document")
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the findings. Returns 0 if the model is valid, 1 if it is not."""
-    findings = check_files(args.ontology, args.som)
+    types = message_types if message_types.available() else None
+    findings = check_files(args.ontology, args.som, types, args.namespace)
     errors = sum(finding.level == "error" for finding in findings)
     if args.json:
-        print(
-            json.dumps({"valid": not errors, "findings": [asdict(f) for f in findings]}, indent=2)
-        )
+        answer = {"valid": not errors, "types_checked": types is not None and args.som is not None}
+        print(json.dumps({**answer, "findings": [asdict(f) for f in findings]}, indent=2))
     else:
+        if types is None and args.som is not None:
+            say("types not checked: there is no ROS here")
         for finding in findings:
-            print(finding)
+            say(finding)
         verdict = "not valid" if errors else "valid"
-        print(f"{verdict}: {errors} errors, {len(findings) - errors} warnings")
+        say(f"{verdict}: {errors} errors, {len(findings) - errors} warnings")
     return 1 if errors else 0

@@ -1,44 +1,41 @@
-"""`shsa find`: what would replace a property, or a topic."""
+"""`shsa find`: what would replace a property, a service, or all services of a topic."""
 import argparse
 import json
-from itertools import islice
-from typing import Any, Dict, FrozenSet, Iterator, List, Sequence, Tuple
+from typing import Any, Iterator, List, Optional, Tuple
 
-from shsa_core.analysis.loss import Loss, dead_branches, lose
+from shsa_core.analysis.loss import lose
+from shsa_core.cli._answers import Answer, Asked, of_property, of_service
 from shsa_core.cli._files import (
     add_options,
     add_without,
     check_property,
+    left_out,
     read_models,
+    service_of,
     services_of,
-    warn_of_unknown,
 )
-from shsa_core.codegen.generator import generate
-from shsa_core.codegen.plans import METHODS, plan_service, plan_sources
-from shsa_core.errors import GenerationError, ModelError, NoSubstitute
-from shsa_core.model.ontology import Ontology
-from shsa_core.model.service import Provision, Service, Source
-from shsa_core.model.som import Som
-from shsa_core.search.derivation import Derivation, SourceTable
-from shsa_core.search.substitutes import Substitute, iter_substitutes
-
-Answer = Dict[str, Any]
-ALTERNATIVES = 100  # that an explanation looks at
-MOST_LINES = 200  # of a derivation that an explanation has
+from shsa_core.cli._output import say, whole_number
+from shsa_core.codegen.plans import METHODS
+from shsa_core.codegen.prediction import predictor
+from shsa_core.errors import ModelError
+from shsa_core.model.names import full_name
+from shsa_core.model.service import Service
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "find",
-        help="say what would replace a property or a topic",
-        description="Says what would replace a property, or all values of a topic, if the node "
-        "that provides it failed. Every service in the SOM counts as available, save those of "
-        "that node.",
+        help="say what would replace a property, a service or a topic",
+        description="Says what would replace a property, a service, or all services of a topic, "
+        "if the node that provides it failed. Every service in the SOM counts as available, save "
+        "those of that node. It says what healing would do: a service is healed with all of its "
+        "values, or not at all.",
     )
     lost = parser.add_mutually_exclusive_group(required=True)
     lost.add_argument("property", metavar="PROPERTY", nargs="?", help="the lost property")
-    lost.add_argument("--topic", metavar="TOPIC", help="the lost topic")
+    lost.add_argument("--topic", metavar="TOPIC", help="the lost topic: each of its services")
+    lost.add_argument("--service", metavar="SERVICE", help="the lost service")
     add_options(parser)
     add_without(parser)
     parser.add_argument(
@@ -49,12 +46,23 @@ def add_parser(subparsers: Any) -> None:
         "all: every one, best first",
     )
     parser.add_argument(
-        "--limit", type=int, default=1000, metavar="N", help="with all: stop after N (1000)"
+        "--limit",
+        type=whole_number(1),
+        default=1000,
+        metavar="N",
+        help="with all: stop after N (1000)",
     )
     parser.add_argument(
         "--explain",
         action="store_true",
         help="show the derivation, the alternatives, and what dead branches lack",
+    )
+    parser.add_argument(
+        "--alternatives",
+        type=whole_number(0),
+        default=5,
+        metavar="N",
+        help="with --explain: how many (5)",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON document")
 
@@ -62,158 +70,79 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print what would replace it. Returns 0 if something does, else 1."""
     ontology, som = read_models(args)
-    warn_of_unknown(args.without, som)
+    asked = Asked(
+        ontology,
+        som,
+        tuple(left_out(args, som)),
+        args.method,
+        args.limit,
+        args.alternatives if args.explain else None,
+        predictor(ontology, som.sources),
+    )
+    if args.property is None and (args.method == "all" or args.explain):
+        raise ModelError("--topic and --service", "all and --explain are for a property")
     if args.topic is not None:
-        if args.method == "all" or args.explain:
-            raise ModelError("--topic", "all and --explain are for a property")
-        services = services_of(args.topic, som)
-        answers = [_of_service(ontology, som, each, args) for each in services]
+        services = services_of(full_name(args.topic, args.namespace), som)
+        answers = [of_service(asked, each) for each in services]
         answer: Answer = {"topic": args.topic, "services": answers}
+        lines = [line for each in answers for line in _text(each)]
+    elif args.service is not None:
+        answer = of_service(asked, service_of(args.service, som))
+        answers, lines = [answer], list(_text(answer))
     else:
         check_property(args.property, ontology, som)
-        answer = _of_property(ontology, lose(som, args.property, args.without), args)
+        answer, lines = _property(asked, args.property)
         answers = [answer]
-    lines = (line for each in answers for line in _text(each))
-    print(json.dumps(answer, indent=2) if args.json else "\n".join(lines))
+    say(json.dumps(answer, indent=2) if args.json else "\n".join(lines))
     return 1 if any("substitute" in each for each in answers) else 0
 
 
-def _of_property(ontology: Ontology, loss: Loss, args: argparse.Namespace) -> Answer:
-    if args.method == "all":
-        answer = _all(ontology, loss, args.limit)
-    else:
-        answer = _one(ontology, loss, args.method)
-    if args.explain:
-        answer.update(_explanation(ontology, loss))
-    return answer
+def _property(asked: Asked, name: str) -> Tuple[Answer, List[str]]:
+    """The answer for a property, and its text: for each needed service that provides it.
 
-
-def _of_service(ontology: Ontology, som: Som, service: Service, args: argparse.Namespace) -> Answer:
-    """What would take a whole service over."""
-    answer: Answer = {"service": service.name, "properties": list(service.properties)}
-    table = SourceTable(ontology.network, som.sources)
-    try:
-        plan = plan_service(ontology, service, table, [service.node, *args.without], args.method)
-    except (NoSubstitute, GenerationError) as error:
-        return {**answer, **_refusal(error)}
-    outputs = [source.path for source in plan.outputs]
-    return {
-        **answer,
-        **_answer(plan.quality, plan.relations, plan.proven_best, plan.program, outputs),
-    }
-
-
-def _one(ontology: Ontology, loss: Loss, method: str) -> Answer:
-    """What replaces the lost property."""
-    table = SourceTable(ontology.network, loss.available)
-    output = loss.lost[0] if loss.lost else _new_source(loss.name)
-    try:
-        plan = plan_sources(ontology, output.service.name, [output], table, method)
-    except (NoSubstitute, GenerationError) as error:
-        return {"property": loss.name, **_refusal(error)}
-    found = _answer(plan.quality, plan.relations, plan.proven_best, plan.program, [output.path])
-    return {"property": loss.name, **found}
-
-
-def _new_source(name: str) -> Source:
-    """Where a property that nothing provides would be published: on a topic of its name."""
-    service = Service(name, "/" + name, "", "", None, (Provision(name, "data"),))
-    return service.sources[0]
-
-
-def _answer(
-    quality: float, relations: Sequence[str], proven_best: bool, program: Any, outputs: List[str]
-) -> Answer:
-    return {
-        "quality": quality,
-        "relations": list(relations),
-        "proven_best": proven_best,
-        "inputs": list(program.inputs) if program is not None else [],
-        "code": program.code if program is not None else None,
-        "output": ",".join(outputs),
-    }
-
-
-def _refusal(error: Exception) -> Answer:
-    if isinstance(error, NoSubstitute):
-        return {"substitute": None, "missing": list(error.missing)}
-    return {"substitute": None, "missing": [], "refused": str(error)}
-
-
-def _all(ontology: Ontology, loss: Loss, limit: int) -> Answer:
-    found = iter_substitutes(ontology, loss.available, loss.name)
-    substitutes = [_described(ontology, loss, each) for each in islice(found, limit)]
-    answer: Answer = {"property": loss.name, "substitutes": substitutes}
-    answer["complete"] = next(found, None) is None
-    if not substitutes:
-        answer.update(_one(ontology, loss, "best"))
-    return answer
-
-
-def _described(ontology: Ontology, loss: Loss, substitute: Substitute) -> Answer:
-    derivation = substitute.derivation
-    output = (loss.lost[0] if loss.lost else _new_source(loss.name)).path
-    refused: Answer = {}
-    program = None
-    try:
-        program = generate([(derivation, output)], ontology.constants)
-    except GenerationError as error:
-        refused = {"refused": str(error), "inputs": _paths(derivation)}
-    relations = derivation.relations()
-    answer = _answer(substitute.quality, relations, substitute.proven_best, program, [output])
-    return {"property": loss.name, **answer, **refused}
-
-
-def _paths(derivation: Derivation) -> List[str]:
-    return list(dict.fromkeys(source.path for source in derivation.sources()))
-
-
-def _explanation(ontology: Ontology, loss: Loss) -> Answer:
-    """The best derivation line by line, the alternatives, and what the dead branches lack."""
-    # By relations and sources: where in the tree these stand is left out.
-    alternatives: Dict[Tuple[Tuple[str, ...], FrozenSet[Source]], Substitute] = {}
-    for each in islice(iter_substitutes(ontology, loss.available, loss.name), ALTERNATIVES):
-        key = each.derivation.relations(), frozenset(each.derivation.sources())
-        alternatives.setdefault(key, each)
-    found = list(alternatives.values())
-    return {
-        "derivation": list(islice(_tree(found[0].derivation), MOST_LINES)) if found else [],
-        "alternatives": [
-            {
-                "quality": each.quality,
-                "relations": list(each.derivation.relations()),
-                "inputs": [source.path for source in each.derivation.sources()],
-            }
-            for each in found[1:]
-        ],
-        "dead": [dead._asdict() for dead in dead_branches(ontology, loss)],
-    }
-
-
-def _tree(derivation: Derivation) -> Iterator[str]:
-    """The derivation, one line for each property, indented by its depth."""
-    stack = [(derivation, 0)]
-    while stack:
-        part, depth = stack.pop()
-        if part.source is not None:
-            by = f"measured by {part.source.node} at {part.source.path}"
-            quality = part.source.quality
-        else:
-            assert part.function is not None
-            by = f"{part.function.relation}: {part.function.text}"
-            quality = part.function.quality
-        yield f"{'  ' * depth}{part.property}  {by}  (quality {quality:g})"
-        stack.extend((input_, depth + 1) for input_ in reversed(part.inputs))
+    What is said of the property is said of the first service that cannot be healed, else of the
+    first one.
+    """
+    losses = lose(asked.som, name, asked.without)
+    parts: List[Tuple[Service, Answer, Answer]] = []
+    for loss in losses:
+        if loss.source is None:
+            answer = of_property(asked, loss)
+            return answer, list(_text(answer))
+        whole = of_service(asked, loss.source.service)
+        parts.append((loss.source.service, whole, of_property(asked, loss, whole)))
+    lines: List[str] = []
+    for service, whole, answer in parts:
+        if len(parts) > 1:
+            lines.append(f"If the service {service.name} of {service.node} fails:")
+        lines += _text(answer)
+        if len(service.properties) > 1 and "substitute" not in whole:
+            lines.append(
+                f"The service {service.name} ({service.topic}) is healed with all of its values, "
+                f"{', '.join(service.properties)}: {_summary(whole)}"
+            )
+    chosen = next((each for _, _, each in parts if "substitute" in each), parts[0][2])
+    if len(parts) > 1:
+        several = [{**whole, "value": answer} for _, whole, answer in parts]
+        return {**chosen, "services": several}, lines
+    if len(parts[0][0].properties) > 1:
+        return {**chosen, "services": [parts[0][1]]}, lines
+    return chosen, lines
 
 
 def _text(answer: Answer) -> Iterator[str]:
     """The answer in words, line by line."""
-    name = answer.get("property") or f"the service {answer['service']}"
-    if answer.get("refused"):
+    name = answer.get("property", "")
+    if "service" in answer:
+        name = f"the service {answer['service']}"
+    if "substitute" in answer and answer.get("refused"):
         yield f"Nothing that can be executed replaces {name}: {answer['refused']}"
     elif "substitute" in answer:
         lacking = ", ".join(answer["missing"]) or f"any relation that yields {name}"
         yield f"Nothing replaces {name}. Missing: {lacking}"
+    if "alone" in answer:
+        yield f"{answer['property']} alone could be derived: {_summary(answer['alone'])}"
+        yield "But a service is healed with all of its values, or not at all"
     for number, each in enumerate(answer.get("substitutes", []), 1):
         yield f"{number:4}. {_summary(each)}"
     if not answer.get("complete", True):
@@ -224,12 +153,22 @@ def _text(answer: Answer) -> Iterator[str]:
         yield f"output  {answer['output']}"
         yield "code"
         yield from ("    " + line for line in answer["code"].splitlines())
+    if "starts_at_zero" in answer:
+        yield "It has an integral within an expression, which starts at 0: its first value may jump"
+    if "shares" in answer:
+        yield f"It reads what fails with {', '.join(answer['shares'])} too; nothing else would do"
+    if "slow" in answer:
+        slow = answer["slow"]
+        every = f"{slow['period']:g} s"
+        yield f"It reads {slow['service']}, which comes every {every}: in between it repeats"
     if answer.get("derivation"):
         yield "derivation"
         yield from ("    " + line for line in answer["derivation"])
     if answer.get("alternatives"):
         yield "alternatives"
         yield from ("    " + _summary(each) for each in answer["alternatives"])
+        if answer["more_alternatives"]:
+            yield f"    and {answer['more_alternatives']} more; see --alternatives"
     if answer.get("dead"):
         yield "dead branches"
         for dead in answer["dead"]:
@@ -239,4 +178,15 @@ def _text(answer: Answer) -> Iterator[str]:
 def _summary(each: Answer) -> str:
     by = ", ".join(each["relations"]) or "the same property elsewhere"
     refused = "  (cannot be executed)" if "refused" in each else ""
-    return f"quality {each['quality']:.4g} by {by} from {', '.join(each['inputs'])}{refused}"
+    error = _error(each.get("error"))
+    for name, of in each.get("errors", {}).items():
+        error += _error(of, f"{name} " if len(each["errors"]) > 1 else "")
+    inputs = ", ".join(each["inputs"])
+    return f"quality {each['quality']:.4g}{error} by {by} from {inputs}{refused}"
+
+
+def _error(error: Optional[Answer], of: str = "") -> str:
+    """An expected error in words, with a comma before it; in the property's unit."""
+    if error is None:
+        return ""
+    return f", {of}error {error['rms']:.3g} (95 %: {error['p95']:.3g})"

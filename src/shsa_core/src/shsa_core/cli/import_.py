@@ -7,6 +7,7 @@ import json
 import os
 from typing import Any, Dict, List, Sequence
 
+from shsa_core.cli._output import say
 from shsa_core.errors import ModelError
 from shsa_core.files.knowledge_base import Provision, read_knowledge_base
 from shsa_core.files.saving import save_ontology
@@ -44,14 +45,14 @@ def run(args: argparse.Namespace) -> int:
         )
         return 0
     for note in base.notes:
-        print(note)
+        say(note)
     ontology = base.ontology
-    print(
+    say(
         f"{args.ontology}: {len(ontology.properties)} properties, {len(ontology.constants)} "
         f"constants, {len(ontology.functions)} functions"
     )
     if args.som:
-        print(
+        say(
             f"{args.som}: {len(base.provisions)} services with blanks; fill them in, then: "
             f"shsa check {args.ontology} --som {args.som}"
         )
@@ -63,7 +64,8 @@ def som_draft(provisions: Sequence[Provision]) -> str:
     lines: List[str] = [
         "# A draft: fill in the blanks. A topic may still have its field at the end: split it",
         "# (/odom/twist/twist/linear/x is the field twist.twist.linear.x of the topic /odom).",
-        "# Values of one topic belong to one service: put them together.",
+        "# Values of one topic belong to one service: put them together. Where a field reads min()",
+        "# or the like, the name of the array goes between the brackets: min(ranges).",
         "services:" if provisions else "services: {}",
     ]
     counts: Dict[str, int] = {}
@@ -71,6 +73,7 @@ def som_draft(provisions: Sequence[Provision]) -> str:
         count = counts[provision.property] = counts.get(provision.property, 0) + 1
         name = provision.property if count == 1 else f"{provision.property}_{count}"
         quality = "" if provision.quality is None else f", quality: {provision.quality!r}"
+        field = f"{provision.reduction}()" if provision.reduction else ""
         period = "" if provision.period is None else f" {provision.period!r}"
         lines += [
             f"  {name}:",
@@ -80,6 +83,6 @@ def som_draft(provisions: Sequence[Provision]) -> str:
             f"    period:{period}",
             *(["    needed: true"] if provision.needed else []),
             "    provides:",
-            f"      {provision.property}: {{field: {quality}}}",
+            f"      {provision.property}: {{field: {field}{quality}}}",
         ]
     return "\n".join(lines) + "\n"

@@ -9,8 +9,11 @@ from typing import Any, Dict, List, Optional, Tuple
 
 import shsa_core.cli
 from shsa_core import __version__
+from shsa_core.cli._output import say
 from shsa_core.errors import NoSubstitute, ShsaError
 
+PLUGINS = {"inject": "shsa_injection.cli", "chaos": "shsa_injection.cli"}
+"""Commands of packages that need not be installed, and where each is."""
 DONE, NO, WRONG = 0, 1, 2  # exit statuses
 INTERRUPTED, CLOSED_PIPE = 128 + signal.SIGINT, 128 + signal.SIGPIPE  # as the shell tells them
 
@@ -52,9 +55,37 @@ def _parser() -> Tuple[argparse.ArgumentParser, Dict[str, Any]]:
             command: Any = importlib.import_module("shsa_core.cli." + module.name)
             command.add_parser(subparsers)
             commands[module.name.rstrip("_")] = command
+    for name, package in PLUGINS.items():
+        commands[name] = _plugin(name, package)
+        commands[name].add_parser(subparsers)
     return parser, commands
 
 
+class _NotInstalled:
+    """Stands for a command whose package is not installed."""
+
+    def __init__(self, name: str, package: str, why: str) -> None:
+        self._name = name
+        self._text = f"needs the package {package}, which is not installed ({why})"
+
+    def add_parser(self, subparsers: Any) -> None:
+        """Take any words: nobody here can tell whether they are right."""
+        parser = subparsers.add_parser(self._name, prefix_chars="\0", add_help=False)
+        parser.add_argument("words", nargs="*")
+
+    def run(self, args: argparse.Namespace) -> int:
+        """Raises ShsaError."""
+        raise ShsaError(f"{self._name} {self._text}")
+
+
+def _plugin(name: str, package: str) -> Any:
+    """The module of a command in another package; where that cannot be loaded, what says so."""
+    try:
+        return importlib.import_module(f"{package}.{name}")
+    except ImportError as error:
+        return _NotInstalled(name, package.split(".")[0], str(error))
+
+
 def _say(error: Exception, status: int) -> int:
-    print(f"shsa: {error}", file=sys.stderr)
+    say(f"shsa: {error}", error=True)
     return status

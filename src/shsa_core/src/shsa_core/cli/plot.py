@@ -8,9 +8,11 @@ from shsa_core.cli._files import (
     add_options,
     add_without,
     check_property,
+    left_out,
     read_models,
-    warn_of_unknown,
 )
+from shsa_core.codegen.choice import substitutes
+from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import ModelError, NoSubstitute
 from shsa_core.search.substitutes import find_substitute
 
@@ -36,12 +38,12 @@ def run(args: argparse.Namespace) -> int:
     if not args.output.endswith((".svg", ".png")):
         raise ModelError("--output", f"{args.output} does not end in .svg or .png")
     ontology, som = read_models(args)
-    warn_of_unknown(args.without, som)
+    args.without = left_out(args, som)
     available = [source for source in som.sources if set(args.without).isdisjoint(source.names)]
     derivation, title, none = None, "", None
     if args.property is not None:
         check_property(args.property, ontology, som)
-        loss = lose(som, args.property, args.without)
+        loss = lose(som, args.property, args.without)[0]
         available = list(loss.available)
         title = f"{args.property} is lost"
         try:
@@ -50,7 +52,14 @@ def run(args: argparse.Namespace) -> int:
             none, title = error, f"{title}; nothing replaces it"
         else:
             derivation = found.derivation
+            expected = None
+            knows = predictor(ontology, som.sources)
+            if knows is not None:
+                found, expected = next(substitutes(ontology, available, args.property, knows))
+                derivation = found.derivation
             title = f"{title}; its substitute has the quality {found.quality:.3g}"
+            if expected is not None:
+                title = f"{title} and the expected error {expected.rms:.3g}"
     picture = draw(ontology, available, args.output[-3:], derivation, title)
     with open(args.output, "wb") as file:
         file.write(picture)

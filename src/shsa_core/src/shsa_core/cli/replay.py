@@ -5,6 +5,7 @@ from math import inf
 from statistics import median
 from typing import Any, Dict, Iterator, List, Optional, Tuple
 
+from shsa_core.cli._output import say
 from shsa_core.cli._short import in_short
 from shsa_core.journal.lines import Answer
 from shsa_core.journal.reader import Journal
@@ -118,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
     journal = Journal(args.journal)
     summary = _Summary()
     if not args.json:
-        print(f"{journal.kind.name}, recorded from {journal.begun}")
+        say(f"{journal.kind.name}, recorded from {journal.begun}")
     decisions = []
     for step in replay(journal):
         moment = summary.add(step)
@@ -127,7 +128,7 @@ def run(args: argparse.Namespace) -> int:
         if args.json:
             decisions.append(_as_dict(journal, step, moment))
         else:
-            print("\n".join(_lines(step, moment)))
+            say("\n".join(_lines(step, moment)))
     if args.json:
         document = {
             "machine": journal.kind.name,
@@ -138,8 +139,8 @@ def run(args: argparse.Namespace) -> int:
         }
         print(json.dumps(document, indent=2))
     else:
-        print(f"end: {journal.end}")
-        print("\n".join(summary.lines()))
+        say(f"end: {journal.end}")
+        say("\n".join(summary.lines()))
     return 0 if summary.good else 1
 
 

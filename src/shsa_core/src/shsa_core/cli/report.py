@@ -1,28 +1,15 @@
 """`shsa report`: how resilient a robot is."""
 import argparse
 import json
-import shutil
-import textwrap
 from dataclasses import asdict
-from typing import Any, List, NamedTuple, Optional, Sequence, Tuple
-
-from tabulate import tabulate
+from typing import Any, List, Optional, Tuple
 
 from shsa_core.analysis.report import Report, Suggestion, Survival, ServiceReport
 from shsa_core.analysis.resilience import analyse
 from shsa_core.cli._files import add_options, read_models
-from shsa_core.errors import ModelError
-
-MIN_WIDTH = 12  # of a column, in characters
-
-
-class Table(NamedTuple):
-    """A title, the names of the columns, and rows of text; `nothing` stands for no rows."""
-
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    nothing: str
+from shsa_core.cli._output import say, whole_number
+from shsa_core.cli._tables import Table, show
+from shsa_core.model.error import Error
 
 
 def add_parser(subparsers: Any) -> None:
@@ -36,7 +23,7 @@ def add_parser(subparsers: Any) -> None:
     add_options(parser)
     parser.add_argument(
         "--size",
-        type=int,
+        type=whole_number(1),
         default=2,
         metavar="N",
         help="how many nodes may fail together (2); more takes longer",
@@ -47,8 +34,6 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the report, and write the page. Returns 0."""
-    if args.size < 1:
-        raise ModelError("--size", f"{args.size} nodes cannot fail; at least 1")
     ontology, som = read_models(args)
     report = analyse(ontology, som, args.size)
     if args.html:
@@ -60,9 +45,9 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(asdict(report), indent=2))
         return 0
     for table in tables(report):
-        _print(table)
+        show(table)
     for line in summary(report):
-        print(line)
+        say(line)
     return 0
 
 
@@ -72,23 +57,28 @@ def summary(report: Report) -> List[str]:
     count = len(report.services)
     lines = [
         f"{count - len(lost)} of {count} needed services can be replaced when their node fails.",
-        f"Failures of one node survived: {_share(report.survival.single)}; of two nodes at once: "
-        f"{_share(report.survival.double)}.",
+        f"Failures of one {_kind(report)} survived: {_share(report.survival.single)}; of two "
+        f"{_kind(report)}s at once: {_share(report.survival.double)}.",
     ]
     for kind, suggestion in (("sensor", report.sensor), ("relation", report.relation)):
-        lines.append(_suggestion(kind, suggestion))
-    return lines
+        lines.append(_suggestion(kind, suggestion, kind in report.exact))
+    return lines + [f"{late}." for late in report.late]
 
 
-def _suggestion(kind: str, suggestion: Optional[Suggestion]) -> str:
+def _kind(report: Report) -> str:
+    """What fails: a node, or a cause where services fail with more than nodes."""
+    return "node" if all(each.node.startswith("/") for each in report.nodes) else "cause"
+
+
+def _suggestion(kind: str, suggestion: Optional[Suggestion], exact: bool) -> str:
     if suggestion is None:
-        return f"No single new {kind} would raise that."
+        which = f"No single new {kind}" if exact else f"No new {kind} that was looked at"
+        return f"{which} would raise that."
     what = f"of {suggestion.property} on a node of its own"
     if suggestion.source is not None:
         what = f"that yields {suggestion.property} from {suggestion.source}, if there is one"
-    return (
-        f"The new {kind} that would raise it most: one {what}, to {_survival(suggestion.survival)}."
-    )
+    which = f"The new {kind} that would raise it most" if exact else f"A new {kind} that would help"
+    return f"{which}: one {what}, to {_survival(suggestion.survival)}."
 
 
 def _survival(survival: Survival) -> str:
@@ -106,7 +96,14 @@ def tables(report: Report) -> List[Table]:
     return [
         Table(
             "Needed services",
-            ("service", "topic", "node", "quality", "alternatives, best first", "fatal with it"),
+            (
+                "service",
+                "topic",
+                "node",
+                "quality",
+                "alternatives, best first",
+                "fatal with it",
+            ),
             [_service(each) for each in report.services],
             "The SOM marks no service as needed.",
         ),
@@ -142,10 +139,12 @@ def tables(report: Report) -> List[Table]:
 def _service(service: ServiceReport) -> Tuple[str, ...]:
     several = len(service.properties) > 1
     alternatives = [
-        f"{a.property + ' ' if several else ''}by {a.by} ({a.quality:.3g})"
+        f"{a.property + ' ' if several else ''}by {a.by} ({a.quality:.3g}{_error(a.error)})"
         for a in service.alternatives
     ]
-    if service.quality is None:
+    if service.refused:
+        alternatives.append(service.refused)
+    elif service.quality is None:
         lacking = ", ".join(service.missing) or "any relation that yields it"
         alternatives.append(f"missing: {lacking}")
     cuts = [cut for cut in service.cuts if len(cut) > 1]
@@ -154,34 +153,21 @@ def _service(service: ServiceReport) -> Tuple[str, ...]:
         service.service,
         service.topic,
         service.node,
-        "lost" if service.quality is None else f"{service.quality:.3g}",
+        "lost" if service.quality is None else _rated(service),
         "\n".join(alternatives),
         "\n".join(others),
     )
 
 
-def _print(table: Table) -> None:
-    if not table.rows:
-        print(f"{table.title}: {table.nothing}\n")
-        return
-    widths = _widths([table.columns, *table.rows], shutil.get_terminal_size((120, 24)).columns)
-    rows = [[_fold(cell, width) for cell, width in zip(row, widths)] for row in table.rows]
-    columns = [_fold(column, width) for column, width in zip(table.columns, widths)]
-    print(table.title)
-    print(tabulate(rows, columns, tablefmt="grid", disable_numparse=True), end="\n\n")
-
-
-def _widths(rows: Sequence[Sequence[str]], room: int) -> List[int]:
-    """How wide each column may be, in characters: the widest ones give way."""
-    widths = [
-        max(len(line) for cell in column for line in cell.split("\n")) for column in zip(*rows)
+def _rated(service: ServiceReport) -> str:
+    """The quality of a service's substitute, and its error, of each value a line."""
+    lines = [
+        f"{name if len(service.properties) > 1 else ''}{_error(error)}".lstrip(", ")
+        for name, error in zip(service.properties, service.errors)
+        if error is not None
     ]
-    while sum(widths) + 3 * len(widths) + 1 > room and max(widths) > MIN_WIDTH:
-        widths[widths.index(max(widths))] -= 1
-    return widths
+    return "\n".join([f"{service.quality:.3g}", *lines])
 
 
-def _fold(cell: str, width: int) -> str:
-    """The lines of a cell, none longer than its column is wide."""
-    lines = (textwrap.wrap(line, max(width, 1)) for line in cell.split("\n"))
-    return "\n".join(line for part in lines for line in part)
+def _error(error: Optional[Error]) -> str:
+    return "" if error is None else f", error {error.rms:.3g}"

@@ -1,19 +1,22 @@
 """A substitute's code, read and checked anew, whoever sent it."""
 import ast
-import builtins
 import re
 from dataclasses import dataclass
 from typing import Dict, List, Mapping, NoReturn, Optional, Sequence, Set, Tuple, Union
 
 from shsa_core.errors import CodeError, ExpressionError
-from shsa_core.language.expression import check_tree, is_name
+from shsa_core.language.expression import check_tree
+from shsa_core.language.syntax import MAX_STEPS, NO_FILE, is_free
+from shsa_core.language.trees import name_nodes
 
 MAX_CODE = 100_000
 MAX_RELATIONS = 1000
-MAX_STEPS = 100
+MAX_DELAYS = 200
+"""Each may hold a thousand samples: about 100 kB."""
+
+DELAY = "delay"
 
 _NOT_ALLOWED = re.compile(r"[^A-Za-z0-9_+\-*/%.,<>=!() \[\];:#\n\\]|\\(?!\n)")
-_TAKEN = re.compile(r"_.*|[it][0-9]+|[xy]")
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ def check_code(code: str, n_inputs: int, n_outputs: int) -> CheckedCode:
         line = code.count("\n", 0, foreign.start()) + 1
         raise CodeError(f"line {line}: the character {foreign.group()!a} is not allowed in code")
     try:
-        body = ast.parse(code).body
+        body = ast.parse(code, NO_FILE).body
     except SyntaxError as error:
         raise CodeError(f"line {error.lineno}: not Python: {error.msg}") from error
     except (MemoryError, RecursionError, ValueError, OverflowError) as error:
@@ -74,6 +77,7 @@ class _Reader:
         self._next = 0
         self._lines: Dict[str, int] = {}
         self._used: Set[str] = set()
+        self._delays = 0
 
     def read(self, n_inputs: int, n_outputs: int) -> CheckedCode:
         """The meaning of the code."""
@@ -222,7 +226,7 @@ class _Reader:
         name = statement.targets[0].id
         if name in known:
             self._fail(statement, f"{name} has a value already")
-        if not is_name(name) or _TAKEN.fullmatch(name) or hasattr(builtins, name):
+        if not is_free(name):
             self._fail(statement, f"{name} may not be assigned; take another name")
         return name, statement.value
 
@@ -241,12 +245,15 @@ class _Reader:
     def _check(self, tree: ast.expr, known: Set[str], condition: bool) -> Set[str]:
         """The names that the tree uses."""
         try:
-            used = check_tree(tree, condition)
+            used = check_tree(tree, condition, final=True)
         except ExpressionError as error:
             raise CodeError(f"line {tree.lineno}: {error}") from error
         for name in used:
             if name not in known:
                 self._fail(tree, f"{name} has no value here")
+        self._delays += sum(node.id == DELAY for node in name_nodes(tree))
+        if self._delays > MAX_DELAYS:
+            self._fail(tree, f"{DELAY}(...) stands more than {MAX_DELAYS} times in the code")
         return set(used)
 
     def _read_outputs(self, n_outputs: int) -> Tuple[str, ...]:

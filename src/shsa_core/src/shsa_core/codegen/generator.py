@@ -3,7 +3,7 @@ from dataclasses import dataclass
 from typing import Dict, List, Mapping, Sequence, Tuple, Union
 
 from shsa_core.codegen.checked_code import check_code
-from shsa_core.errors import CodeError, GenerationError
+from shsa_core.errors import CodeError, GenerationError, listed
 from shsa_core.language.expression import Condition
 from shsa_core.language.law import Law
 from shsa_core.model.ontology import Constant
@@ -29,7 +29,7 @@ def generate(
     Every input is read once and every relation computed once, however often it is used.
     Raises GenerationError, by name, where a relation has no executable function.
     """
-    nodes = _in_order([derivation for derivation, _ in derivations])
+    nodes = in_order([derivation for derivation, _ in derivations])
     inputs = {_place(source): i for i, source in enumerate(inputs_of([d for d, _ in derivations]))}
     variables: Dict[int, str] = {}
     computed: Dict[Tuple[str, str, Tuple[str, ...]], str] = {}
@@ -53,8 +53,8 @@ def generate(
     try:
         check_code(code, len(inputs), len(derivations))
     except CodeError as error:
-        names = ", ".join(dict.fromkeys(n.function.relation for n in nodes if n.function))
-        raise GenerationError(f"no code for the relations {names}: {error}") from error
+        names = list(dict.fromkeys(n.function.relation for n in nodes if n.function))
+        raise GenerationError(f"no code for the relations {listed(names)}: {error}") from error
     return Program(tuple(path for path, _ in inputs), code, tuple(path for _, path in derivations))
 
 
@@ -76,7 +76,7 @@ def _result(variables: Sequence[str]) -> str:
 def inputs_of(derivations: Sequence[Derivation]) -> Tuple[Source, ...]:
     """The sources that the program of some derivations reads, as its inputs are ordered."""
     sources: Dict[Tuple[str, str], Source] = {}
-    for node in _in_order(derivations):
+    for node in in_order(derivations):
         if node.source is not None:
             sources.setdefault(_place(node.source), node.source)
     return tuple(sources.values())
@@ -90,7 +90,7 @@ def _place(source: Source) -> Tuple[str, str]:
     return source.path, source.node
 
 
-def _in_order(roots: Sequence[Derivation]) -> List[Derivation]:
+def in_order(roots: Sequence[Derivation]) -> List[Derivation]:
     """Every derivation once, inputs before what is made of them, left to right."""
     done: Dict[int, Derivation] = {}
     stack: List[Tuple[Derivation, bool]] = [(root, False) for root in reversed(roots)]
@@ -118,16 +118,13 @@ def _definition(
     lines = [
         f"def {name}({','.join(parameters.values())}): # {function.relation}: {function.output}"
     ]
+
+    def known(part: Union[Law, Condition]) -> Dict[str, str]:
+        return {n: parameters.get(n) or _number(constants[n].value) for n in part.names}
+
     if function.constraint is not None:
-        lines.append(f"  require({_written(function.constraint, parameters, constants)})")
-    lines.append(f"  return {_written(function.law, parameters, constants)}")
-    return lines
-
-
-def _written(
-    law: Union[Law, Condition], parameters: Mapping[str, str], constants: Mapping[str, Constant]
-) -> str:
-    return law.code({n: parameters.get(n) or _number(constants[n].value) for n in law.names})
+        lines.append(f"  require({function.constraint.code(known(function.constraint))})")
+    return lines + ["  " + line for line in function.law.body(known(function.law))]
 
 
 def _number(value: float) -> str:

@@ -1,10 +1,16 @@
 """Plans: what takes a failed service over. One substitute gives all of its values again."""
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
-from typing import Collection, Iterable, Iterator, Optional, Sequence, Tuple
+from math import prod
+from typing import Callable, Collection, Iterable, Iterator, List, Optional, Sequence, Tuple, Union
 
+from shsa_core.codegen.choice import choose, joined
 from shsa_core.codegen.generator import Program, generate, generate_values, inputs_of
+from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, ShsaError
+from shsa_core.model.error import Error
+from shsa_core.model.field import reduces
 from shsa_core.model.network import Network
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
@@ -15,9 +21,9 @@ from shsa_core.search.ranking import Ranking
 from shsa_core.search.substitutes import SMALLEST_QUALITY
 
 METHODS = ("best", "depth_first", "orr")  # orr: the paper's word for depth_first
-# How many derivations are passed over because no code can be generated for them, as for a very
-# large one.
-REFUSED_AT_MOST = 100
+# How many derivations are passed over because no code can be generated for them, as they are too
+# large; then the smallest are looked at, as many again.
+REFUSED_AT_MOST = 20
 
 
 @dataclass(frozen=True)
@@ -26,8 +32,9 @@ class Plan:
 
     Plans are equal if they do the same: the same program for the same service from the same inputs.
     `inputs` and `outputs` are the sources that the program reads and gives again, in its order.
-    `quality`, in (0, 1], is the product over all outputs; `derivations` follow them. `proven_best`:
-    no plan that was asked for is better.
+    `quality`, in (0, 1], is the product over all outputs; `derivations` follow them, and so do
+    `errors`, the expected ones in the unit of each property, None: not known. `proven_best`: no
+    plan that was asked for is better.
     """
 
     service: str
@@ -38,6 +45,7 @@ class Plan:
     relations: Tuple[str, ...] = field(compare=False)
     proven_best: bool = field(compare=False)
     derivations: Tuple[Derivation, ...] = field(compare=False, repr=False)
+    errors: Tuple[Optional[Error], ...] = field(compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -59,21 +67,27 @@ def plan_service(
     excluded: Iterable[str] = (),
     method: str = "best",
     tried: Collection[Plan] = (),
+    predictor: Optional[Predictor] = None,
 ) -> Plan:
     """The best plan for a lost service, other than those `tried`, from the sources in the table.
 
-    Neither the service itself is used nor the services, topics and nodes `excluded`. `method`:
-    `best`; or `depth_first`, the first found. Raises NoSubstitute with what is missing,
-    GenerationError if only relations that cannot be executed would do.
+    Neither the service itself is used nor the services, topics, nodes and causes `excluded`. What
+    shares a cause with the service is used only if nothing else will do: it may have failed too,
+    but what is still there is better than nothing. `method`: `best`; or `depth_first`, the first
+    found. `predictor`: who knows errors; with it the best is the one of the smallest, see
+    `codegen.choice`. Raises NoSubstitute with what is missing, GenerationError if only relations
+    that cannot be executed would do, or if its messages cannot be written.
     """
-    return plan_sources(
-        ontology,
-        service.name,
-        service.sources,
-        table.excluding([service.name, *excluded]),
-        method,
-        tried,
-    )
+    check_writable(service)
+    available = table.excluding([service.name, *excluded])
+    question = ontology, service.name, service.sources
+    if service.fails_with:
+        try:
+            apart = available.excluding(service.fails_with)
+            return plan_sources(*question, apart, method, tried, predictor)
+        except (NoSubstitute, GenerationError):
+            pass
+    return plan_sources(*question, available, method, tried, predictor)
 
 
 def plan_sources(
@@ -83,6 +97,7 @@ def plan_sources(
     table: SourceTable,
     method: str = "best",
     tried: Collection[Plan] = (),
+    predictor: Optional[Predictor] = None,
 ) -> Plan:
     """The plan that gives some sources of a service again, from all that is in the table.
 
@@ -93,27 +108,25 @@ def plan_sources(
     properties = [source.property for source in outputs]
     refused: Optional[GenerationError] = None
     failed = set()
-    found = _derivations(ontology.network, table, properties, method)
-    for rated, proven_best in islice(found, len(tried) + REFUSED_AT_MOST):
-        derivations = rated.derivation.inputs
-        try:
-            program = _program(ontology, derivations, outputs)
-        except GenerationError as error:
-            refused = refused or error
-            continue
-        plan = Plan(
-            service,
-            program,
-            inputs_of(derivations),
-            tuple(outputs),
-            max(rated.quality, SMALLEST_QUALITY),
-            tuple(dict.fromkeys(r for d in derivations for r in d.relations())),
-            proven_best,
-            derivations,
-        )
-        if plan not in tried:
-            return plan
-        failed.add(plan)
+    most = len(tried) + REFUSED_AT_MOST
+    best_first: _Lister = _best_first
+    if predictor is not None and method == "best":
+        best_first = partial(_least_error_first, predictor)
+    for listing in (best_first, _smallest_first):
+        listed = 0
+        for rated, proven_best in islice(
+            listing(ontology.network, table, properties, method), most
+        ):
+            listed += 1
+            plan = _plan(ontology, service, outputs, rated, proven_best, predictor)
+            if isinstance(plan, GenerationError):
+                refused = refused or plan
+            elif plan not in tried:
+                return plan
+            else:
+                failed.add(plan)
+        if refused is None or listed < most:
+            break
     if refused is not None:
         raise refused
     if failed:
@@ -121,44 +134,129 @@ def plan_sources(
     raise _nothing(ontology, table, properties, outputs)
 
 
+def _plan(
+    ontology: Ontology,
+    service: str,
+    outputs: Sequence[Source],
+    rated: Rated,
+    proven_best: bool,
+    predictor: Optional[Predictor],
+) -> Union[Plan, GenerationError]:
+    derivations = rated.derivation.inputs
+    try:
+        program = program_of(ontology, derivations, outputs)
+    except GenerationError as error:
+        return error
+    errors: List[Optional[Error]] = [None] * len(derivations)
+    if predictor is not None:
+        errors = predictor.of(derivations)
+    known = [error.quality for error in errors if error is not None and error.quality is not None]
+    quality = prod(known) if len(known) == len(errors) else rated.quality
+    return Plan(
+        service,
+        program,
+        inputs_of(derivations),
+        tuple(outputs),
+        max(quality, SMALLEST_QUALITY),
+        tuple(dict.fromkeys(r for d in derivations for r in d.relations())),
+        proven_best,
+        derivations,
+        tuple(errors),
+    )
+
+
 def safe_values(service: Service) -> Optional[SafeValues]:
     """The program that publishes the safe values of a service; None if the SOM gives none."""
     values = dict(service.last_resort.values)
     outputs = tuple(source for source in service.sources if source.property in values)
-    if not outputs:
+    if not outputs or service.unwritable or read_alone(service):
         return None
     program = generate_values([(source, values[source.property]) for source in outputs])
     return SafeValues(service.name, program, outputs)
 
 
-def _program(
+def check_writable(service: Service) -> None:
+    """Raises GenerationError if the messages of a service cannot be written, by whatever plan."""
+    why = service.unwritable or read_alone(service)
+    if why:
+        raise GenerationError(f"no substitute for {service.name}: {why}")
+
+
+def read_alone(service: Service) -> str:
+    """Why the fields of a service cannot be written, whatever its type; empty if they can."""
+    fields = (provision.field for provision in service.provides)
+    return next((f"{field} can be read alone" for field in fields if reduces(field)), "")
+
+
+def program_of(
     ontology: Ontology, derivations: Sequence[Derivation], outputs: Sequence[Source]
 ) -> Program:
+    """The program that derives each output. Raises GenerationError."""
     parts = [(derivation, source.path) for derivation, source in zip(derivations, outputs)]
     return generate(parts, ontology.constants)
 
 
-def _derivations(
+Listing = Iterator[Tuple[Rated, bool]]
+"""Joint derivations of some properties, and whether each is the best of those not given yet."""
+
+
+_Lister = Callable[[Network, SourceTable, Sequence[str], str], Listing]
+
+
+def _best_first(
     network: Network, table: SourceTable, properties: Sequence[str], method: str
-) -> Iterator[Tuple[Rated, bool]]:
-    """Joint derivations of the properties: the one by `method`, then all; and if it is best."""
+) -> Listing:
+    """The one by `method`, then all."""
     numbers = [network.number(name) for name in properties]
-
-    def executable(function: int) -> bool:
-        return network.functions[function].law is not None
-
+    usable = partial(_executable, network)
     if method == "best":
-        best = BestDerivations(network, table, executable)
+        best = BestDerivations(network, table, usable)
         for number in numbers:
             best.settle(number)
         firsts = [best.ratings.rated(number) for number in numbers]
     else:
-        firsts = [first_found(network, table, number, executable) for number in numbers]
+        firsts = [first_found(network, table, number, usable) for number in numbers]
     parts = [rated for rated in firsts if rated is not None]
     if len(parts) == len(properties):
         yield rate_joint(parts), method == "best"
-        for rated in Ranking(network, table, executable).joint(numbers):
+        for rated in Ranking(network, table, usable).joint(numbers):
             yield rated, True
+
+
+def _least_error_first(
+    predictor: Predictor,
+    network: Network,
+    table: SourceTable,
+    properties: Sequence[str],
+    _method: str,
+) -> Listing:
+    """By the errors that are expected, then the rest."""
+    numbers = [network.number(name) for name in properties]
+    usable = partial(_executable, network)
+    parts = [choose(network, table, usable, number, predictor) for number in numbers]
+    complete = all(each.complete for each in parts)
+    given = set()
+    for places in joined([len(each.rated) for each in parts]):
+        rated = rate_joint([each.rated[i] for each, i in zip(parts, places)])
+        given.add(predictor.number(rated.derivation))
+        yield rated, complete
+    for rated in () if complete else Ranking(network, table, usable).joint(numbers):
+        if predictor.number(rated.derivation) not in given:
+            yield rated, False
+
+
+def _smallest_first(
+    network: Network, table: SourceTable, properties: Sequence[str], _method: str
+) -> Listing:
+    """Those of the fewest relations first."""
+    numbers = [network.number(name) for name in properties]
+    small = network.smallest_first()
+    for rated in Ranking(small, table, partial(_executable, small)).joint(numbers):
+        yield rated, False
+
+
+def _executable(network: Network, function: int) -> bool:
+    return network.functions[function].law is not None
 
 
 def _nothing(
@@ -172,7 +270,7 @@ def _nothing(
         missing = {name for number in lost for name in best.missing(number)}
         return NoSubstitute(properties, sorted(missing))
     try:
-        _program(ontology, [best.ratings.derivation(number) for number in numbers], outputs)
+        program_of(ontology, [best.ratings.derivation(number) for number in numbers], outputs)
     except GenerationError as error:
         return error
     raise AssertionError("what can be generated was found before")

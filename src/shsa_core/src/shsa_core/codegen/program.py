@@ -1,14 +1,17 @@
 """Compiles a substitute's code, once it is checked, so that it can be evaluated at every step."""
 import ast
 import math
-from dataclasses import dataclass
-from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
+from dataclasses import dataclass, replace
+from typing import Any, Callable, Dict, Iterable, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
-from shsa_core.language.functions import CONSTANTS, ELAPSED, STATEFUL, namespace, power
-from shsa_core.language.memory import MAX_GAP_S, Memory, elapsed
-from shsa_core.language.syntax import literal
+from shsa_core.codegen.rewriting import Fill, Inline, Rest
+from shsa_core.errors import CodeError
+from shsa_core.language.functions import ELAPSED, STATEFUL, namespace, power
+from shsa_core.language.memory import MAX_GAP_S, Memory, elapsed, integral
+from shsa_core.language.trees import name_nodes
 
+INTEGRAL = "integral"
 Step = Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]
 
 
@@ -20,9 +23,16 @@ class CompiledProgram:
     the outputs, all finite, or None: an input is not finite, a constraint is false, a result is not
     defined (a division by zero, the root of a negative number, an overflow), or a stateful function
     needs more samples.
+
+    `integrals`: of each output that is nothing but an integral, its sum, which may be set; None of
+    the others. `hidden`: whether it has other integrals, which start at 0. `remembers`: whether it
+    must see every sample.
     """
 
     step: Step
+    integrals: Tuple[Optional[List[float]], ...] = ()
+    hidden: bool = False
+    remembers: bool = False
 
 
 def compile_program(
@@ -37,6 +47,30 @@ def compile_program(
     return _Compiler(max_gap).compile(check_code(code, n_inputs, n_outputs))
 
 
+def compile_steady(code: str, n_inputs: int, n_outputs: int) -> Optional[Step]:
+    """What the code computes once its inputs have stood still for long; the time does not matter.
+
+    None if that depends on how they change (`derivative`, `integral`, `dt`). Raises CodeError.
+    """
+    checked = check_code(code, n_inputs, n_outputs)
+    moving = {ELAPSED, *(name for name, each in STATEFUL.items() if not each.rests)}
+    rest = Rest()
+    relations = []
+    for relation in checked.relations:
+        nodes = (node for tree in relation.trees for node in ast.walk(tree))
+        if any(isinstance(node, ast.Name) and node.id in moving for node in nodes):
+            return None
+        relations.append(
+            replace(
+                relation,
+                constraint=relation.constraint and rest.visit(relation.constraint),
+                steps=tuple((name, rest.visit(tree)) for name, tree in relation.steps),
+                expression=rest.visit(relation.expression),
+            )
+        )
+    return _Compiler(MAX_GAP_S).compile(replace(checked, relations=tuple(relations))).step
+
+
 class _Compiler:
     """Turns checked code into one Python function.
 
@@ -48,6 +82,7 @@ class _Compiler:
     def __init__(self, max_gap: float) -> None:
         self._max_gap = max_gap
         self._memories = 0
+        self._sums: Dict[str, List[float]] = {}  # of integrals, by the variable that holds them
         self._parts: Dict[str, ast.expr] = {}
         self._names: Dict[str, Any] = {"__builtins__": {}, "power": power, "nan": math.nan}
         self._names.update(namespace())
@@ -71,35 +106,62 @@ class _Compiler:
             lines += ["  " + line for line in self._relation(relation)]
         lines.append(f"  if {_finite(code.outputs)}: return ({', '.join(code.outputs)},)")
         lines.append("  return None")
-        tree = _Fill(self._parts).visit(ast.parse("\n".join(lines)))
-        ast.fix_missing_locations(tree)
-        exec(compile(tree, "<substitute>", "exec"), self._names)  # code from checked parts alone
-        return CompiledProgram(self._names["step"])
+        tree = Fill(self._parts).visit(ast.parse("\n".join(lines)))
+        for each in ast.walk(tree):
+            if isinstance(each, ast.expr):
+                each.lineno, each.col_offset = 1, 0
+        try:
+            # code from checked parts alone
+            exec(compile(tree, "<substitute>", "exec"), self._names)
+        except RecursionError as error:  # who calls is deep in calls already
+            raise CodeError("the code is nested too deeply to be compiled here") from error
+        sums = tuple(self._sums.get(output) for output in code.outputs)
+        hidden = any(all(each is not sum_ for sum_ in sums) for each in self._sums.values())
+        return CompiledProgram(self._names["step"], sums, hidden, self._memories > 0)
 
     def _relation(self, relation: CheckedRelation) -> List[str]:
-        inline = _Inline(relation.arguments, self)
+        """What gives the relation its value.
+
+        Steps that a function with memory hears are evaluated before the constraint is, each for
+        itself; the others only where there may be a value.
+        """
+        inline = Inline(relation.arguments, self.memory_of)
         constraint = inline.visit(relation.constraint) if relation.constraint else None
         lines = self._take_calls(inline)
+        heard = _heard(relation)
+        steps: List[Tuple[str, ast.expr]] = []
         for number, (name, tree) in enumerate(relation.steps, 1):
             variable = f"{relation.result}_{number}"
             value = inline.visit(tree)
-            lines += [*self._take_calls(inline), *self._assign(variable, value, inline.ready)]
+            lines += self._take_calls(inline)
+            if name in heard:
+                lines += self._assign(variable, value, inline.ready)
+                inline.ready.append(variable)
+            else:
+                steps.append((variable, value))
             inline.variables[name] = variable
-            inline.ready.append(variable)
         expression = inline.visit(relation.expression)
         lines += self._take_calls(inline)
+        if isinstance(expression, ast.Name) and expression.id in self._sums:
+            self._sums[relation.result] = self._sums.pop(expression.id)
         ready = inline.ready + ([ELAPSED] if inline.uses_time else [])
         conditions = [_finite(ready)] if ready else []
         if constraint is not None:
             conditions.append(self._part(constraint))
-        holds = f"if {' and '.join(conditions)}: " if conditions else ""
-        lines += _attempt(f"{holds}{relation.result} = {self._part(expression)}")
+        block = [f"{variable} = {self._part(value)}" for variable, value in steps]
+        last = f"{relation.result} = {self._part(expression)}"
+        if steps:
+            last = f"if {_finite(variable for variable, _ in steps)}: {last}"
+        block.append(last)
+        if conditions:
+            block = [f"if {' and '.join(conditions)}:"] + ["  " + line for line in block]
+        lines += _attempt(block)
         if relation.arguments:
             guard = f"if {_finite(relation.arguments.values())}:"
             lines = [guard] + ["  " + line for line in lines]
         return [f"{relation.result} = nan"] + lines
 
-    def _take_calls(self, inline: "_Inline") -> List[str]:
+    def _take_calls(self, inline: Inline) -> List[str]:
         """The stateful calls met since the last time, each evaluated into its variable."""
         lines: List[str] = []
         for name, call in inline.calls:
@@ -113,7 +175,7 @@ class _Compiler:
         used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
         needed = [each for each in ready if each in used]
         holds = f"if {_finite(needed)}: " if needed else ""
-        return [f"{name} = nan", *_attempt(f"{holds}{name} = {self._part(tree)}")]
+        return [f"{name} = nan", *_attempt([f"{holds}{name} = {self._part(tree)}"])]
 
     def _part(self, tree: ast.expr) -> str:
         name = f"_part{len(self._parts)}"
@@ -126,69 +188,39 @@ class _Compiler:
         self._names[name] = memory
         return name
 
-    def memory_of(self, function: str) -> str:
-        """The name of a new memory for one use of a stateful function."""
-        return self._remember(STATEFUL[function].make(self._max_gap))
+    def memory_of(self, function: str) -> Tuple[str, str]:
+        """The names of a new memory for one use of a stateful function, and of its value."""
+        total = [0.0]
+        if function == INTEGRAL:
+            memory = self._remember(integral(self._max_gap, total))
+            self._sums[f"value_of{memory}"] = total
+        else:
+            memory = self._remember(STATEFUL[function].make(self._max_gap))
+        return memory, f"value_of{memory}"
 
 
-def _attempt(statement: str) -> List[str]:
-    """The statement, without effect where it has no value."""
-    return ["try:", "  " + statement, "except (ArithmeticError, ValueError): pass"]
+def _attempt(block: Iterable[str]) -> List[str]:
+    """The block, left where something has no value."""
+    lines = ["  " + line for line in block]
+    return ["try:", *lines, "except (ArithmeticError, ValueError): pass"]
+
+
+def _heard(relation: CheckedRelation) -> Set[str]:
+    """The names of the relation's steps that a function with memory is given, in some way."""
+    heard = {
+        name.id
+        for tree in relation.trees
+        for call in ast.walk(tree)
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") in STATEFUL
+        for name in ast.walk(call)
+        if isinstance(name, ast.Name)
+    }
+    for step, tree in reversed(relation.steps):
+        if step in heard:
+            heard.update(name.id for name in name_nodes(tree))
+    return heard
 
 
 def _finite(names: Iterable[str]) -> str:
     """The fastest test in Python that floats are finite: inf - inf and nan - nan are not 0."""
     return " == ".join([f"{name} - {name}" for name in names] + ["0.0"])
-
-
-class _Fill(ast.NodeTransformer):
-    """Puts parts into the places that their names hold."""
-
-    def __init__(self, parts: Mapping[str, ast.expr]) -> None:
-        self._parts = parts
-
-    def visit_Name(self, node: ast.Name) -> ast.expr:
-        return self._parts.get(node.id, node)
-
-
-class _Inline(ast.NodeTransformer):
-    """Rewrites the expressions of one relation over the program's variables.
-
-    `calls`: variables, and the stateful calls that give their values; `ready`: the variables that
-    must have values before the relation has one.
-    """
-
-    def __init__(self, arguments: Mapping[str, str], compiler: _Compiler) -> None:
-        self.variables = dict(arguments)
-        self._compiler = compiler
-        self.calls: List[Tuple[str, ast.expr]] = []
-        self.ready: List[str] = []
-        self.uses_time = False
-
-    def visit_Constant(self, node: ast.Constant) -> ast.expr:
-        return ast.Constant(float(node.value))
-
-    def visit_Name(self, node: ast.Name) -> ast.expr:
-        self.uses_time = self.uses_time or node.id == ELAPSED
-        if node.id in CONSTANTS:
-            return ast.Constant(CONSTANTS[node.id])
-        return ast.Name(self.variables.get(node.id, node.id), ast.Load())
-
-    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
-        self.generic_visit(node)
-        if isinstance(node.op, ast.Pow):
-            exponent = literal(node.right)
-            if exponent is None or exponent != math.floor(exponent):
-                return ast.Call(ast.Name("power", ast.Load()), [node.left, node.right], [])
-        return node
-
-    def visit_Call(self, node: ast.Call) -> ast.expr:
-        self.generic_visit(node)
-        assert isinstance(node.func, ast.Name)
-        if node.func.id not in STATEFUL:
-            return node
-        memory = self._compiler.memory_of(node.func.id)
-        arguments = [*node.args, ast.Name("now", ast.Load())]
-        result = "value_of" + memory
-        self.calls.append((result, ast.Call(ast.Name(memory, ast.Load()), arguments, [])))
-        return ast.Name(result, ast.Load())

@@ -3,13 +3,13 @@ import difflib
 import math
 import re
 from dataclasses import dataclass
-from typing import Dict, Iterable, List, Optional, Tuple, Union
+from typing import Dict, Iterable, Iterator, List, Optional, Tuple, Union
 
 import yaml  # type: ignore[import]
 
 from shsa_core.errors import ModelError
+from shsa_core.files.regular import read_text
 
-MAX_BYTES = 100_000_000
 MAX_DEPTH = 20
 
 _NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?\Z")
@@ -50,18 +50,26 @@ class Value:
     def entry(self, what: str, allowed: Iterable[str], required: Iterable[str] = ()) -> "Entry":
         """The mapping that this value must be: with allowed keys alone, and all required ones."""
         values = self.mapping(what)
+        for error in self.wrong_keys(what, allowed, required):
+            raise error
+        return values
+
+    def wrong_keys(
+        self, what: str, allowed: Iterable[str], required: Iterable[str] = ()
+    ) -> Iterator[ModelError]:
+        """What is wrong with the keys of this mapping."""
+        values = self.mapping(what)
         allowed = list(allowed)
         for key, value in values.items():
             if key not in allowed:
                 close = difflib.get_close_matches(key, allowed, n=1)
                 hint = f" Did you mean '{close[0]}'?" if close else ""
-                raise value.error(
+                yield value.error(
                     f"{what} has no key '{key}'; allowed: {', '.join(allowed)}.{hint}"
                 )
         for key in required:
             if key not in values:
-                raise self.error(f"{what} lacks the key '{key}'")
-        return values
+                yield self.error(f"{what} lacks the key '{key}'")
 
     def sequence(self, what: str) -> List["Value"]:
         """The list that this value must be."""
@@ -76,6 +84,16 @@ class Value:
         if not math.isfinite(self.data):
             raise self.error(f"{what} must be a finite number, not {self.describe()}")
         return self.data
+
+    def interval(self, what: str) -> Tuple[float, float]:
+        """The lowest and the highest number, in a list, that this value must be."""
+        items = self.sequence(f"{what}, [lowest, highest],")
+        if len(items) != 2:
+            raise self.error(f"{what} must be two numbers, [lowest, highest], not {len(items)}")
+        lowest, highest = items[0].number(f"{what}'s lowest"), items[1].number(f"{what}'s highest")
+        if lowest >= highest:
+            raise self.error(f"{what} must have its lowest first, not [{lowest:g}, {highest:g}]")
+        return (lowest, highest)
 
     def flag(self, what: str) -> bool:
         """The true or false that this value must be."""
@@ -111,19 +129,7 @@ def read_yaml(path: str) -> Value:
 
     Raises ModelError, with file and line, if the file cannot be read.
     """
-    try:
-        with open(path, "rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise ModelError(str(path), f"cannot be read: {error.strerror}") from error
-    if len(raw) > MAX_BYTES:
-        raise ModelError(str(path), f"is larger than {MAX_BYTES} bytes")
-    try:
-        text = raw.decode("utf-8")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        raise ModelError(f"{path}:{line}", "is not UTF-8 text") from error
-    return parse_yaml(text, str(path))
+    return parse_yaml(read_text(str(path)), str(path))
 
 
 def parse_yaml(text: str, name: str) -> Value:
@@ -136,8 +142,16 @@ def parse_yaml(text: str, name: str) -> Value:
         mark = getattr(error, "problem_mark", None)
         where = f"{name}:{mark.line + 1}" if mark else name
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
+        if mark and problem.endswith("cannot start any token"):
+            problem += _quoted(text.splitlines()[mark.line][mark.column :])
         raise ModelError(where, f"is not valid YAML: {problem}") from error
     return builder.result()
+
+
+def _quoted(rest: str) -> str:
+    """How a word is written that begins with a character that YAML keeps for itself."""
+    word = re.split(r"[,}\]\s]", rest)[0][:20]
+    return f": put it in quotes: '{word}'" if word and "'" not in word else ""
 
 
 def from_parameters(value: object, where: str) -> Value:

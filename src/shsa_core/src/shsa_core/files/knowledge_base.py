@@ -4,6 +4,7 @@ from typing import Dict, List, Optional, Set, Tuple
 
 from shsa_core.errors import ExpressionError
 from shsa_core.files.document import Entry, Value, read_yaml
+from shsa_core.files.knowledge_text import inserted, reduced, translated
 from shsa_core.language.expression import (
     Condition,
     Expression,
@@ -20,7 +21,7 @@ class Provision:
     """A service as far as the knowledge base knows it: its path, and the rest if it is given.
 
     The path is topic and field in one: where the field begins is not said. `period` in s, `quality`
-    in (0, 1].
+    in (0, 1]. `reduction`: what makes one number of the array that is there, such as `min`.
     """
 
     property: str
@@ -28,6 +29,7 @@ class Provision:
     needed: bool = False
     period: Optional[float] = None
     quality: Optional[float] = None
+    reduction: str = ""
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,9 @@ class _Reader:
         self._functions: List[TransferFunction] = []
         self._provisions: List[Provision] = []
         self._notes: List[Tuple[int, str]] = []
+        # By the name of an array: what stands for a number that is made of it, and how it is made.
+        self._reduced: Dict[str, Dict[str, str]] = {}
+        self._plain: Set[str] = set()  # what is used as it is
 
     def read(self) -> KnowledgeBase:
         """Reads the whole file."""
@@ -136,9 +141,24 @@ class _Reader:
             return self._note(value, f"{name} is left out: it uses its own output")
         if output in self._constants:
             return self._note(value, f"{name} is left out: {output} is a constant")
+        law, reductions = reduced(translated(text), set(inputs) - self._constants.keys())
+        where = inserted(translated(condition), output, law) if condition != "True" else ""
+        expression, constraint, reason = _executable(law, where, {*inputs, *reductions})
+        taken = [each for each in reductions if each in inputs or each in self._table("provision")]
+        if taken:
+            expression, reason = None, f"{taken[0]} is the name of something else"
+        if expression is not None:
+            for name_, (reduction, array) in reductions.items():
+                self._reduced.setdefault(array, {})[name_] = reduction
+            used_plainly = {*expression.names, *(constraint.names if constraint else ())}
+            arrays = {array for _, array in reductions.values()} - used_plainly
+            inputs = [*(i for i in inputs if i not in arrays), *reductions]
+            if law != text or where != condition:
+                said = law + (f", if {where}" if where else "")
+                self._note(value, f"{name} is taken over as {said}")
+        self._plain.update(inputs)
         for item in [output, *inputs]:
             self._add_property(item, value)
-        expression, constraint, reason = _executable(text, condition, set(inputs))
         if expression is None:
             self._note(value, f"{name} cannot be executed: {reason}")
             text = f"{text} if {condition}" if condition else text
@@ -167,16 +187,23 @@ class _Reader:
         for name, value in {**needs, **self._table("provision")}.items():
             if name in self._constants:
                 continue
-            self._add_property(name, value)
+            if name in self._plain or name not in self._reduced:
+                self._add_property(name, value)
             paths = dict.fromkeys(
                 [*_paths(self._table("provision").get(name)), *_paths(needs.get(name))]
             )
             for path in paths:
-                self._add_provision(name, path, by_path.get(path))
+                for number, reduction in self._reduced.get(name, {}).items():
+                    self._add_provision(name, path, by_path.get(path), number, reduction)
+                if name in self._properties:
+                    self._add_provision(name, path, by_path.get(path))
             if name in needs and not paths and _truth(needs[name]):
                 self._note(needs[name], f"{name} is needed, but no topic is named")
 
-    def _add_provision(self, name: str, path: str, value: Optional[Value]) -> None:
+    def _add_provision(
+        self, name: str, path: str, value: Optional[Value], number: str = "", reduction: str = ""
+    ) -> None:
+        """Adds a service of a property, or of a `number` that a reduction makes of it."""
         detail = value.mapping(path) if value is not None and value.data is not None else {}
         needs = self._table("need").get(name)
         needed = needs is not None and (
@@ -185,7 +212,7 @@ class _Reader:
         quality = _number(detail.get("accuracy", self._table("accuracy").get(name)))
         rate = _number(detail.get("pubrate", self._table("pubrate").get(name)))
         period = 1.0 / rate if rate else _number(self._table("period").get(name))
-        self._provisions.append(Provision(name, path, needed, period, quality))
+        self._provisions.append(Provision(number or name, path, needed, period, quality, reduction))
 
     def _note_the_rest(self) -> None:
         taken = {"provision", "provided", "constant", "need", "accuracy", "period", "pubrate"}

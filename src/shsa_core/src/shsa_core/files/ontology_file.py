@@ -1,28 +1,26 @@
 """Reads the ontology file (docs/ontology.md describes it)."""
-from typing import Callable, Dict, Iterator, List, Mapping, Optional, Tuple, TypeVar
+from typing import Callable, Dict, Iterator, List, Optional, Tuple, TypeVar
 
-from shsa_core.errors import ExpressionError, ModelError
-from shsa_core.files.document import Value, read_yaml
-from shsa_core.language.expression import is_name, parse_constraint, parse_expression
+from shsa_core.errors import ExpressionError, ModelError, ModelErrors
+from shsa_core.files.document import Entry, Value, read_yaml
+from shsa_core.files.error_values import read_error, usual_quality
+from shsa_core.language.composition import compose
+from shsa_core.language.expression import Expression, is_name, parse_constraint, parse_expression
 from shsa_core.language.law import Law
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 
 _NAMES = "a name has letters, digits and _, does not begin with a digit and is not a reserved word"
-LAWS: Mapping[str, Callable[[str], Law]] = {"function": parse_expression}
-"""The key of a law in the file, and how its text is read."""
-_FUNCTION_KEYS = (*LAWS, "not_executable", "inputs", "quality", "constraint")
+_LAW_KEYS = ("function", "not_executable", "inputs", "where")
+_FUNCTION_KEYS = (*_LAW_KEYS, "quality", "constraint", "error")
 _Parsed = TypeVar("_Parsed")
 
 
 def read_ontology(path: str) -> Ontology:
-    """The ontology in a file.
-
-    Raises ModelError with file and line at the first thing that is wrong.
-    """
+    """The ontology in a file. Raises ModelErrors: all that is wrong, with file and line."""
     ontology, errors = load_ontology(path)
     if errors:
-        raise errors[0]
+        raise ModelErrors(errors)
     return ontology
 
 
@@ -31,8 +29,11 @@ def load_ontology(path: str) -> Tuple[Ontology, List[ModelError]]:
 
     Raises ModelError if the file as a whole cannot be read.
     """
-    sections = read_yaml(path).entry("the ontology", ("properties", "constants", "relations"))
+    document = read_yaml(path)
+    names = ("properties", "constants", "relations")
     reader = _Reader()
+    reader.errors += document.wrong_keys("the ontology", names)
+    sections = document.mapping("the ontology")
     for name, value in _entries(sections, "properties"):
         reader.collect(lambda: reader.add_property(name, value))
     for name, value in _entries(sections, "constants"):
@@ -62,17 +63,19 @@ class _Reader:
         try:
             add()
         except ModelError as error:
-            self.errors.append(error)
+            self.errors += error.errors
 
     def add_property(self, name: str, value: Value) -> None:
         """Adds one entry of `properties`."""
         self._check_name(name, value, "property")
         unit = symbol = ""
+        usual = None
         if value.data is not None:
-            entry = value.entry(f"the property {name}", ("unit", "symbol"))
+            entry = value.entry(f"the property {name}", ("unit", "symbol", "usual"))
+            usual = entry["usual"].interval("usual") if "usual" in entry else None
             unit = entry["unit"].string("unit") if "unit" in entry else ""
             symbol = entry["symbol"].string("symbol") if "symbol" in entry else ""
-        self.properties[name] = Property(name, unit, symbol, value.where)
+        self.properties[name] = Property(name, unit, symbol, value.where, usual)
 
     def add_constant(self, name: str, value: Value) -> None:
         """Adds one entry of `constants`."""
@@ -105,14 +108,17 @@ class _Reader:
         entry = {"function": value}
         if isinstance(value.data, dict):
             entry = value.entry(what, _FUNCTION_KEYS)
-        laws = [key for key in (*LAWS, "not_executable") if key in entry]
-        if len(laws) != 1:
-            keys = "', '".join(LAWS)
-            raise value.error(f"{what} needs either the key '{keys}' or 'not_executable'")
+        if ("function" in entry) == ("not_executable" in entry):
+            raise value.error(f"{what} needs either the key 'function' or 'not_executable'")
         if ("not_executable" in entry) != ("inputs" in entry):
             raise value.error(f"{what}: the key 'inputs' belongs to 'not_executable' alone")
+        if "where" in entry and "function" not in entry:
+            raise value.error(f"{what}: the key 'where' belongs to 'function' alone")
 
-        quality = entry["quality"].number("quality") if "quality" in entry else 1.0
+        error = read_error(entry["error"], "error") if "error" in entry else None
+        quality = usual_quality(error)
+        if "quality" in entry:
+            quality = entry["quality"].number("quality")
         if not 0.0 < quality <= 1.0:
             raise entry["quality"].error(f"quality must be above 0 and at most 1, not {quality:g}")
         constraint = None
@@ -120,8 +126,8 @@ class _Reader:
             constraint = _parse(entry["constraint"], f"{what}: constraint", parse_constraint)
         law: Optional[Law] = None
         names: List[str] = []
-        if laws[0] in LAWS:
-            law = _parse(entry[laws[0]], what, LAWS[laws[0]])
+        if "function" in entry:
+            law = self._law(what, entry)
             text = law.text
             names += law.names
         else:
@@ -131,8 +137,25 @@ class _Reader:
         self._check_inputs(names, relation, output, value)
         inputs = tuple(dict.fromkeys(name for name in names if name in self.properties))
         self.functions.append(
-            TransferFunction(relation, output, inputs, law, quality, constraint, text, value.where)
+            TransferFunction(
+                relation, output, inputs, law, quality, constraint, text, value.where, error
+            )
         )
+
+    def _law(self, what: str, entry: Entry) -> Law:
+        function = _parse(entry["function"], what, parse_expression)
+        if "where" not in entry:
+            return function
+        steps: Dict[str, Expression] = {}
+        for name, value in entry["where"].mapping(f"{what}: where").items():
+            if name in self.properties or name in self.constants:
+                kind = "property" if name in self.properties else "constant"
+                raise value.error(f"{what}: '{name}' under 'where' is the name of a {kind}")
+            steps[name] = _parse(value, f"{what}: {name}", parse_expression)
+        try:
+            return compose(steps, function)
+        except ExpressionError as error:
+            raise entry["where"].error(f"{what}: {error}") from error
 
     def _check_inputs(self, names: List[str], relation: str, output: str, value: Value) -> None:
         for name in names:

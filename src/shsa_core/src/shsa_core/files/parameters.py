@@ -8,10 +8,13 @@ from shsa_core.files.document import Value, from_parameters
 Settings = TypeVar("Settings")
 ONE_OF = "one_of"
 """The key in a field's metadata for the words that are allowed."""
+MOST = "most"
+"""The key in a field's metadata for the highest number that is allowed, where it is another."""
+HIGHEST = 1e6
 
 
 def read_settings(
-    kind: Type[Settings], parameters: Mapping[str, object], where: str
+    kind: Type[Settings], parameters: object, where: str
 ) -> Tuple[Settings, List[ModelError]]:
     """The settings of a dataclass among some parameters, and what is wrong with them.
 
@@ -21,6 +24,9 @@ def read_settings(
     """
     given: Dict[str, Any] = {}
     errors: List[ModelError] = []
+    if not isinstance(parameters, Mapping):
+        text = f"must be a mapping of settings, not a {type(parameters).__name__}"
+        return kind(), [ModelError(where, text)]
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         if field.name in parameters:
             try:
@@ -38,9 +44,9 @@ def _read(value: Value, field: "dataclasses.Field[Any]") -> object:
             allowed = ", ".join(words)
             raise value.error(f"{field.name} must be one of {allowed}, not {value.describe()}")
         return value.data
-    number = value.number(field.name)
-    if number < 0.0:
-        raise value.error(f"{field.name} must not be below 0, not {number:g}")
+    number, most = value.number(field.name), field.metadata.get(MOST, HIGHEST)
+    if not 0.0 <= number <= most:
+        raise value.error(f"{field.name} must be 0 to {most:g}, not {number:g}")
     if isinstance(field.default, float):
         return number
     if number != int(number):

@@ -9,8 +9,12 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from shsa_core.errors import ModelError
+from shsa_core.files.error_values import plain_error, usual_quality
 from shsa_core.files.ontology_file import read_ontology
-from shsa_core.files.som_file import read_som, service_parameters
+from shsa_core.files.regular import read_text
+from shsa_core.files.som_file import NAMES, read_som, service_parameters
+from shsa_core.model.error import Error
+from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Service
@@ -42,14 +46,16 @@ def save_ontology(ontology: Ontology, path: str) -> None:
     _dump(tree, path)
 
 
-def save_som(som: Som, path: str) -> None:
+def save_som(som: Som, path: str, namespace: str = "/") -> None:
     """Writes the SOM to a file. A SOM that is there already is edited: comments survive.
+
+    So do names that are relative to `namespace`.
 
     Raises ModelError if the file is there and is not a SOM, OSError if it cannot be written.
     """
     tree, old = CommentedMap(), Som()
     if os.path.exists(path):
-        old = read_som(path)
+        old = read_som(path, namespace)
         if old == som:
             return
         tree = _load(path)
@@ -58,8 +64,12 @@ def save_som(som: Som, path: str) -> None:
         for name, service in som.services.items()
         if old.services.get(name) != service
     }
-    _section(tree, "services", True)
-    _update(tree["services"], som.services, changed)
+    section = _section(tree, "services", True)
+    for name in changed.keys() & section.keys():
+        for key in NAMES:
+            if full_name(section[name][key], namespace) == changed[name][key]:
+                changed[name][key] = section[name][key]
+    _update(section, som.services, changed)
     _dump(tree, path)
 
 
@@ -115,7 +125,11 @@ def _flow(**entries: Any) -> Any:
 
 
 def _property_entry(item: Property) -> Any:
-    return _flow(unit=_text(item.unit), symbol=_text(item.symbol))
+    usual: Any = ""
+    if item.usual is not None:
+        usual = CommentedSeq(item.usual)
+        usual.fa.set_flow_style()
+    return _flow(unit=_text(item.unit), symbol=_text(item.symbol), usual=usual)
 
 
 def _constant_entry(item: Constant) -> Any:
@@ -125,16 +139,27 @@ def _constant_entry(item: Constant) -> Any:
 def _function_entry(function: TransferFunction) -> Any:
     entry = CommentedMap()
     if function.law is not None:
-        entry[function.law.key] = function.law.text
+        entry.update(function.law.entry)
     else:
         entry["not_executable"] = _text(function.text)
         entry["inputs"] = CommentedSeq(function.inputs)
         entry["inputs"].fa.set_flow_style()
-    if function.quality != 1.0:
+    if function.quality != usual_quality(function.error):
         entry["quality"] = function.quality
     if function.constraint is not None:
         entry["constraint"] = function.constraint.text
+    if function.error is not None:
+        entry["error"] = _error_entry(function.error)
     return entry["function"] if list(entry) == ["function"] else entry
+
+
+def _error_entry(error: Error) -> Any:
+    plain = plain_error(error)
+    if not isinstance(plain, dict):
+        return plain
+    if error.source:
+        plain["source"] = _text(error.source)
+    return _one_line(plain)
 
 
 def _service_entry(service: Service) -> CommentedMap:
@@ -163,8 +188,7 @@ def _editor() -> YAML:
 
 
 def _load(path: str) -> CommentedMap:
-    with open(path, encoding="utf-8") as stream:
-        tree = _editor().load(stream)
+    tree = _editor().load(read_text(path))
     _plain_exponents(tree)
     return CommentedMap() if tree is None else tree
 
@@ -183,8 +207,9 @@ def _plain_exponents(tree: Any) -> None:
 
 
 def _dump(tree: CommentedMap, path: str) -> None:
-    """Writes the file as a whole or not at all."""
-    folder = os.path.dirname(os.path.abspath(path))
+    """Writes the file as a whole or not at all; a link to it stays one."""
+    path = os.path.realpath(path)
+    folder = os.path.dirname(path)
     handle, temporary = tempfile.mkstemp(dir=folder, prefix=".shsa-", suffix=".yaml")
     try:
         with open(handle, "w", encoding="utf-8") as stream:

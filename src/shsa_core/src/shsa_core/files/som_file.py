@@ -1,13 +1,17 @@
 """The SOM in a file and on the parameter server, read as strictly as the ontology."""
 import dataclasses
-from typing import Dict, Iterable, List, Optional, Tuple
+from typing import Any, Container, Dict, Iterable, List, Optional, Tuple
 
-from shsa_core.errors import ModelError
+from shsa_core.errors import ModelError, ModelErrors
 from shsa_core.files.document import Value, from_parameters, read_yaml
+from shsa_core.files.error_values import usual_quality
 from shsa_core.files.som_plain import service_parameters, som_parameters
-from shsa_core.files.som_values import PROVISION, SERVICE
+from shsa_core.files.som_values import PROVISION, SERVICE, Reader
 from shsa_core.language.expression import is_name
+from shsa_core.model.checks import OFF_FOR_DISTANCES, default_checks
+from shsa_core.model.field import tells_of_nothing
 from shsa_core.model.kinds import Kind
+from shsa_core.model.names import full_name
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 
@@ -23,40 +27,48 @@ __all__ = [
 ]
 
 PARAMETER = "shsa/som"
-FROM_FILE_ALONE = ("topic", "type", "node", "policy")
+FROM_FILE_ALONE = ("topic", "type", "node", "policy", "contain")
 """What decides whom healing may kill or start: never taken from parameters."""
+NAMES = ("topic", "node")
+"""What a SOM may name relative to the namespace in which healing runs."""
 
 
-def read_som(path: str) -> Som:
-    """The SOM in a file. Raises ModelError with file and line at the first thing that is wrong."""
-    som, errors = load_som(path)
+def read_som(path: str, namespace: str = "/") -> Som:
+    """The SOM in a file. Raises ModelErrors: all that is wrong, with file and line."""
+    som, errors = load_som(path, namespace)
     if errors:
-        raise errors[0]
+        raise ModelErrors(errors)
     return som
 
 
-def load_som(path: str) -> Tuple[Som, List[ModelError]]:
+def load_som(path: str, namespace: str = "/") -> Tuple[Som, List[ModelError]]:
     """The valid services of the SOM in a file, and everything that is wrong with the rest.
+
+    Relative names of topics and nodes are names in `namespace`.
 
     Raises ModelError if the file as a whole cannot be read.
     """
-    return read_tree(read_yaml(path))
+    return read_tree(read_yaml(path), namespace)
 
 
-def read_tree(tree: Value) -> Tuple[Som, List[ModelError]]:
+def read_tree(tree: Value, namespace: str = "/") -> Tuple[Som, List[ModelError]]:
     """The valid services in a tree, and what is wrong with the rest. Raises ModelError."""
-    entry = tree.entry("the SOM", ("services",), ("services",))
     collector = _Collector()
-    for name, value in entry["services"].mapping("services").items():
+    collector.errors += tree.wrong_keys("the SOM", ("services",), ("services",))
+    sections = tree.mapping("the SOM")
+    if "services" not in sections:
+        raise ModelErrors(collector.errors)
+    named = sections["services"].mapping("services")
+    for name, value in named.items():
         try:
-            collector.add(_service(name, value))
+            collector.add(_service(name, value, namespace, named))
         except ModelError as error:
-            collector.errors.append(error)
+            collector.errors += error.errors
     return Som(collector.services), collector.errors
 
 
 def merge_parameters(
-    current: Som, value: object, where: str = PARAMETER
+    current: Som, value: object, where: str = PARAMETER, namespace: str = "/"
 ) -> Tuple[Som, List[ModelError]]:
     """The SOM that a changed tree of parameters asks for, and all that is wrong with it.
 
@@ -64,30 +76,57 @@ def merge_parameters(
     that is not there, stays as it is in `current`; what FROM_FILE_ALONE names, fields and commands
     must be as there.
     """
-    errors: List[ModelError] = []
-    try:
-        tree = from_parameters(value, where).entry("the SOM", ("services",), ("services",))
-        entries = tree["services"].mapping("services")
-    except ModelError as error:
-        return current, [error]
+    given = value.get("services") if isinstance(value, dict) else None
+    if not isinstance(value, dict) or not isinstance(given, dict):
+        return current, [_no_table(value, where)]
+    keys = from_parameters(dict.fromkeys(value), where)
+    errors = list(keys.wrong_keys("the SOM", ("services",)))
     services = dict(current.services)
-    for name, entry in entries.items():
+    for name, plain in given.items():
         try:
+            entry = from_parameters(plain, f"{where}/services/{name}")
             if name not in services:
                 raise entry.error("the SOM file has no such service; only the file can add one")
-            services[name] = _as_in_file(_service(name, entry), services[name], entry)
+            service = _service(name, entry, namespace, services)
+            services[name] = _as_in_file(service, services[name], entry)
         except ModelError as error:
-            errors.append(error)
+            errors += error.errors
     return Som(services.values()), errors
 
 
-def _service(name: str, value: Value) -> Service:
+def _no_table(value: object, where: str) -> ModelError:
+    """Why there is no table of services in some parameters."""
+    try:
+        tree = from_parameters(value, where).entry("the SOM", ("services",), ("services",))
+        tree["services"].mapping("services")
+    except ModelError as error:
+        return error
+    return ModelError(where, "there is no table of services")
+
+
+def _service(name: str, value: Value, namespace: str, services: Container[str]) -> Service:
+    """One service; `services`: the names of all."""
     if not is_name(name):
         raise value.error(f"{name!a} cannot be the name of a service")
     required = ("topic", "type", "node", "period", "provides")
-    entry = value.entry(f"the service {name}", (*SERVICE, "provides"), required)
-    given = {key: SERVICE[key](item, key) for key, item in entry.items() if key != "provides"}
-    service = Service(name=name, provides=_provides(entry["provides"]), where=value.where, **given)
+    what, entry = f"the service {name}", value.mapping(f"the service {name}")
+    errors = list(value.wrong_keys(what, (*SERVICE, "provides"), required))
+    given = _read({key: entry[key] for key in entry if key in SERVICE}, SERVICE, errors)
+    if "provides" in entry:
+        try:
+            given["provides"] = _provides(entry["provides"], given.get("type", ""))
+        except ModelError as error:
+            errors += error.errors
+    if errors:
+        raise ModelErrors(errors)
+    given.update({key: full_name(given[key], namespace) for key in NAMES})
+    given["derived_from"] = tuple(
+        each if each in services else full_name(each, namespace)
+        for each in given.get("derived_from", ())
+    )
+    if {name, given["topic"]} & set(given["derived_from"]):
+        raise entry["derived_from"].error(f"{name} cannot be derived from itself")
+    service = Service(name=name, where=value.where, **given)
     rates = {Kind.RATE_HIGH.value, Kind.RATE_LOW.value} & set(_keys(entry.get("checks")))
     if service.event_driven and rates:
         raise entry["checks"].error(f"{min(rates)} needs a period, and there is none")
@@ -97,27 +136,60 @@ def _service(name: str, value: Value) -> Service:
     return service
 
 
+def _read(
+    entry: Dict[str, Value], readers: Dict[str, Reader], errors: List[ModelError]
+) -> Dict[str, Any]:
+    """What each key says; what is wrong goes to `errors`."""
+    given: Dict[str, Any] = {}
+    for key, item in entry.items():
+        try:
+            given[key] = readers[key](item, key)
+        except ModelError as error:
+            errors += error.errors
+    return given
+
+
 def _keys(value: Optional[Value]) -> Iterable[str]:
     return value.data if value is not None and isinstance(value.data, dict) else ()
 
 
-def _provides(value: Value) -> Tuple[Provision, ...]:
+def _provides(value: Value, message_type: str) -> Tuple[Provision, ...]:
     provisions: List[Provision] = []
+    errors: List[ModelError] = []
     for name, item in value.mapping("provides").items():
-        if not is_name(name):
-            raise item.error(f"{name!a} cannot be the name of a property")
-        entry = item.entry(f"the property {name}", PROVISION, ("field",))
-        given = {key: PROVISION[key](each, key) for key, each in entry.items()}
-        other = next((p for p in provisions if p.field == given["field"]), None)
-        if other is not None:
-            raise item.error(
-                f"the field {other.field} provides {other.property} already; "
-                "a field can provide one property"
-            )
-        provisions.append(Provision(property=name, where=item.where, **given))
+        try:
+            provisions.append(_provision(name, item, provisions, message_type))
+        except ModelError as error:
+            errors += error.errors
+    if errors:
+        raise ModelErrors(errors)
     if not provisions:
         raise value.error("provides must name at least one property")
     return tuple(provisions)
+
+
+def _provision(name: str, item: Value, others: Iterable[Provision], message_type: str) -> Provision:
+    if not is_name(name):
+        raise item.error(f"{name!a} cannot be the name of a property")
+    what, entry = f"the property {name}", item.mapping(f"the property {name}")
+    errors = list(item.wrong_keys(what, PROVISION, ("field",)))
+    given = _read({key: entry[key] for key in entry if key in PROVISION}, PROVISION, errors)
+    if errors:
+        raise ModelErrors(errors)
+    given.setdefault("quality", usual_quality(given.get("error")))
+    other = next((p for p in others if p.field == given["field"]), None)
+    if other is not None:
+        raise item.error(
+            f"the field {other.field} provides {other.property} already; "
+            "a field can provide one property"
+        )
+    if tells_of_nothing(message_type, given["field"]):
+        asked = set(_keys(entry.get("checks")))
+        checks = given.get("checks", default_checks(of_values=True))
+        given["checks"] = tuple(
+            c for c in checks if c.kind not in OFF_FOR_DISTANCES or c.kind.value in asked
+        )
+    return Provision(property=name, where=item.where, **given)
 
 
 def _check_last_resort(service: Service, entry: Dict[str, Value]) -> None:

@@ -1,8 +1,11 @@
 """A SOM as plain mappings, lists and values: as it lies on the parameter server, and in a file."""
-from typing import Any, Dict, Iterable
+from typing import Any, Dict, Iterable, Optional
 
+from shsa_core.files.error_values import plain_error
 from shsa_core.files.som_values import check_names
-from shsa_core.model.checks import REGISTRY, Check, Checks
+from shsa_core.model.checks import LEARNED, Check, Checks, Limit, default_limit
+from shsa_core.model.field import tells_of_nothing
+from shsa_core.model.kinds import Others
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 
@@ -22,16 +25,22 @@ def service_parameters(service: Service) -> Dict[str, Any]:
         "needed": service.needed,
         "standby": str(service.standby),
         "policy": str(service.policy),
-        "provides": {p.property: _provision_parameters(p) for p in service.provides},
+        "provides": {p.property: _provision_parameters(p, service.type) for p in service.provides},
     }
     checks: Dict[str, object] = _check_parameters(service.checks.each, of_values=False)
-    for name in ("bad", "of", "recovery"):
+    for name in ("bad", "of", "recovery", "intermittent"):
         if getattr(service.checks, name) != getattr(Checks, name):
             checks[name] = getattr(service.checks, name)
     optional = {
         "deadline": service.deadline,
+        "fails_with": list(service.fails_with),
+        "fault_tolerant_time": service.fault_tolerant_time,
+        "derived_from": list(service.derived_from),
         "checks": checks,
         "last_resort": {"values": dict(service.last_resort.values)},
+        "contain": None if service.contain is None else str(service.contain),
+        "others": str(service.others) if service.others is not Others.UNKNOWN else "",
+        "latched": service.latched,
     }
     if not service.last_resort.values:
         del optional["last_resort"]
@@ -39,21 +48,36 @@ def service_parameters(service: Service) -> Dict[str, Any]:
     return plain
 
 
-def _provision_parameters(provision: Provision) -> Dict[str, object]:
-    plain: Dict[str, object] = {"field": provision.field, "quality": provision.quality}
-    checks = _check_parameters(provision.checks, of_values=True)
+def _provision_parameters(provision: Provision, message_type: str) -> Dict[str, object]:
+    plain: Dict[str, object] = {"field": provision.field}
+    error = provision.error
+    if error is None or provision.quality != error.quality:  # else the error says it
+        plain["quality"] = provision.quality
+    distance = tells_of_nothing(message_type, provision.field)
+    checks = _check_parameters(provision.checks, True, distance)
     if provision.range is not None:
         plain["range"] = list(provision.range)
+    if error is not None:
+        plain["error"] = plain_error(error)
+    if not provision.calibrate:
+        plain["calibrate"] = False
     if checks:
         plain["checks"] = checks
     return plain
 
 
-def _check_parameters(checks: Iterable[Check], of_values: bool) -> Dict[str, object]:
+def _check_parameters(
+    checks: Iterable[Check], of_values: bool, distance: bool = False
+) -> Dict[str, object]:
     """What differs from the defaults."""
-    given = {check.kind.value: check.limit for check in checks}
+    given = {check.kind.value: _plain(check.limit) for check in checks}
     return {
         name: given.get(name, False)
         for name in check_names(of_values)
-        if given.get(name) != REGISTRY[name].default
+        if given.get(name) != _plain(default_limit(name, distance))
     }
+
+
+def _plain(limit: Optional[Limit]) -> Optional[Limit]:
+    """A limit as it is written; what is learned has no number."""
+    return True if limit == LEARNED else limit

@@ -2,18 +2,22 @@
 import re
 from typing import Any, Callable, Dict, List, Optional, Tuple, Type
 
+from shsa_core.errors import ShsaError
 from shsa_core.files.document import Value
-from shsa_core.model.checks import REGISTRY, Check, Checks, Limit, ValueSample
-from shsa_core.model.kinds import Policy, Standby, Word
+from shsa_core.files.error_values import read_error
+from shsa_core.model.checks import OF_VALUE, REGISTRY, Check, Checks, Limit
+from shsa_core.model.field import parse_field
+from shsa_core.model.kinds import Contain, Others, Policy, Standby, Word
 from shsa_core.model.service import LastResort
 
-_GRAPH_NAME = re.compile(r"(/[A-Za-z0-9_]+)+\Z")
+_GRAPH_NAME = re.compile(r"(/[A-Za-z0-9_]+|[A-Za-z]\w*)(/[A-Za-z0-9_]+)*\Z", re.ASCII)
 _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")
-_FIELD = re.compile(r"[A-Za-z]\w*(\[\d{1,6}\])?(\.[A-Za-z]\w*(\[\d{1,6}\])?)*\Z", re.ASCII)
+_CAUSE = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*\Z")
 _MAX_NAME = 255
 _LONGEST_COMMAND = 100
 _HIGHEST_COUNT = 1000
 _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S = 1e-4, 1e6
+_LONGEST_DEADLINE = 1e6  # periods
 
 Reader = Callable[[Value, str], Any]
 
@@ -28,10 +32,25 @@ def _matching(pattern: "re.Pattern[str]", example: str) -> Reader:
     return read
 
 
+def _field(value: Value, key: str) -> str:
+    text = value.string(key)
+    try:
+        return str(parse_field(text))
+    except ShsaError as error:
+        raise value.error(f"{key}: {error}") from error
+
+
 def _positive(value: Value, key: str) -> float:
     number = value.number(key)
     if number <= 0.0:
         raise value.error(f"{key} must be above 0, not {number:g}")
+    return number
+
+
+def _deadline(value: Value, key: str) -> float:
+    number = value.number(key)
+    if not 1.0 <= number <= _LONGEST_DEADLINE:
+        raise value.error(f"{key} must be 1 to {_LONGEST_DEADLINE:g} periods, not {number:g}")
     return number
 
 
@@ -54,14 +73,14 @@ def _share(value: Value, key: str) -> float:
     return number
 
 
-def _interval(value: Value, key: str) -> Tuple[float, float]:
-    items = value.sequence(f"{key}, [lowest, highest],")
-    if len(items) != 2:
-        raise value.error(f"{key} must be two numbers, [lowest, highest], not {len(items)}")
-    lowest, highest = items[0].number(f"{key}'s lowest"), items[1].number(f"{key}'s highest")
-    if lowest >= highest:
-        raise value.error(f"{key} must have its lowest first, not [{lowest:g}, {highest:g}]")
-    return (lowest, highest)
+def _causes(value: Value, key: str) -> Tuple[str, ...]:
+    read = _matching(_CAUSE, "usb_hub or /driver")
+    return tuple(dict.fromkeys(read(item, f"a name in {key}") for item in value.sequence(key)))
+
+
+def _derived_from(value: Value, key: str) -> Tuple[str, ...]:
+    read = _matching(_GRAPH_NAME, "odometry, the name of a service, or /odom, a topic")
+    return tuple(dict.fromkeys(read(item, f"a name in {key}") for item in value.sequence(key)))
 
 
 def _flag(value: Value, key: str) -> bool:
@@ -84,7 +103,7 @@ def _value_checks(value: Value, key: str) -> Tuple[Check, ...]:
 
 
 def _checks(value: Value, key: str) -> Checks:
-    counts = {"bad": Checks.bad, "of": Checks.of, "recovery": Checks.recovery}
+    counts = ("bad", "of", "recovery", "intermittent")
     names = value.mapping(key)
     for name in check_names(of_values=True):
         if name in names:
@@ -100,7 +119,7 @@ def _checks(value: Value, key: str) -> Checks:
 
 
 def check_names(of_values: bool) -> List[str]:
-    return [name for name, each in REGISTRY.items() if (each.sample is ValueSample) is of_values]
+    return [name for name, each in REGISTRY.items() if (each.sample in OF_VALUE) is of_values]
 
 
 def _each_check(entry: Dict[str, Value], of_values: bool) -> Tuple[Check, ...]:
@@ -163,22 +182,30 @@ def _last_resort(value: Value, key: str) -> LastResort:
 
 
 SERVICE: Dict[str, Reader] = {
-    "topic": _matching(_GRAPH_NAME, "/battery_current"),
+    "topic": _matching(_GRAPH_NAME, "/battery_current or battery_current"),
     "type": _matching(_TYPE, "std_msgs/Float64"),
-    "node": _matching(_GRAPH_NAME, "/amperemeter"),
+    "node": _matching(_GRAPH_NAME, "/amperemeter or amperemeter"),
     "period": _period,
-    "deadline": _positive,
+    "deadline": _deadline,
     "needed": _flag,
     "standby": _one_of(Standby),
     "policy": _one_of(Policy),
     "checks": _checks,
     "last_resort": _last_resort,
+    "contain": _one_of(Contain),
+    "others": _one_of(Others),
+    "latched": _flag,
+    "fails_with": _causes,
+    "fault_tolerant_time": _positive,
+    "derived_from": _derived_from,
 }
 """What a service may say beside `provides`: a new key is a line here, and one in `Service`."""
 
 PROVISION: Dict[str, Reader] = {
-    "field": _matching(_FIELD, "data or twist.twist.linear.x"),
-    "range": _interval,
+    "field": _field,
+    "range": Value.interval,
     "quality": _share,
     "checks": _value_checks,
+    "error": read_error,
+    "calibrate": _flag,
 }

@@ -58,13 +58,14 @@ class Availability:
         )
 
     def _state(self, som: Som, service: Service) -> ServiceState:
-        if self._open(service.name):
-            return ServiceState(service, service.node, False, "failed")
         rows = [
             row for row in self.originals(som, service) if row.publisher not in self._nodes.excluded
         ]
-        for row in rows:
-            if row.state is PublisherState.HEALTHY:
-                return ServiceState(service, row.publisher, True, "")
+        well = tuple(row.publisher for row in rows if row.state is PublisherState.HEALTHY)
+        if self._open(service.name):
+            return ServiceState(service, service.node, False, "failed", well)
+        if well:
+            verified = tuple(node for node in well if node in self._nodes.verified)
+            return ServiceState(service, well[0], True, "", well, verified)
         detail = next((row.detail for row in rows if row.detail), "not published")
         return ServiceState(service, service.node, False, detail)

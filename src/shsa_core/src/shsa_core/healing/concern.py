@@ -2,8 +2,8 @@
 from typing import Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
-from shsa_core.healing.incident import Incident
-from shsa_core.healing.repair import STUCK
+from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.judgement import STUCK
 from shsa_core.healing.topic import TopicHealing
 
 
@@ -11,14 +11,22 @@ class Concern:
     """Indexes of healings, kept up as they decide.
 
     `by_process`: the service that a substitute works for. `stuck`: those that nothing can heal now.
+    `kept`: those whose faulty node is kept.
     """
 
     def __init__(self) -> None:
         self.by_process: Dict[str, str] = {}
         self.stuck: Dict[str, None] = {}
+        self.kept: Dict[str, None] = {}
+        self._refusing: Dict[str, str] = {}
         self._reads: Dict[str, Tuple[str, ...]] = {}
         self._readers: Dict[str, Set[str]] = {}
         self._faulty: Dict[str, Set[str]] = {}
+
+    @property
+    def kept_out(self) -> Set[str]:
+        """The nodes that may not return."""
+        return set(self._refusing.values())
 
     def readers(self, services: Iterable[str]) -> List[str]:
         """The services whose substitute reads one of some services."""
@@ -31,6 +39,9 @@ class Concern:
     def follow(self, healing: TopicHealing, before: Optional[Incident], node: str) -> None:
         """A healing has decided; `before` and `node` were its incident and substitute's node."""
         name, incident = healing.service, healing.incident
+        self._refusing.pop(name, None)
+        if incident is not None and healing.refuses:
+            self._refusing[name] = incident.faulty_node
         if before is not None:
             self._faulty.get(before.faulty_node, set()).discard(name)
         if incident is not None:
@@ -41,6 +52,9 @@ class Concern:
         self.stuck.pop(name, None)
         if healing.state in STUCK:
             self.stuck[name] = None
+        self.kept.pop(name, None)
+        if healing.state is State.KEPT or (incident is not None and incident.kept):
+            self.kept[name] = None
         for read in self._reads.get(name, ()):
             self._readers[read].discard(name)
         plan = healing.substitute.plan

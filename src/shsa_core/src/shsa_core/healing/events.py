@@ -7,12 +7,13 @@ from typing import Optional, Tuple, Union
 
 from shsa_core.codegen.generator import Program
 from shsa_core.healing.incident import Incident
+from shsa_core.healing.records import Record
 from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Signal
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring.events import PublisherHealth
+from shsa_core.monitoring.events import CalibrationRow, PublisherHealth
 
 
 class Level(Word):
@@ -24,21 +25,35 @@ class Level(Word):
 
 
 class Where(Word):
-    """Where the process of a node runs, as far as can be told."""
+    """Where the process of a node runs, as far as can be told.
+
+    UNKNOWN: it cannot be verified which process it is. ANOTHER: it is not the one that failed.
+    """
 
     HERE = "here"
     STOPPED = "stopped"
     DEAD = "dead"
     ELSEWHERE = "elsewhere"
     NOWHERE = "nowhere"
+    UNKNOWN = "unknown"
+    ANOTHER = "another"
 
 
 @dataclass(frozen=True)
 class Started:
-    """The reconfigurator is up; a former one has left these substitutes behind."""
+    """The reconfigurator is up.
+
+    `records`: what a former one has written down; `running`: the substitutes, and the nodes that
+    were started again, whose processes are known to run on. `leftovers`: other nodes of a
+    substitute's name that run our substitute, or are dead; `strangers`: nodes whose names begin as
+    a substitute's do, and of which nobody knows that.
+    """
 
     time: float
     leftovers: Tuple[str, ...] = ()
+    strangers: Tuple[str, ...] = ()
+    records: Tuple[Record, ...] = ()
+    running: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -59,7 +74,8 @@ class LaunchEnding:
 class FailureSeen:
     """The monitor reports that `publisher` (empty if none was ever seen) of a service has failed.
 
-    `service` may be empty: then it is told by topic and publisher.
+    `service` may be empty: then it is told by topic and publisher. `last_message` is the last good
+    one, serialized; empty: not known.
     """
 
     time: float
@@ -69,19 +85,21 @@ class FailureSeen:
     kind: Kind
     detail: str
     last_good: Optional[float] = None
+    last_message: bytes = b""
 
 
 @dataclass(frozen=True)
 class HealthSeen:
     """What has changed in the monitor's table; `whole`: this is all of it.
 
-    `removed`: topics and publishers.
+    `removed`: topics and publishers. `anew`: another monitor tells it, that has just started.
     """
 
     time: float
     rows: Tuple[PublisherHealth, ...]
     removed: Tuple[Tuple[str, str], ...] = ()
     whole: bool = False
+    anew: bool = False
 
 
 @dataclass(frozen=True)
@@ -103,25 +121,54 @@ class ModelsReloaded:
 
 @dataclass(frozen=True)
 class NodeLearned:
-    """It was looked which process a node is; `known`: that succeeded."""
+    """It was looked which process a node is; `known`: that succeeded, and was verified.
+
+    `protected`: why that is never to be killed unless the SOM says so; empty: it may be.
+    """
 
     time: float
     node: str
     known: bool
+    protected: str = ""
+
+
+@dataclass(frozen=True)
+class NodeCameUp:
+    """A process has come up as one of the nodes of WatchNodes, or is about to."""
+
+    time: float
+    node: str
 
 
 @dataclass(frozen=True)
 class NodeFound:
-    """Where the process of a node runs that is to be killed."""
+    """Where the process of a node runs that is to be killed.
+
+    `detail`: why it is not touched. `starter`: the process that has started it, in words; empty:
+    not known.
+    """
 
     time: float
     node: str
     where: Where
+    detail: str = ""
+    starter: str = ""
 
 
 @dataclass(frozen=True)
 class NodeLeft:
-    """The process of a node has ended or, elsewhere, has answered `rosnode kill`."""
+    """The process of a node has ended.
+
+    Elsewhere: it has answered `rosnode kill`, and nobody listens there any more.
+    """
+
+    time: float
+    node: str
+
+
+@dataclass(frozen=True)
+class NodeUnregistered:
+    """A node that is gone had unregistered itself at the master: it was told to leave."""
 
     time: float
     node: str
@@ -129,10 +176,11 @@ class NodeLeft:
 
 @dataclass(frozen=True)
 class ProcessUntouchable:
-    """The process of a node cannot be ended: it belongs to somebody else."""
+    """The process of a node cannot be ended; `detail`: why. Empty: it belongs to somebody else."""
 
     time: float
     node: str
+    detail: str = ""
 
 
 @dataclass(frozen=True)
@@ -154,23 +202,54 @@ class ProcessExited:
 
 
 @dataclass(frozen=True)
+class ProcessSilent:
+    """The process of the substitute `node` gives no sign of life just now: it hangs, or is slow."""
+
+    time: float
+    node: str
+
+
+@dataclass(frozen=True)
+class ProcessHeard:
+    """The process of a substitute gives its first sign of life, or again one after none."""
+
+    time: float
+    node: str
+
+
+@dataclass(frozen=True)
+class ProcessHung:
+    """The process of the substitute `node` has given no sign of life for long: it hangs."""
+
+    time: float
+    node: str
+
+
+@dataclass(frozen=True)
 class SubstituteRequested:
-    """Somebody wants `service` substituted now."""
+    """Somebody wants `service` substituted now.
+
+    `last_message` is the newest one, serialized; empty: not known.
+    """
 
     time: float
     service: str
+    last_message: bytes = b""
 
 
 @dataclass(frozen=True)
 class NodeRestarted:
     """A node was started again.
 
-    `with_us`: whoever started it first has started the reconfigurator too.
+    `with_us`: whoever started it first has started the reconfigurator too. `process`, `starter`: as
+    in RestartedNode.
     """
 
     time: float
     node: str
     with_us: bool
+    process: Tuple[int, float] = (0, 0.0)
+    starter: Tuple[int, float] = (0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -199,6 +278,18 @@ class Released:
 
 
 @dataclass(frozen=True)
+class CalibrationsHeard:
+    """The monitor tells how what may substitute services is calibrated.
+
+    `removed`: a service and a program that is calibrated no more.
+    """
+
+    time: float
+    rows: Tuple[CalibrationRow, ...]
+    removed: Tuple[Tuple[str, Program], ...] = ()
+
+
+@dataclass(frozen=True)
 class Idle:
     """There is nothing else to do: one plan can be made ahead."""
 
@@ -221,16 +312,22 @@ Event = Union[
     SomChanged,
     ModelsReloaded,
     NodeLearned,
+    NodeCameUp,
     NodeFound,
     NodeLeft,
+    NodeUnregistered,
     ProcessUntouchable,
     SubstituteStarted,
     ProcessExited,
+    ProcessSilent,
+    ProcessHeard,
+    ProcessHung,
     SubstituteRequested,
     NodeRestarted,
     RestartFailed,
     StarterEnded,
     Released,
+    CalibrationsHeard,
     Idle,
     Tick,
 ]
@@ -238,9 +335,17 @@ Event = Union[
 
 @dataclass(frozen=True)
 class LearnNode:
-    """Find out which process a healthy node is; answered by NodeLearned."""
+    """Find out which process a healthy publisher of a topic is; answered by NodeLearned."""
 
     node: str
+    topic: str = ""
+
+
+@dataclass(frozen=True)
+class WatchNodes:
+    """Tell from now on when one of these nodes, and no other, comes up (NodeCameUp)."""
+
+    nodes: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -248,15 +353,17 @@ class FindNode:
     """Find out where the process of a node runs that is to be killed; answered by NodeFound.
 
     `successor`: if the process that was learned is dead, the one that has its name now is meant.
+    `topic`: what it failed on, so that it must be a publisher of that; empty: a substitute of ours.
     """
 
     node: str
     successor: bool = True
+    topic: str = ""
 
 
 @dataclass(frozen=True)
 class AskToLeave:
-    """`rosnode kill`; answered by NodeLeft once the node is gone."""
+    """`rosnode kill`; answered by NodeLeft once the node is gone, or by ProcessUntouchable."""
 
     node: str
 
@@ -270,7 +377,10 @@ class EndProcess:
 
 @dataclass(frozen=True)
 class ClearNode:
-    """Clear what a node that is gone has left registered at the master."""
+    """Clear what a node that is gone has left registered at the master.
+
+    Answered by NodeUnregistered if that is nothing.
+    """
 
     node: str
 
@@ -344,6 +454,18 @@ class ShowSubstitutions:
 
 
 @dataclass(frozen=True)
+class WriteDown:
+    """Write down what was decided, before anything of it is done.
+
+    Should the reconfigurator be killed, the next one goes on from there. `removed`: the keys of the
+    records that are gone.
+    """
+
+    records: Tuple[Record, ...]
+    removed: Tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class ShowIncident:
     """Publish a step of an incident."""
 
@@ -352,12 +474,18 @@ class ShowIncident:
 
 @dataclass(frozen=True)
 class ServiceState:
-    """One row of the running SOM: who provides the service now, and whether it is available."""
+    """One row of the running SOM: who provides the service now, and whether it is available.
+
+    `healthy`: all originals that do well, as a monitor that starts anew must know. `verified`:
+    those of them whose process is known.
+    """
 
     service: Service
     node: str
     available: bool
     detail: str
+    healthy: Tuple[str, ...] = ()
+    verified: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -377,7 +505,9 @@ class Log:
 
 
 Command = Union[
+    WriteDown,
     LearnNode,
+    WatchNodes,
     FindNode,
     AskToLeave,
     EndProcess,

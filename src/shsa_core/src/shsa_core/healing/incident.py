@@ -2,6 +2,7 @@
 from dataclasses import asdict, dataclass
 from typing import Dict, Optional, Tuple
 
+from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind, Word
 
 
@@ -14,6 +15,7 @@ class State(Word):
     RETURNING = "returning"
     UNHEALED = "unhealed"
     SAFE = "safe"
+    KEPT = "kept"
     ENDED = "ended"
 
 
@@ -24,9 +26,11 @@ class Incident:
     All times in s on one clock; None: has not happened.
 
     `last_good` is the last good message of the service before the latest outage. `quality` is None
-    without a substitute, and where that publishes safe values, which promise nothing. `restarts`:
+    without a substitute, and where that publishes safe values, which promise nothing; `errors` are
+    what is expected of each output, in the unit of its property, None: not known. `restarts`:
     how often the faulty node was started again. `kept_out`: it may not return until somebody
-    releases the service.
+    releases the service. `kept`: the faulty node was not killed; `decision` says why it was, or was
+    not.
     """
 
     id: int
@@ -50,10 +54,15 @@ class Incident:
     code: str = ""
     outputs: Tuple[str, ...] = ()
     relations: Tuple[str, ...] = ()
+    gains: Tuple[float, ...] = ()
+    offsets: Tuple[float, ...] = ()
     quality: Optional[float] = None
+    errors: Tuple[Optional[Error], ...] = ()
     missing: Tuple[str, ...] = ()
     restarts: int = 0
     kept_out: bool = False
+    kept: bool = False
+    decision: str = ""
 
     @property
     def outage(self) -> Optional[float]:

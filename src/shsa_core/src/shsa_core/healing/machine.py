@@ -4,38 +4,47 @@ An event is handled by those that it concerns: the services that it is about, an
 substitutes read what it changes. What is known of the rest stays as it is, so that a decision costs
 the same on a large robot.
 """
+from dataclasses import replace
 from typing import Any, Callable, Collection, Dict, Iterable, List, Optional, Tuple, Type
 
 from shsa_core import dispatch
+from shsa_core.agenda import Agenda
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Event, FailureSeen, Level, Log
-from shsa_core.healing.incident import Incident
-from shsa_core.healing.kills import KillNode, NodeKilled
-from shsa_core.healing.planner import Planner
+from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.kills import KillNode, NodeKilled, NodeSpared, Over
+from shsa_core.healing.records import RestartedNode
 from shsa_core.healing.settings import Settings
-from shsa_core.healing.upkeep import Upkeep, is_shared
+from shsa_core.healing.succession import Succession
+from shsa_core.healing.upkeep import is_shared
 from shsa_core.model.kinds import Kind
+from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_core.monitoring.events import PublisherState
 
 ORPHAN_KILLS = 5
 """Tries to end a substitute that was left behind: a busy machine may not find it in time."""
+TRIGGER_S = 0.1
+"""So long after the table a trigger may come: they travel on two connections."""
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
 """What only tells people comes after what acts: a line of the log takes as long as a takeover."""
 
 
-class Reconfigurator(Upkeep):
+class Reconfigurator(Succession):
     """Heals every needed service of a SOM.
 
     Args:
         ontology: the relations to search.
         som: the services; may change later by SomChanged.
         settings: times and limits.
-        namespace: that of the substitutes' names, which are never used twice.
+        namespace: where healing runs: relative names are in it, and so are the substitutes' names,
+            which are never used twice.
+        dry_run: whether every service's policy counts as `advise`: nothing is killed or started.
+        restarts: whether nodes may be started again; else their policy counts as the rest of it.
     """
 
     def __init__(
@@ -44,10 +53,12 @@ class Reconfigurator(Upkeep):
         som: Som,
         settings: Settings = Settings(),
         namespace: str = "/",
+        dry_run: bool = False,
+        restarts: bool = True,
     ) -> None:
-        super().__init__(ontology, som, settings, namespace)
+        super().__init__(ontology, som, settings, namespace, dry_run, restarts)
         self._ending = False
-        self._with_us: Dict[str, bool] = {}  # nodes that were started again
+        self._untold: Agenda[str] = Agenda()  # failures in the table, by their service
         self._orphans: Dict[str, int] = {}  # what was left behind, and how often to try yet
         self._handlers: Dict[Type[Event], Callable[[Any], List[Command]]] = dispatch.table(
             Event,
@@ -60,16 +71,22 @@ class Reconfigurator(Upkeep):
                 events.SomChanged: self._som_changed,
                 events.ModelsReloaded: self._models_reloaded,
                 events.NodeLearned: self._node_learned,
+                events.NodeCameUp: self._node_came_up,
                 events.NodeFound: self._node_found,
                 events.NodeLeft: self._node_left,
+                events.NodeUnregistered: self._node_unregistered,
                 events.ProcessUntouchable: self._process_untouchable,
                 events.SubstituteStarted: self._substitute_started,
                 events.ProcessExited: self._process_exited,
+                events.ProcessSilent: self._process_silent,
+                events.ProcessHeard: self._process_heard,
+                events.ProcessHung: self._process_hung,
                 events.SubstituteRequested: self._requested,
                 events.NodeRestarted: self._node_restarted,
                 events.RestartFailed: self._restart_failed,
                 events.StarterEnded: self._starter_ended,
                 events.Released: self._released,
+                events.CalibrationsHeard: self._calibrations_heard,
                 events.Idle: self._idle,
                 events.Tick: self._tick,
             },
@@ -78,12 +95,15 @@ class Reconfigurator(Upkeep):
     def handle(self, event: Event) -> List[Command]:
         """What is to be done about `event`."""
         self._time = max(self._time, event.time)  # a failure is heard after it was seen
+        self._forget_ended()
         commands = self._handlers[type(event)](event)
         commands += self._settle()
         commands += self._refill()
+        commands += self._watch()
         shown = self._substitutions.change()
         if shown is not None:
             commands.insert(0, shown)  # first: it decides who publishes
+        commands[:0] = self._write_down()
         states = self._states.change()
         if states is not None:
             commands.append(states)
@@ -102,13 +122,10 @@ class Reconfigurator(Upkeep):
             self._pool.deadline,
             self._kills.deadline,
             self._acquaintance.deadline,
+            self._untold.next(),
+            self._nodes.deadline,
         )
         return min((due for due in dues if due is not None), default=None)
-
-    @property
-    def substitutes(self) -> Tuple[str, ...]:
-        """The node names of the substitutes that run now."""
-        return (*self._concern.by_process, *self._pool.nodes)
 
     def needed(self) -> Tuple[Service, ...]:
         """The services that are healed when they fail."""
@@ -117,10 +134,11 @@ class Reconfigurator(Upkeep):
     def find(self, name: str) -> Service:
         """The service of a name, a topic or a property; a needed one first.
 
-        Raises ModelError if there is none.
+        A relative topic is one in our namespace. Raises ModelError if there is none.
         """
         som = self._som
-        found = [som.services[name]] if name in som.services else list(som.of_topic(name))
+        topic = full_name(name, self._namespace)
+        found = [som.services[name]] if name in som.services else list(som.of_topic(topic))
         found += [source.service for source in som.of_property(name)]
         if not found:
             known = ", ".join(f"{each.name} ({each.topic})" for each in som)
@@ -129,7 +147,9 @@ class Reconfigurator(Upkeep):
 
     def explain(self, name: str, without: Collection[str] = (), method: str = "") -> Plan:
         """What would be done if the node of a service failed. Acts on nothing. Raises ShsaError."""
-        return self._planner.explain(self.find(name), without, method)
+        excluded = [self._som.known_name(each, self._namespace) for each in without]
+        plan = self._planner.explain(self.find(name), excluded, method)
+        return replace(plan, errors=self._planner.errors(plan))
 
     def incident(self, service: str) -> Optional[Incident]:
         """The open incident of a service."""
@@ -137,12 +157,16 @@ class Reconfigurator(Upkeep):
         return healing.incident if healing else None
 
     def _started(self, event: events.Started) -> List[Command]:
-        """Stop what a former reconfigurator has left behind; its names are not used again."""
-        tails = [node.rsplit("_", 1)[-1] for node in event.leftovers]
-        numbers = [int(tail) for tail in tails if tail.isdigit()]
-        self._next_substitute = max([self._next_substitute, *(1 + n for n in numbers)])
-        commands: List[Command] = []
-        for node in event.leftovers:
+        """Take up what a former reconfigurator has left, and stop the rest.
+
+        Its names are not used again. A user's node may have a name that begins like that: it is
+        none of our business.
+        """
+        commands = self._take_up(event)
+        for node in filter(self.names.avoid, event.strangers):
+            text = f"{node} is left alone: it is named as a substitute, but is not known to be one."
+            commands.append(Log(Level.WARN, f"{text} If it was left behind: rosnode kill {node}"))
+        for node in filter(self.names.avoid, event.leftovers):
             commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
             self._orphans[node] = ORPHAN_KILLS
             commands += self._kill_orphan(node)
@@ -154,6 +178,7 @@ class Reconfigurator(Upkeep):
 
     def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
         """End every substitute, and the nodes that whoever ends us has started first."""
+        self._records.forget()
         ended: List[Command] = [events.StopSubstitute(node) for node in self.substitutes]
         return ended + [events.StopNode(node) for node, ours in self._with_us.items() if ours]
 
@@ -168,12 +193,21 @@ class Reconfigurator(Upkeep):
         service = self._service_of(event)
         if service is None or self._is_old_substitute(event.publisher, service.name):
             return []
+        if event.kind is Kind.NO_VALUE and event.publisher not in self._concern.by_process:
+            return []  # only a substitute of ours can tell that of itself
+        if not event.detail:
+            who = event.publisher or "nobody"
+            text = f"{event.topic}: a failure of {who} is told without saying what was seen."
+            return [Log(Level.WARN, f"{text} Nothing is healed without evidence.")]
         if not service.needed:
             why = event.detail.rstrip(".")
             text = f"{event.topic} failed: {why}. It is not marked `needed`, ignored."
             return [Log(Level.WARN, text)]
-        self._nodes.note(event)
-        self._unsettle([service.name])
+        # Whoever is asked about does well, and so does a substitute that tells of its law.
+        if event.kind not in (Kind.REQUESTED, Kind.NO_VALUE):
+            self._nodes.note(event)
+            self._note_health(event.topic, event.publisher)
+        self._unsettle([service.name, *self._concerned(event.topic, event.publisher)])
         return self._ask(service.name, lambda healing, now: healing.failed(now, event))
 
     def _service_of(self, event: FailureSeen) -> Optional[Service]:
@@ -190,72 +224,88 @@ class Reconfigurator(Upkeep):
     def _health_seen(self, event: events.HealthSeen) -> List[Command]:
         commands: List[Command] = []
         concerned: Dict[str, None] = {}
+        judged: Dict[str, None] = {}
         for topic, publisher in self._nodes.heed(event):
             row = self._nodes.health(topic).get(publisher)
+            self._note_health(topic, publisher)
             if publisher in self._concern.by_process:
                 concerned[self._concern.by_process[publisher]] = None
             elif publisher not in self._nodes.substitutes:
                 services = self._concerned(topic, publisher)
                 concerned.update(dict.fromkeys(services))
                 self._unsettle(services)
-                commands += self._acquaint(event.time, publisher, row)
+                blaming = self._concern.blaming(publisher)
+                judged.update(dict.fromkeys(name for name in blaming if name in self._concern.kept))
+                commands += self._acquaint(publisher, row)
         for name in concerned:
-            commands += self._missed_failure(event.time, name)
+            self._expect_trigger(event.time, name)
             commands += self._ask(name, lambda healing, now: healing.changed(now))
+        for name in judged:
+            commands += self._ask(name, lambda healing, now: healing.reconsider(now))
         return commands
 
-    def _acquaint(self, time: float, node: str, row: Optional[PublisherHealth]) -> List[Command]:
-        if row is None or (row.state is PublisherState.FAILED and row.kind is Kind.NODE_GONE):
-            self._acquaintance.went(node)
-        elif row.state is PublisherState.HEALTHY:
-            return self._acquaintance.came_up(time, node)
-        return []
+    def _expect_trigger(self, time: float, name: str) -> None:
+        """A trigger tells more than the table, and may come a moment after it."""
+        if self._missed_failure(time, name) is None:
+            self._untold.set(name, None)
+        else:
+            self._untold.bring_forward(name, time + TRIGGER_S)
 
-    def _missed_failure(self, time: float, name: str) -> List[Command]:
-        """The table tells of a failure whose trigger was never heard, as when we start late."""
+    def _missed_failure(self, time: float, name: str) -> Optional[FailureSeen]:
+        """The failure that the table tells of, and no trigger, as when we start late."""
         service = self._som.services.get(name)
         if self._ending or service is None or not service.needed or self._open(name):
-            return []
+            return None
         rows = self._rows(service)
         if any(row.state is PublisherState.HEALTHY for row in rows):
-            return []
+            return None
         for row in rows:
             excluded = row.publisher in self._nodes.excluded or row.publisher in self._kills.nodes
             if row.state is PublisherState.FAILED and not excluded:
                 kind = row.kind or Kind.OTHER
-                failure = FailureSeen(
-                    time, name, row.topic, row.publisher, kind, row.detail, row.last_good
+                detail = row.detail or f"the monitor's table says {kind}"
+                return FailureSeen(
+                    time, name, row.topic, row.publisher, kind, detail, row.last_good
                 )
-                return self._failure_seen(failure)
-        return []
+        return None
 
     def _som_changed(self, event: events.SomChanged) -> List[Command]:
-        old, self._som = self._som, event.som
-        self._planner.som = event.som
+        old, self._som = self._som, self._as_told(event.som)
+        self._planner.som = som = self._som
         commands: List[Command] = []
-        for name in [name for name in old.services if name not in event.som.services]:
+        for name in [name for name in old.services if name not in som.services]:
             commands += self._remove(old.services[name])
-        for service in event.som:
+        for service in som:
             before = old.services.get(service.name)
             if before is None:
                 self._add(service)
             elif before.topic != service.topic:
                 commands += self._remove(before)
                 self._add(service)
-            elif before != service or is_shared(old, service) != is_shared(event.som, service):
+            elif before != service or is_shared(old, service) != is_shared(som, service):
                 commands += self._change(service)
+        for name in list(self._concern.kept):
+            commands += self._ask(name, lambda healing, now: healing.reconsider(now))
         return commands
 
     def _models_reloaded(self, event: events.ModelsReloaded) -> List[Command]:
         """Plans follow the new models; what runs goes on."""
-        planner = Planner(event.ontology, self._som, self.settings, self._nodes, self._availability)
+        planner = self._planner_of(event.ontology)
         planner.plans.change((), self._availability.services.values())
         self._planner = planner
         return self._som_changed(events.SomChanged(event.time, event.som))
 
     def _node_learned(self, event: events.NodeLearned) -> List[Command]:
         self._acquaintance.learned(event)
+        self._nodes.learned(event)
+        self._unsettle_node(event.node)
         return []
+
+    def _node_came_up(self, event: events.NodeCameUp) -> List[Command]:
+        commands: List[Command] = []
+        for name in self._concern.blaming(event.node):
+            commands += self._ask(name, lambda healing, now: healing.came_up(now))
+        return commands
 
     def _node_found(self, event: events.NodeFound) -> List[Command]:
         commands, over = self._kills.found(event)
@@ -265,27 +315,61 @@ class Reconfigurator(Upkeep):
         commands, over = self._kills.left(event)
         return self._killed([over] if over else []) + commands
 
+    def _node_unregistered(self, event: events.NodeUnregistered) -> List[Command]:
+        commands: List[Command] = []
+        for name in self._concern.blaming(event.node):
+            commands += self._ask(name, lambda healing, now: healing.left_in_order())
+        return commands
+
     def _process_untouchable(self, event: events.ProcessUntouchable) -> List[Command]:
         over = self._kills.untouchable(event)
         return self._killed([over] if over else [])
 
-    def _killed(self, kills: Iterable[NodeKilled]) -> List[Command]:
+    def _killed(self, kills: Iterable[Over]) -> List[Command]:
         commands: List[Command] = []
         for kill in kills:
-            self._nodes.killed(kill.node, kill.time)
-            self._acquaintance.went(kill.node)
-            if kill.node not in self._nodes.excluded:  # it is back already, as another process
-                commands += self._acquaintance.came_up(self._time, kill.node)
-            self._with_us.pop(kill.node, None)
-            self._unsettle_node(kill.node)
-            if kill.certain:
-                self._orphans.pop(kill.node, None)
-            elif self._orphans.get(kill.node):
-                commands += self._kill_orphan(kill.node)
-            for name in self._concern.blaming(kill.node):
-                commands += self._ask(name, lambda healing, now: healing.killed(now, kill))
-                commands += self._ask(name, lambda healing, now: healing.changed(now))
+            if isinstance(kill, NodeSpared):
+                commands += self._spared(kill)
+                continue
+            commands += self._gone(kill)
         return commands
+
+    def _spared(self, kill: NodeSpared) -> List[Command]:
+        commands: List[Command] = []
+        if kill.detail:
+            text = f"{kill.node} is not touched: {kill.detail}."
+            commands.append(Log(Level.ERROR, text))
+            self._unsettle_node(kill.node)
+        for name in self._concern.blaming(kill.node):
+            commands += self._ask(name, lambda healing, now: healing.spared(now, kill.detail))
+        return commands
+
+    def _gone(self, kill: NodeKilled) -> List[Command]:
+        commands: List[Command] = []
+        self._nodes.killed(kill.node, kill.time)
+        self._acquaintance.went(kill.node)
+        if kill.node not in self._nodes.excluded:  # it is back already, as another process
+            for topic in self._nodes.topics(kill.node):
+                row = self._nodes.health(topic)[kill.node]
+                commands += self._acquaint(kill.node, row)
+        self._forget_restarted(kill.node)
+        self._unsettle_node(kill.node)
+        if kill.certain:
+            self._orphans.pop(kill.node, None)
+        elif self._orphans.get(kill.node):
+            commands += self._kill_orphan(kill.node)
+        for name in self._concern.blaming(kill.node):
+            commands += self._ask(name, lambda healing, now: healing.killed(now, kill))
+            commands += self._ask(name, lambda healing, now: healing.changed(now))
+        return commands
+
+    def _kill_again(self, node: str) -> List[Command]:
+        """Kill a node that is still blamed, and has not returned."""
+        blaming = [self._healings[name] for name in self._concern.blaming(node)]
+        if not any(each.state not in (State.WELL, State.RETURNING, State.KEPT) for each in blaming):
+            return []
+        topics = [self._som.services[each.service].topic for each in blaming]
+        return self._absorb([KillNode(node, urgent=True, topic=topic) for topic in topics])
 
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
         name = self._concern.by_process.get(event.node, "")
@@ -298,6 +382,25 @@ class Reconfigurator(Upkeep):
             return commands
         name = self._concern.by_process.get(event.node, "")
         return self._ask(name, lambda healing, now: healing.exited(now, event.detail))
+
+    def _process_silent(self, event: events.ProcessSilent) -> List[Command]:
+        """Who gives no sign of life is not set to work, and is replaced if it was just now."""
+        if event.node in self._pool.nodes:
+            self._pool.silent(event.node)
+            return []
+        name = self._concern.by_process.get(event.node, "")
+        return self._ask(name, lambda healing, now: healing.process_silent(now))
+
+    def _process_heard(self, event: events.ProcessHeard) -> List[Command]:
+        self._pool.heard(event.node)
+        return []
+
+    def _process_hung(self, event: events.ProcessHung) -> List[Command]:
+        if event.node in self._pool.nodes:
+            self._substitutions.set(event.node, None)
+            return self._pool.hung(event.time, event.node)
+        name = self._concern.by_process.get(event.node, "")
+        return self._ask(name, lambda healing, now: healing.process_hung(now))
 
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
         incident = self.incident(event.service)
@@ -312,12 +415,21 @@ class Reconfigurator(Upkeep):
         last_good = healthy[0].last_good if healthy else None
         why = "somebody asked for a substitute"
         failure = FailureSeen(
-            event.time, service.name, service.topic, node, Kind.REQUESTED, why, last_good
+            event.time,
+            service.name,
+            service.topic,
+            node,
+            Kind.REQUESTED,
+            why,
+            last_good,
+            event.last_message,
         )
         return self._failure_seen(failure)
 
     def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
         self._with_us[event.node] = event.with_us
+        told = event.node, event.with_us, event.process, event.starter
+        self._records.put(RestartedNode(*told))
         return []
 
     def _restart_failed(self, event: events.RestartFailed) -> List[Command]:
@@ -331,10 +443,21 @@ class Reconfigurator(Upkeep):
 
     def _starter_ended(self, event: events.StarterEnded) -> List[Command]:
         """A node that was started again lives no longer than whoever started it first."""
-        return [] if self._with_us.pop(event.node, None) is None else [events.StopNode(event.node)]
+        return [events.StopNode(event.node)] if self._forget_restarted(event.node) else []
 
     def _released(self, event: events.Released) -> List[Command]:
         return self._ask(event.service, lambda healing, now: healing.released(now))
+
+    def _calibrations_heard(self, event: events.CalibrationsHeard) -> List[Command]:
+        """Note what the substitutes start with; who computes already, as hot ones do, follows."""
+        for service, program in event.removed:
+            self._calibrations.leave(service, program)
+        taken = [row.service for row in event.rows if self._calibrations.take(row)]
+        commands: List[Command] = []
+        for name in dict.fromkeys(taken):
+            if name in self._healings and self._healings[name].node:
+                commands += self._ask(name, lambda healing, now: [])
+        return commands
 
     def _idle(self, event: events.Idle) -> List[Command]:
         """Make one plan ahead; who follows it follows the new one."""
@@ -350,7 +473,14 @@ class Reconfigurator(Upkeep):
     def _tick(self, event: events.Tick) -> List[Command]:
         commands, over = self._kills.tick(event.time)
         commands += self._killed(over)
+        for node in self._kills.again(event.time):
+            commands += self._kill_again(node)
         commands += self._acquaintance.tick(event.time)
+        for name in self._untold.pop_due(event.time):
+            missed = self._missed_failure(event.time, name)
+            commands += [] if missed is None else self._failure_seen(missed)
+        unheard = self._nodes.unheard(event.time)
+        commands += self._health_seen(unheard) if unheard else []
         for name in self._agenda.pop_due(event.time):
             commands += self._ask(name, lambda healing, now: healing.tick(now))
         return commands

@@ -1,12 +1,21 @@
 """What the reconfigurator knows of the nodes: their health, and what it has done to them."""
-from typing import Dict, FrozenSet, List, Optional, Set, Tuple
+from dataclasses import replace
+from typing import Dict, FrozenSet, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.agenda import Agenda
 from shsa_core.healing.events import Command, FailureSeen, HealthSeen, LearnNode, NodeLearned
+from shsa_core.model.kinds import Kind
+from shsa_core.model.names import RecentNames
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
-LEARN_PAUSES_S = (0.5, 2.0)
-"""Before each further try to learn which process a node is: a busy one may not answer at once."""
+LEARN_PAUSES_S = (0.5, 2.0, 10.0)
+"""Before each further try to learn which process a node is: a busy one may not answer at once.
+
+The last one comes again and again: a node that is not known cannot be ended when it hangs.
+"""
+
+MONITOR_START_S = 5.0
+"""How long a monitor that has just started may take to hear those who were well before."""
 
 NOBODY: Dict[str, PublisherHealth] = {}
 
@@ -14,37 +23,93 @@ NOBODY: Dict[str, PublisherHealth] = {}
 class Nodes:
     """The monitor's table, and which nodes were killed or started again since.
 
-    `substitutes`: the names of all substitutes that ever were. `excluded`: the nodes that were
-    killed and have not been well since.
+    `substitutes`: the names of substitutes that run, or did not long ago. `excluded`: the nodes
+    that were killed and have not been well since. `protected`: those that are never killed unless
+    the SOM says so, and why. `verified`: those whose process is known.
     """
 
     def __init__(self) -> None:
-        self.substitutes: Set[str] = set()
+        self.substitutes = RecentNames()
         self.excluded: FrozenSet[str] = frozenset()
+        self.protected: Dict[str, str] = {}
+        self.verified: Set[str] = set()
         self._health: Dict[str, Dict[str, PublisherHealth]] = {}
         self._topics: Dict[str, Set[str]] = {}
+        self._good: Set[Tuple[str, str]] = set()
         self._killed: Dict[str, float] = {}
         self._restarting: Set[str] = set()
+        self._unheard: Dict[Tuple[str, str], Optional[PublisherHealth]] = {}
+        self._unheard_until: Optional[float] = None
+
+    @property
+    def deadline(self) -> Optional[float]:
+        """When `unheard` has something to tell, in s; None: never."""
+        return self._unheard_until
+
+    def unheard(self, time: float) -> Optional[HealthSeen]:
+        """What is so for those whom a new monitor has not heard in time."""
+        if self._unheard_until is None or time < self._unheard_until:
+            return None
+        told, self._unheard, self._unheard_until = self._unheard, {}, None
+        rows = tuple(row for row in told.values() if row is not None)
+        return HealthSeen(time, rows, tuple(key for key, row in told.items() if row is None))
 
     def heed(self, change: HealthSeen) -> List[Tuple[str, str]]:
         """Take over what has changed in the monitor's table.
 
-        Returns the topics and publishers that it concerns.
+        Returns the topics and publishers that it concerns. Who was well when the monitor ended is
+        so until the next one has heard it, or should have.
         """
+        if change.anew:
+            self._unheard_until = change.time + MONITOR_START_S
+            for row in [row for rows in self._health.values() for row in rows.values()]:
+                if row.state is PublisherState.HEALTHY:
+                    self._unheard[row.topic, row.publisher] = None
+        change = self._heard(change)
         concerned = [(row.topic, row.publisher) for row in change.rows]
         gone = list(change.removed)
         if change.whole:
             told = set(concerned)
             known = [(t, p) for t, publishers in self._health.items() for p in publishers]
-            gone = [key for key in known if key not in told]
+            gone = [key for key in known if key not in told and key not in self._unheard]
         for topic, publisher in gone:
-            self._health.get(topic, {}).pop(publisher, None)
-            self._topics.get(publisher, set()).discard(topic)
+            self._forget(topic, publisher)
         for row in change.rows:
             self._put(row)
             if row.state is PublisherState.HEALTHY and self._has_recovered(row):
                 concerned += [(topic, row.publisher) for topic in self.topics(row.publisher)]
         return concerned + gone
+
+    def _heard(self, change: HealthSeen) -> HealthSeen:
+        """A change without those of whom a new monitor knows nothing yet."""
+        if not self._unheard:
+            return change
+        rows = []
+        for row in change.rows:
+            key = (row.topic, row.publisher)
+            if key in self._unheard and row.state is PublisherState.UNKNOWN:
+                self._unheard[key] = row
+            else:
+                self._unheard.pop(key, None)
+                rows.append(row)
+        for key in change.removed:
+            self._unheard.pop(key, None)
+        return replace(change, rows=tuple(rows))
+
+    def healthy(self, topic: str, publisher: str) -> Optional[PublisherHealth]:
+        """The row of a publisher that does well; None if it does not."""
+        row = self.health(topic).get(publisher)
+        return row if row is not None and row.state is PublisherState.HEALTHY else None
+
+    def recall(self, time: float, rows: Iterable[PublisherHealth]) -> None:
+        """These did well when a former reconfigurator ended.
+
+        They do so until the monitor has told of them, or should have.
+        """
+        for row in rows:
+            self._put(row)
+            self._unheard[row.topic, row.publisher] = None
+            self._unheard_until = time + MONITOR_START_S
 
     def note(self, failure: FailureSeen) -> None:
         """Note a failure that the table does not tell yet."""
@@ -67,12 +132,31 @@ class Nodes:
         """How the publishers of `topic` do."""
         return self._health.get(topic, NOBODY)
 
+    def was_good(self, topic: str, node: str) -> bool:
+        """Whether a node has ever published a topic well, in this process or a former one."""
+        return (topic, node) in self._good
+
+    def note_good(self, topic: str, node: str) -> None:
+        """A node has published a topic well."""
+        self._good.add((topic, node))
+
     def topics(self, node: str) -> Tuple[str, ...]:
         """The topics that `node` publishes."""
         return tuple(sorted(self._topics.get(node, ())))
 
+    def learned(self, event: NodeLearned) -> None:
+        """It was looked which process a node is."""
+        if event.known:
+            self.verified.add(event.node)
+        if event.protected:
+            self.protected[event.node] = event.protected
+        elif event.known:
+            self.protected.pop(event.node, None)
+
     def killed(self, node: str, time: float) -> None:
         """`node` was gone at `time`; if it is well since, that is another process."""
+        self.protected.pop(node, None)
+        self.verified.discard(node)
         self._restarting.discard(node)
         self._killed[node] = time
         self.excluded = frozenset(self._killed)
@@ -80,6 +164,16 @@ class Nodes:
             row = self._health[topic][node]
             if row.state is PublisherState.HEALTHY and self._has_recovered(row):
                 return
+
+    def _forget(self, topic: str, publisher: str) -> None:
+        self._health.get(topic, {}).pop(publisher, None)
+        topics = self._topics.get(publisher, set())
+        topics.discard(topic)
+        if not topics:
+            self._topics.pop(publisher, None)
+            self.verified.discard(publisher)
+        if publisher in self.substitutes:
+            self._good.discard((topic, publisher))  # its name is not used again
 
     def begin_restart(self, node: str) -> bool:
         """Whether `node` is to be started again now: it is not if that is under way."""
@@ -94,6 +188,10 @@ class Nodes:
 
     def _put(self, row: PublisherHealth) -> None:
         self._health.setdefault(row.topic, {})[row.publisher] = row
+        if row.state is PublisherState.HEALTHY or row.last_good is not None:
+            self._good.add((row.topic, row.publisher))
+        if row.kind is Kind.NODE_GONE:
+            self.verified.discard(row.publisher)
         if row.publisher:
             self._topics.setdefault(row.publisher, set()).add(row.topic)
 
@@ -115,6 +213,7 @@ class Acquaintance:
 
     def __init__(self) -> None:
         self._tries: Dict[str, int] = {}
+        self._topics: Dict[str, str] = {}
         self._agenda: Agenda[str] = Agenda()
 
     @property
@@ -122,18 +221,19 @@ class Acquaintance:
         """When a further try is due, in s; None: none is."""
         return self._agenda.next()
 
-    def came_up(self, time: float, node: str) -> List[Command]:
+    def came_up(self, node: str, topic: str) -> List[Command]:
         """`node` is healthy on a topic: it is learned, unless it is known."""
         if node in self._tries:
             return []
         self._tries[node] = 0
-        return [LearnNode(node)]
+        self._topics[node] = topic
+        return [LearnNode(node, topic)]
 
     def learned(self, event: NodeLearned) -> None:
         """A try is over; the next one follows after a pause if it failed."""
         tries = self._tries.get(event.node)
-        if not event.known and tries is not None and tries < len(LEARN_PAUSES_S):
-            self._tries[event.node] = tries + 1
+        if not event.known and tries is not None:
+            self._tries[event.node] = min(tries + 1, len(LEARN_PAUSES_S) - 1)
             self._agenda.set(event.node, event.time + LEARN_PAUSES_S[tries])
 
     def went(self, node: str) -> None:
@@ -143,4 +243,4 @@ class Acquaintance:
 
     def tick(self, time: float) -> List[Command]:
         """Time passed: try again."""
-        return [LearnNode(node) for node in self._agenda.pop_due(time)]
+        return [LearnNode(node, self._topics[node]) for node in self._agenda.pop_due(time)]

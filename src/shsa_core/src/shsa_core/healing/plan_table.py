@@ -1,6 +1,18 @@
 """The plans that are made before they are needed."""
-from typing import Dict, FrozenSet, Iterable, List, Optional, Set, Tuple, Union
+from typing import (
+    Callable,
+    Collection,
+    Dict,
+    FrozenSet,
+    Iterable,
+    List,
+    Optional,
+    Set,
+    Tuple,
+    Union,
+)
 
+from shsa_core.codegen.prediction import Predictor
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.model.ontology import Ontology
@@ -14,13 +26,20 @@ class PlanTable:
     `change` says which services there are and drops the answers that this may change; `step` makes
     one of those anew, and is called while nothing else is to do. A plan that is in the table is the
     one that a search would give now; an error tells that there is none, though more may be missing
-    by now. `sources` has what may be used.
+    by now. `sources` has what may be used; `predictor` gives who predicts errors.
     """
 
-    def __init__(self, ontology: Ontology, needed: Iterable[Service], method: str) -> None:
+    def __init__(
+        self,
+        ontology: Ontology,
+        needed: Iterable[Service],
+        method: str,
+        predictor: Callable[[], Optional[Predictor]] = lambda: None,
+    ) -> None:
         self.sources = SourceTable(ontology.network)
         self._ontology = ontology
         self._method = method
+        self._predictor = predictor
         self._needed: Dict[str, Service] = {}
         self._stale: Dict[str, None] = {}
         self._publishers: Dict[str, str] = {}  # the node that published a service last
@@ -65,11 +84,11 @@ class PlanTable:
         """Some services are available no more, some are now."""
         gone, come = tuple(gone), tuple(come)
         for service in gone:
-            for source in service.sources:
+            for source in service.readable:
                 self.sources.discard(source)
         for service in come:
             self._publishers[service.name] = service.node
-            for source in service.sources:
+            for source in service.readable:
                 self.sources.add(source)
         for service in gone:
             for name in sorted(self._readers.get(service.name, ())):
@@ -91,7 +110,12 @@ class PlanTable:
         avoided = self.to_avoid(name)
         try:
             plan = plan_service(
-                self._ontology, self._needed[name], self.sources, avoided, self._method
+                self._ontology,
+                self._needed[name],
+                self.sources,
+                avoided,
+                self._method,
+                predictor=self._predictor(),
             )
         except ShsaError as error:
             self._answers[name] = error
@@ -109,6 +133,11 @@ class PlanTable:
         """The plan for a service; None if it is to be searched for, or there is none."""
         answer = self._answers.get(name)
         return answer if isinstance(answer, Plan) else None
+
+    def hopeless(self, name: str, excluded: Collection[str]) -> bool:
+        """Whether it is known that a service has no plan without some nodes."""
+        known = isinstance(self._answers.get(name), ShsaError)
+        return known and self._avoided[name] <= set(excluded)
 
     def to_avoid(self, name: str) -> FrozenSet[str]:
         """The nodes that are to publish a service, or did last."""

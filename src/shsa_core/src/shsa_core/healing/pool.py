@@ -1,9 +1,10 @@
 """The pool of idle processes that the warm services share."""
 from math import inf
-from typing import Dict, List, Optional
+from typing import Dict, List, Optional, Set
 
+from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
-from shsa_core.healing.events import Command, Level, Log, StartSubstitute
+from shsa_core.healing.events import Command, Level, Log, StartSubstitute, StopSubstitute
 from shsa_core.healing.planner import Planner
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import Standby
@@ -12,6 +13,10 @@ from shsa_core.model.substitution import Substitution
 
 REFILL_DELAY_S = 1.0
 """The next process is not started beside a takeover: it would take its processor time."""
+LIVED_S = 20.0
+"""A process that has lived for so long did not die of what keeps the next from starting."""
+START_PAUSE_S = 1.0
+"""Nor beside another one: each connects to whatever the warm services read and give."""
 
 
 class Pool:
@@ -24,9 +29,12 @@ class Pool:
     def __init__(self, settings: Settings) -> None:
         self.nodes: List[str] = []
         self.plans: Dict[str, Substitution] = {}
+        self._heard: Set[str] = set()  # those that have given a sign of life
+        self._silent: Set[str] = set()  # those that gave one, and give none now
         self._settings = settings
         self._refill_at = -inf
         self._started: Dict[str, float] = {}
+        self._deaths = 0  # one after the other, soon after their starts
 
     @staticmethod
     def serves(service: Service) -> bool:
@@ -41,8 +49,14 @@ class Pool:
 
     @property
     def spare(self) -> str:
-        """A process to set to work; empty if there is none."""
-        return self.nodes[0] if self.nodes else ""
+        """A process to set to work, rather one that was heard already; empty if there is none."""
+        ready = [node for node in self.nodes if node not in self._silent]
+        return next((node for node in ready if node in self._heard), ready[0] if ready else "")
+
+    @property
+    def spare_heard(self) -> bool:
+        """Whether `spare` has given a sign of life: it is up."""
+        return self.spare in self._heard
 
     @property
     def spare_started(self) -> float:
@@ -75,19 +89,51 @@ class Pool:
         """Start the process `name`."""
         self.nodes.append(name)
         self._started[name] = time
+        self._refill_at = time + START_PAUSE_S
         return [StartSubstitute(name, None)]
+
+    def take_up(self, node: str, started: float) -> None:
+        """An idle process of a former reconfigurator is still there."""
+        self.nodes.append(node)
+        self._started[node] = started
 
     def take(self, time: float, node: str) -> None:
         """An idle process has been set to work."""
         self._refill_at = time + REFILL_DELAY_S
+        self._deaths = 0
         self._remove(node)
 
     def died(self, time: float, node: str, detail: str) -> List[Command]:
-        """An idle process has ended by itself; it is replaced after a pause."""
+        """An idle process has ended by itself; it is replaced after a pause, which doubles."""
+        self._deaths = 0 if time - self._started[node] > LIVED_S else self._deaths + 1
         self._remove(node)
-        self._refill_at = time + self._settings.retry
+        settings = self._settings
+        longest = max(settings.retry, settings.retry_limit)
+        self._refill_at = time + doubled(settings.retry, max(0, self._deaths - 1), longest)
         return [Log(Level.WARN, f"An idle substitute's process died ({detail}).")]
+
+    def heard(self, node: str) -> None:
+        """A process gives a sign of life."""
+        self._silent.discard(node)
+        if node in self.nodes:
+            self._heard.add(node)
+
+    def silent(self, node: str) -> None:
+        """An idle process gives no sign of life just now."""
+        self._silent.add(node)
+
+    def hung(self, time: float, node: str) -> List[Command]:
+        """An idle process hangs: it is ended and replaced."""
+        self._remove(node)
+        self._refill_at = min(self._refill_at, time)
+        return [StopSubstitute(node), Log(Level.WARN, f"{node} hangs. It is ended and replaced.")]
+
+    def started(self, node: str) -> float:
+        """When an idle process was started, in s."""
+        return self._started[node]
 
     def _remove(self, node: str) -> None:
         self.nodes.remove(node)
+        self._silent.discard(node)
+        self._heard.discard(node)
         del self._started[node]

@@ -1,8 +1,7 @@
 """What is done when the state of a service changes: the actions of the table in `transitions`."""
-from dataclasses import replace
-from typing import Dict, List, Optional
+from typing import List, Optional
 
-from shsa_core.codegen.generator import Program
+from shsa_core.codegen.plans import Plan
 from shsa_core.errors import NoSubstitute, ShsaError
 from shsa_core.healing.events import (
     FailureSeen,
@@ -10,73 +9,31 @@ from shsa_core.healing.events import (
     Log,
     RunCommand,
     ShowIncident,
+    StartSubstitute,
 )
+from shsa_core.healing.faulty_node import FaultyNode
 from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.node_return import NodeReturn
-from shsa_core.healing.rate_limit import HealingRateLimit
-from shsa_core.healing.settings import Settings
+from shsa_core.healing.judgement import NOTHING, WAITING, Judgement, told
 from shsa_core.healing.snapshot import Request, Snapshot
-from shsa_core.healing.substitute_process import SubstituteProcess
-from shsa_core.healing.transitions import Story, Trigger
-from shsa_core.model.kinds import Kind
+from shsa_core.healing.transitions import Trigger
+from shsa_core.model.kinds import Kind, Standby
 from shsa_core.monitoring.events import PublisherState
 
-STUCK = (State.UNHEALED, State.SAFE)
-NOTHING = Program((), "", ())
 
-
-class Repair:
-    """At most one open incident of one service, and at most one substitute.
-
-    A method for each row of the table.
+class Repair(Judgement):
+    """A method for each row of the table.
 
     Each method is told how things stand, and says what is to be done.
     """
 
-    def __init__(self, service: str, settings: Settings) -> None:
-        self.service = service
-        self.incident: Optional[Incident] = None
-        self.substitute = SubstituteProcess()
-        self._settings = settings
-        self._may_publish = False  # the faulty node: its kill is not over
-        self._pauses = 0
-        self._timers: Dict[Trigger, float] = {}
-        self._return = NodeReturn(settings)
-        self._limit = HealingRateLimit(settings.healings)
-        self._story = Story(service)
-
-    @property
-    def state(self) -> State:
-        """How the service does."""
-        return State.WELL if self.incident is None else self.incident.state
-
-    @property
-    def node(self) -> str:
-        """The substitute's node name; empty without one."""
-        return self.substitute.node
-
-    @property
-    def _kept_out(self) -> bool:
-        """Whether the original may not return."""
-        return self._return.kept_out or self._limit.exceeded
-
-    def _fire(
-        self, now: Snapshot, trigger: Trigger, failure: Optional[FailureSeen] = None
-    ) -> List[Request]:
-        """Do what the table says. Raises InvalidTransition if it says nothing."""
-        before = self.state
-        act = getattr(self, self._story.method(before, trigger))
-        requests: List[Request] = act(now) if failure is None else act(now, failure)
-        self._story.add(now.time, before, trigger, self.state)
-        return requests
-
     def _open(self, now: Snapshot, event: FailureSeen) -> List[Request]:
-        self._may_publish = event.kind is not Kind.NODE_GONE
         self._timers.clear()
         self.substitute.forget()
         self.substitute.begin(now.time)
         self._pauses = 0
-        self._return.failed(event.time)
+        if event.kind is not Kind.REQUESTED:
+            self._return.failed(event.time)
+        self._faulty.failed(event.publisher, event.kind)
         self.incident = Incident(
             id=now.incident,
             service=self.service,
@@ -88,42 +45,72 @@ class Repair:
             detected=event.time,
             last_good=event.last_good,
         )
-        killing = f" Killing {event.publisher}." if self._may_publish else ""
-        text = f"{now.service.topic} failed: {event.detail.rstrip('.')}.{killing}"
-        return [Log(Level.WARN, text), ShowIncident(self.incident), *self._heal(now)]
+        text = f"{now.service.topic} failed: {event.detail.rstrip('.')}."
+        requests: List[Request] = [Log(Level.WARN, text), ShowIncident(self.incident)]
+        requests += self._heal(now)
+        if event.kind is Kind.REQUESTED and self._faulty.kept:
+            requests += self._close(now, self.incident.detail)  # it goes on as it was
+        return requests
 
     def _still_failing(self, now: Snapshot, event: FailureSeen) -> List[Request]:
+        text = f"{now.service.topic}: {event.publisher} failed again: {event.detail}."
         assert self.incident is not None
         if event.publisher == self.incident.faulty_node:
-            self._may_publish = event.kind is not Kind.NODE_GONE
-        text = f"{now.service.topic}: {event.publisher} failed again: {event.detail}."
-        return [Log(Level.WARN, text)]
+            self._faulty.failed(event.publisher, event.kind)
+            return [Log(Level.WARN, text), *self._judge_again(now)]
+        blamed, self._faulty = self._faulty, FaultyNode()
+        self._faulty.failed(event.publisher, event.kind)
+        requests = [Log(Level.WARN, text), *self._judge(now, self._search(now)[0] is not None)]
+        if self._faulty.babbles:
+            return requests + self._judge_again(now)
+        self._faulty = blamed  # the other one is killed, or silent
+        return requests
+
+    def _judge_again(self, now: Snapshot) -> List[Request]:
+        """Decide about the node anew: what it costs may have changed."""
+        assert self.incident is not None
+        if self.incident.state is State.KEPT:
+            return self._heal(now)
+        plan, none = self._search(now)
+        requests = self._judge(now, plan is not None)
+        if self._faulty.babbles or self._idle(now):
+            return requests + self._keep(now, plan, none)
+        return requests + self._step(faulty_node=self._faulty.name) if requests else []
 
     def _failed_again(self, now: Snapshot, event: FailureSeen) -> List[Request]:
-        requests = self._still_failing(now, event)
-        self._may_publish = event.kind is not Kind.NODE_GONE
+        text = f"{now.service.topic}: {event.publisher} failed again: {event.detail}."
+        self._faulty.failed(event.publisher, event.kind)
         self._timers.clear()
-        self._return.failed_again()
+        self._return.relapsed()
+        plan, none = self._search(now)
+        requests = [Log(Level.WARN, text), *self._judge(now, plan is not None)]
         detail = f"{event.publisher} failed again: {event.detail}"
-        if self._return.kept_out:
+        if self._return.kept_out and not self._faulty.kept:
             detail = f"{event.publisher} keeps failing. It is kept out until it is released."
             requests.append(Log(Level.ERROR, f"{now.service.topic}: {detail}"))
         healed = self.substitute.computes
+        awaited = healed and self._faulty.waits
+        if awaited:
+            self._timers[Trigger.LATE] = now.time + self.substitute.patience
+            self.substitute.begin(now.time)
         requests += self._step(
-            state=State.HEALED if healed else State.HEALING,
+            state=State.HEALED if healed and not awaited else State.HEALING,
             faulty_node=event.publisher,
             killed=None,
             returned=None,
             detail=detail,
         )
+        if self._faulty.babbles or self._idle(now):
+            return requests + self._keep(now, plan, none)
         if healed:
             return requests
         self.substitute.begin(now.time)
         return requests + self._heal(now)
 
-    def _await_again(self, now: Snapshot) -> List[Request]:
+    def _await_again(self, now: Snapshot, event: FailureSeen) -> List[Request]:
+        """What it has published since it fell silent counts, though that may be heard late."""
         self._timers[Trigger.LATE] = now.time + self.substitute.patience
-        self.substitute.begin(now.time)
+        self.substitute.begin(event.time)
         return self._step(state=State.HEALING, first_message=None)
 
     def _replace(self, now: Snapshot) -> List[Request]:
@@ -135,8 +122,9 @@ class Repair:
 
         The next best plan is taken if the plan is to blame.
         """
-        if self.node not in now.publishers and self.substitute.starting(now.time):
-            # It is not up yet: another process would only make the machine busier.
+        starting = self.node not in now.publishers and self.substitute.starting(now.time)
+        if starting and not (now.spare and now.spare_heard):
+            # It is not up yet: a new process would only make the machine busier.
             self._timers[Trigger.LATE] = now.time + self.substitute.patience
             return []
         why = f"no message within {self.substitute.patience:.1f} s"
@@ -148,37 +136,59 @@ class Repair:
         text = f"{now.service.topic}: the substitute lost an input."
         return [Log(Level.WARN, text), *self._heal(now)]
 
+    def _change_law(self, now: Snapshot) -> List[Request]:
+        """The substitute says that its law does not hold now: follow the next one, if there is one.
+
+        Before an incident, the better law is looked at again after a while.
+        """
+        faulty = self.incident.faulty_node if self.incident else now.service.node
+        another = self.substitute.another(now, faulty)
+        text = f"{now.service.topic}: the substitute's law does not hold now"
+        if another is None:
+            return [Log(Level.WARN, f"{text}, and there is no other.")]
+        said = Log(Level.WARN, f"{text}. The next best takes its place.")
+        if self.incident is not None:
+            self.substitute.leave_plan()
+            return [said, *self._heal(now)]
+        self._timers[Trigger.RETRY] = now.time + self._settings.retry_limit
+        return [*self.substitute.use(now, another), said]
+
     def _retry(self, now: Snapshot) -> List[Request]:
         self.substitute.forget()
         return self._heal(now)
 
     def _heal(self, now: Snapshot) -> List[Request]:
-        """Find a plan, and set a process to work on it: the one at hand, else another."""
+        """Search, decide about the node, and set a process to work: the one at hand, or another."""
         assert self.incident is not None
+        plan, none = self._search(now)
+        requests = self._judge(now, plan is not None)
+        if self._faulty.babbles or self._idle(now):
+            return requests + self._keep(now, plan, none)
         if not now.service.policy.substitutes:
-            return self._wait_for_node(now)
-        try:
-            self._refuse_too_often()
-            plan = self.substitute.find(now, self.incident.faulty_node)
-            self._limit.healed(now.time)
-            self._refuse_too_often()
-        except ShsaError as none:
-            return self._give_up(now, none)
+            return requests + self._wait_for_node(now)
+        if plan is None:
+            self._limit.exceeded = self._limit.reached(now.time)
+            return requests + self._give_up(now, none)
+        return requests + self._follow(now, plan)
+
+    def _follow(self, now: Snapshot, plan: Plan) -> List[Request]:
+        """Set a process to work on a plan."""
+        assert self.incident is not None
+        self._limit.healed(now.time)
+        if self.incident.state is State.KEPT:
+            self.substitute.begin(now.time)
         publishes = bool(self.node) and self.incident.state in (State.HEALED, State.SAFE)
-        using = ", ".join(plan.relations) or "the same property elsewhere"
-        text = (
-            f"{now.service.topic}: found a substitute of quality {plan.quality:.2g} "
-            f"by {using} from {', '.join(plan.program.inputs) or 'constants'}."
-        )
-        requests: List[Request] = [
-            *self.substitute.use(now, plan, publishes),
-            Log(Level.INFO, text),
-        ]
+        text = f"{now.service.topic}: found a substitute of {told(plan)}."
+        requests: List[Request] = [*self.substitute.use(now, plan, publishes)]
+        if now.service.standby is Standby.WARM and isinstance(requests[0], StartSubstitute):
+            text += " No idle process is left: this is a cold start."
+        requests.append(Log(Level.INFO, text))
         self._timers.clear()
         state, first_message = State.HEALED, self.incident.first_message
         if not publishes:
             self._timers[Trigger.LATE] = now.time + self.substitute.patience
             state, first_message = State.HEALING, None
+        calibrated = now.planner.outputs(plan)
         return requests + self._step(
             state=state,
             first_message=first_message,
@@ -188,7 +198,10 @@ class Repair:
             code=plan.program.code,
             outputs=plan.program.outputs,
             relations=plan.relations,
+            gains=tuple(each.gain for each in calibrated),
+            offsets=tuple(each.offset for each in calibrated),
             quality=plan.quality,
+            errors=now.planner.errors(plan),
             missing=(),
         )
 
@@ -209,7 +222,7 @@ class Repair:
     def _give_up(self, now: Snapshot, none: ShsaError) -> List[Request]:
         """Nothing can substitute: say what is missing, and try again later."""
         assert self.incident is not None
-        stuck = self.incident.state in STUCK
+        stuck = self.incident.state in WAITING
         due = self._timers.get(Trigger.RETRY) if stuck else None
         requests: List[Request] = [*self.substitute.use_safe_values(now)]
         self._timers.clear()
@@ -219,8 +232,9 @@ class Repair:
         words = now.service.last_resort.command
         plan = self.substitute.plan
         state = State.SAFE if plan or words else State.UNHEALED
-        told = (self.incident.state, self.incident.missing, self.incident.substitute)
-        if told == (state, missing, self.node):
+        decision = self.incident.decision
+        before = (self.incident.state, self.incident.missing, self.incident.substitute, decision)
+        if before == (state, missing, self.node, self._faulty.decision):
             return requests
         text = f"{now.service.topic} cannot be healed now: {none}."
         if plan:
@@ -238,14 +252,11 @@ class Repair:
             code=program.code,
             outputs=program.outputs,
             relations=(),
+            gains=(),
+            offsets=(),
             quality=None,
+            errors=(),
         )
-
-    def _refuse_too_often(self) -> None:
-        """Raises ShsaError if the service was healed too often lately."""
-        if self._limit.exceeded:
-            most = self._limit.most
-            raise ShsaError(f"it was healed {most} times within a minute, and must be released")
 
     def _wait_for_node(self, now: Snapshot) -> List[Request]:
         """The node's start is all that can heal the service: give up if it was tried in vain."""
@@ -256,7 +267,7 @@ class Repair:
             return self._exhausted(now)
         if self.incident.substitute and not self.node:
             return self._step(state=State.HEALING, substitute="")
-        if self.state in STUCK:
+        if self.state in WAITING:
             self._timers.setdefault(Trigger.RETRY, now.time + self._pause())
         return []
 
@@ -264,12 +275,6 @@ class Repair:
         assert self.incident is not None
         node, count = self.incident.faulty_node, self._return.restarts
         return self._give_up(now, ShsaError(f"{node} was started again {count} times in vain"))
-
-    def _pause(self) -> float:
-        """How long to wait before the next try, in s."""
-        self._pauses += 1
-        longest = self._settings.retry_limit
-        return min(self._settings.retry * 2.0 ** (self._pauses - 1), longest)
 
     def _first_message(self, now: Snapshot) -> Optional[float]:
         """When the substitute published first in this takeover, or had recovered."""
@@ -285,7 +290,10 @@ class Repair:
         outage = self.incident.outage
         lasted = "" if outage is None else f" The outage lasted {outage:.3f} s."
         text = f"{now.service.topic}: {self.node} publishes it now.{lasted}"
-        return [*requests, Log(Level.INFO, text)]
+        requests.append(Log(Level.INFO, text))
+        if self._faulty.waits:
+            requests += self._judge(now, replaced=True) + self._step()
+        return requests
 
     def _hold_off(self, now: Snapshot) -> List[Request]:
         assert self.incident is not None
@@ -297,6 +305,7 @@ class Repair:
             if row.state is PublisherState.HEALTHY and row.since > failed_at
         )
         self._return.cancel()
+        self._return.returned(row.since)
         hold_off = self._return.hold_off
         self._timers.clear()
         self._timers[Trigger.STEADY] = now.time + hold_off
@@ -317,14 +326,9 @@ class Repair:
     def _close(self, now: Snapshot, why: str) -> List[Request]:
         requests = self._step(state=State.ENDED, ended=now.time, detail=why)
         self.incident = None
+        self.last_message = b""
         self._timers.clear()
         self._pauses = 0
         self._return.cancel()
         self._return.well(now.time)
         return [*requests, Log(Level.INFO, why)]
-
-    def _step(self, **changes: object) -> List[Request]:
-        assert self.incident is not None
-        changes.update(restarts=self._return.restarts, kept_out=self._kept_out)
-        self.incident = replace(self.incident, **changes)  # type: ignore[arg-type]
-        return [ShowIncident(self.incident)]

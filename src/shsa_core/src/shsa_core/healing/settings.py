@@ -10,8 +10,9 @@ class Settings:
     """The reconfigurator's settings; times in s.
 
     `hold_off`: how long a returned original must stay healthy before the substitute is stopped.
-    `hold_off_limit`: what `hold_off` doubles up to while an original keeps failing within it.
-    `switches`: after how many such failures in one incident it is kept out; 0: never. `healings`:
+    `hold_off_limit`: what `hold_off` doubles up to while an original keeps failing. `relapse`: an
+    original that fails within so many times `hold_off` of its return, or within its own hold-off,
+    has relapsed. `switches`: after how many relapses in a row it is kept out; 0: never. `healings`:
     how often a service may be healed in a minute before it is given up; 0: any number will do.
     `start_timeout`: how long a substitute may take from its start to its first message.
     `takeover_timeout`: the same for a process that runs already; then another one gets its work.
@@ -20,15 +21,17 @@ class Settings:
     doubles. `restart_timeout`: how long a node that was started again may take to its first
     message. `stable`: how long a node must be well until its restarts are forgotten. `retry`: after
     how long a service that could not be healed is tried anew; doubles up to `retry_limit`.
-    `method`: the search, `best` or `depth_first` (the paper's `orr`).
-    `pool`: how many idle processes the warm services share.
-    `kill_patience`: how long a node that may still publish may take to leave before its process is
-    ended. `deadline`, `minimum_deadline`: as the monitor's: periods, and s, after which values are
-    stale.
+    `method`: the search, `best` or `depth_first` (the paper's `orr`). `pool`: how many idle
+    processes the warm services share. `kill_patience`: how long a node that may still publish may
+    take to leave before its process is ended. `takeover_cold`, `takeover_warm`, `takeover_hot`:
+    what a takeover is taken to last where a service's `fault_tolerant_time` is checked; by default
+    the 95th percentile of 50 takeovers at a roscpp consumer (docs/experiments.md). `deadline`,
+    `minimum_deadline`: as the monitor's: periods, and s, after which values are stale.
     """
 
     hold_off: float = 2.0
     hold_off_limit: float = 60.0
+    relapse: float = 5.0
     switches: int = 3
     healings: int = 0
     start_timeout: float = 5.0
@@ -41,8 +44,11 @@ class Settings:
     retry: float = 2.0
     retry_limit: float = 60.0
     method: str = field(default="best", metadata={"one_of": METHODS})
-    pool: int = 2
+    pool: int = field(default=2, metadata={"most": 100})
     kill_patience: float = 0.1
+    takeover_cold: float = 0.83
+    takeover_warm: float = 0.03
+    takeover_hot: float = 0.03
     deadline: float = Deadlines.periods
     minimum_deadline: float = Deadlines.minimum
 

@@ -1,13 +1,14 @@
 """What the healing of one service is told about the rest of the robot, each time that it decides.
 """
 from dataclasses import dataclass
-from typing import FrozenSet, Mapping, Tuple, Union
+from typing import Callable, FrozenSet, Mapping, Tuple, Union
 
 from shsa_core.healing.events import Command
+from shsa_core.healing.containment import Verdict
 from shsa_core.healing.kills import KillNode
 from shsa_core.healing.planner import Planner
 from shsa_core.healing.settings import Settings
-from shsa_core.model.kinds import Standby
+from shsa_core.model.kinds import Kind, Standby
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import PublisherHealth
 
@@ -21,8 +22,11 @@ class Snapshot:
 
     `publishers` of its topic, by name; `originals` are those of the service that are no
     substitutes. `killing`: the nodes whose kill is under way. `incident`: the number of a new
-    incident. `spare`: an idle process, empty if there is none for this service, and when it was
-    started; `fresh`: the name of a new one. At most one of the two is taken each time.
+    incident. `spare`: an idle process, empty if there is none for this service, when it was
+    started, and whether it has given a sign of life; `fresh`: the name of a new one. At most one of
+    the two is taken each time. `verdict` decides about a faulty node: its name, the kind of
+    failure, whether something takes the service over, and whether the node would be started again.
+    `awaited`: whether a node that comes back may bring another service that nothing else gives.
     """
 
     time: float
@@ -35,7 +39,10 @@ class Snapshot:
     incident: int
     spare: str
     spare_started: float
+    spare_heard: bool
     fresh: str
+    verdict: Callable[[str, Kind, bool, bool], Verdict]
+    awaited: Callable[[str], bool]
 
     @property
     def hot(self) -> bool:

@@ -33,6 +33,11 @@ class SubstituteProcess:
         self._deaths = 0
 
     @property
+    def tried(self) -> List[Plan]:
+        """The plans that were tried in vain."""
+        return [each for each in self._tried if isinstance(each, Plan)]
+
+    @property
     def computes(self) -> bool:
         """Whether it computes the lost values, and not just safe ones."""
         return isinstance(self.plan, Plan)
@@ -61,8 +66,20 @@ class SubstituteProcess:
             and now.planner.usable(plan, {faulty})
         ):
             return plan
-        tried = [each for each in self._tried if isinstance(each, Plan)]
-        return now.planner.plan(now.service, tried, faulty)
+        return now.planner.plan(now.service, self.tried, faulty)
+
+    def another(self, now: Snapshot, faulty: str) -> Optional[Plan]:
+        """The best plan but for the one that is followed and those tried; None: there is none."""
+        tried = [each for each in (*self._tried, self.plan) if isinstance(each, Plan)]
+        try:
+            return now.planner.plan(now.service, tried, faulty)
+        except ShsaError:
+            return None
+
+    def leave_plan(self) -> None:
+        """The plan that is followed counts as tried; the process goes on."""
+        if self.plan is not None:
+            self._tried.add(self.plan)
 
     def use(self, now: Snapshot, plan: AnyPlan, publishes: bool = False) -> List[Command]:
         """Set the process at hand, which may publish already, or another to work on a plan."""
@@ -79,6 +96,13 @@ class SubstituteProcess:
         self.patience = max(settings.takeover_timeout, starting)
         self.plan_to_blame = isinstance(command, StartSubstitute) or publishes
         return [command]
+
+    def take_up(self, time: float, node: str, plan: AnyPlan, working_since: float) -> None:
+        """A process of a former reconfigurator works on a plan."""
+        self.node, self.plan = node, plan
+        self.working_since = self._started = working_since
+        self._changed = time
+        self.plan_to_blame = False
 
     def begin(self, time: float) -> None:
         """A takeover begins: what the process has published before does not count."""

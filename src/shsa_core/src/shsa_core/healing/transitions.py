@@ -21,37 +21,42 @@ class Trigger(Word):
     SILENT = "silent while its program changes"
     LATE = "first message is late"
     INPUT_LOST = "an input was lost"
+    NO_VALUE = "its law does not hold"
     RETURNED = "its node is back"
     STEADY = "healthy for the hold-off"
     RETRY = "a pause is over"
     SERVICE_CAME = "a service appeared"
     EXHAUSTED = "restarts are used up"
     RELEASED = "released"
+    NODE_CHANGED = "its node is judged again"
     PREPARE = "another plan is best"
     WITHDRAWN = "no longer in the SOM"
 
 
-_STUCK_OR_HEALING = (State.HEALING, State.UNHEALED, State.SAFE)
+_STUCK_OR_HEALING = (State.HEALING, State.UNHEALED, State.SAFE, State.KEPT)
 
 
 def _rows() -> Iterable[Tuple[State, Trigger, str, Tuple[State, ...]]]:
     """State, trigger, the method of TopicHealing that acts, and the states that it may lead to."""
     well, healing, healed = State.WELL, State.HEALING, State.HEALED
     returning, unhealed, safe = State.RETURNING, State.UNHEALED, State.SAFE
+    kept = State.KEPT
 
-    yield well, Trigger.FAILED, "_open", _STUCK_OR_HEALING
+    yield well, Trigger.FAILED, "_open", (*_STUCK_OR_HEALING, well)
     yield well, Trigger.SUBSTITUTE_FAILED, "_pause_standby", (well,)
     yield well, Trigger.PREPARE, "_prepare", (well,)
     yield well, Trigger.RETRY, "_prepare", (well,)
+    yield well, Trigger.NO_VALUE, "_change_law", (well,)
 
     yield healing, Trigger.FIRST_MESSAGE, "_publishes", (healed,)
     yield healing, Trigger.LATE, "_replace_late", _STUCK_OR_HEALING
     yield healing, Trigger.EXHAUSTED, "_exhausted", (unhealed, safe)
     yield healing, Trigger.PREPARE, "_heal", _STUCK_OR_HEALING
-    yield healed, Trigger.INPUT_LOST, "_change_inputs", (healed, unhealed, safe)
+    yield healed, Trigger.INPUT_LOST, "_change_inputs", (healed, unhealed, safe, kept)
     yield healing, Trigger.INPUT_LOST, "_change_inputs", _STUCK_OR_HEALING
     for state in (healing, healed):
         yield state, Trigger.SILENT, "_await_again", (healing,)
+        yield state, Trigger.NO_VALUE, "_change_law", (state,)
     for state in (healing, healed, safe):
         yield state, Trigger.SUBSTITUTE_FAILED, "_replace", _STUCK_OR_HEALING
 
@@ -61,8 +66,17 @@ def _rows() -> Iterable[Tuple[State, Trigger, str, Tuple[State, ...]]]:
         yield stuck, Trigger.RELEASED, "_heal", (*_STUCK_OR_HEALING, *more)
         yield stuck, Trigger.EXHAUSTED, "_exhausted", (unhealed, safe)
 
-    for state in (healing, healed, unhealed, safe):
-        yield state, Trigger.FAILED, "_still_failing", (state,)
+    for trigger, method in (
+        (Trigger.FAILED, "_still_failing"),
+        (Trigger.NODE_CHANGED, "_judge_again"),
+    ):
+        for state in (healing, healed, unhealed, safe):
+            yield state, trigger, method, (state, kept)
+        yield kept, trigger, method, _STUCK_OR_HEALING
+    for trigger in (Trigger.RETRY, Trigger.RELEASED, Trigger.PREPARE):
+        yield kept, trigger, "_heal", _STUCK_OR_HEALING
+    yield kept, Trigger.SUBSTITUTE_FAILED, "_lose_standby", (kept,)
+    for state in (healing, healed, unhealed, safe, kept):
         yield state, Trigger.RETURNED, "_hold_off", (returning,)
     for state in (healing, healed, returning):
         yield state, Trigger.RELEASED, "_record", (state,)
@@ -70,7 +84,7 @@ def _rows() -> Iterable[Tuple[State, Trigger, str, Tuple[State, ...]]]:
     yield returning, Trigger.FAILED, "_failed_again", (healed, *_STUCK_OR_HEALING)
     yield returning, Trigger.SUBSTITUTE_FAILED, "_lose_standby", (returning,)
     yield returning, Trigger.STEADY, "_end", (well,)
-    for state in (healing, healed, returning, unhealed, safe):
+    for state in (healing, healed, returning, unhealed, safe, kept):
         yield state, Trigger.WITHDRAWN, "_withdraw", (well,)
 
 

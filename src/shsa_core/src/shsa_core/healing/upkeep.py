@@ -1,30 +1,36 @@
 """What the reconfigurator knows of the robot, kept up by what happens and by what is decided."""
-from typing import Callable, Dict, Iterable, List, Optional
+from dataclasses import replace
+from functools import partial
+from typing import Callable, Dict, Iterable, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.agenda import Agenda
 from shsa_core.healing.availability import Availability
+from shsa_core.healing.calibrations import Calibrations
 from shsa_core.healing.concern import Concern
 from shsa_core.healing.events import Command
 from shsa_core.healing.incident import State
 from shsa_core.healing.kills import KillNode, Kills
+from shsa_core.healing.naming import Names
 from shsa_core.healing.nodes import Acquaintance, Nodes
 from shsa_core.healing.planner import Planner
 from shsa_core.healing.pool import Pool
+from shsa_core.healing.records import HealingRecord, Records, service_key
 from shsa_core.healing.settings import Settings
 from shsa_core.healing.snapshot import Request, Snapshot
+from shsa_core.healing.stakes import Stakes
 from shsa_core.healing.tables import SomTable, SubstitutionTable
 from shsa_core.healing.topic import TopicHealing
+from shsa_core.model.kinds import Kind, Policy
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring.events import PublisherHealth
+from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 Ask = Callable[[TopicHealing, Snapshot], List[Request]]
-SUBSTITUTE_PREFIX = "substitute_"
 
 
 class Upkeep:
@@ -40,27 +46,67 @@ class Upkeep:
         som: Som,
         settings: Settings,
         namespace: str,
+        dry_run: bool,
+        restarts: bool,
     ) -> None:
         self.settings = settings
-        self.prefix = namespace.rstrip("/") + "/" + SUBSTITUTE_PREFIX
-        self._som = som
+        self.names = Names(namespace)
+        self._namespace = namespace
+        self._dry_run = dry_run
+        self._restarts = restarts
+        self._som = som = self._as_told(som)
         self._time = float("-inf")
         self._nodes = Nodes()
         self._acquaintance = Acquaintance()
         self._kills = Kills(settings.kill_patience)
         self._availability = Availability(self._nodes, self._open)
-        self._planner = Planner(ontology, som, settings, self._nodes, self._availability)
+        self._calibrations = Calibrations(self._open)
+        self._planner = self._planner_of(ontology)
         self._pool = Pool(settings)
         self._healings: Dict[str, TopicHealing] = {}
         self._agenda: Agenda[str] = Agenda()
         self._concern = Concern()
+        self._stakes = Stakes(self.names, self._nodes, self._kills, self._concern, self._healings)
         self._unsettled: Dict[str, bool] = {}  # services whose availability may have changed
         self._substitutions = SubstitutionTable()
         self._states = SomTable()
         self._incidents = 0
-        self._next_substitute = 1
+        self._watched: Tuple[str, ...] = ()
+        self._records = Records()
+        self._ended: List[str] = []  # services whose incident has ended with the last event
+        self._with_us: Dict[str, bool] = {}  # nodes that were started again
+        self._idle_written: Set[str] = set()
         for service in som:
             self._add(service)
+
+    @property
+    def substitutes(self) -> Tuple[str, ...]:
+        """The node names of the substitutes that run now."""
+        return (*self._concern.by_process, *self._pool.nodes)
+
+    def _as_told(self, som: Som) -> Som:
+        """A SOM as it counts: in a dry run every policy is to advise; restarts may be refused."""
+        if self._restarts and not self._dry_run:
+            return som
+        return Som(replace(service, policy=self._policy(service)) for service in som)
+
+    def _policy(self, service: Service) -> Policy:
+        if self._dry_run:
+            return Policy.ADVISE
+        if not service.policy.restarts:
+            return service.policy
+        return Policy.SUBSTITUTE if service.policy.substitutes else Policy.ADVISE
+
+    def _planner_of(self, ontology: Ontology) -> Planner:
+        return Planner(
+            ontology,
+            self._som,
+            self.settings,
+            self._nodes,
+            self._availability,
+            self._kills,
+            self._calibrations,
+        )
 
     def _open(self, name: str) -> bool:
         healing = self._healings.get(name)
@@ -68,7 +114,7 @@ class Upkeep:
 
     def _add(self, service: Service) -> None:
         self._healings[service.name] = TopicHealing(service.name, self.settings)
-        self._unsettle([service.name])
+        self._unsettle([service.name], another=True)
         self._offer(service)
 
     def _change(self, service: Service) -> List[Command]:
@@ -83,9 +129,10 @@ class Upkeep:
         del self._healings[service.name]
         self._planner.plans.forget(service.name)
         self._pool.forget(service.name)
+        self._calibrations.forget(service.name)
         self._substitutions.set(service.name, None)
         self._agenda.set(service.name, None)
-        self._unsettle([service.name])
+        self._unsettle([service.name], another=True)
         return commands
 
     def _offer(self, service: Service) -> None:
@@ -107,6 +154,15 @@ class Upkeep:
         alone = len(self._som.of_topic(service.topic)) == 1
         return rows + [nobody] if nobody is not None and alone else rows
 
+    def _acquaint(self, node: str, row: Optional[PublisherHealth]) -> List[Command]:
+        if row is None or (row.state is PublisherState.FAILED and row.kind is Kind.NODE_GONE):
+            self._acquaintance.went(node)
+        elif row.state is PublisherState.HEALTHY:
+            # Only the nodes that the SOM names are learned: anybody registers other names.
+            named = any(each.node == node for each in self._som.of_topic(row.topic))
+            return self._acquaintance.came_up(node, row.topic) if named else []
+        return []
+
     def _concerned(self, topic: str, publisher: str) -> List[str]:
         service = self._som.service_of(topic, publisher)
         return [service.name] if service else [each.name for each in self._som.of_topic(topic)]
@@ -123,7 +179,7 @@ class Upkeep:
             others = [name for name, another in names.items() if another]
             for name in self._concern.readers([*others, *(service.name for service in gone)]):
                 commands += self._ask(name, lambda healing, now: healing.changed(now))
-            for name in list(self._concern.stuck) if come else ():
+            for name in [*self._concern.stuck, *self._concern.kept] if come else ():
                 commands += self._ask(name, lambda healing, now: healing.changed(now, True))
         return commands
 
@@ -132,11 +188,19 @@ class Upkeep:
         commands: List[Command] = []
         due = self._pool.deadline
         while due is not None and self._time >= due:
-            name = self._name("standby")
+            name = self.names.fresh("standby")
             commands += self._absorb(self._pool.start(self._time, name))
             self._substitutions.set(name, Substitution(name, "", (), "", ()))
             due = self._pool.deadline
         return commands
+
+    def _watch(self) -> List[Command]:
+        """Be told when one of those comes up who are kept out."""
+        watched = tuple(sorted(self._concern.kept_out))
+        if watched == self._watched:
+            return []
+        self._watched = watched
+        return [events.WatchNodes(watched)]
 
     def _ask(self, name: str, ask: Ask, service: Optional[Service] = None) -> List[Command]:
         """Have the healing of a service decide, and keep up what follows from its decision."""
@@ -147,16 +211,41 @@ class Upkeep:
         before, node, plan = healing.incident, healing.node, healing.substitute.plan
         commands = self._absorb(ask(healing, self._snapshot(service)))
         self._agenda.set(name, healing.deadline)
+        shown = [each.incident.id for each in commands if isinstance(each, events.ShowIncident)]
+        self._incidents = max([self._incidents, *shown])
         incident = healing.incident
         if (incident, healing.node, healing.substitute.plan) != (before, node, plan):
             self._concern.follow(healing, before, node)
         if (before is None) != (incident is None):
             self._unsettle([name])
-            self._incidents = max(self._incidents, incident.id if incident else 0)
+        if before is not None and incident is None:
+            self._calibrations.healed(name)
         if node != healing.node:
             self._substitutions.set(node, None)
-        self._show(service, healing)
+        row = self._show(service, healing)
+        self._note_decision(healing, row, commands)
         return commands
+
+    def _note_decision(
+        self, healing: TopicHealing, row: Optional[Substitution], commands: Sequence[Command]
+    ) -> None:
+        """Write down how a service stands; that an incident has ended, until the next event."""
+        record = healing.record(row)
+        shown = [each.incident for each in commands if isinstance(each, events.ShowIncident)]
+        if shown and shown[-1].state is State.ENDED:
+            self._ended.append(healing.service)
+            record = replace(record, incident=shown[-1])
+        self._records.put(record)
+
+    def _forget_ended(self) -> None:
+        """What has ended with the event before is told by now, and logged."""
+        names, self._ended = self._ended, []
+        for name in names:
+            record = self._records.get(service_key(name))
+            if isinstance(record, HealingRecord):
+                self._records.put(replace(record, incident=None, blame=None))
+            if name not in self._healings:
+                self._records.set(service_key(name), None)
 
     def _snapshot(self, service: Service) -> Snapshot:
         return Snapshot(
@@ -170,7 +259,10 @@ class Upkeep:
             incident=self._incidents + 1,
             spare=self._pool.spare if self._pool.serves(service) else "",
             spare_started=self._pool.spare_started,
-            fresh=self._name(service.topic.strip("/").replace("/", "_")),
+            spare_heard=self._pool.spare_heard,
+            fresh=self.names.fresh(service.topic.strip("/").replace("/", "_")),
+            verdict=partial(self._stakes.verdict, self._planner, service),
+            awaited=partial(self._stakes.awaited, service),
         )
 
     def _absorb(self, requests: Iterable[Request]) -> List[Command]:
@@ -185,18 +277,19 @@ class Upkeep:
                 if not self._nodes.begin_restart(request.node):
                     continue
             elif isinstance(request, events.StartSubstitute):
-                self._nodes.substitutes.add(request.node)
-                self._next_substitute += 1
+                running = (*self._concern.by_process, *self._pool.nodes)
+                self._nodes.substitutes.add(request.node, running)
+                self.names.use()
             elif isinstance(request, events.AssignSubstitute) and request.node in self._pool.nodes:
                 self._pool.take(self._time, request.node)
             commands.append(request)
         return commands
 
-    def _show(self, service: Service, healing: TopicHealing) -> None:
-        """The row of a service's substitute in the table."""
+    def _show(self, service: Service, healing: TopicHealing) -> Optional[Substitution]:
+        """Show the row of a service's substitute in the table; None: it has none."""
         plan = healing.substitute.plan
         if plan is None or not healing.node:
-            return
+            return None
         row = Substitution(
             healing.node,
             service.name,
@@ -207,8 +300,11 @@ class Upkeep:
             plan.quality if isinstance(plan, Plan) else 0.0,
             healing.publishes,
             healing.original,
+            service.others,
+            healing.last_message,
         )
         self._substitutions.set(healing.node, row)
+        return row
 
     def _unsettle(self, names: Iterable[str], another: bool = False) -> None:
         for name in names:
@@ -217,10 +313,6 @@ class Upkeep:
     def _unsettle_node(self, node: str) -> None:
         for topic in self._nodes.topics(node):
             self._unsettle(self._concerned(topic, node))
-
-    def _name(self, of: str) -> str:
-        """A node name that was never used before."""
-        return f"{self.prefix}{of}_{self._next_substitute}"
 
     def validate(self) -> None:
         """Raises ShsaError if an invariant is broken.

@@ -21,6 +21,7 @@ from typing import (
 
 from shsa_core.errors import ModelError
 from shsa_core.journal.coders import (
+    BytesCoder,
     ChoiceCoder,
     Coder,
     EnumCoder,
@@ -93,6 +94,8 @@ class _Compiler:
             return NamedCoder(self.coder(arguments[1]))
         if hint is float:
             return FloatCoder()
+        if hint is bytes:
+            return BytesCoder()
         if hint in (bool, int, str, type(None)):
             return PlainCoder(hint)
         if isinstance(hint, type) and issubclass(hint, enum.Enum):

@@ -1,4 +1,5 @@
 """The JSON forms of types: one class a sort of type."""
+import base64
 import enum
 from math import inf, isfinite, nan
 from typing import (
@@ -86,6 +87,25 @@ class FloatCoder(Coder):
         if type(data) not in (int, float):
             raise _refusal(path, "a number", data)
         return data
+
+
+class BytesCoder(Coder):
+    """Bytes, as the text of their base 64."""
+
+    kinds = frozenset([_TEXT])
+
+    def encode(self, value: Any) -> Any:
+        if not isinstance(value, bytes):
+            raise TypeError(f"{value!r} is no bytes")
+        return base64.b64encode(value).decode("ascii")
+
+    def decode(self, data: Any, path: str) -> Any:
+        if type(data) is not str:
+            raise _refusal(path, "bytes in base 64", data)
+        try:
+            return base64.b64decode(data, validate=True)
+        except ValueError as error:
+            raise _refusal(path, "bytes in base 64", data) from error
 
 
 class EnumCoder(Coder):

@@ -5,10 +5,10 @@ from importlib import import_module
 from operator import attrgetter
 from typing import Any, Callable, Dict, List, Mapping, Protocol, Sequence, Tuple, get_type_hints
 
-from shsa_core.errors import ModelError, ShsaError
-from shsa_core.files.ontology_file import LAWS
+from shsa_core.errors import ModelError
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.coders import Form
+from shsa_core.language.composition import parse_law
 from shsa_core.language.expression import Condition, parse_constraint
 from shsa_core.language.law import Law
 from shsa_core.model.service import Service
@@ -31,17 +31,9 @@ class Machine(Protocol):
         """What is to be done about an event."""
 
 
-def _read_law(written: Tuple[str, str]) -> Law:
-    """A law from a journal is checked as one from an ontology file is."""
-    key, text = written
-    if key not in LAWS:
-        raise ShsaError(f"there is no law {key!a}, only {', '.join(LAWS)}")
-    return LAWS[key](text)
-
-
 FORMS: Mapping[type, Form] = {
     Som: Form(Tuple[Service, ...], tuple, Som),
-    Law: Form(Tuple[str, str], attrgetter("key", "text"), _read_law),
+    Law: Form(str, attrgetter("text"), parse_law),
     Condition: Form(str, attrgetter("text"), parse_constraint),
 }
 """How the classes of the model that are no dataclasses, or that must be checked, are written."""

@@ -2,6 +2,7 @@
 from typing import Any, Dict, Iterator, NamedTuple, Optional, Tuple
 
 from shsa_core.errors import ModelError
+from shsa_core.files.regular import open_to_read
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.coders import CLASS
 from shsa_core.journal.lines import (
@@ -86,7 +87,7 @@ class Journal:
         The last one is not whole if the process was killed while it wrote.
         """
         try:
-            with open(self.path, "rb") as file:
+            with open_to_read(self.path) as file:
                 for number in range(1, 1 << 62):
                     where = f"{self.path}:{number}"
                     line = file.readline(MAX_LINE_BYTES)

@@ -1,12 +1,12 @@
 """Expressions of the ontology: the law of a relation, and the condition under which it holds."""
 import ast
 from dataclasses import dataclass
-from typing import ClassVar, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 from shsa_core.language.interval import Interval
 from shsa_core.language.range_check import Trouble, find_troubles, narrow
-from shsa_core.language.syntax import check_tree, checked_text, is_name, literal
-from shsa_core.language.syntax import name_nodes, syntax_tree
+from shsa_core.language.syntax import check_tree, checked_text, is_name, syntax_tree
+from shsa_core.language.trees import literal, name_nodes
 from shsa_core.language.unit_check import Mismatch, find_mismatches, find_mismatches_of_condition
 from shsa_core.language.units import Unit
 
@@ -47,7 +47,14 @@ class _Text:
 class Expression(_Text):
     """A number made of numbers, names and the fixed functions: a Law."""
 
-    key: ClassVar[str] = "function"
+    @property
+    def entry(self) -> Mapping[str, Any]:
+        """As it stands in an ontology file."""
+        return {"function": self.text}
+
+    def body(self, inputs: Mapping[str, str]) -> List[str]:
+        """The line of the generated function."""
+        return [f"return {self.code(inputs)}"]
 
     def mismatches(
         self, units: Mapping[str, Optional[Unit]], result: Optional[Unit]
@@ -55,9 +62,13 @@ class Expression(_Text):
         """What cannot match if it should give the unit `result`."""
         return find_mismatches(self.tree(), units, result)
 
-    def troubles(self, ranges: Mapping[str, Interval]) -> List[Trouble]:
+    def troubles(
+        self,
+        ranges: Mapping[str, Interval],
+        always: Optional[Mapping[str, Interval]] = None,
+    ) -> List[Trouble]:
         """Where it may have no value."""
-        return find_troubles(self.text, self.tree(), ranges)
+        return find_troubles(self.text, self.tree(), ranges, always)
 
 
 @dataclass(frozen=True)
@@ -67,6 +78,10 @@ class Condition(_Text):
     def mismatches(self, units: Mapping[str, Optional[Unit]]) -> List[Mismatch]:
         """What cannot match."""
         return find_mismatches_of_condition(self.tree(), units)
+
+    def troubles(self, ranges: Mapping[str, Interval]) -> List[Trouble]:
+        """Where it may be neither true nor false."""
+        return find_troubles(self.text, self.tree(), ranges)
 
     def narrowed(self, ranges: Mapping[str, Interval]) -> Dict[str, Interval]:
         """The ranges where it holds."""

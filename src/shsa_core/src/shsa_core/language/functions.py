@@ -4,16 +4,21 @@ Whoever adds one adds a row here, with what it does to units and to ranges, and 
 docs/ontology.md.
 """
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Callable, Dict, Mapping, NamedTuple, Optional, Sequence, Union
 
-from shsa_core.language.interval import ANYTHING, Interval
-from shsa_core.language.memory import Memory, derivative, integral, lowpass, previous
+from shsa_core.language import fitted, images
+from shsa_core.language.images import RangeRule
+from shsa_core.language.interval import Interval
+from shsa_core.language.memory import MAX_DELAY_S, Memory
+from shsa_core.language.memory import delay, derivative, integral, lowpass, previous
 from shsa_core.language.units import NO_UNIT, SECOND, Quantity, raised, times
 
 CONSTANTS: Mapping[str, float] = {"pi": math.pi}
 ELAPSED = "dt"
+FILTER, DELAY = "lowpass", "delay"
+"""What lets one input of a law come later than another: the names of these functions."""
 
 Common = Callable[[Sequence[Quantity], str], Quantity]
 """The quantity that all of some parts must have; the text says what is wrong if two have not the
@@ -23,16 +28,14 @@ same.
 UnitRule = Callable[[str, Sequence[Quantity], Common], Quantity]
 """The quantity of a call, from the function's name and the quantities of its arguments."""
 
-RangeRule = Callable[[Sequence[Interval]], Interval]
-"""The values of a call, from those of its arguments."""
-
 
 class Domain(NamedTuple):
-    """Where a function of one argument has a value."""
+    """Where a function has a value: by its `argument`, counted from 0."""
 
     low: float
     high: float
     zero: bool = True
+    argument: int = 0
 
     def has(self, interval: Interval) -> bool:
         """Whether it has a value everywhere in the interval."""
@@ -40,11 +43,23 @@ class Domain(NamedTuple):
         return inside and (self.zero or not interval.has_zero)
 
 
+class Fixed(NamedTuple):
+    """Arguments that must be numbers or constants, so that they are known before it is called.
+
+    `wrong`: what is wrong with their values, if anything. Without `must` they may be anything, and
+    only numbers are looked at.
+    """
+
+    places: slice
+    wrong: Callable[[Sequence[float]], Optional[str]]
+    must: bool = True
+
+
 @dataclass(frozen=True)
 class Function:
     """A function without memory: `call` takes `least` to `most` floats and returns one.
 
-    `most` is None where any number will do.
+    `most` is None where any number will do that is `least` and some times `each`.
 
     `domain`: where it has a value, if not everywhere.
     """
@@ -55,17 +70,24 @@ class Function:
     least: int = 1
     most: Optional[int] = 1
     domain: Optional[Domain] = None
+    each: int = 1
+    fixed: Optional[Fixed] = None
 
 
 @dataclass(frozen=True)
 class Stateful:
-    """A function with memory: `make(max_gap)` is called once for each place where it is used."""
+    """A function with memory: `make(max_gap)` is called once for each place where it is used.
+
+    `rests`: it yields its first argument once all have stood still for long.
+    """
 
     make: Callable[[float], Memory]
     units: UnitRule
     range: RangeRule
     arguments: int = 1
     domain: Optional[Domain] = None
+    fixed: Optional[Fixed] = None
+    rests: bool = False
 
 
 def sign(value: float) -> float:
@@ -106,88 +128,115 @@ def _ratio(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
     return NO_UNIT
 
 
-def _filtered_unit(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
-    common([parts[1], SECOND], "the time constant of " + name + " is in {}, not in {}")
-    return parts[0]
-
-
-def _anything(parts: Sequence[Interval]) -> Interval:
-    return ANYTHING
-
-
-def _same_range(parts: Sequence[Interval]) -> Interval:
-    return parts[0]
-
-
-def _within_one(parts: Sequence[Interval]) -> Interval:
-    return Interval(-1.0, 1.0, known=parts[0].known)
-
-
-def _increasing(call: Callable[[float], float]) -> RangeRule:
-    return lambda parts: replace(parts[0], low=call(parts[0].low), high=call(parts[0].high))
-
-
-def _range_of_abs(parts: Sequence[Interval]) -> Interval:
-    (part,) = parts
-    ends = (abs(part.low), abs(part.high))
-    low = 0.0 if part.low <= 0.0 <= part.high else min(ends)
-    return Interval(low, max(ends), part.nonzero, part.known)
-
-
-def _picked(pick: Callable[..., float]) -> RangeRule:
-    def rule(parts: Sequence[Interval]) -> Interval:
-        low, high = pick(part.low for part in parts), pick(part.high for part in parts)
-        nonzero = not any(part.has_zero for part in parts)
-        return Interval(low, high, nonzero, all(part.known for part in parts))
+def _timed_unit(what: str) -> UnitRule:
+    def rule(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
+        common([parts[1], SECOND], f"the {what} of {name} is in {{}}, not in {{}}")
+        return parts[0]
 
     return rule
 
 
-def _range_of_hypot(parts: Sequence[Interval]) -> Interval:
-    nonzero = not all(part.has_zero for part in parts)
-    return Interval(0.0, math.inf, nonzero, all(part.known for part in parts))
+def _sum_unit(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
+    products = [times(*pair) for pair in zip(parts[::2], parts[1::2])]
+    return common(products, name + " adds {} and {}")
+
+
+def _bell_unit(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
+    gamma, *pairs = parts
+    for pair in zip(pairs[::2], pairs[1::2]):
+        distance = common(pair, name + " of {} from {}")
+        exponent = times(gamma, raised(distance, Fraction(2)))
+        common([exponent, NO_UNIT], "the exponent of " + name + " is in {}, it needs {}")
+    return NO_UNIT
+
+
+def _table_unit(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
+    common([parts[0], *parts[1::2]], name + " of {} by {}")
+    return common(parts[2::2], name + " gives {} and {}")
+
+
+def _within_delay(times_s: Sequence[float]) -> Optional[str]:
+    good = all(0.0 < time_s <= MAX_DELAY_S for time_s in times_s)
+    return None if good else f"the time must be above 0 and at most {MAX_DELAY_S:g} s"
 
 
 _POSITIVE = Domain(0.0, math.inf, zero=False)
 
 FUNCTIONS: Mapping[str, Function] = {
-    "abs": Function(abs, _same_unit, _range_of_abs),
+    "abs": Function(abs, _same_unit, images.absolute),
     "sign": Function(
         sign,
         lambda name, parts, common: NO_UNIT,
-        lambda parts: Interval(-1.0, 1.0, not parts[0].has_zero, parts[0].known),
+        images.monotonous(sign, keeps_zero=True),
     ),
-    "min": Function(min, _common_unit, _picked(min), 2, None),
-    "max": Function(max, _common_unit, _picked(max), 2, None),
-    "floor": Function(floor, _same_unit, _anything),
-    "ceil": Function(ceil, _same_unit, _anything),
+    "min": Function(min, _common_unit, images.picked(min), 2, None),
+    "max": Function(max, _common_unit, images.picked(max), 2, None),
+    "floor": Function(floor, _same_unit, images.monotonous(floor)),
+    "ceil": Function(ceil, _same_unit, images.monotonous(ceil)),
     "sqrt": Function(
         math.sqrt,
         lambda name, parts, common: raised(parts[0], Fraction(1, 2)),
-        _increasing(math.sqrt),
+        images.monotonous(math.sqrt, keeps_zero=True),
         domain=Domain(0.0, math.inf),
     ),
-    "exp": Function(math.exp, _no_unit, lambda parts: Interval(0.0, math.inf, nonzero=True)),
-    "log": Function(math.log, _no_unit, _anything, domain=_POSITIVE),
-    "log10": Function(math.log10, _no_unit, _anything, domain=_POSITIVE),
-    "sin": Function(math.sin, _no_unit, _within_one),
-    "cos": Function(math.cos, _no_unit, _within_one),
-    "tan": Function(math.tan, _no_unit, _anything),
-    "asin": Function(math.asin, _no_unit, _anything, domain=Domain(-1.0, 1.0)),
-    "acos": Function(math.acos, _no_unit, _anything, domain=Domain(-1.0, 1.0)),
-    "atan": Function(math.atan, _no_unit, _increasing(math.atan)),
-    "atan2": Function(math.atan2, _ratio, _anything, 2, 2),
-    "hypot": Function(math.hypot, _common_unit, _range_of_hypot, 2, 2),
+    "exp": Function(math.exp, _no_unit, images.exponential),
+    "log": Function(math.log, _no_unit, images.monotonous(math.log), domain=_POSITIVE),
+    "log10": Function(math.log10, _no_unit, images.monotonous(math.log10), domain=_POSITIVE),
+    "sin": Function(math.sin, _no_unit, images.wave(math.sin, math.pi / 2.0)),
+    "cos": Function(math.cos, _no_unit, images.wave(math.cos, 0.0)),
+    "tan": Function(math.tan, _no_unit, images.tangent),
+    "asin": Function(
+        math.asin, _no_unit, images.monotonous(math.asin, True), domain=Domain(-1.0, 1.0)
+    ),
+    "acos": Function(math.acos, _no_unit, images.monotonous(math.acos), domain=Domain(-1.0, 1.0)),
+    "atan": Function(math.atan, _no_unit, images.monotonous(math.atan, True)),
+    "tanh": Function(math.tanh, _no_unit, images.monotonous(math.tanh, True)),
+    "atan2": Function(math.atan2, _ratio, images.angle, 2, 2),
+    "hypot": Function(math.hypot, _common_unit, images.distance, 2, 2),
+    "clip": Function(
+        fitted.clip,
+        _common_unit,
+        fitted.clipped,
+        3,
+        3,
+        fixed=Fixed(slice(1, 3), fitted.ordered, must=False),
+    ),
+    "dot": Function(fitted.dot, _sum_unit, fitted.summed, 2, None, each=2),
+    "rbf": Function(fitted.rbf, _bell_unit, fitted.bell, 3, None, each=2),
+    "table": Function(
+        fitted.table,
+        _table_unit,
+        fitted.looked_up,
+        5,
+        None,
+        each=2,
+        fixed=Fixed(slice(1, None, 2), fitted.rising),
+    ),
 }
 
 STATEFUL: Mapping[str, Stateful] = {
     "derivative": Stateful(
-        derivative, lambda name, parts, common: times(parts[0], SECOND, -1), _anything
+        derivative, lambda name, parts, common: times(parts[0], SECOND, -1), images.anything
     ),
-    "integral": Stateful(integral, lambda name, parts, common: times(parts[0], SECOND), _anything),
-    "previous": Stateful(previous, _same_unit, _same_range),
+    "integral": Stateful(
+        integral, lambda name, parts, common: times(parts[0], SECOND), images.anything
+    ),
+    "previous": Stateful(previous, _same_unit, images.same, rests=True),
     "lowpass": Stateful(
-        lowpass, _filtered_unit, lambda parts: replace(parts[0], nonzero=False), arguments=2
+        lowpass,
+        _timed_unit("time constant"),
+        images.filtered,
+        arguments=2,
+        domain=Domain(0.0, math.inf, zero=False, argument=1),
+        rests=True,
+    ),
+    "delay": Stateful(
+        delay,
+        _timed_unit("time"),
+        images.same,
+        arguments=2,
+        fixed=Fixed(slice(1, 2), _within_delay),
+        rests=True,
     ),
 }
 

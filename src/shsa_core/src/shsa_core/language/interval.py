@@ -19,7 +19,17 @@ class Interval:
     @property
     def has_zero(self) -> bool:
         """Whether 0 is one of the values."""
-        return self.low <= 0.0 <= self.high and not self.nonzero
+        return self.spans_zero and not self.nonzero
+
+    @property
+    def spans_zero(self) -> bool:
+        """Whether 0 lies between the ends, or is one of them."""
+        return self.low <= 0.0 <= self.high
+
+    @property
+    def finite(self) -> bool:
+        """Whether both ends are."""
+        return math.isfinite(self.low) and math.isfinite(self.high)
 
     def __str__(self) -> str:
         return f"from {self.low:g} to {self.high:g}"
@@ -38,6 +48,21 @@ def hull(one: Interval, other: Interval) -> Interval:
     )
 
 
+def negative(one: Interval) -> Interval:
+    """Every value with the other sign."""
+    return Interval(-one.high, -one.low, one.nonzero, one.known)
+
+
+def total(left: Interval, right: Interval) -> Interval:
+    """Every sum."""
+    low, high = left.low + right.low, left.high + right.high
+    return Interval(
+        -math.inf if math.isnan(low) else low,
+        math.inf if math.isnan(high) else high,
+        known=left.known and right.known,
+    )
+
+
 def product(left: float, right: float) -> float:
     """The product, where 0 times infinity is 0."""
     return 0.0 if 0.0 in (left, right) else left * right
@@ -49,6 +74,7 @@ def from_corners(
     """The values of an operation that is monotonous in each operand."""
     ends = [operation(a, b) for a in (left.low, left.high) for b in (right.low, right.high)]
     nonzero = not left.has_zero and not right.has_zero
+    nonzero = nonzero and (left.spans_zero or right.spans_zero)  # the ends tell of the others
     if any(math.isnan(end) for end in ends):
         return Interval(nonzero=nonzero, known=left.known and right.known)
     return Interval(min(ends), max(ends), nonzero, left.known and right.known)

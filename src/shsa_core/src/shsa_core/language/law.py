@@ -1,5 +1,5 @@
 """What a relation computes its output by."""
-from typing import List, Mapping, Optional, Protocol, Tuple
+from typing import Any, List, Mapping, Optional, Protocol, Tuple
 
 from shsa_core.language.interval import Interval
 from shsa_core.language.range_check import Trouble
@@ -14,12 +14,12 @@ class Law(Protocol):
     """
 
     @property
-    def key(self) -> str:
-        """What it stands under in an ontology file."""
+    def text(self) -> str:
+        """All of it in one line."""
 
     @property
-    def text(self) -> str:
-        """As it is written there."""
+    def entry(self) -> Mapping[str, Any]:
+        """As it stands in an ontology file."""
 
     @property
     def names(self) -> Tuple[str, ...]:
@@ -33,11 +33,16 @@ class Law(Protocol):
         None: not known.
         """
 
-    def troubles(self, ranges: Mapping[str, Interval]) -> List[Trouble]:
+    def troubles(
+        self,
+        ranges: Mapping[str, Interval],
+        always: Optional[Mapping[str, Interval]] = None,
+    ) -> List[Trouble]:
         """Where it may have no value while its inputs stay in their ranges.
 
-        One without a range does not count.
+        One without a range does not count. `ranges` are those where the relation's constraint
+        holds, `always` those without it, as a law with a memory has seen them.
         """
 
-    def code(self, inputs: Mapping[str, str]) -> str:
-        """The generated code's expression for it; each input as it is called there."""
+    def body(self, inputs: Mapping[str, str]) -> List[str]:
+        """The lines of the generated function for it; each input as it is called there."""

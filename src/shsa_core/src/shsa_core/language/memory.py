@@ -1,8 +1,13 @@
 """The functions that remember earlier samples."""
 import math
-from typing import Callable
+from collections import deque
+from typing import Callable, Deque, List, Optional, Tuple
 
 MAX_GAP_S = 1.0
+MAX_DELAY_S = 10.0
+HELD_SAMPLES = 1000
+"""How many a delay holds, whatever its time and however often it is evaluated."""
+SAME_TIME_S = 1e-6  # a float of a time of today has no finer steps
 NO_VALUE = math.nan
 
 Memory = Callable[..., float]
@@ -68,30 +73,31 @@ def derivative(max_gap: float = MAX_GAP_S) -> Memory:
     return sample
 
 
-def integral(max_gap: float = MAX_GAP_S) -> Memory:
+def integral(max_gap: float = MAX_GAP_S, total: Optional[List[float]] = None) -> Memory:
     """`integral(x)`: the area under the samples since the start, in seconds times x.
 
     By the trapezoidal rule.
 
-    It starts at 0. What happened during a gap is not known and is not added. A sum that has
-    overflowed starts anew with it.
+    It starts at 0, or at the only item of `total`, which holds the sum: whoever shares it may set
+    it. What happened during a gap is not known and is not added. A sum that has overflowed starts
+    anew at 0 with it.
     """
     last = before = NO_VALUE
-    result = 0.0
+    sum_ = [0.0] if total is None else total
 
     def sample(value: float, now: float) -> float:
-        nonlocal last, before, result
+        nonlocal last, before
         if value - value != 0.0:
             return NO_VALUE
         passed = now - last
         if passed != 0.0:
             if 0.0 < passed <= max_gap:
-                result += 0.5 * (before + value) * passed
-            elif result - result != 0.0:
-                result = 0.0
+                sum_[0] += 0.5 * (before + value) * passed
+            elif sum_[0] - sum_[0] != 0.0:
+                sum_[0] = 0.0
             last = now
             before = value
-        return result
+        return sum_[0]
 
     return sample
 
@@ -114,6 +120,36 @@ def lowpass(max_gap: float = MAX_GAP_S) -> Memory:
                 result += (value - result) * -math.expm1(-passed / tau)
             else:
                 result = value
+            last = now
+        return result
+
+    return sample
+
+
+def delay(max_gap: float = MAX_GAP_S) -> Memory:
+    """`delay(x, time)`: x as it was `time` ago (s, above 0 and at most MAX_DELAY_S).
+
+    The last sample that is as old as that is held; as long as none is, the oldest one. Of samples
+    that come faster than HELD_SAMPLES in `time` only so many are held, so that it may be older by
+    one part in HELD_SAMPLES.
+    """
+    last = result = NO_VALUE
+    held: Deque[Tuple[float, float]] = deque()
+
+    def sample(value: float, time: float, now: float) -> float:
+        nonlocal last, result
+        if value - value != 0.0 or not 0.0 < time <= MAX_DELAY_S:
+            return NO_VALUE
+        passed = now - last
+        if passed != 0.0:
+            if not 0.0 < passed <= max_gap:
+                held.clear()
+            if not held or now - held[-1][0] >= time / HELD_SAMPLES:
+                held.append((now, value))
+            before = now - time + SAME_TIME_S
+            while len(held) > 1 and held[1][0] <= before:
+                held.popleft()
+            result = held[0][1]
             last = now
         return result
 

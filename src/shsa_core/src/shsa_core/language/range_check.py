@@ -3,11 +3,13 @@ import ast
 import math
 import operator
 from dataclasses import dataclass, replace
-from typing import Dict, List, Mapping, Sequence, Tuple, Type
+from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Type
 
-from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED
-from shsa_core.language.interval import ANYTHING, Interval, from_corners, hull, product
-from shsa_core.language.syntax import literal
+from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED, FUNCTIONS, STATEFUL
+from shsa_core.language.images import raised
+from shsa_core.language.interval import ANYTHING, Interval, from_corners, hull, negative
+from shsa_core.language.interval import product, total
+from shsa_core.language.trees import literal, row
 
 
 @dataclass(frozen=True)
@@ -18,23 +20,39 @@ class Trouble:
     reason: str
 
 
-def find_troubles(text: str, tree: ast.expr, ranges: Mapping[str, Interval]) -> List[Trouble]:
-    """Where the expression can have no value while each name stays in its range.
+def find_troubles(
+    text: str,
+    tree: ast.expr,
+    ranges: Mapping[str, Interval],
+    always: Optional[Mapping[str, Interval]] = None,
+    steps: Sequence[Tuple[str, str, ast.expr]] = (),
+) -> List[Trouble]:
+    """Where an expression or a condition can have no value while each name stays in its range.
 
-    Names that have no range are not taken into account.
+    Names that have no range are not taken into account. `ranges` hold where there is to be an
+    output, `always` at every sample: what the functions with a memory have seen. `steps` are values
+    on the way, in order: the names that the ones behind know them by, their texts and trees.
     """
-    analysis = _Analysis()
-    analysis.interval(tree, ranges)
-    found = [
-        Trouble(ast.get_source_segment(text, node) or text, reason)
-        for node, reason in analysis.troubles
-    ]
-    return list(dict.fromkeys(found))
+    here = dict(ranges)
+    before = here if always is None or always is ranges else dict(always)
+    analysis = _Analysis(before)
+    found: List[Trouble] = []
+    for name, step, part in steps:
+        value = analysis.interval(part, here)
+        if before is not here:
+            before[name] = interval_of(part, before)
+        here[name] = value
+        found += analysis.told(step)
+    if isinstance(tree, (ast.Compare, ast.BoolOp)) or isinstance(getattr(tree, "op", 0), ast.Not):
+        analysis.condition(tree, here)
+    else:
+        analysis.interval(tree, here)
+    return list(dict.fromkeys([*found, *analysis.told(text)]))
 
 
 def interval_of(tree: ast.expr, ranges: Mapping[str, Interval]) -> Interval:
     """The values that an expression can have."""
-    return _Analysis().interval(tree, ranges)
+    return _Analysis(ranges).interval(tree, ranges)
 
 
 def narrow(test: ast.expr, ranges: Mapping[str, Interval], holds: bool) -> Dict[str, Interval]:
@@ -82,7 +100,7 @@ def _narrow(
         node = node.args[0]
     if not isinstance(node, ast.Name) or any(isinstance(n, ast.IfExp) for n in ast.walk(bound)):
         return  # choices in bounds of choices would take exponential time
-    limit = _Analysis().interval(bound, ranges)
+    limit = _Analysis(ranges).interval(bound, ranges)
     old = ranges.get(node.id, ANYTHING)
     excludes = (
         (comparison is ast.Gt and limit.low >= 0.0)
@@ -108,8 +126,15 @@ def _narrow(
 class _Analysis:
     """Finds the interval of each part of a tree and collects the troubles."""
 
-    def __init__(self) -> None:
-        self.troubles: List[Tuple[ast.expr, str]] = []
+    def __init__(self, always: Mapping[str, Interval]) -> None:
+        self._troubles: List[Tuple[ast.expr, str]] = []
+        self._always = always
+
+    def told(self, text: str) -> List[Trouble]:
+        """The troubles since this was called last, which are of this text."""
+        found = [(ast.get_source_segment(text, node), reason) for node, reason in self._troubles]
+        self._troubles.clear()
+        return [Trouble(part or text, reason) for part, reason in found]
 
     def interval(self, node: ast.expr, ranges: Mapping[str, Interval]) -> Interval:
         """The values that a number can have."""
@@ -125,73 +150,104 @@ class _Analysis:
         if isinstance(node, ast.UnaryOp):
             inner = self.interval(node.operand, ranges)
             if isinstance(node.op, ast.USub):
-                return replace(inner, low=-inner.high, high=-inner.low)
+                return negative(inner)
             return inner
         if isinstance(node, ast.IfExp):
-            self._condition(node.test, ranges)
+            self.condition(node.test, ranges)
             return hull(
                 self.interval(node.body, narrow(node.test, ranges, True)),
                 self.interval(node.orelse, narrow(node.test, ranges, False)),
             )
         if isinstance(node, ast.BinOp):
-            left, right = self.interval(node.left, ranges), self.interval(node.right, ranges)
-            return self._operation(node, left, right)
+            first, operations = row(node)
+            result = self.interval(first, ranges)
+            for each in operations:
+                result = self._operation(each, result, self.interval(each.right, ranges))
+            return result
         assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
-        parts = [self.interval(argument, ranges) for argument in node.args]
-        return self._call(node, node.func.id, parts)
+        return self._call(node, node.func.id, ranges)
 
-    def _condition(self, node: ast.expr, ranges: Mapping[str, Interval]) -> None:
+    def condition(self, node: ast.expr, ranges: Mapping[str, Interval]) -> None:
+        """Collects the troubles of a condition."""
         if isinstance(node, ast.Compare):
             for part in (node.left, *node.comparators):
                 self.interval(part, ranges)
         elif isinstance(node, ast.BoolOp):
             for part in node.values:
-                self._condition(part, ranges)
+                self.condition(part, ranges)
                 ranges = narrow(part, ranges, isinstance(node.op, ast.And))
         elif isinstance(node, ast.UnaryOp):
-            self._condition(node.operand, ranges)
+            self.condition(node.operand, ranges)
 
     def _operation(self, node: ast.BinOp, left: Interval, right: Interval) -> Interval:
-        known = left.known and right.known
-        if isinstance(node.op, ast.Add):
-            return Interval(left.low + right.low, left.high + right.high, known=known)
-        if isinstance(node.op, ast.Sub):
-            return Interval(left.low - right.high, left.high - right.low, known=known)
-        if isinstance(node.op, ast.Mult):
-            return from_corners(product, left, right)
         if isinstance(node.op, ast.Pow):
-            return self._power(node, left, right)
-        if right.has_zero:
+            result = self._power(node, left, right)
+        elif isinstance(node.op, (ast.Div, ast.FloorDiv, ast.Mod)) and right.has_zero:
             if right.known:
-                self.troubles.append((node.right, f"can be 0 ({right}), and is divided by"))
+                self._troubles.append((node.right, f"can be 0 ({right}), and is divided by"))
             return ANYTHING
-        if isinstance(node.op, ast.Mod):
-            return Interval(min(right.low, 0.0), max(right.high, 0.0), known=right.known)
-        if isinstance(node.op, ast.FloorDiv):
-            return ANYTHING
-        if right.low <= 0.0 <= right.high:
-            return Interval(nonzero=not left.has_zero, known=known)
-        return from_corners(operator.truediv, left, right)
+        else:
+            result = _OPERATIONS[type(node.op)](left, right)
+        return self._finite(node, result, [left, right])
 
     def _power(self, node: ast.BinOp, base: Interval, exponent: Interval) -> Interval:
         known = base.known and exponent.known
         whole = exponent.low == exponent.high and exponent.low == round(exponent.low)
         if known and exponent.low < 0.0 and base.has_zero:
-            self.troubles.append((node.left, f"can be 0 ({base}), and its exponent negative"))
-        elif known and not whole and base.low < 0.0:
-            self.troubles.append((node.left, f"can be negative ({base}), its exponent not whole"))
-        elif whole and exponent.low % 2.0 == 0.0:
-            return Interval(0.0, math.inf, not base.has_zero, known)
-        return ANYTHING
+            self._troubles.append((node.left, f"can be 0 ({base}), and its exponent negative"))
+            return ANYTHING
+        if known and not whole and base.low < 0.0:
+            self._troubles.append((node.left, f"can be negative ({base}), its exponent not whole"))
+            return ANYTHING
+        return raised(base, exponent)
 
-    def _call(self, node: ast.Call, name: str, parts: Sequence[Interval]) -> Interval:
+    def _call(self, node: ast.Call, name: str, ranges: Mapping[str, Interval]) -> Interval:
         function = CALLS[name]
-        if function.domain is not None:
-            if not parts[0].known:
+        parts = [self.interval(argument, ranges) for argument in node.args]
+        domain = function.domain
+        if domain is not None:
+            part = parts[domain.argument]
+            if not part.known:
                 return ANYTHING
-            if not function.domain.has(parts[0]):
-                self.troubles.append(
-                    (node.args[0], f"can be {parts[0]}, where {name} has no value")
-                )
+            if not domain.has(part):
+                argument = node.args[domain.argument]
+                self._troubles.append((argument, f"can be {part}, where {name} has no value"))
                 return ANYTHING
-        return function.range(parts)
+        if name in STATEFUL and ranges is not self._always:
+            before = _Analysis(self._always)
+            parts = [before.interval(argument, self._always) for argument in node.args]
+        return self._finite(node, function.range(parts), parts if name in FUNCTIONS else ())
+
+    def _finite(self, node: ast.expr, result: Interval, parts: Sequence[Interval]) -> Interval:
+        """The result; a trouble if it can overflow, its parts being finite."""
+        if parts and result.known and all(part.finite for part in parts) and not result.finite:
+            if not any(part.spans_zero and part.nonzero for part in parts):
+                self._troubles.append((node, "can be too large for a number"))
+                return ANYTHING
+        return result
+
+
+def _divided(left: Interval, right: Interval) -> Interval:
+    if right.spans_zero:
+        return Interval(nonzero=not left.has_zero, known=left.known and right.known)
+    return from_corners(operator.truediv, left, right)
+
+
+def _floored(left: Interval, right: Interval) -> Interval:
+    if right.spans_zero:
+        return Interval(known=left.known and right.known)
+    return from_corners(operator.floordiv, left, right)
+
+
+def _remainder(left: Interval, right: Interval) -> Interval:
+    return Interval(min(right.low, 0.0), max(right.high, 0.0), known=right.known)
+
+
+_OPERATIONS: Mapping[Type[ast.operator], Callable[[Interval, Interval], Interval]] = {
+    ast.Add: total,
+    ast.Sub: lambda left, right: total(left, negative(right)),
+    ast.Mult: lambda left, right: from_corners(product, left, right),
+    ast.Div: _divided,
+    ast.FloorDiv: _floored,
+    ast.Mod: _remainder,
+}

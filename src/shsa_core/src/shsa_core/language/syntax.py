@@ -1,21 +1,34 @@
 """The syntax of the language: what is within it, and nothing is ever run as free Python."""
 import ast
+import builtins
 import difflib
 import keyword
 import math
 import operator
 import re
-from typing import Callable, Dict, List, Mapping, NoReturn, Optional, Tuple, Type
+from typing import Callable, Dict, List, Mapping, NoReturn, Tuple, Type, Union
 
 from shsa_core.errors import ExpressionError
-from shsa_core.language.functions import CONSTANTS, ELAPSED, FUNCTIONS, RESERVED, STATEFUL, power
+from shsa_core.language.functions import CONSTANTS, ELAPSED, FUNCTIONS, RESERVED, STATEFUL
+from shsa_core.language.functions import Fixed, Function, Stateful, power
+from shsa_core.language.trees import literal, name_nodes, row
 
-MAX_LENGTH = 4000
-MAX_NODES = 1000
+MAX_LENGTH = 40_000
+MAX_NODES = 10_000
 MAX_DEPTH = 100
+MAX_ROW = 600
+"""Operations in a row, within each other: the compiler's limit is 1000, for these, the depth and
+its caller together.
+"""
 MAX_EXPONENT = 100
+MAX_STEPS = 100
+"""Values on the way that a law may give names to."""
+
+NO_FILE = ""
+"""The parser opens the file that it is told the text is from, to quote a line: so, none."""
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+_TAKEN = re.compile(r"_.*|[it][0-9]+|[xy]")
 _NOT_ALLOWED = re.compile(r"[^A-Za-z0-9_+\-*/%.,<>=!() ]")
 _OPERATORS: Mapping[Type[ast.operator], Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -38,37 +51,24 @@ def is_name(text: str) -> bool:
     return bool(_NAME.match(text)) and not keyword.iskeyword(text) and text not in RESERVED
 
 
-def name_nodes(tree: ast.AST) -> List[ast.Name]:
-    """Every name in the tree, functions included, in the order of the text."""
-    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
-    return sorted(nodes, key=lambda node: (node.lineno, node.col_offset))
+def is_free(name: str) -> bool:
+    """Whether a value on the way may have this name, in generated code as well."""
+    return is_name(name) and not _TAKEN.fullmatch(name) and not hasattr(builtins, name)
 
 
-def check_tree(tree: ast.expr, condition: bool) -> Tuple[str, ...]:
+def check_tree(tree: ast.expr, condition: bool, final: bool = False) -> Tuple[str, ...]:
     """The names that the tree uses, in order, once it is shown to be within the language.
+
+    `final`: constants have become numbers in it already.
 
     Raises ExpressionError if it is not.
     """
-    checker = _Checker()
+    checker = _Checker(final)
     if condition:
         checker.condition(tree, depth=0, always=True)
     else:
         checker.number(tree, depth=0, always=True)
     return tuple(dict.fromkeys(node.id for node in name_nodes(tree) if node.id not in RESERVED))
-
-
-def literal(node: ast.expr) -> Optional[float]:
-    """The value of a number as it is written, sign included; None if the node is anything else."""
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        value = literal(node.operand) if isinstance(node.operand, ast.Constant) else None
-        return None if value is None else -value
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-        try:
-            value = float(node.value)
-        except OverflowError:
-            return math.inf
-        return value
-    return None
 
 
 def checked_text(text: str, condition: bool) -> Tuple[str, Tuple[str, ...]]:
@@ -96,7 +96,7 @@ def checked_text(text: str, condition: bool) -> Tuple[str, Tuple[str, ...]]:
 def syntax_tree(text: str) -> ast.expr:
     """The syntax tree of a text. Raises ExpressionError if it has none."""
     try:
-        return ast.parse(text, mode="eval").body
+        return ast.parse(text, NO_FILE, mode="eval").body
     except SyntaxError as error:
         raise ExpressionError(
             f"not an expression: it cannot be read from position {error.offset or 1} of "
@@ -117,8 +117,10 @@ class _Checker:
     samples there.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, final: bool) -> None:
+        self._final = final
         self._nodes = 0
+        self._row = 0
 
     def number(self, node: ast.expr, depth: int, always: bool) -> None:
         """Checks a part that must be a number."""
@@ -132,11 +134,8 @@ class _Checker:
                 raise ExpressionError(f"'{node.id}' is a function: write {node.id}(...)")
         elif isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
             self.number(node.operand, depth + 1, always)
-        elif isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
-            self.number(node.left, depth + 1, always)
-            self.number(node.right, depth + 1, always)
-            if isinstance(node.op, ast.Pow):
-                _check_exponent(node.right)
+        elif isinstance(node, ast.BinOp):
+            self._operations(node, depth, always)
         elif isinstance(node, ast.IfExp):
             self.condition(node.test, depth + 1, always)
             self.number(node.body, depth + 1, False)
@@ -176,6 +175,22 @@ class _Checker:
         else:
             _refuse(node)
 
+    def _operations(self, node: ast.BinOp, depth: int, always: bool) -> None:
+        first, operations = row(node)
+        self._row += len(operations)
+        if self._row > MAX_ROW:
+            raise ExpressionError(f"the expression has more than {MAX_ROW} operations in a row")
+        self.number(first, depth + 1, always)
+        for operation in operations:
+            if type(operation.op) not in _OPERATORS:
+                _refuse(operation)
+            if operation is not node:
+                self._enter(depth)
+            self.number(operation.right, depth + 1, always)
+            if isinstance(operation.op, ast.Pow):
+                _check_exponent(operation.right)
+        self._row -= len(operations)
+
     def _enter(self, depth: int) -> None:
         self._nodes += 1
         if self._nodes > MAX_NODES:
@@ -187,10 +202,14 @@ class _Checker:
         if not isinstance(node.func, ast.Name):
             _refuse(node.func)
         name = node.func.id
+        function: Union[Function, Stateful]
         if name in FUNCTIONS:
-            least, most = FUNCTIONS[name].least, FUNCTIONS[name].most
+            function = FUNCTIONS[name]
+            least, most, each = function.least, function.most, function.each
         elif name in STATEFUL:
-            least = most = STATEFUL[name].arguments
+            function = STATEFUL[name]
+            least = most = function.arguments
+            each = 1
             if not always:
                 raise ExpressionError(
                     f"{name}(...) stands where it is not evaluated every time, so it would miss "
@@ -202,11 +221,33 @@ class _Checker:
             raise ExpressionError(f"there is no function '{name}'{hint}; allowed: {_LANGUAGE}")
         if node.keywords:
             raise ExpressionError(f"{name}(...) takes no arguments by name")
-        if len(node.args) < least or (most is not None and len(node.args) > most):
+        count = len(node.args)
+        if count < least or (most is not None and count > most) or (count - least) % each:
             number = str(least) if most == least else f"{least} or more"
-            raise ExpressionError(f"{name}(...) takes {number} arguments, not {len(node.args)}")
+            if each > 1:
+                number = f"{least}, {least + each}, ..."
+            raise ExpressionError(f"{name}(...) takes {number} arguments, not {count}")
         for argument in node.args:
             self.number(argument, depth + 1, always)
+        if function.fixed is not None:
+            self._check_fixed(name, function.fixed, node.args)
+
+    def _check_fixed(self, name: str, fixed: Fixed, arguments: List[ast.expr]) -> None:
+        places = range(*fixed.places.indices(len(arguments)))
+        values = [literal(arguments[place]) for place in places]
+        for place, value in zip(places, values):
+            constant = not self._final and _may_be_constant(arguments[place])
+            if value is None and fixed.must and not constant:
+                what = f"argument {place + 1} must be a number or a constant"
+                raise ExpressionError(f"{name}(...): {what}")
+        known = [value for value in values if value is not None]
+        wrong = fixed.wrong(known) if len(known) == len(values) else None
+        if wrong:
+            raise ExpressionError(f"{name}(...): {wrong}")
+
+
+def _may_be_constant(node: ast.expr) -> bool:
+    return isinstance(node, ast.Name) and node.id not in RESERVED
 
 
 def _check_exponent(node: ast.expr) -> None:
@@ -230,7 +271,11 @@ def _constant(node: ast.expr) -> float:
         value = _constant(node.operand)
         return -value if isinstance(node.op, ast.USub) else value
     if isinstance(node, ast.BinOp):
-        return _OPERATORS[type(node.op)](_constant(node.left), _constant(node.right))
+        first, operations = row(node)
+        value = _constant(first)
+        for each in operations:
+            value = _OPERATORS[type(each.op)](value, _constant(each.right))
+        return value
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
         if node.func.id in FUNCTIONS:
             return FUNCTIONS[node.func.id].call(*[_constant(a) for a in node.args])

@@ -1,10 +1,10 @@
 """Unit check: dimensional analysis of expressions."""
 import ast
 from fractions import Fraction
-from typing import List, Mapping, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED
-from shsa_core.language.syntax import literal
+from shsa_core.language.trees import literal, row
 from shsa_core.language.units import NO_UNIT, SECOND, Number, Quantity, Unit
 from shsa_core.language.units import match, raised, times
 
@@ -15,10 +15,19 @@ a unit.
 
 
 def find_mismatches(
-    tree: ast.expr, units: Mapping[str, Optional[Unit]], result: Optional[Unit]
+    tree: ast.expr,
+    units: Mapping[str, Optional[Unit]],
+    result: Optional[Unit],
+    steps: Sequence[Tuple[str, ast.expr]] = (),
 ) -> List[Mismatch]:
-    """What cannot match in an expression that should give the unit `result`."""
-    analysis = _Analysis(units)
+    """What cannot match in an expression that should give the unit `result`.
+
+    `steps` are values on the way, in order, by the names that the ones behind know them by.
+    """
+    known: Dict[str, Quantity] = dict(units)
+    analysis = _Analysis(known)
+    for name, step in steps:
+        known[name] = analysis.quantity(step)
     analysis.common(
         [analysis.quantity(tree), result], "the function gives {}, its property is in {}"
     )
@@ -37,7 +46,7 @@ def find_mismatches_of_condition(
 class _Analysis:
     """Finds the quantity of each part of a tree and collects what does not match."""
 
-    def __init__(self, units: Mapping[str, Optional[Unit]]) -> None:
+    def __init__(self, units: Mapping[str, Quantity]) -> None:
         self._units = units
         self.mismatches: List[Tuple[str, bool]] = []
 
@@ -53,7 +62,11 @@ class _Analysis:
         if isinstance(node, ast.UnaryOp):
             return self.quantity(node.operand)
         if isinstance(node, ast.BinOp):
-            return self._operation(node)
+            first, operations = row(node)
+            result = self.quantity(first)
+            for each in operations:
+                result = self._operation(each, result, self.quantity(each.right))
+            return result
         if isinstance(node, ast.IfExp):
             self.condition(node.test)
             parts = [self.quantity(node.body), self.quantity(node.orelse)]
@@ -86,8 +99,7 @@ class _Analysis:
         numbers = all(isinstance(part, Number) for part in parts)
         return Number(all(part.plain for part in parts)) if numbers else None
 
-    def _operation(self, node: ast.BinOp) -> Quantity:
-        left, right = self.quantity(node.left), self.quantity(node.right)
+    def _operation(self, node: ast.BinOp, left: Quantity, right: Quantity) -> Quantity:
         if isinstance(node.op, (ast.Add, ast.Sub)):
             return self.common([left, right], "{} and {} are added or subtracted")
         if isinstance(node.op, ast.Mod):

@@ -5,18 +5,29 @@ docs/som.md; a test holds the four together.
 """
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, ClassVar, Dict, Optional, Tuple, Type, Union
+from typing import Any, ClassVar, Dict, NamedTuple, Optional, Tuple, Type, Union
 
 from shsa_core.model.kinds import Kind
 
 Limit = Union[bool, float]
+LEARNED = 0.0
+"""The limit that a publisher's own healthy stream, or known errors, give; a SOM's are above 0."""
+
+
+class Hold(NamedTuple):
+    """A value may stay the same for `messages`, and for `seconds`; `longest`: messages, so far."""
+
+    messages: int
+    seconds: float
+    longest: int
 
 
 @dataclass(frozen=True)
 class ValueSample:
     """One value of a message: of which property, in its unit; `still`: s since it changed.
 
-    `last_good`: the one before it that was.
+    `last_good`: the one before it that was. `run`: the messages that it came with in a row; `hold`:
+    how long it may, as learned, None: for ever.
     """
 
     name: str
@@ -24,6 +35,8 @@ class ValueSample:
     range: Optional[Tuple[float, float]] = None
     still: float = 0.0
     last_good: Optional[float] = None
+    run: int = 1
+    hold: Optional[Hold] = None
 
 
 @dataclass(frozen=True)
@@ -40,11 +53,16 @@ class RateSample:
 class StampSample:
     """A message arrived `age` s after its stamp.
 
-    It may have waited `waited` s of these for its reader.
+    It may have waited `waited` s of these for its reader. `usual`: the age as learned, which may
+    differ by `allowed` s; None: not known. `again`: the stamp is not newer than the one before,
+    though it always was.
     """
 
     age: float
     waited: float = 0.0
+    usual: Optional[float] = None
+    allowed: float = 0.0
+    again: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,7 +73,24 @@ class IntruderSample:
     rightful: Tuple[str, ...]
 
 
-Sample = Union[ValueSample, RateSample, StampSample, IntruderSample]
+@dataclass(frozen=True)
+class WitnessSample:
+    """A value, and what was derived from other `nodes`; for 2 s they differed by `mean`.
+
+    `allowed`: as their errors are known; None: they are not.
+    """
+
+    name: str
+    value: float
+    derived: float
+    mean: float
+    nodes: Tuple[str, ...]
+    allowed: Optional[float] = None
+
+
+Sample = Union[ValueSample, RateSample, StampSample, IntruderSample, WitnessSample]
+OF_VALUE = (ValueSample, WitnessSample)
+"""What is about one value: such checks stand with the property in the SOM."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +117,7 @@ class Check:
 
 class NotANumber(Check):
     kind, sample, default, usual = Kind.NOT_A_NUMBER, ValueSample, True, True
-    tells = "the value is NaN or infinite"
+    tells = "the value is NaN or infinite; off by default for distances, see [Fields](#fields)"
 
     def judge(self, sample: ValueSample) -> Optional[str]:
         if isfinite(sample.value):
@@ -104,13 +139,21 @@ class OutOfRange(Check):
 
 
 class Stuck(Check):
-    kind, sample, default, usual = Kind.STUCK, ValueSample, None, 1.0
-    tells = "the value has not changed for this long, s"
+    kind, sample, default, usual = Kind.STUCK, ValueSample, LEARNED, LEARNED
+    tells = "the value has not changed for this long, s; off by default for distances"
 
     def judge(self, sample: ValueSample) -> Optional[str]:
-        if sample.still <= self.limit:
+        if not isfinite(sample.value):
             return None
         seen = f"{sample.name} is {sample.value:g} for {sample.still:.3f} s"
+        if self.limit == LEARNED:
+            hold = sample.hold
+            if hold is None or sample.run <= hold.messages or sample.still <= hold.seconds:
+                return None
+            usual = f"it was never the same in more than {hold.longest} before"
+            return f"{seen}, in {sample.run} messages; {usual}"
+        if sample.still <= self.limit:
+            return None
         return f"{seen}, it must change within {self.limit:g} s"
 
 
@@ -120,10 +163,27 @@ class Jump(Check):
 
     def judge(self, sample: ValueSample) -> Optional[str]:
         before = sample.last_good
-        if before is None or not abs(sample.value - before) > self.limit:
+        if before is None or not isfinite(sample.value - before):
+            return None
+        if not abs(sample.value - before) > self.limit:
             return None
         seen = f"{sample.name} went from {before:g} to {sample.value:g}"
         return f"{seen}, steps of {self.limit:g} are allowed"
+
+
+class Witness(Check):
+    kind, sample, default, usual = Kind.WITNESS, WitnessSample, None, LEARNED
+    tells = (
+        "the value is further than this from what other nodes tell of it, in the property's unit, "
+        "or than the known errors explain"
+    )
+
+    def judge(self, sample: WitnessSample) -> Optional[str]:
+        limit = sample.allowed if self.limit == LEARNED else self.limit
+        if limit is None or sample.mean <= limit:
+            return None
+        seen = f"{sample.name} is {sample.value:g}, by {', '.join(sample.nodes)} it is"
+        return f"{seen} {sample.derived:g}; they differ by {sample.mean:g}, {limit:g} are allowed"
 
 
 class RateHigh(Check):
@@ -139,7 +199,7 @@ class RateHigh(Check):
 
 
 class RateLow(Check):
-    kind, sample, default, usual = Kind.RATE_LOW, RateSample, 0.5, 0.5
+    kind, sample, default, usual = Kind.RATE_LOW, RateSample, 0.6, 0.6
     tells = "messages come at less than this times the rate that `period` gives"
 
     def judge(self, sample: RateSample) -> Optional[str]:
@@ -151,26 +211,42 @@ class RateLow(Check):
 
 
 class StaleStamp(Check):
-    kind, sample, default, usual = Kind.STALE_STAMP, StampSample, None, 0.5
+    kind, sample, default, usual = Kind.STALE_STAMP, StampSample, LEARNED, LEARNED
     tells = (
         "the stamp in the header is older than this at arrival, s; a stamp of zero is not judged"
     )
 
     def judge(self, sample: StampSample) -> Optional[str]:
         oldness = sample.age - sample.waited
-        if oldness <= self.limit:
+        if self.limit != LEARNED:
+            if oldness <= self.limit:
+                return None
+            return f"the stamp is {oldness:.3f} s old, {self.limit:g} s are allowed"
+        if sample.usual is None:
             return None
-        return f"the stamp is {oldness:.3f} s old, {self.limit:g} s are allowed"
+        if oldness > sample.usual + sample.allowed:
+            return _unusual(oldness, sample)
+        return "the stamp is not newer than the one before" if sample.again else None
 
 
 class FutureStamp(Check):
-    kind, sample, default, usual = Kind.FUTURE_STAMP, StampSample, None, 0.5
+    kind, sample, default, usual = Kind.FUTURE_STAMP, StampSample, LEARNED, LEARNED
     tells = "the stamp in the header is newer than this at arrival, s"
 
     def judge(self, sample: StampSample) -> Optional[str]:
-        if -sample.age <= self.limit:
+        if self.limit != LEARNED:
+            if -sample.age <= self.limit:
+                return None
+            return f"the stamp is {-sample.age:.3f} s in the future, {self.limit:g} s are allowed"
+        # What is newer than usual has waited less, as long as it is not newer than now.
+        if sample.usual is None or sample.age >= min(0.0, sample.usual) - sample.allowed:
             return None
-        return f"the stamp is {-sample.age:.3f} s in the future, {self.limit:g} s are allowed"
+        return _unusual(sample.age, sample)
+
+
+def _unusual(age: float, sample: StampSample) -> str:
+    usual = f"{sample.usual:.3f} s are usual, {sample.allowed:g} s more or less allowed"
+    return f"the stamp is {age:.3f} s old, {usual}"
 
 
 class UnknownPublisher(Check):
@@ -194,6 +270,7 @@ REGISTRY: Dict[str, Type[Check]] = {
         OutOfRange,
         Stuck,
         Jump,
+        Witness,
         RateHigh,
         RateLow,
         StaleStamp,
@@ -206,14 +283,36 @@ REGISTRY: Dict[str, Type[Check]] = {
 The first that finds something tells its kind.
 """
 
+OFF_FOR_DISTANCES = (Kind.NOT_A_NUMBER, Kind.STUCK)
+"""Nothing in reach reads the same for as long as that lasts."""
 
-def default_checks(of_values: bool) -> Tuple[Check, ...]:
-    """The checks of a value, or of a message, where the SOM says nothing."""
-    return tuple(
-        each(each.default)
+BY_VALUE = tuple(
+    Kind(name) for name, check in REGISTRY.items() if check.sample in (*OF_VALUE, StampSample)
+)
+"""The failures that single messages show: by what they say, not by when they come."""
+
+
+def default_checks(of_values: bool, tells_of_nothing: bool = False) -> Tuple[Check, ...]:
+    """The checks of a value, or of a message, where the SOM says nothing.
+
+    `tells_of_nothing`: the value need not be a number, see `field.tells_of_nothing`.
+    """
+    limits = [
+        (each, default_limit(each.kind, tells_of_nothing))
         for each in REGISTRY.values()
-        if each.default is not None and (each.sample is ValueSample) is of_values
-    )
+        if (each.sample in OF_VALUE) is of_values
+    ]
+    return tuple(each(limit) for each, limit in limits if limit is not None)
+
+
+def default_limit(kind: str, tells_of_nothing: bool = False) -> Optional[Limit]:
+    """The limit of a check where the SOM says nothing; None: it is off."""
+    if tells_of_nothing and kind in OFF_FOR_DISTANCES:
+        return None
+    return REGISTRY[str(kind)].default
+
+
+LONG_WINDOW = 10
 
 
 @dataclass(frozen=True)
@@ -221,10 +320,17 @@ class Checks:
     """The checks of a service's messages as a whole; those of one value stand with its property.
 
     `bad` bad messages among the last `of` make a failure: noise does not, a fault that comes and
-    goes does. `recovery` good messages in a row end it.
+    goes does. So do `intermittent` among ten times as many, None: twice `bad`. `recovery` good
+    messages in a row end it.
     """
 
     each: Tuple[Check, ...] = default_checks(of_values=False)
     bad: int = 3
     of: int = 10
     recovery: int = 5
+    intermittent: Optional[int] = None
+
+    @property
+    def seldom(self) -> int:
+        """So many bad messages among the last LONG_WINDOW times `of` make a failure."""
+        return 2 * self.bad if self.intermittent is None else self.intermittent

@@ -27,11 +27,24 @@ class Kind(Word):
     RATE_LOW = "rate_low"
     STUCK = "stuck"
     JUMP = "jump"
+    WITNESS = "witness"
     STALE_STAMP = "stale_stamp"
     FUTURE_STAMP = "future_stamp"
     UNKNOWN_PUBLISHER = "unknown_publisher"
+    NO_VALUE = "no_value"
     REQUESTED = "requested"
     OTHER = "other"
+
+
+QUIET = (Kind.NODE_GONE, Kind.SILENT, Kind.NEVER_PUBLISHED)
+"""The failures of a publisher that says nothing; any other one may still be heard."""
+
+
+class Contain(Word):
+    """Whether the node of a failed service is killed, where the SOM decides that."""
+
+    NODE = "node"
+    NONE = "none"
 
 
 class Standby(Word):
@@ -48,13 +61,31 @@ class Policy(Word):
     SUBSTITUTE = "substitute"
     RESTART = "restart"
     RESTART_AND_SUBSTITUTE = "restart_and_substitute"
+    ADVISE = "advise"
 
     @property
     def substitutes(self) -> bool:
         """Whether a substitute takes the service over."""
+        return self in (Policy.SUBSTITUTE, Policy.RESTART_AND_SUBSTITUTE)
+
+    @property
+    def plans(self) -> bool:
+        """Whether a substitute is looked for: to take the service over, or to be advised of."""
         return self is not Policy.RESTART
 
     @property
     def restarts(self) -> bool:
         """Whether the node is started again."""
-        return self is not Policy.SUBSTITUTE
+        return self in (Policy.RESTART, Policy.RESTART_AND_SUBSTITUTE)
+
+
+class Others(Word):
+    """What a substitute writes into the fields of a message that it does not compute.
+
+    Names, sizes and settings are always as in the last good message. What was measured is marked as
+    unknown as its type defines it, or is as it was in that message, or is zero.
+    """
+
+    UNKNOWN = "unknown"
+    LAST = "last"
+    ZERO = "zero"

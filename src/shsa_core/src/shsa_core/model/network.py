@@ -1,9 +1,13 @@
 """The ontology's properties and functions by number: a compact form for the search."""
+import copy
 from array import array
 from typing import Dict, Iterable, List, Sequence, Tuple
 
-from shsa_core.model.quality import cost
+from shsa_core.model.quality import UNIT, cost
 from shsa_core.model.relation import TransferFunction
+
+
+RELATION = 64 * UNIT  # dearer than a quality of e**-64
 
 
 class Network:
@@ -41,6 +45,15 @@ class Network:
                 self.inputs.extend([self._numbers[input_] for input_ in function.inputs])
                 self.start.append(len(self.inputs))
             self.first.append(len(self.functions))
+
+    def smallest_first(self) -> "Network":
+        """The same, with each relation so dear that the fewest relations are the best.
+
+        Of as many the best is still the one of the highest quality.
+        """
+        other = copy.copy(self)
+        other.costs = [cost + RELATION for cost in self.costs]
+        return other
 
     def number(self, name: str) -> int:
         """The number of a property. A name that no function has gets a new number."""

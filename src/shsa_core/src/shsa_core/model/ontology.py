@@ -1,6 +1,6 @@
 """The ontology: properties and the relations between them (Section III-B of the paper)."""
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Mapping, Sequence, Tuple
+from typing import TYPE_CHECKING, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.model.network import Network
 from shsa_core.model.relation import TransferFunction
@@ -13,13 +13,15 @@ if TYPE_CHECKING:
 class Property:
     """A quantity of the robot. `unit` is its unit as text, `""` if it is not known.
 
-    `where` is file and line.
+    `usual`: the lowest and highest value that it usually has, None: not known; `where`: file and
+    line.
     """
 
     name: str
     unit: str = ""
     symbol: str = ""
     where: str = field(default="", compare=False, repr=False)
+    usual: Optional[Tuple[float, float]] = None
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from typing import Optional, Tuple
 
 from shsa_core.language.expression import Condition
 from shsa_core.language.law import Law
+from shsa_core.model.error import Error
 
 
 @dataclass(frozen=True)
@@ -14,7 +15,8 @@ class TransferFunction:
     constants are not among them. `law` is None where the file has a function that cannot be
     executed: it takes part in the search and is refused at generation. `quality` is in (0, 1].
     Where `constraint` is false there is no output. `text` is the function as it was written,
-    `where` the file and line.
+    `error` that of its output with inputs as good as usual (None: not known), `where` the file and
+    line.
     """
 
     relation: str
@@ -25,3 +27,4 @@ class TransferFunction:
     constraint: Optional[Condition] = None
     text: str = ""
     where: str = field(default="", compare=False, repr=False)
+    error: Optional[Error] = None

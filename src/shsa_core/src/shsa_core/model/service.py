@@ -4,7 +4,9 @@ from dataclasses import dataclass
 from typing import Optional, Tuple
 
 from shsa_core.model.checks import Check, Checks, default_checks
-from shsa_core.model.kinds import Policy, Standby
+from shsa_core.model.error import Error
+from shsa_core.model.field import to_path
+from shsa_core.model.kinds import Contain, Others, Policy, Standby
 
 
 @dataclass(frozen=True)
@@ -12,7 +14,9 @@ class Provision:
     """One value of a service: the property, and the field of the message that holds it.
 
     `range` (lowest, highest) in the property's unit, None for no limit; `quality` in (0, 1];
-    `checks` are those of this value; `where`: file and line, or parameter.
+    `checks` are those of this value; `error`: how far it is from the truth, None: not known;
+    `unreadable`: why it cannot be read on this computer, or empty; `calibrate`: whether what
+    derives it is calibrated while it lives; `where`: file and line, or parameter.
     """
 
     property: str
@@ -20,6 +24,9 @@ class Provision:
     range: Optional[Tuple[float, float]] = None
     quality: float = 1.0
     checks: Tuple[Check, ...] = default_checks(of_values=True)
+    error: Optional[Error] = None
+    unreadable: str = ""
+    calibrate: bool = True
     where: str = dataclasses.field(default="", compare=False, repr=False)
 
 
@@ -43,7 +50,14 @@ class Service:
 
     `period` in s, None: an event-driven topic; `deadline`: periods without a message after which
     its publisher is silent, None: as usual; `needed`: somebody relies on it, so that it is healed;
-    `provides`: the values in it, in the order of the SOM; `where`: file and line, or parameter.
+    `latched`: who subscribes late gets the newest message; `provides`: the values in it, in the
+    order of the SOM; `fails_with`: what else makes it fail with others that name it too; `contain`:
+    whether its node is killed when it fails, None: what would be lost decides; `others`: what a
+    substitute writes into the rest of its messages; `unwritable`: why its messages cannot be
+    written on this computer, so that nothing can take it over, or empty; `fault_tolerant_time`: s
+    without good data that its users tolerate, None: not known; `derived_from`: the services and
+    topics that its values are computed from; `upstream`: the same, and what those are computed from
+    (the SOM sees to that); `where`: file and line, or parameter.
     """
 
     name: str
@@ -58,6 +72,14 @@ class Service:
     policy: Policy = Policy.SUBSTITUTE
     checks: Checks = Checks()
     last_resort: LastResort = LastResort()
+    contain: Optional[Contain] = None
+    others: Others = Others.UNKNOWN
+    latched: bool = False
+    unwritable: str = ""
+    fails_with: Tuple[str, ...] = ()
+    fault_tolerant_time: Optional[float] = None
+    derived_from: Tuple[str, ...] = ()
+    upstream: Tuple[str, ...] = dataclasses.field(default=(), compare=False, repr=False)
     where: str = dataclasses.field(default="", compare=False, repr=False)
     sources: Tuple["Source", ...] = dataclasses.field(init=False, compare=False, repr=False)
 
@@ -72,6 +94,16 @@ class Service:
     def properties(self) -> Tuple[str, ...]:
         """The properties that it provides."""
         return tuple(provision.property for provision in self.provides)
+
+    @property
+    def readable(self) -> Tuple["Source", ...]:
+        """Those of its values that can be read on this computer."""
+        return tuple(source for source in self.sources if not source.provision.unreadable)
+
+    @property
+    def causes(self) -> Tuple[str, ...]:
+        """Whatever it fails with: its node, and what it shares with other services."""
+        return tuple(dict.fromkeys((self.node, *self.fails_with)))
 
     @property
     def event_driven(self) -> bool:
@@ -109,9 +141,13 @@ class Source:
         return self.service.node
 
     @property
-    def names(self) -> Tuple[str, str, str]:
-        """What it can be left out by: its service, topic and node."""
-        return self.service.name, self.service.topic, self.service.node
+    def names(self) -> Tuple[str, ...]:
+        """What it can be left out by: its service, topic, node and common causes.
+
+        And the services that it is computed from: where one is lost, its own loss would come back.
+        """
+        of = self.service
+        return of.name, of.topic, of.node, *of.fails_with, *of.upstream
 
     @property
     def path(self) -> str:
@@ -130,6 +166,9 @@ class Signal:
 
     `period` in s, None: event-driven; `deadline`: s after which a value is stale, None: it never
     is. `node`: whose messages count, where several services share the topic; empty: anybody's.
+    `error`: how far a value that is written is from the truth; None: not known.
+    `latched`: who subscribes late gets the newest message. What is written is `gain` * computed +
+    `offset`, in the unit of the value.
     """
 
     topic: str
@@ -138,6 +177,10 @@ class Signal:
     node: str
     period: Optional[float]
     deadline: Optional[float]
+    error: Optional[Error] = None
+    latched: bool = False
+    gain: float = 1.0
+    offset: float = 0.0
 
     @property
     def path(self) -> str:
@@ -169,5 +212,5 @@ class Deadlines:
 
 
 def signal_path(topic: str, field: str) -> str:
-    """Topic and field as `rostopic echo` takes them."""
-    return topic + "/" + field.replace(".", "/")
+    """Topic and field as in the three strings; a plain one as `rostopic echo` takes it."""
+    return topic + "/" + to_path(field)

@@ -1,6 +1,8 @@
 """The service-to-ontology mapping (SOM): which services provide which properties."""
+import dataclasses
 from typing import Dict, Iterable, Iterator, List, Optional, Tuple
 
+from shsa_core.model.names import full_name
 from shsa_core.model.service import Deadlines, Service, Signal, Source
 
 
@@ -12,12 +14,31 @@ class Som:
 
     def __init__(self, services: Iterable[Service] = ()) -> None:
         self.services: Dict[str, Service] = {service.name: service for service in services}
+        self._see_upstream()
         self._of_topic: Dict[str, List[Service]] = {}
         self._of_property: Dict[str, List[Source]] = {}
         for service in self.services.values():
             self._of_topic.setdefault(service.topic, []).append(service)
             for source in service.sources:
                 self._of_property.setdefault(source.property, []).append(source)
+
+    def _see_upstream(self) -> None:
+        """Fill in what each service is computed from, by however many steps."""
+        of_topic: Dict[str, List[str]] = {}
+        for service in self.services.values():
+            of_topic.setdefault(service.topic, []).append(service.name)
+        for name, service in self.services.items():
+            upstream: Dict[str, None] = {}
+            open_ = list(service.derived_from)
+            while open_:
+                given = open_.pop(0)
+                found = [given] if given in self.services else of_topic.get(given, [given])
+                for each in found:
+                    if each not in upstream and each != name:
+                        upstream[each] = None
+                        open_ += self.services[each].derived_from if each in self.services else ()
+            if tuple(upstream) != service.upstream:
+                self.services[name] = dataclasses.replace(service, upstream=tuple(upstream))
 
     def __iter__(self) -> Iterator[Service]:
         return iter(self.services.values())
@@ -57,6 +78,11 @@ class Som:
         named = next((service for service in services if service.node == publisher), None)
         return services[0] if named is None and len(services) == 1 else named
 
+    def known_name(self, name: str, namespace: str) -> str:
+        """What a user means by a name: a service, a common cause, or a topic or node in full."""
+        known = any(name in (service.name, *service.fails_with) for service in self)
+        return name if known else full_name(name, namespace)
+
     def needed(self) -> Tuple[Service, ...]:
         """The services that are healed when they fail."""
         return tuple(service for service in self if service.needed)
@@ -72,4 +98,5 @@ class Som:
             service.node if shared else "",
             service.period,
             deadlines.of(service),
+            latched=service.latched,
         )

@@ -2,6 +2,7 @@
 from dataclasses import dataclass
 from typing import Tuple
 
+from shsa_core.model.kinds import Others
 from shsa_core.model.service import Signal
 
 
@@ -10,7 +11,9 @@ class Substitution:
     """One row of the table; see shsa_msgs/Substitution.
 
     `quality` is 0 for safe values, which promise nothing. `original`: the node that it stands in
-    for, once that is gone. An idle process has neither `service` nor `code`.
+    for, once that is gone. `others`: what it writes into the fields that it does not compute;
+    `last_message`: the last good message of the service, serialized; empty: not known. An idle
+    process has neither `service` nor `code`.
     """
 
     node: str
@@ -22,6 +25,8 @@ class Substitution:
     quality: float = 0.0
     publishing: bool = False
     original: str = ""
+    others: Others = Others.UNKNOWN
+    last_message: bytes = b""
 
     @property
     def idle(self) -> bool:

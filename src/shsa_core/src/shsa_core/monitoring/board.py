@@ -1,11 +1,15 @@
 """The table of health as it is kept up: who publishes what, how each is doing, and what changed."""
+from dataclasses import dataclass
 from math import inf
 from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda
 from shsa_core.errors import ShsaError
+from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.events import (
+    ChangeAdopted,
+    ChangeRefused,
     Command,
     FailureDetected,
     HealthChanged,
@@ -33,7 +37,18 @@ class Grace(NamedTuple):
     service: str
 
 
-Due = Union[Silence, Grace]
+@dataclass(frozen=True)  # as a tuple it would be equal to a Grace
+class Trial:
+    """A service on probation may have been silent for longer than it would be allowed."""
+
+    topic: str
+    service: str
+
+
+Due = Union[Silence, Grace, Trial]
+
+NEVER_GOOD = "it was never good by these numbers: the SOM may be wrong, and not the node"
+BY_RATE = (Kind.RATE_LOW, Kind.RATE_HIGH)
 
 
 class Board:
@@ -44,6 +59,7 @@ class Board:
         self.substitutes = Substitutes()
         self.agenda: Agenda[Due] = Agenda()
         self._failures: List[FailureDetected] = []
+        self._changes: List[Command] = []
         self._touched: Dict[Key, None] = {}
 
     def all(self) -> Iterable[Tuple[WatchedTopic, Publisher]]:
@@ -63,14 +79,15 @@ class Board:
         return tuple(publisher.row(topic.name) for topic, publisher in self.all())
 
     def commands(self, time: float) -> List[Command]:
-        """The failures and the changed rows since this was called last."""
+        """The failures, the changed rows and what became of changes, since this was called last."""
         commands: List[Command] = list(self._failures)
         if self._touched:
             found = {key: self.find(*key) for key in self._touched}
             rows = tuple(each[1].row(each[0].name) for each in found.values() if each)
             removed = tuple(key for key, each in found.items() if not each)
             commands.append(HealthChanged(time, rows, removed))
-        self._failures, self._touched = [], {}
+        commands += self._changes
+        self._failures, self._touched, self._changes = [], {}, []
         return commands
 
     # Who is who
@@ -119,15 +136,29 @@ class Board:
             topic.meet(NOBODY, time, None).connected = False
         return topic.publishers[NOBODY]
 
+    def miss(self, topic: WatchedTopic, name: str, time: float) -> Publisher:
+        """A publisher that should be there, and is not connected."""
+        if NOBODY in topic.publishers:
+            self.drop(topic, NOBODY)
+        missed = self.meet(topic, name, time)
+        missed.connected = False
+        return missed
+
     def fail(
         self, topic: WatchedTopic, publisher: Publisher, time: float, kind: Kind, detail: str
     ) -> None:
         """A publisher has failed."""
+        if _never_good(publisher, kind):
+            detail = f"{detail}; {NEVER_GOOD}"
         publisher.become(time, FAILED, kind, detail)
         service = publisher.service.name if publisher.service else ""
         whom = (service, topic.name, publisher.name)
         self._failures.append(FailureDetected(time, *whom, kind, detail, publisher.last_good))
         self.touch(topic, publisher.name)
+
+    def decide(self, change: Union[ChangeAdopted, ChangeRefused]) -> None:
+        """A change of the SOM counts, or does not."""
+        self._changes.append(change)
 
     def become_healthy(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
         """A publisher is as it should be."""
@@ -203,6 +234,15 @@ class Board:
         _must(publisher.name != NOBODY or not publisher.connected, f"{where} is connected")
         due = self.agenda.when(Silence(topic.name, publisher.name))
         _must(due <= publisher.deadline, f"nobody looks at {where} when it is due")
+
+
+def _never_good(publisher: Publisher, kind: Kind) -> bool:
+    """Whether a publisher does what it is blamed for since it was first seen."""
+    if kind in BY_RATE:
+        return publisher.evidence is not None and not publisher.evidence.rate_was_good
+    if kind is Kind.SILENT:
+        return not publisher.steady
+    return kind in BY_VALUE and publisher.last_good is None
 
 
 def _must(holds: bool, otherwise: str) -> None:

@@ -2,7 +2,10 @@
 from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
+from shsa_core.codegen.generator import Program
+from shsa_core.model.calibration import Calibration
 from shsa_core.model.kinds import Kind, Word
+from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
 
@@ -38,6 +41,15 @@ class PublisherHealth:
 
 
 @dataclass(frozen=True)
+class CalibrationRow:
+    """How a program that would substitute a service is calibrated, output by output."""
+
+    service: str
+    program: Program
+    calibrations: Tuple[Calibration, ...]
+
+
+@dataclass(frozen=True)
 class SomChanged:
     """The services to watch are those of `som` now."""
 
@@ -59,8 +71,19 @@ class SubstitutionsChanged:
 
 
 @dataclass(frozen=True)
+class FormerlyHealthy:
+    """These publishers did well under a former monitor, as the reconfigurator knows.
+
+    They are there already, and are given no time to come up.
+    """
+
+    time: float
+    publishers: Tuple[Key, ...]
+
+
+@dataclass(frozen=True)
 class Connected:
-    """A connection to a publisher was made."""
+    """A connection to a publisher was made, the first one or after an interruption."""
 
     time: float
     topic: str
@@ -69,7 +92,19 @@ class Connected:
 
 @dataclass(frozen=True)
 class Disconnected:
-    """The last connection to a publisher was lost."""
+    """A publisher is gone: its node, or what it offered."""
+
+    time: float
+    topic: str
+    publisher: str
+
+
+@dataclass(frozen=True)
+class Interrupted:
+    """The last connection to a publisher was lost, but its node lives.
+
+    A new one is being made: Connected or Disconnected follows, or at least a Message.
+    """
 
     time: float
     topic: str
@@ -78,21 +113,24 @@ class Disconnected:
 
 @dataclass(frozen=True)
 class Message:
-    """A message came. `values` are those of `checked_provisions` of its service.
+    """A message came. `values` are those of `checked_provisions` of its service, each None where
+    the message has none.
 
     None: they were not decoded.
 
     `error` says why a message could not be decoded. `age`: s since its stamp, None if it has none.
-    `waited`: s that it may have waited at most for the monitor to read it.
+    `waited`: s that it may have waited at most for the monitor to read it. `apart`: s by which
+    simulated time and ours have gone apart so far, see `pace`; None: time is not simulated.
     """
 
     time: float
     topic: str
     publisher: str
-    values: Optional[Tuple[float, ...]] = None
+    values: Optional[Tuple[Optional[float], ...]] = None
     error: str = ""
     age: Optional[float] = None
     waited: float = 0.0
+    apart: Optional[float] = None
 
 
 @dataclass(frozen=True)
@@ -115,13 +153,42 @@ class Tick:
 
 
 @dataclass(frozen=True)
+class ClockTicked:
+    """ROS time was `ros_time` s; `simulated`: it comes from /clock, and not from this computer."""
+
+    time: float
+    ros_time: float
+    simulated: bool = False
+
+
+@dataclass(frozen=True)
+class NodesEnding:
+    """The launch of these nodes is ending: they stop on purpose, and are not missed."""
+
+    time: float
+    nodes: Tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Ending:
     """The launch of the monitor is ending: what stops from now on stops on purpose."""
 
     time: float
 
 
-Event = Union[SomChanged, SubstitutionsChanged, Connected, Disconnected, Message, Tick, Ending]
+Event = Union[
+    SomChanged,
+    SubstitutionsChanged,
+    FormerlyHealthy,
+    Connected,
+    Interrupted,
+    Disconnected,
+    Message,
+    Tick,
+    ClockTicked,
+    NodesEnding,
+    Ending,
+]
 
 
 @dataclass(frozen=True)
@@ -149,4 +216,50 @@ class HealthChanged:
     removed: Tuple[Key, ...] = ()
 
 
-Command = Union[FailureDetected, HealthChanged]
+@dataclass(frozen=True)
+class ChangeRefused:
+    """A changed service is refused, since a healthy publisher violates it at once.
+
+    `service` has the numbers that count. `text` says what was to change, and what the publisher
+    does.
+    """
+
+    time: float
+    service: Service
+    text: str
+
+
+@dataclass(frozen=True)
+class ChangeAdopted:
+    """A changed service counts, since a healthy publisher conforms to it; `text` says what."""
+
+    time: float
+    service: str
+    text: str
+
+
+@dataclass(frozen=True)
+class RobotAwaited:
+    """Nobody has come yet for these services, each a topic and its node; so nobody is blamed."""
+
+    time: float
+    services: Tuple[Key, ...]
+
+
+@dataclass(frozen=True)
+class CalibrationsChanged:
+    """New and changed calibrations, and those that are followed no more."""
+
+    time: float
+    rows: Tuple[CalibrationRow, ...]
+    removed: Tuple[Tuple[str, Program], ...] = ()
+
+
+Command = Union[
+    FailureDetected,
+    HealthChanged,
+    ChangeRefused,
+    ChangeAdopted,
+    RobotAwaited,
+    CalibrationsChanged,
+]

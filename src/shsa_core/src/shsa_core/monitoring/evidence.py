@@ -1,13 +1,16 @@
 """Evidence against a publisher: samples of its messages, which the checks of its service judge."""
 from collections import deque
 from dataclasses import dataclass
-from math import ceil
-from typing import Any, Deque, Iterable, Iterator, Optional, Tuple, Type
+from math import ceil, isfinite
+from typing import Any, Deque, Dict, Iterable, Iterator, Optional, Tuple, Type
 
 from shsa_core.model.checks import Check, OutOfRange, RateSample, StampSample, ValueSample
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
+from shsa_core.monitoring.stamps import Stamps
+from shsa_core.monitoring.stillness import Run, Stillness
+from shsa_core.monitoring.verdict import Verdict
 
 RATE_MESSAGES = 20
 RATE_SECONDS = 1.0
@@ -20,6 +23,10 @@ class Finding:
 
     kind: Kind
     detail: str
+
+
+Learned = Dict[Tuple[str, str], Stillness]
+"""What is known of the values of one node, by property and field."""
 
 
 def checked_provisions(service: Service) -> Tuple[Provision, ...]:
@@ -53,46 +60,84 @@ def _checks_of(provision: Provision) -> Tuple[Check, ...]:
 class _Value:
     """What is remembered of one value of one publisher."""
 
-    def __init__(self, provision: Provision) -> None:
+    def __init__(self, provision: Provision, learned: Optional[Learned]) -> None:
         self._name, self._range = provision.property, provision.range
-        self._checks = _checks_of(provision)
-        self._value: Optional[float] = None
+        self._checks = _of(_checks_of(provision), ValueSample)
+        key = provision.property, provision.field
+        self._learns = learned is not None
+        self._run = Run(Stillness() if learned is None else learned.setdefault(key, Stillness()))
         self._good: Optional[float] = None
-        self._changed = 0.0
+        self._newest: Optional[float] = None
 
     def look(self, value: float, time: float, failed: bool) -> Optional[Finding]:
         """What is wrong with a new value.
 
         A failed publisher may start anew elsewhere, but must be steady there.
         """
-        before = self._value if failed else self._good
-        if value != self._value:
-            self._changed = time
-        self._value = value
-        still = time - self._changed
-        finding = judge(self._checks, ValueSample(self._name, value, self._range, still, before))
-        if finding is None:
-            self._good = value
+        before = self._newest if failed else self._good
+        self._newest = value
+        run = self._run
+        run.add(value, time, self._learns and not failed)
+        still = time - run.began
+        hold = run.allowed
+        sample = ValueSample(self._name, value, self._range, still, before, run.length, hold)
+        finding = judge(self._checks, sample)
+        if finding is not None:
+            run.spoil()
+        else:
+            self._good = value if isfinite(value) else None  # after a gap it may be anywhere
         return finding
 
 
 class Evidence:
-    """The evidence against one publisher, who provides `service`."""
+    """The evidence against one publisher, who provides `service`.
 
-    def __init__(self, service: Service) -> None:
+    `hasty`: the rate is judged by fewer messages, as soon as there are RATE_MESSAGES. `learned`:
+    what is known of its values from before; None: nothing is learned, as of a substitute, whose
+    program may change.
+    """
+
+    def __init__(
+        self, service: Service, hasty: bool = False, learned: Optional[Learned] = None
+    ) -> None:
         checks = service.checks
-        self._bad, self._window = checks.bad, (1 << checks.of) - 1
-        self._values = [_Value(provision) for provision in checked_provisions(service)]
+        self._verdict = Verdict(checks)
+        self._values = [_Value(provision, learned) for provision in checked_provisions(service)]
         self._stamp_checks = _of(checks.each, StampSample)
+        self._stamps = Stamps(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
         self._period = service.period or 0.0
         count = max(RATE_MESSAGES, ceil(RATE_SECONDS / self._period)) if self._rate_checks else 0
-        self._times: Deque[Tuple[float, float]] = deque(maxlen=count + 1)
-        self._history = 0
+        self._times: Deque[Tuple[float, float, float]] = deque(maxlen=count + 1)
+        self._enough = (min(count, RATE_MESSAGES) if hasty else count) + 1
+        self.rate_was_good = False
+
+    @property
+    def knows_rate(self) -> bool:
+        """Whether there are enough messages to judge the rate by, or it is not judged."""
+        return not self._rate_checks or len(self._times) >= self._enough
+
+    @property
+    def recovery(self) -> int:
+        """So many good messages in a row end a failure."""
+        return self._verdict.recovery
+
+    def take_times(self, other: "Evidence") -> None:
+        """Begin with the messages whose rate another one judges."""
+        self._times.extend(other._times)
+
+    def take_stamps(self, other: "Evidence") -> None:
+        """Go on with what another one learned of the stamps on the same connection."""
+        if self._stamps.period == other._stamps.period:
+            self._stamps = other._stamps
 
     def clear(self) -> None:
         """Forget what was bad."""
-        self._history = 0
+        self._verdict.clear()
+
+    def clock_jumped(self) -> None:
+        """What was learned of stamps holds no more."""
+        self._stamps.forget()
 
     def weigh(self, message: Message, failed: bool) -> Tuple[bool, Optional[Finding]]:
         """Whether a message is good, and the failure that it completes, if any.
@@ -100,27 +145,44 @@ class Evidence:
         `failed`: there was one already.
         """
         # All of them look, so that each remembers what it saw; the first finding counts.
-        finding = next(iter([each for each in self._findings(message, failed) if each]), None)
-        self._history = (self._history << 1 | (finding is not None)) & self._window
-        guilty = bin(self._history).count("1") >= self._bad
+        finding = next(iter([each for each in self.findings(message, failed) if each]), None)
+        self._heard_stamp(message, finding is None and not failed)
+        guilty = self._verdict.add(finding is not None)
         return finding is None, finding if guilty else None
 
-    def _findings(self, message: Message, failed: bool) -> Iterator[Optional[Finding]]:
+    def findings(self, message: Message, failed: bool) -> Iterator[Optional[Finding]]:
+        """What each check that is due finds wrong with a message."""
         for value, seen in zip(self._values, message.values or ()):
-            yield value.look(seen, message.time, failed)
+            if seen is not None:
+                yield value.look(seen, message.time, failed)
         if message.error:
             yield Finding(Kind.NOT_A_NUMBER, message.error)
         if self._stamp_checks and message.age is not None:
-            yield judge(self._stamp_checks, StampSample(message.age, message.waited))
+            sample = StampSample(message.age, message.waited)
+            if message.apart is None:
+                sample = self._stamps.sample(message.time, message.age, message.waited)
+            yield judge(self._stamp_checks, sample)
         if self._rate_checks:
             yield self._look_at_rate(message)
+
+    def _heard_stamp(self, message: Message, good: bool) -> None:
+        """Learn from a stamp.
+
+        Under simulated time some nodes stamp what /clock says, and some what theirs does.
+        """
+        if message.age is not None and message.apart is None:
+            self._stamps.heard(message.time, message.age, good)
 
     def _look_at_rate(self, message: Message) -> Optional[Finding]:
         """Judge the mean rate, in doubt for the publisher: it came within the last `waited` s."""
         times, earliest = self._times, message.time - message.waited
-        times.append((earliest, message.time))
-        if len(times) < (times.maxlen or 0):
+        times.append((earliest, message.time, message.apart or 0.0))
+        if len(times) < self._enough:
             return None
-        longest, shortest = message.time - times[0][0], earliest - times[0][1]
+        first = times[0]
+        longest = message.time - first[0] + times[-1][2] - first[2]
+        shortest = earliest - first[1]
         sample = RateSample(len(times) - 1, self._period, longest, shortest)
-        return judge(self._rate_checks, sample)
+        finding = judge(self._rate_checks, sample)
+        self.rate_was_good = self.rate_was_good or finding is None
+        return finding

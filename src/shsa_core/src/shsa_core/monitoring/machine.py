@@ -5,69 +5,112 @@ from typing import Dict, List, Optional, Set, Tuple
 from shsa_core import dispatch
 from shsa_core.model.checks import Checks, IntruderSample
 from shsa_core.model.kinds import Kind
+from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board, Due, Grace, Silence
+from shsa_core.monitoring.arrivals import Arrivals
+from shsa_core.monitoring.calibrations import Calibrations
+from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board, Due, Grace, Silence, Trial
 from shsa_core.monitoring.events import (
+    ClockTicked,
     Command,
     Connected,
     Disconnected,
     Ending,
     Event,
+    FormerlyHealthy,
+    Interrupted,
     Key,
     Message,
+    NodesEnding,
     PublisherHealth,
     SomChanged,
     SubstitutionsChanged,
     Tick,
 )
-from shsa_core.monitoring.evidence import Finding, judge
+from shsa_core.monitoring.evidence import Finding, checked_provisions, judge
+from shsa_core.monitoring.overview import ServiceHealth, overview
+from shsa_core.monitoring.pace import Pace
 from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedTopic
 from shsa_core.monitoring.settings import Settings
+from shsa_core.monitoring.silence import EVERYBODY, LEAST_GRANT_S, Excuses, late_nodes
 from shsa_core.monitoring.substitutes import publishes, topics_of
+from shsa_core.monitoring.trials import Trials
+from shsa_core.monitoring.witness import Witnesses
 
 
 class Monitor:
     """Events in, failures and changes of the table of health out; pure, see `handle`."""
 
-    def __init__(self, settings: Settings = Settings()) -> None:
+    def __init__(
+        self, settings: Settings = Settings(), ontology: Optional[Ontology] = None
+    ) -> None:
         self._settings = settings
+        self._witnesses = Witnesses(ontology, settings.deadlines)
+        self._calibrations = Calibrations(ontology, settings.deadlines)
         self._som = Som()
         self._board = Board()
+        self._trials = Trials(self._board, settings.deadlines, self._watch)
+        self._excuses = Excuses()
+        self._arrivals = Arrivals(self._board)
+        self._late_nodes: Optional[int] = None
         self._now = Tick(-inf)
+        self._pace = Pace()
+        self._ending_nodes: Set[str] = set()
         self._ends = False
         self._handlers: dispatch.Table[None] = dispatch.table(
             Event,
             {
                 SomChanged: self._som_changed,
                 SubstitutionsChanged: self._substitutions_changed,
+                FormerlyHealthy: self._formerly_healthy,
                 Connected: self._connected,
+                Interrupted: self._interrupted,
                 Disconnected: self._disconnected,
                 Message: self._message,
                 Tick: self._tick,
+                ClockTicked: self._clock_ticked,
+                NodesEnding: self._nodes_ending,
                 Ending: self._ending,
             },
         )
         self._judges: dispatch.Table[None] = dispatch.table(
-            Due, {Silence: self._judge_silence, Grace: self._judge_start}
+            Due,
+            {
+                Silence: self._judge_silence,
+                Grace: self._judge_start,
+                Trial: self._judge_probation,
+            },
         )
 
     @property
     def next_deadline(self) -> float:
         """When the next Tick is due, in s; inf: none is. Messages only ever move it away."""
         due = None if self._ends else self._board.agenda.next()
-        return inf if due is None else due
+        return inf if due is None else self._pace.due(due)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether publishers are judged by /clock as well."""
+        return self._pace.simulated
 
     def handle(self, event: Event) -> List[Command]:
         """What `event` brings to light: failures first, then the rows that changed."""
         if self._ends:
             return []
-        self._handlers[type(event)](event)
-        return self._board.commands(event.time)
+        seen = self._pace.judged(event)
+        self._handlers[type(event)](seen)
+        commands = [*self._board.commands(seen.time), *self._arrivals.awaited(seen.time)]
+        commands += self._calibrations.changed(seen.time)
+        return self._pace.ours(commands)
 
     def table(self) -> Tuple[PublisherHealth, ...]:
         """The health of every publisher, as of the last event."""
-        return self._board.table()
+        return self._pace.rows(self._board.table())
+
+    def overview(self) -> Tuple[ServiceHealth, ...]:
+        """How every service is doing, as of the last event."""
+        return overview(self._som, self._board, self.muted(), self._witnesses.doubts())
 
     def messages(self) -> Dict[Key, int]:
         """How many messages came from each publisher so far."""
@@ -83,7 +126,7 @@ class Monitor:
         }
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
-        """The service that a publisher of `topic` provides, by whose checks it is judged.
+        """The service that a publisher of `topic` provides, for whose checks it is read.
 
         None if nobody can tell.
         """
@@ -92,7 +135,10 @@ class Monitor:
             return None
         known = found.publishers.get(publisher)
         watched = known.watched if known else self._board.watched_of(found, publisher)
-        return watched.service if watched else None
+        if watched is None:
+            return None
+        probation = self._trials.of(found, watched)
+        return probation.reading if probation else watched.service
 
     def validate(self) -> None:
         """Raise ShsaError if anything is as it must never be."""
@@ -102,19 +148,23 @@ class Monitor:
 
     def _som_changed(self, event: SomChanged) -> None:
         before, self._som = self._som, event.som
+        self._witnesses.watch(event.som)
+        self._calibrations.watch(event.som)
         for name in before.topics():
             if not event.som.of_topic(name):
                 self._board.drop_topic(name)
         for name in event.som.topics():
             if event.som.of_topic(name) != before.of_topic(name):
                 topic = self._board.topics.setdefault(name, WatchedTopic(name))
+                self._trials.begin(topic, self._som.of_topic(name), event.time)
                 self._watch(topic, event.time)
 
     def _watch(self, topic: WatchedTopic, time: float) -> None:
         """Watch a topic for the services that it has now."""
         board, grace = self._board, self._settings.startup_grace
         services = {name: publisher.service for name, publisher in topic.publishers.items()}
-        for new in topic.serve(self._som.of_topic(topic.name), self._settings.deadlines, time):
+        counting = self._trials.counting(topic, self._som.of_topic(topic.name))
+        for new in topic.serve(counting, self._settings.deadlines, time + grace):
             board.agenda.bring_forward(Grace(topic.name, new), time + grace)
         nobody = topic.publishers.get(NOBODY)
         if nobody is not None and nobody.watched not in (None, *topic.services.values()):
@@ -147,15 +197,32 @@ class Monitor:
                 if was_muted and publisher.state is HEALTHY:
                     board.mute(topic, publisher, event.time)
 
+    def _formerly_healthy(self, event: FormerlyHealthy) -> None:
+        self._arrivals.expect(event)
+
     # What publishers do
 
     def _connected(self, event: Connected) -> None:
+        if not self._board.substitutes.may_be_silent(event.topic, event.publisher):
+            self._arrivals.came(event.time, self._settings.startup_grace)
         topic = self._board.topics.get(event.topic)
         if topic is None:
             return
+        self._ending_nodes.discard(event.publisher)
+        ours = self._board.substitutes.is_known(event.topic, event.publisher)
+        self._excuses.connected(EVERYBODY if ours else event.publisher, event.time)
         known = topic.publishers.get(event.publisher)
         if known is None or not known.connected:
             self._board.meet(topic, event.publisher, event.time)
+        else:
+            known.resume(event.time)
+            self._board.agenda.bring_forward(Silence(topic.name, known.name), known.deadline)
+
+    def _interrupted(self, event: Interrupted) -> None:
+        """Nobody is heard who is not connected."""
+        found = self._board.find(event.topic, event.publisher)
+        if found is not None:
+            found[1].interrupt(event.time + self._settings.reconnect)
 
     def _disconnected(self, event: Disconnected) -> None:
         board, found = self._board, self._board.find(event.topic, event.publisher)
@@ -168,7 +235,7 @@ class Monitor:
         if publisher.state is FAILED:
             publisher.kind, publisher.detail = Kind.NODE_GONE, detail
             board.touch(topic, publisher.name)
-        elif missed and not board.may_be_silent(topic, publisher):
+        elif missed and not self._may_stop(topic, publisher):
             board.fail(topic, publisher, event.time, Kind.NODE_GONE, detail)
         else:
             board.drop(topic, publisher.name)
@@ -176,6 +243,26 @@ class Monitor:
         board.forget_gone(topic)
         if not topic.publishers:
             board.expect(topic, event.time)
+            self._await_again(topic, event.time)
+        if publisher.name in self._ending_nodes and publisher.watched is not None:
+            publisher.watched.overdue = True  # nobody is awaited: who comes is welcome
+
+    def _may_stop(self, topic: WatchedTopic, publisher: Publisher) -> bool:
+        """Whether nobody is to blame if a publisher stops: it need not publish, or may leave."""
+        on_purpose = publisher.name in self._ending_nodes
+        return on_purpose or self._board.may_be_silent(topic, publisher)
+
+    def _await_again(self, topic: WatchedTopic, time: float) -> None:
+        """Nobody is left, and nobody is blamed: as at the start, somebody should come.
+
+        So it is where substitutes end whose original died before this monitor started.
+        """
+        due = time + self._settings.startup_grace
+        for name, watched in topic.services.items():
+            if watched.published or watched.appeared:
+                watched.due = due
+                watched.published = watched.appeared = watched.overdue = False
+                self._board.agenda.bring_forward(Grace(topic.name, name), due)
 
     def _message(self, event: Message) -> None:
         topic = self._board.topics.get(event.topic)
@@ -194,6 +281,9 @@ class Monitor:
             )
         if publisher.watched is not None:
             publisher.watched.published = True
+            period = publisher.watched.service.period
+            if publisher.backlog.holds(event, previous, publisher.allowed, period):
+                return
         if self._is_good(topic, publisher, event):
             self._heard_good(topic, publisher, event.time, previous)
         else:
@@ -202,14 +292,42 @@ class Monitor:
     def _is_good(self, topic: WatchedTopic, publisher: Publisher, event: Message) -> bool:
         """Whether a message is good; its publisher fails if it was one bad message too many."""
         good, failure = True, None
+        probation = self._trials.of(topic, publisher.watched)
+        seen = probation.for_kept(event) if probation else event
         if publisher.evidence is not None:
-            good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
+            good, failure = publisher.evidence.weigh(seen, publisher.state is FAILED)
+        if probation is not None:
+            good = self._trials.weigh(topic, publisher, probation, event, good)
+        witnessed = self._witnessed(publisher, seen, good)
+        if good and witnessed is not None:
+            good, failure = False, witnessed
         intrusion = self._intrusion(topic, publisher, event.time)
         if intrusion is not None:
             good, failure = False, intrusion
-        if failure is not None and publisher.state is not FAILED:
+        quiet = publisher.kind in (Kind.SILENT, Kind.NEVER_PUBLISHED)
+        if failure is not None and (publisher.state is not FAILED or quiet):
             self._board.fail(topic, publisher, event.time, failure.kind, failure.detail)
+        self._calibrate(publisher, seen, good)
         return good
+
+    def _calibrate(self, publisher: Publisher, event: Message, good: bool) -> None:
+        """Learn from the values of a service's own node, as long as nothing is held against it."""
+        service = publisher.service
+        if service is None or service.node != publisher.name or event.values is None:
+            return
+        trusted = good and publisher.is_healthy and not self._witnesses.is_disputed(service)
+        values = zip([each.property for each in checked_provisions(service)], event.values)
+        self._calibrations.take(service, values, event.time, trusted)
+
+    def _witnessed(self, publisher: Publisher, event: Message, good: bool) -> Optional[Finding]:
+        """What other nodes say of the values of a service's own node; who fails is no witness."""
+        service = publisher.service
+        if service is None or service.node != publisher.name or event.values is None:
+            return None
+        names = [each.property for each in checked_provisions(service)]
+        trusted = good and publisher.is_healthy
+        self._witnesses.take(service, zip(names, event.values), event.time, trusted)
+        return self._witnesses.finding(service, event.time)
 
     def _heard_good(
         self, topic: WatchedTopic, publisher: Publisher, time: float, previous: Optional[float]
@@ -218,13 +336,23 @@ class Monitor:
         if publisher.state is UNKNOWN:
             self._board.become_healthy(topic, publisher, time)
         elif publisher.state is FAILED:
-            watched = publisher.watched
             steady = previous is not None and time - previous <= publisher.allowed
             publisher.good_in_a_row = publisher.good_in_a_row + 1 if steady else 1
-            checks = watched.service.checks if watched else Checks()
-            if publisher.good_in_a_row >= checks.recovery:
+            evidence = publisher.evidence
+            needed = Checks.recovery if evidence is None else evidence.recovery
+            if publisher.good_in_a_row >= needed:
                 publisher.forgive()
                 self._board.become_healthy(topic, publisher, time)
+
+    def _clock_ticked(self, _: ClockTicked) -> None:
+        """What was learned of stamps holds no more if our own clock was set."""
+        if self._pace.jumped:
+            for _topic, publisher in self._board.all():
+                if publisher.evidence is not None:
+                    publisher.evidence.clock_jumped()
+
+    def _nodes_ending(self, event: NodesEnding) -> None:
+        self._ending_nodes.update(event.nodes)
 
     def _ending(self, event: Ending) -> None:
         self._ends = True
@@ -232,9 +360,10 @@ class Monitor:
     # Judgement
 
     def _tick(self, event: Tick) -> None:
-        self._now = event
+        self._now, self._late_nodes = event, None
         for due in self._board.agenda.pop_due(event.time):
             self._judges[type(due)](due)
+        self._calibrations.tick(event.time)
 
     def _judge_start(self, due: Grace) -> None:
         """Blame somebody if a service has never been there, once its grace is over."""
@@ -243,21 +372,26 @@ class Monitor:
         watched = topic.services.get(due.service) if topic else None
         if topic is None or watched is None or watched.published or watched.overdue:
             return
-        if time < watched.began + grace:
-            board.agenda.bring_forward(due, watched.began + grace)
-            return
         if watched.service.event_driven and watched.appeared:
+            return
+        if time >= watched.due:
+            watched.due = self._arrivals.due(watched, time, grace)
+        if time < watched.due:
+            board.agenda.bring_forward(due, watched.due)
             return
         watched.overdue = True
         node = watched.service.node
         connected = [p for p in topic.publishers.values() if p.watched is watched]
         guilty = [p for p in connected if p.connected and not board.may_be_silent(topic, p)]
         blamed = min(guilty, key=lambda p: p.name != node, default=None)
+        formerly, told = watched.formerly
         if blamed is None:
-            blamed = board.expect(topic, time)
+            blamed = board.miss(topic, formerly, time) if formerly else board.expect(topic, time)
             blamed.provide(watched)
         what = "publisher" if watched.service.event_driven else "message"
         detail = f"no {what} in the first {grace:g} s"
+        if formerly:
+            detail = f"no {what} for {time - told:.3f} s, since this monitor has started"
         board.fail(topic, blamed, time, Kind.NEVER_PUBLISHED, detail)
 
     def _judge_silence(self, due: Silence) -> None:
@@ -270,18 +404,24 @@ class Monitor:
         self._board.agenda.bring_forward(due, found[1].deadline)
 
     def _take_silence(self, topic: WatchedTopic, publisher: Publisher) -> None:
-        """Mute who may be silent, grant time that the monitor itself has lost, or blame."""
-        time, late = self._now.time, self._now.late
-        if self._board.may_be_silent(topic, publisher):
+        """Mute who may be silent, grant time where there is another reason, or blame."""
+        time = self._now.time
+        if self._may_stop(topic, publisher):
             self._board.mute(topic, publisher, time)
             return
-        allowed, silence = publisher.allowed, time - (publisher.last_message or 0.0)
-        if late >= allowed / 10 and publisher.granted < allowed:
-            publisher.granted = silence + min(late, allowed) - allowed
+        if self._late_nodes is None:
+            self._late_nodes = late_nodes((each for _, each in self._board.all()), time)
+        allowed, silence = publisher.allowed, publisher.silence(time)
+        more = self._excuses.grant(publisher, self._now, self._late_nodes)
+        if more > LEAST_GRANT_S:
+            publisher.granted = silence + more - allowed
             return
         detail = f"no message for {silence:.3f} s, {allowed:.3f} s are allowed"
         self._board.fail(topic, publisher, time, Kind.SILENT, detail)
         publisher.begin_anew()
+
+    def _judge_probation(self, due: Trial) -> None:
+        self._trials.look(due, self._now)
 
     def _intrusion(
         self, topic: WatchedTopic, publisher: Publisher, time: float

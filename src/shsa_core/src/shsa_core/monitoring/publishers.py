@@ -1,13 +1,17 @@
 """What the monitor knows of the services of a watched topic and of their publishers."""
 from dataclasses import dataclass, field
 from math import inf
-from typing import Dict, List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Dict, List, Optional, Sequence, Tuple
 
 from shsa_core.model.checks import Check, IntruderSample
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Deadlines, Service
+from shsa_core.monitoring.backlog import Backlog
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
-from shsa_core.monitoring.evidence import Evidence
+from shsa_core.monitoring.evidence import Evidence, Learned
+
+if TYPE_CHECKING:
+    from shsa_core.monitoring.probation import Probation
 
 NOBODY = ""
 """The name of the publisher that should be there, while there is none."""
@@ -17,25 +21,29 @@ NOBODY = ""
 class WatchedService:
     """One service of a topic. `deadline`: s of silence that are allowed, inf: any.
 
-    `began`: when it was first watched.
+    `due`: when a message is missed, if none came before. `formerly`: who did well under a former
+    monitor, and when that was told.
 
     `appeared`: somebody connected for it; `published`: a message came; `overdue`: it was told that
-    none did.
+    none did. `learned`: what is known of its node's values.
     """
 
     service: Service
     deadline: float
-    began: float
+    due: float
+    formerly: Tuple[str, float] = ("", 0.0)
     appeared: bool = False
     published: bool = False
     overdue: bool = False
+    learned: Learned = field(default_factory=dict)
 
 
 @dataclass
 class Publisher:
     """What is known of one publisher of one topic. Times in s.
 
-    `granted`: extra time until it counts as silent.
+    `granted`: extra time until it counts as silent. `interrupted`: its connection was lost since
+    its last message, while its node lived. `steady`: a message came within its deadline once.
 
     `watched` is the service that it provides, None: nobody can tell, so that only its connection is
     watched.
@@ -55,7 +63,10 @@ class Publisher:
     messages: int = 0
     good_in_a_row: int = 0
     granted: float = 0.0
+    interrupted: bool = False
+    steady: bool = False
     intruding_since: Optional[float] = None
+    backlog: Backlog = field(default_factory=Backlog)
 
     def __post_init__(self) -> None:
         self.begin_anew()
@@ -77,6 +88,26 @@ class Publisher:
             return inf
         return self.last_message + self.allowed + self.granted
 
+    @property
+    def is_healthy(self) -> bool:
+        """Whether it does as it should."""
+        return self.state is PublisherState.HEALTHY
+
+    def silence(self, time: float) -> float:
+        """For how long it has been silent, in s."""
+        return time - (self.last_message or 0.0)
+
+    def interrupt(self, end: float) -> None:
+        """Its connection was lost: until `end` it cannot be heard; once until its next message."""
+        if self.last_message is not None and not self.interrupted:
+            self.interrupted = True
+            self.granted = max(self.granted, end - self.last_message)
+
+    def resume(self, time: float) -> None:
+        """It is connected again."""
+        if self.last_message is not None and self.interrupted:
+            self.granted = min(self.granted, time - self.last_message)
+
     def provide(self, watched: Optional[WatchedService], anew: bool = True) -> None:
         """Provide a service from now on; `anew`: what was seen before does not count for it."""
         self.watched = watched
@@ -84,8 +115,15 @@ class Publisher:
             self.begin_anew()
 
     def begin_anew(self) -> None:
-        """Forget the evidence."""
-        self.evidence = Evidence(self.watched.service) if self.watched else None
+        """Forget the evidence; but what was held up during a silence is as old as it is."""
+        watched, before = self.watched, self.evidence
+        if watched is None:
+            self.evidence = None
+            return
+        own = self.name == watched.service.node
+        self.evidence = Evidence(watched.service, learned=watched.learned if own else None)
+        if before is not None:
+            self.evidence.take_stamps(before)
 
     def forgive(self) -> None:
         """Forget what was bad."""
@@ -108,7 +146,9 @@ class Publisher:
     def note_message(self, time: float) -> None:
         """Count a message."""
         self.messages += 1
-        self.last_message, self.granted = time, 0.0
+        if self.last_message is not None and time - self.last_message <= self.allowed:
+            self.steady = True
+        self.last_message, self.granted, self.interrupted = time, 0.0, False
         if self.first_message is None:
             self.first_message = time
 
@@ -127,15 +167,16 @@ class WatchedTopic:
     publishers: Dict[str, Publisher] = field(default_factory=dict)
     nodes: Dict[str, WatchedService] = field(default_factory=dict)
     intruder_checks: Tuple[Check, ...] = ()
+    probations: Dict[str, "Probation"] = field(default_factory=dict)
 
-    def serve(self, services: Sequence[Service], deadlines: Deadlines, time: float) -> List[str]:
+    def serve(self, services: Sequence[Service], deadlines: Deadlines, due: float) -> List[str]:
         """Carry these services from now on; the names of those that are new."""
         old, self.services = self.services, {}
         for service in services:
             deadline = deadlines.of(service)
             watched = old.get(service.name)
             if watched is None or watched.service.event_driven is not service.event_driven:
-                watched = WatchedService(service, inf, time)
+                watched = WatchedService(service, inf, due)
             watched.service, watched.deadline = service, inf if deadline is None else deadline
             self.services[service.name] = watched
         self.nodes = {watched.service.node: watched for watched in self.services.values()}

@@ -11,11 +11,14 @@ class Settings:
     `startup_grace`: s until a service that has never been there has failed.
     `deadline`: periods without a message after which a publisher is silent, but at least
     `minimum_deadline` s.
+    `reconnect`: s within which a node whose connection was lost, and which lives, must give another
+    one.
     """
 
     startup_grace: float = 15.0
     deadline: float = Deadlines.periods
     minimum_deadline: float = Deadlines.minimum
+    reconnect: float = 0.5
 
     @property
     def deadlines(self) -> Deadlines:

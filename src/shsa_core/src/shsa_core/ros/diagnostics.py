@@ -1,71 +1,190 @@
-"""The health table on /diagnostics, once a second, for display; no decision reads it."""
+"""What /diagnostics shows, once a second, for display; no decision reads it.
+
+The rows are named after services, `monitor: battery_current`, since an analyzer misses for ever
+what has been there once. As everywhere in ROS, the topic is one for all robots on a master, and a
+row says whose it is by the full name of its node: `robot1/monitor: battery_current`.
+"""
 import queue
 import threading
-from typing import Dict, Optional, Set, Tuple
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Tuple
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
-from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
+from shsa_core.healing.incident import Incident, State
+from shsa_core.model.service import Service
+from shsa_core.monitoring.events import Key, PublisherHealth
+from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.companion import Companion
+from shsa_core.ros.graph.master_watch import Told
+from shsa_core.ros.graph.refusals import Refusals
+from shsa_core.text import shown
 
 PERIOD_S = 1.0
-LEVELS = {
-    PublisherState.UNKNOWN: DiagnosticStatus.STALE,
-    PublisherState.HEALTHY: DiagnosticStatus.OK,
-    PublisherState.FAILED: DiagnosticStatus.ERROR,
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+CONDITIONS = {
+    Condition.HEALTHY: OK,
+    Condition.DOUBTFUL: WARN,
+    Condition.DISTURBED: WARN,
+    Condition.SUBSTITUTED: WARN,
+    Condition.STARTING: WARN,
+    Condition.LOST: ERROR,
 }
-
-Snapshot = Tuple[Tuple[PublisherHealth, ...], Dict[Key, int], Set[Key]]
-"""The health table, how many messages came from each publisher so far, and which of them stand
-by.
-"""
+HEALINGS = {State.WELL: OK, State.RETURNING: OK, State.HEALING: WARN, State.HEALED: WARN}
+"""In any other state the service is not healed."""
 
 
 class Diagnostics:
-    """Shows snapshots from a thread of its own: whoever gives one never waits."""
+    """Shows what it is given from a thread of its own: whoever gives something never waits.
 
-    def __init__(self) -> None:
-        self._snapshots: "queue.Queue[Snapshot]" = queue.Queue()
+    `rows` makes statuses of it, named after services. One more row counts the `refusals`, and one
+    tells of the other healer.
+    """
+
+    def __init__(
+        self,
+        rows: Callable[[Any], List[DiagnosticStatus]],
+        refusals: Refusals,
+        companion: Companion,
+    ) -> None:
+        self._rows = rows
+        self._refusals = refusals
+        self._companion = companion
+        self._given: "queue.Queue[Any]" = queue.Queue()
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=2)
-        self._counts: Dict[Key, int] = {}
-        self._shown: Optional[float] = None
         threading.Thread(target=self._run, name="diagnostics", daemon=True).start()
 
-    def show(self, snapshot: Snapshot) -> None:
-        """Publish `snapshot` soon."""
-        self._snapshots.put(snapshot)
+    def show(self, given: Any) -> None:
+        """Publish it soon."""
+        self._given.put(given)
 
     def _run(self) -> None:
         while not rospy.is_shutdown():
-            table, counts, muted = self._snapshots.get()
-            now = clock.now()
-            elapsed = None if self._shown is None else now - self._shown
-            status = [self._status(row, counts, elapsed, now) for row in table]
-            for row, shown in zip(table, status):
-                if row.key in muted:
-                    shown.level, shown.message = DiagnosticStatus.OK, "stands by, muted"
+            rows = [*self._rows(self._given.get()), refused_row(self._refusals.counts())]
+            rows.append(_companion_row(self._companion))
+            for row in rows:
+                row.name = f"{rospy.get_name()[1:]}: {row.name}"
             self._publisher.publish(
-                DiagnosticArray(header=Header(stamp=rospy.Time.now()), status=status)
+                DiagnosticArray(header=Header(stamp=rospy.Time.now()), status=rows)
             )
-            self._counts, self._shown = counts, now
 
-    def _status(
-        self, row: PublisherHealth, counts: Dict[Key, int], elapsed: Optional[float], now: float
+
+def _companion_row(companion: Companion) -> DiagnosticStatus:
+    level = ERROR if companion.problem else OK
+    return DiagnosticStatus(level=level, name=companion.role, message=companion.told)
+
+
+def every_period(call: Callable[[], object]) -> None:
+    """Call it once a second, in a thread of its own, until ROS shuts down."""
+
+    def work() -> None:
+        while not rospy.is_shutdown():
+            rospy.rostime.wallsleep(PERIOD_S)
+            call()
+
+    threading.Thread(target=work, name="remind", daemon=True).start()
+
+
+Overview = Tuple[Iterable[ServiceHealth], Dict[Key, int]]
+"""How every service is doing, and how many messages came from each publisher so far."""
+
+
+class MonitorRows:
+    """The monitor's rows: how each service is doing, and each of its publishers."""
+
+    def __init__(self) -> None:
+        self._counts: Dict[Key, int] = {}
+        self._shown: Optional[float] = None
+
+    def __call__(self, overview: Overview) -> List[DiagnosticStatus]:
+        services, counts = overview
+        now = clock.now()
+        elapsed = None if self._shown is None else now - self._shown
+        rows = [self._row(each, counts, elapsed, now) for each in services]
+        self._counts, self._shown = counts, now
+        return rows
+
+    def _row(
+        self, health: ServiceHealth, counts: Dict[Key, int], elapsed: Optional[float], now: float
     ) -> DiagnosticStatus:
-        values = [KeyValue("state", row.state.value)]
-        if elapsed is not None and row.key in self._counts:
-            rate = (counts[row.key] - self._counts[row.key]) / elapsed
-            values.append(KeyValue("rate in Hz", f"{rate:.1f}"))
+        told = [(p.publisher, self._publisher(p, counts, elapsed, now)) for p in health.publishers]
+        text = health.detail
+        if health.condition is not Condition.HEALTHY:
+            text = f"{health.condition}: {text}"
+        return _status(health.service, CONDITIONS[health.condition], text, told)
+
+    def _publisher(
+        self, row: PublisherHealth, counts: Dict[Key, int], elapsed: Optional[float], now: float
+    ) -> str:
+        told = [f"{row.state}"]
+        if row.kind is not None:
+            told.append(f"{row.kind}, {row.detail}")
+        if elapsed and row.key in self._counts:
+            told.append(f"{(counts[row.key] - self._counts[row.key]) / elapsed:.1f} Hz")
         if row.last_good is not None:
-            values.append(KeyValue("s since the last good message", f"{now - row.last_good:.3f}"))
-        if row.kind:
-            values.append(KeyValue("kind", row.kind.value))
-        return DiagnosticStatus(
-            level=LEVELS[row.state],
-            name=f"{row.topic}: {row.publisher or 'nobody'}",
-            message=row.detail or row.state.value,
-            hardware_id=row.publisher,
-            values=values,
-        )
+            told.append(f"last good message {now - row.last_good:.2f} s ago")
+        return ", ".join(told)
+
+
+Healing = Tuple[Iterable[Service], Mapping[str, Incident], Told]
+"""The needed services, their open incidents, and how the master does."""
+
+
+def healing_rows(given: Healing) -> List[DiagnosticStatus]:
+    """The reconfigurator's rows: each needed service and its incident, and the master."""
+    services, incidents, master = given
+    rows = [_healing_row(service, incidents.get(service.name)) for service in services]
+    return [*rows, _master_row(master)]
+
+
+def _master_row(master: Told) -> DiagnosticStatus:
+    level, text = OK, "it answers"
+    if not master.answers:
+        level, text = ERROR, "it does not answer; healing goes on, but no new node can come"
+    elif master.hung:
+        level, text = WARN, "subscribers do not answer, and it waits for them"
+    values = [KeyValue("hung", node) for node in master.hung]
+    values.append(KeyValue("kept", f"{master.kept} registrations, {master.age:.1f} s ago"))
+    return DiagnosticStatus(level=level, name="ROS master", message=text, values=values)
+
+
+def _healing_row(service: Service, incident: Optional[Incident]) -> DiagnosticStatus:
+    if incident is None:
+        return _status(service, OK, "well", [])
+    values = {
+        "faulty node": incident.faulty_node,
+        "kind": str(incident.kind),
+        "substitute": incident.substitute,
+        "by": ", ".join(incident.relations),
+        "missing": ", ".join(incident.missing),
+        "kept out": "yes" if incident.kept_out else "",
+    }
+    told = [(key, value) for key, value in values.items() if value]
+    level = HEALINGS.get(incident.state, ERROR)
+    return _status(service, level, f"{incident.state}: {incident.detail}", told)
+
+
+def refused_row(counts: List[Tuple[str, int]]) -> DiagnosticStatus:
+    """How many messages were refused since the start, of whom, and why."""
+    total = sum(count for _, count in counts)
+    return DiagnosticStatus(
+        level=WARN if total else OK,
+        name="refused messages",
+        message=str(total),
+        values=[KeyValue(what, str(count)) for what, count in [("in all", total), *counts]],
+    )
+
+
+def _status(
+    service: Service, level: int, text: str, values: Iterable[Tuple[str, str]]
+) -> DiagnosticStatus:
+    pairs = [("topic", service.topic), *values]
+    return DiagnosticStatus(
+        level=level,
+        name=service.name,
+        message=shown(text),
+        hardware_id=service.node,
+        values=[KeyValue(shown(key), shown(value)) for key, value in pairs],
+    )

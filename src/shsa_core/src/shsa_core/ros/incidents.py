@@ -8,22 +8,27 @@ import rospkg
 import rospy
 from shsa_msgs import msg
 
+from shsa_core.files.regular import open_to_append
 from shsa_core.healing.incident import Incident, State
+from shsa_core.model.names import file_name
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 
-SETTLED = (State.HEALED, State.UNHEALED, State.SAFE, State.ENDED)
+SETTLED = (State.HEALED, State.UNHEALED, State.SAFE, State.KEPT, State.ENDED)
 
 
 class Incidents:
     """Publishes incidents, logs those that have ended, and lets threads wait for one.
 
-    `log_file`: one JSON line an incident; empty: `shsa_incidents.jsonl` in the log folder of ROS.
+    `log_file`: one JSON line an incident, for us alone to read; a relative path is in ROS's log
+    folder. Empty: `shsa_incidents.jsonl` there, behind the namespace, as roslaunch names its logs:
+    `robot1-shsa_incidents.jsonl`.
     """
 
     def __init__(self, log_file: str) -> None:
-        default = os.path.join(rospkg.get_log_dir(), "shsa_incidents.jsonl")
-        self._log_file = log_file or default
+        name = log_file or file_name("shsa_incidents.jsonl", rospy.get_namespace())
+        self._log_file = os.path.join(rospkg.get_log_dir(), name)
+        self._fails = False
         self._open: Dict[str, Incident] = {}
         self._changed = threading.Condition()
         self._publisher = rospy.Publisher(names.INCIDENTS, msg.Incident, queue_size=100)
@@ -38,6 +43,11 @@ class Incidents:
             if incident.state is State.ENDED:
                 del self._open[incident.service]
             self._changed.notify_all()
+
+    def open(self) -> Dict[str, Incident]:
+        """The incidents that have not ended, by service."""
+        with self._changed:
+            return dict(self._open)
 
     def close(self) -> None:
         """Log the incidents that are open at the end."""
@@ -67,7 +77,10 @@ class Incidents:
 
     def _log(self, incident: Incident) -> None:
         try:
-            with open(self._log_file, "a", encoding="utf-8") as log:
+            with open(open_to_append(self._log_file), "a", encoding="utf-8") as log:
                 log.write(json.dumps(wire.incident_record(incident)) + "\n")
+            self._fails = False
         except OSError as error:
-            rospy.logerr("The incident log %s cannot be written: %s", self._log_file, error)
+            if not self._fails:
+                rospy.logerr("The incident log %s cannot be written: %s", self._log_file, error)
+            self._fails = True  # said once, until it is well again

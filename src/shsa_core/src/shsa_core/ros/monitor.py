@@ -7,29 +7,49 @@ socket.
 """
 import argparse
 import sys
-import threading
-from typing import Any, Callable, Dict, List, Optional
+from collections import deque
+from typing import Any, Callable, Deque, Dict, NamedTuple, Optional, Set
 
 import rospy
 from shsa_msgs import msg
 
 from shsa_core import dispatch
 from shsa_core.errors import ModelError
+from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.parameters import read_settings
-from shsa_core.files.som_file import load_som, read_som
+from shsa_core.files.som_file import PARAMETER, load_som, read_som, service_parameters
 from shsa_core.journal.writer import JournalWriter
+from shsa_core.model.names import file_name
+from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.monitoring import events
+from shsa_core.monitoring.lasting import LastingFailures
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
 from shsa_core.ros import diagnostics
 from shsa_core.ros.graph import clock
-from shsa_core.ros.graph.connections import Arrived, Closed, Connections, Happening, Lost, Made
+from shsa_core.ros.graph.alone import await_turn
+from shsa_core.ros.graph.connections import (
+    Arrived,
+    Closed,
+    Connections,
+    Happening,
+    Interrupted,
+    Lost,
+    Made,
+)
+from shsa_core.ros.graph.greeter import Greeter, Tell
+from shsa_core.ros.graph.identities import Identified
+from shsa_core.ros.graph.companion import Companion
+from shsa_core.ros.graph.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.graph.inbox import Inbox
-from shsa_core.ros.graph.launch import Launch
+from shsa_core.ros.graph.launch import Launch, Launches
 from shsa_core.ros.graph.reader import Reader
+from shsa_core.ros.graph.reconnection import Answered
+from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.graph.som_parameter import SomWatch, get_som_parameter, put_som
 from shsa_core.ros.graph.tables import TablePublisher, TableSubscriber
+from shsa_core.ros.graph.worker import Worker
 from shsa_core.ros.node import run
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
@@ -38,10 +58,32 @@ LONGEST_WAIT_S = 0.1
 """How long a message has waited is known to this at worst, as long as the monitor is scheduled."""
 COALESCE_S = 0.002
 """What comes within this time is handled together."""
+CLOCK_CHANGE_S = 0.002
+"""A change of ROS time beside ours that the core is told of at once, and else now and then."""
+SUBSCRIBE_S = 0.005
+"""Topics are subscribed no faster: each new connection costs a publisher time."""
 
 
 class _Report:
     """Time to show the table on /diagnostics."""
+
+
+class _Subscribed(NamedTuple):
+    """Somebody hears failures from now on: what tells them alone."""
+
+    tell: Tell
+
+
+class _Substitutions(NamedTuple):
+    """The table of substitutions, or what has changed in it."""
+
+    table: msg.Substitutions
+
+
+class _SomState(NamedTuple):
+    """The running SOM as the reconfigurator told it when we came."""
+
+    table: msg.SomState
 
 
 class MonitorNode:
@@ -54,47 +96,81 @@ class MonitorNode:
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         som = _read(arguments.som)
+        signing = Signing(arguments.secret)
         settings, errors = read_settings(Settings, rospy.get_param("~", {}), rospy.get_name())
         for error in errors:
             rospy.logerr("Refused: %s. The default is used.", error)
-        self._core = Monitor(settings)
+        ontology = _read_ontology(arguments.ontology)
+        self._core = Monitor(settings, ontology)
         self._journal: Optional[JournalWriter] = None
         if arguments.journal:
-            setup = {"settings": settings}
-            self._journal = JournalWriter(arguments.journal, "monitoring", setup, rospy.logwarn)
-        self._launch = Launch()
+            path = file_name(arguments.journal, rospy.get_namespace())
+            setup = {"settings": settings, "ontology": ontology}
+            self._journal = JournalWriter(path, "monitoring", setup, rospy.logwarn)
+        self._launch, self._launches = Launch(), Launches()
         self._inbox = Inbox()
-        self._connections = Connections(self._inbox)
+        refused = signing.refusals.note
+        self._companion = Companion(RECONFIGURATOR, Signs(MONITOR))
+        self._connections = Connections(self._inbox, settings.reconnect, refused)
+        self._parameters = Worker("parameters")
         self._reader = Reader()
-        self._watched: List[str] = []
-        self._looked = clock.now()
+        self._sign = signing.signer(names.FAILURES, msg.Failure)
+        self._lasting = LastingFailures()
+        self._watched: Set[str] = set()
+        self._to_watch: Deque[str] = deque()
+        self._subscribe_at = 0.0
+        self._looked = self._told_clock = clock.now()
+        self._ahead = 0.0
         self._ends = False
         self._changes: Dict[events.Key, Optional[events.PublisherHealth]] = {}
+        greeter = Greeter(lambda tell: self._inbox.put(_Subscribed(tell)))
         self._failures = rospy.Publisher(
-            names.FAILURES, msg.Failure, queue_size=1000, tcp_nodelay=True
+            names.FAILURES, msg.Failure, greeter, queue_size=1000, tcp_nodelay=True
         )
-        self._health = TablePublisher(names.HEALTH, msg.Health, "publishers", wire.health_row_key)
-        self._diagnostics = diagnostics.Diagnostics()
+        self._health = TablePublisher(
+            names.HEALTH, msg.Health, "publishers", wire.health_row_key, signing
+        )
+        self._calibrations = TablePublisher(
+            names.CALIBRATIONS,
+            msg.Calibrations,
+            "calibrations",
+            wire.calibration_row_key,
+            signing,
+        )
+        self._diagnostics = diagnostics.Diagnostics(
+            diagnostics.MonitorRows(), signing.refusals, self._companion
+        )
         self._carry_out: dispatch.Table[None] = dispatch.table(
             events.Command,
             {
                 events.FailureDetected: self._tell_failure,
                 events.HealthChanged: self._tell_health,
+                events.ChangeRefused: self._put_back,
+                events.RobotAwaited: self._tell_awaited,
+                events.CalibrationsChanged: self._tell_calibrations,
+                events.ChangeAdopted: lambda each: rospy.loginfo("%s counts now.", each.text),
             },
         )
-        self._hear = {
+        self._hear: Dict[type, Callable[[Any], object]] = {
             Made: self._connection_changed,
             Closed: self._connection_changed,
+            Answered: self._connection_changed,
+            Identified: self._connection_changed,
             Som: self._som_changed,
-            msg.Substitutions: lambda table: self._feed(wire.substitutions_changed(table)),
+            _Substitutions: self._substitutions_changed,
+            _SomState: lambda heard: self._feed(wire.formerly_healthy(heard.table)),
+            _Subscribed: self._tell_lasting,
             _Report: self._report,
         }
         self._inbox.put(som)
         if not get_som_parameter():
             put_som(som)
-        SomWatch(som, self._inbox.put, lambda: read_som(arguments.som))
-        TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, self._inbox.put)
-        threading.Thread(target=self._remind, name="remind", daemon=True).start()
+        namespace = rospy.get_namespace()
+        SomWatch(som, self._inbox.put, lambda: read_som(arguments.som, namespace))
+        heard = lambda table: self._inbox.put(_Substitutions(table))
+        TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, heard, signing)
+        TableSubscriber(names.SOM_STATE, msg.SomState, self._hear_som_state, signing)
+        diagnostics.every_period(lambda: self._inbox.put(_Report()))
 
     def spin(self) -> None:
         """Handle events until ROS shuts down."""
@@ -105,7 +181,10 @@ class MonitorNode:
 
     def _turn(self) -> None:
         """Wait for something to do, read everything that has come, then let time pass."""
+        self._companion.beat()
         wanted = min(self._core.next_deadline, clock.now() + LONGEST_WAIT_S)
+        if self._to_watch:
+            wanted = min(wanted, self._subscribe_at)
         self._inbox.wait(wanted - clock.now())
         woke = clock.now()
         rest = self._looked + COALESCE_S - woke
@@ -113,6 +192,7 @@ class MonitorNode:
             rospy.rostime.wallsleep(rest)
         before, looked = self._looked, clock.now()
         self._looked = looked
+        self._tell_clock()
         ready = self._inbox.ready()
         items = self._inbox.take()
         self._heed_launch()
@@ -124,6 +204,7 @@ class MonitorNode:
             self._guarded(self._happened, happening, before)
         self._feed(events.Tick(looked, wanted, woke))
         self._show_health()
+        self._subscribe_next()
 
     def _heed_launch(self) -> None:
         """Look whether the launch is ending, after something was read and before it is fed.
@@ -134,12 +215,25 @@ class MonitorNode:
             self._ends = True
             self._feed(events.Ending(clock.now()))
             rospy.loginfo("The launch is ending: what stops from now on is no failure.")
+        nodes = self._launches.ending()
+        if nodes:
+            self._feed(events.NodesEnding(clock.now(), nodes))
+            text = "The launch of %s is ending: that they stop is no failure."
+            rospy.loginfo(text, ", ".join(nodes))
+
+    def _tell_clock(self) -> None:
+        """Look at ROS time before messages are read: their age is told by this look."""
+        now, ros_time = clock.both()
+        before, self._ahead = self._ahead, ros_time - now
+        if abs(self._ahead - before) > CLOCK_CHANGE_S or now - self._told_clock > LONGEST_WAIT_S:
+            self._told_clock = now
+            self._feed(events.ClockTicked(now, ros_time, clock.is_simulated()))
 
     def _guarded(self, handle: Callable[..., None], *what: Any) -> None:
         """Handle something; whatever goes wrong with it, the rest is still handled."""
         try:
             handle(*what)
-        except Exception as error:
+        except Exception as error:  # whatever it is, the monitor goes on
             if not rospy.core.is_shutdown_requested():
                 rospy.logerr_throttle_identical(10.0, f"Monitor: {type(error).__name__}: {error}")
 
@@ -156,11 +250,20 @@ class MonitorNode:
         if isinstance(happening, Arrived):
             connection, data = happening
             service = self._core.service_of(connection.topic, connection.publisher)
-            self._feed(self._reader.event(now, now - before, connection, data, service))
+            if service is not None and service.needed:
+                if connection.header["type"] == service.type:
+                    self._lasting.messages.keep(now, connection.topic, connection.publisher, data)
+            waited, ahead = now - before, self._ahead
+            self._feed(self._reader.event(now, waited, connection, data, service, ahead))
         elif isinstance(happening, Lost):
             self._feed(events.Disconnected(now, *happening))
+        elif isinstance(happening, Interrupted):
+            self._feed(events.Interrupted(now, *happening))
         else:
             self._feed(events.Connected(now, *happening))
+            service = self._core.service_of(*happening)
+            if service is not None and service.node == happening.publisher:
+                self._launches.learn(happening.publisher)
 
     def _feed(self, event: events.Event) -> None:
         if self._journal is not None:
@@ -172,14 +275,37 @@ class MonitorNode:
             self._journal.answered(commands)
 
     def _tell_failure(self, failure: events.FailureDetected) -> None:
-        self._failures.publish(wire.failure_message(failure))
+        last_message = self._lasting.add(failure)
+        self._failures.publish(self._sign(wire.failure_message(failure, last_message)))
         blamed = f"{failure.publisher} fails" if failure.publisher else "nobody publishes"
         # The reconfigurator tells people.
         rospy.logdebug("%s: %s, %s: %s.", failure.topic, blamed, failure.kind, failure.detail)
 
+    def _hear_som_state(self, table: msg.SomState) -> None:
+        if table.whole:  # what is told later follows from what we say ourselves
+            self._inbox.put(_SomState(table))
+
+    def _tell_awaited(self, awaited: events.RobotAwaited) -> None:
+        services = ", ".join(f"{topic} from {node}" for topic, node in awaited.services)
+        rospy.logwarn("Nothing of the robot is there yet. Awaited: %s.", services)
+
+    def _tell_lasting(self, subscribed: _Subscribed) -> None:
+        for failure, last_message in self._lasting.all(clock.now()):
+            subscribed.tell(self._sign(wire.failure_message(failure, last_message)))
+
+    def _substitutions_changed(self, changed: _Substitutions) -> None:
+        event = wire.substitutions_changed(changed.table)
+        self._lasting.substitutions(event.rows)
+        self._feed(event)
+
     def _tell_health(self, change: events.HealthChanged) -> None:
+        self._lasting.health(change.rows, change.removed)
         self._changes.update({key: None for key in change.removed})
         self._changes.update({row.key: row for row in change.rows})
+
+    def _tell_calibrations(self, change: events.CalibrationsChanged) -> None:
+        rows = map(wire.calibration_row, change.rows)
+        self._calibrations.update(rows, [wire.calibration_key(*key) for key in change.removed])
 
     def _show_health(self) -> None:
         """Publish the changes of this turn, after its failures."""
@@ -189,30 +315,41 @@ class MonitorNode:
         self._health.update(rows, removed)
 
     def _som_changed(self, som: Som) -> None:
-        """Subscribe new topics, end the subscriptions of those that left."""
+        """Subscribe new topics by and by, end the subscriptions of those that left."""
         self._feed(events.SomChanged(clock.now(), som))
-        for topic in set(self._watched) - set(som.topics()):
+        topics = list(som.topics())
+        for topic in self._watched - set(topics):
             self._connections.unsubscribe(topic)
             rospy.loginfo("%s is no longer watched.", topic)
-        for topic in som.topics():
-            if topic not in self._watched:
-                self._connections.subscribe(topic)
-                rospy.loginfo("%s is watched.", topic)
-        self._watched = list(som.topics())
+        self._watched &= set(topics)
+        self._to_watch = deque(topic for topic in topics if topic not in self._watched)
 
-    def _remind(self) -> None:
-        while not rospy.is_shutdown():
-            rospy.rostime.wallsleep(diagnostics.PERIOD_S)
-            self._inbox.put(_Report())
+    def _subscribe_next(self) -> None:
+        if self._to_watch and clock.now() >= self._subscribe_at:
+            topic = self._to_watch.popleft()
+            self._watched.add(topic)
+            self._connections.subscribe(topic)
+            rospy.loginfo("%s is watched.", topic)
+            self._subscribe_at = clock.now() + SUBSCRIBE_S
+
+    def _put_back(self, refusal: events.ChangeRefused) -> None:
+        """Say what is refused, and put the numbers that count back, for all who read them."""
+        service = refusal.service
+        rospy.logwarn(
+            "Refused: %s. The numbers so far are put back. If the new ones are meant, "
+            "stop the node, set them, and start it as it should be.",
+            refusal.text,
+        )
+        name = f"{PARAMETER}/services/{service.name}"
+        self._parameters.put(lambda: rospy.set_param(name, service_parameters(service)))
 
     def _report(self, _: _Report) -> None:
-        core = self._core
-        self._diagnostics.show((core.table(), core.messages(), core.muted()))
+        self._diagnostics.show((self._core.overview(), self._core.messages()))
 
 
 def _read(path: str) -> Som:
     """The valid services of a SOM file; errors of the others are logged. Raises ModelError."""
-    som, errors = load_som(path)
+    som, errors = load_som(path, rospy.get_namespace())
     for error in errors:
         rospy.logerr("Refused: %s", error)
     if not som.services:
@@ -220,14 +357,31 @@ def _read(path: str) -> Som:
     return som
 
 
+def _read_ontology(path: str) -> Optional[Ontology]:
+    """What tells how values are derived from others; None: nobody wants to know, or nobody can."""
+    if not path:
+        return None
+    try:
+        ontology, errors = load_ontology(path)
+    except ModelError as unreadable:
+        rospy.logerr("No value is compared with what others tell of it: %s", unreadable)
+        return None
+    for error in errors:
+        rospy.logerr("Refused: %s", error)
+    return ontology
+
+
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="monitor", description=__doc__.splitlines()[0])
     parser.add_argument("--som", required=True, help="the SOM file: the services to watch")
+    parser.add_argument("--ontology", default="", help="the ontology file, for checks by witnesses")
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
+    parser.add_argument("--secret", default="", help="the file with the secret of healing")
     return parser.parse_args(rospy.myargv(sys.argv)[1:])
 
 
 def main() -> None:
     """Run the node `monitor`."""
     arguments = _arguments()
+    await_turn("monitor")
     run("monitor", lambda: MonitorNode(arguments).spin())

@@ -1,4 +1,5 @@
-"""Runs a node so that it ends when it is told to."""
+"""Runs a node so that it ends when it is told to, and logs nothing but printable text."""
+import logging
 import sys
 import threading
 from typing import Callable
@@ -6,7 +7,12 @@ from typing import Callable
 import genpy
 import rospy
 
-from shsa_core.errors import ShsaError
+from shsa_core.errors import ModelError, ShsaError
+from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.inbound import serve_each_by_itself
+from shsa_core.ros.graph.log_queue import LogQueue, ask_once_for_rosout, say_failures_once
+from shsa_core.ros.graph.standing import keep_rospys_threads
+from shsa_core.text import LONGEST_LINE, shown
 
 POLL_S = 0.05
 SWITCH_INTERVAL_S = (
@@ -24,7 +30,14 @@ def run(name: str, work: Callable[[], None]) -> None:
     called the master itself, it could wait there for a lock that it holds, for good.
     """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
+    say_failures_once()
+    keep_rospys_threads()
+    serve_each_by_itself()
+    clock.heed_launch()
     rospy.init_node(name)
+    _log_plainly()
+    log = LogQueue()
+    ask_once_for_rosout()
     done = threading.Event()
 
     def guarded() -> None:
@@ -32,7 +45,8 @@ def run(name: str, work: Callable[[], None]) -> None:
             work()
             done.set()
         except ShsaError as error:
-            rospy.logfatal("%s", error)
+            for each in error.errors if isinstance(error, ModelError) else (error,):
+                rospy.logfatal("%s", each)
         except rospy.ROSException:
             # At shutdown rospy closes the topics under the feet of whoever publishes.
             if not rospy.core.is_shutdown_requested():
@@ -47,8 +61,21 @@ def run(name: str, work: Callable[[], None]) -> None:
     with rospy.core._shutdown_lock:
         pass  # whoever shuts down, in whichever thread, has unregistered the node by now
     thread.join(JOIN_TIMEOUT_S)
+    log.close()
     if not done.is_set():
         sys.exit(1)
+
+
+def _log_plainly() -> None:
+    """Have each text that a node logs on one line: names in it may come from anybody."""
+    for logger in (logging.getLogger(), logging.getLogger("rosout")):
+        for handler in logger.handlers:
+            handler.addFilter(_plain)
+
+
+def _plain(record: logging.LogRecord) -> bool:
+    record.msg, record.args = shown(record.getMessage(), LONGEST_LINE), ()
+    return True
 
 
 def publish(publisher: rospy.Publisher, message: genpy.Message) -> None:

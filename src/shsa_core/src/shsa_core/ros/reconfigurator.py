@@ -2,37 +2,52 @@
 import argparse
 import os
 import queue
+import shlex
 import sys
 import threading
 from typing import Any, Callable, Dict, List, Optional, Tuple
 
 import psutil
-import rosgraph
 import rospy
 from shsa_msgs import msg
 
 from shsa_core import dispatch
-from shsa_core.errors import ModelError, ShsaError
+from shsa_core.analysis.budget import check_budgets
+from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import load_som
+from shsa_core.files.trust import refuse_others_commands
 from shsa_core.healing import events
 from shsa_core.healing.events import Event, Level
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
+from shsa_core.journal.record_file import RecordFile
 from shsa_core.journal.writer import JournalWriter
+from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
-from shsa_core.ros.graph import clock
-from shsa_core.ros.graph.fence import Fence
+from shsa_core.ros import diagnostics
+from shsa_core.ros.graph import clock, kernel
+from shsa_core.ros.graph.alone import await_turn
+from shsa_core.ros.graph.coming_up import ComingUp
+from shsa_core.ros.graph.companion import Companion
+from shsa_core.ros.graph.fence import Fence, Known
+from shsa_core.ros.graph.heartbeats import MONITOR, RECONFIGURATOR, Signs, Watch
 from shsa_core.ros.graph.launch import Launch
+from shsa_core.ros.graph.master_watch import MasterWatch
 from shsa_core.ros.graph.processes import Processes, run_command
+from shsa_core.ros.graph.protection import Protection
 from shsa_core.ros.graph.restarts import Restarts
+from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.graph.som_parameter import SomWatch, put_som
 from shsa_core.ros.graph.tables import TablePublisher, TableSubscriber
+from shsa_core.ros.graph.usable import Problem, mark_unusable
+from shsa_core.ros.graph.workers import Workers
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import run
 from shsa_core.ros.services import Services
+from shsa_core.ros.succession import take_over
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import substitution_message
@@ -43,6 +58,12 @@ LOG: Dict[Level, Callable[..., None]] = {
     Level.ERROR: rospy.logerr,
 }
 LONGEST_WAIT_S = 0.2
+MOST_WAITING = 10_000
+"""With more to do than this, failures that nobody signed are dropped."""
+ASKED_BY_API = "external shutdown request"
+"""What rospy's reason begins with then."""
+MOST_CALLS = 32
+"""Of one kind of command, under way at the same time."""
 
 
 class ReconfiguratorNode:
@@ -53,100 +74,184 @@ class ReconfiguratorNode:
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._files = arguments
+        self._said: List[Problem] = []
+        signing = Signing(arguments.secret)
         ontology, som = read_models(arguments.ontology, arguments.som)
         settings, errors = read_settings(Settings, rospy.get_param("~", {}), rospy.get_name())
         for error in errors:
             rospy.logerr("Refused: %s. The default is used.", error)
         setup = {
             "ontology": ontology,
-            "som": som,
+            "som": self._usable(som),
             "settings": settings,
             "namespace": rospy.get_namespace(),
+            "dry_run": arguments.dry_run,
+            "restarts": os.geteuid() != 0 or arguments.restart_as_root,
         }
+        if not setup["restarts"]:
+            for service in (each for each in som if each.policy.restarts):
+                text = "%s is not started again: that would be as root (restart_as_root:=true)."
+                rospy.logerr(text, service.node)
+        for finding in check_budgets(som, settings):
+            rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
         self._journal: Optional[JournalWriter] = None
-        if arguments.journal:
-            self._journal = JournalWriter(arguments.journal, "healing", setup, rospy.logwarn)
+        journal = arguments.journal and file_name(arguments.journal, rospy.get_namespace())
+        if journal:
+            self._journal = JournalWriter(journal, "healing", setup, rospy.logwarn)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
-        self._ends = False
-        self._fence = Fence(rospy.get_name())
+        self._ends = self._is_followed = False
+        rospy.core.add_preshutdown_hook(self._asked_to_end)
+        self._clearing = self._workers("clear")
+        self._fence = Fence()
+        self._protection = Protection()
         self._processes = Processes(
             lambda node, detail: self._put(events.ProcessExited(clock.now(), node, detail)),
-            self._fence.clear,
-            _substitute_journals(arguments.journal),
+            lambda node: self._clearing.put(lambda: self._fence.clear(node)),
+            _substitute_journals(journal),
+            signing.path,
+            arguments.sandbox,
         )
         self._restarts = Restarts(lambda node: self._put(events.StarterEnded(clock.now(), node)))
+        self._coming_up = ComingUp(self._restarts.started_again, self._came_up)
         self._incidents = Incidents(arguments.incident_log)
         self._substitutions = TablePublisher(
             names.SUBSTITUTIONS,
             msg.Substitutions,
             "substitutions",
             lambda row: row.node or row.service,
+            signing,
+            opened=False,
         )
         self._som_state = TablePublisher(
-            names.SOM_STATE, msg.SomState, "services", lambda row: row.service
+            names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False
         )
+        self._records: Optional[RecordFile] = None
+        self._signs = Signs(RECONFIGURATOR)
+        self._companion = Companion(MONITOR, self._signs)
+        self._life = Watch(
+            self._signs,
+            lambda node: self._put(events.ProcessSilent(clock.now(), node)),
+            lambda node: self._put(events.ProcessHung(clock.now(), node)),
+            lambda node: self._put(events.ProcessHeard(clock.now(), node)),
+            self._core.names.prefix,
+        )
+        stops = self._workers("stop")
         self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {
-                events.LearnNode: self._in_thread(self._learn),
-                events.FindNode: self._in_thread(self._find),
-                events.AskToLeave: self._in_thread(self._ask_to_leave),
-                events.EndProcess: self._in_thread(self._end_process),
-                events.ClearNode: self._in_thread(lambda c: self._fence.clear(c.node)),
+                events.WriteDown: self._write_down,
+                events.LearnNode: self._by(self._workers("learn"), self._learn),
+                events.WatchNodes: self._by(
+                    self._workers("watch"), lambda c: self._coming_up.watch(c.nodes)
+                ),
+                events.FindNode: self._by(self._workers("find"), self._find),
+                events.AskToLeave: self._by(self._workers("ask to leave"), self._ask_to_leave),
+                events.EndProcess: self._by(self._workers("end process"), self._end_process),
+                events.ClearNode: self._by(self._clearing, self._clear),
                 events.StartSubstitute: self._start,
                 events.AssignSubstitute: self._assigned,
-                events.StopSubstitute: self._awaited(lambda c: self._processes.stop(c.node)),
+                events.StopSubstitute: self._by(stops, self._stop, True),
                 events.RestartNode: self._restart,
-                events.StopNode: self._awaited(lambda c: self._restarts.stop(c.node)),
-                events.RunCommand: self._run_command,
+                events.StopNode: self._by(stops, lambda c: self._restarts.stop(c.node), True),
+                events.RunCommand: self._by(self._workers("command"), self._run_command),
                 events.ShowSubstitutions: self._show_substitutions,
                 events.ShowSom: self._show_som,
                 events.ShowIncident: lambda command: self._incidents.show(command.incident),
                 events.Log: lambda command: LOG[command.level]("%s", command.text),
             },
         )
-        self._endings: List[threading.Thread] = []
+        self._endings: List[threading.Event] = []
+        self._diagnostics = diagnostics.Diagnostics(
+            diagnostics.healing_rows, signing.refusals, self._companion
+        )
+        diagnostics.every_period(lambda: self._queue.put(self._report))
         self._decided = clock.now()
+        # First of all: what runs goes on, and no substitute may take a name that was used.
+        prefix = self._core.names.prefix
+        self._master = MasterWatch(lambda node: node.startswith(prefix), not arguments.dry_run)
+        heritage = take_over(prefix, self._fence, self._processes, self._restarts)
+        self._records = heritage.file
+        self._decide(heritage.started)
+        self._substitutions.open()
+        self._som_state.open()
         put_som(som)
-        self._som_watch = SomWatch(som, lambda s: self._put(events.SomChanged(clock.now(), s)))
-        rospy.Subscriber(names.FAILURES, msg.Failure, self._failure, tcp_nodelay=True)
-        TableSubscriber(names.HEALTH, msg.Health, self._health)
+        self._som_watch = SomWatch(
+            som, lambda s: self._put(events.SomChanged(clock.now(), self._usable(s)))
+        )
+        tables = (names.HEALTH, names.CALIBRATIONS, names.SUBSTITUTIONS, names.SOM_STATE)
+        self._master.introduce(*map(rospy.resolve_name, (names.FAILURES, *tables)))
+        failures = signing.checked(names.FAILURES, msg.Failure, arguments.unsigned_failures)
+        signing.subscribe(names.FAILURES, failures, self._failure)
+        self._health_began = 0
+        TableSubscriber(names.HEALTH, msg.Health, self._health, signing)
+        TableSubscriber(names.CALIBRATIONS, msg.Calibrations, self._calibrated, signing)
         self._services = Services(
-            self._core, self._queue.put, self._put, self._incidents, self.reload
+            self._core,
+            self._queue.put,
+            self._put,
+            self._incidents,
+            self.reload,
+            not arguments.no_operator,
         )
 
     def spin(self) -> None:
-        """Handle events in order until ROS shuts down; then stop every substitute."""
-        # First of all: no substitute may take the name of one that was left behind.
-        self._handle(events.Started(clock.now(), _leftovers(self._core.prefix)))
+        """Handle events in order until ROS shuts down; then stop every substitute.
+
+        Unless another reconfigurator follows, which takes them up.
+        """
         needed = ", ".join(service.topic for service in self._core.needed())
-        rospy.loginfo("Reconfigurator ready, healing: %s.", needed or "nothing")
+        does = "advising (nothing is killed or started) on" if self._files.dry_run else "healing"
+        rospy.loginfo("Reconfigurator ready, %s: %s.", does, needed or "nothing")
         while not rospy.is_shutdown():
+            self._companion.beat()
             work = self._next()
             try:
                 work()
             except Exception as error:  # whatever it is, healing goes on
                 if not rospy.core.is_shutdown_requested():
                     rospy.logerr("The reconfigurator could not handle an event: %r", error)
+        if not self._is_followed:
+            self._stop_all()
+        self._incidents.close()
+        if self._records is not None:
+            self._records.close()
+        if self._journal is not None:
+            self._journal.close()
+
+    def _stop_all(self) -> None:
         for node in self._restarts.left_alone():
             self._handle(events.StarterEnded(clock.now(), node))
         self._handle(events.ShuttingDown(clock.now()))
-        for thread in self._endings:
-            thread.join()
-        self._incidents.close()
-        if self._journal is not None:
-            self._journal.close()
+        for ended in self._endings:
+            ended.wait()
+
+    def _asked_to_end(self, reason: str) -> None:
+        """Anybody may ask us by our API, or by taking our name; where another one follows, as a
+        launch starts it, what publishes goes on.
+        """
+        self._is_followed = reason.startswith(ASKED_BY_API) and kernel.started_by_launch(
+            psutil.Process()
+        )
 
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
         ontology, som = read_models(self._files.ontology, self._files.som)
         self._som_watch.replace(som)
         put_som(som)
-        self._put(events.ModelsReloaded(clock.now(), ontology, som))
+        self._put(events.ModelsReloaded(clock.now(), ontology, self._usable(som)))
         relations = len({function.relation for function in ontology.functions})
         return f"{relations} relations and {len(som)} services were read"
+
+    def _usable(self, som: Som) -> Som:
+        """The SOM as far as it can be used here; what cannot be is said once."""
+        marked, problems = mark_unusable(som)
+        for problem in problems:
+            if problem not in self._said:
+                LOG[Level.ERROR if problem.needed else Level.WARN]("%s.", problem.text)
+        self._said = problems
+        return marked
 
     def _next(self) -> Callable[[], object]:
         """What to do next: an event, else a plan ahead, else to let time pass."""
@@ -179,66 +284,119 @@ class ReconfiguratorNode:
         if self._journal is not None:
             self._journal.answered(commands)
         for command in commands:
-            self._carry_out[type(command)](command)
+            try:
+                self._carry_out[type(command)](command)
+            except Exception as error:  # whatever it is, the commands after it are carried out
+                self._failed(command, error)
 
-    def _in_thread(self, work: Callable[[Any], object]) -> Callable[[Any], None]:
-        """Work that waits for others must not hold the events up."""
+    def _failed(self, command: events.Command, error: Exception) -> None:
+        """Say that a command could not be carried out, and answer it, so that nobody waits."""
+        what = f"{type(command).__name__} {getattr(command, 'node', '')}".strip()
+        why = f"{type(error).__name__}: {error}"
+        rospy.logerr_throttle(10.0, f"{what} could not be carried out: {why}")
+        if isinstance(command, events.LearnNode):
+            self._put(events.NodeLearned(clock.now(), command.node, False))
+        elif isinstance(command, events.StartSubstitute):
+            self._put(events.ProcessExited(clock.now(), command.node, why))
+        elif isinstance(command, events.RestartNode):
+            self._put(events.RestartFailed(clock.now(), command.node, why))
+        elif isinstance(error, OSError):
+            return  # this computer lacks the means now; a kill without an answer is tried again
+        elif isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess)):
+            self._untouchable(command.node, f"it could not be looked at: {why}")
 
-        def start(command: Any) -> None:
-            threading.Thread(target=work, args=(command,), daemon=True).start()
+    def _workers(self, name: str) -> Workers:
+        return Workers(name, MOST_CALLS, lambda text: rospy.logerr("%s", text))
 
-        return start
+    def _by(
+        self, workers: Workers, work: Callable[[Any], object], awaited: bool = False
+    ) -> Callable[[Any], None]:
+        """Work that waits for others must not hold the events up.
 
-    def _awaited(self, work: Callable[[Any], object]) -> Callable[[Any], None]:
-        """The same, and we do not end before it is done."""
+        `awaited`: we do not end before it is done.
+        """
 
-        def start(command: Any) -> None:
-            thread = threading.Thread(target=work, args=(command,), daemon=True)
-            thread.start()
-            self._endings = [each for each in self._endings if each.is_alive()] + [thread]
+        def put(command: Any) -> None:
+            done = threading.Event()
 
-        return start
+            def call() -> None:
+                try:
+                    work(command)
+                except Exception as error:  # whatever it is, the next command is carried out
+                    self._failed(command, error)
+                finally:
+                    done.set()
+
+            if awaited:
+                self._endings = [each for each in self._endings if not each.is_set()] + [done]
+            workers.put(call)
+
+        return put
 
     def _learn(self, command: events.LearnNode) -> None:
-        known = self._fence.learn(command.node)
+        known = self._fence.learn(command.node, command.topic)
+        protected = ""
         if known is not None and known.process is not None:
             self._restarts.learn(command.node, known.process)
-        self._put(events.NodeLearned(clock.now(), command.node, known is not None))
+            protected = self._protection.reason(command.node, known.process)
+            for other in self._protection.sharing(command.node, known.process):
+                why = self._protection.reason(other, known.process)
+                self._put(events.NodeLearned(clock.now(), other, True, why))
+        self._put(events.NodeLearned(clock.now(), command.node, known is not None, protected))
+
+    def _came_up(self, node: str, process: Optional[psutil.Process]) -> None:
+        if process is not None:
+            self._fence.adopt(node, Known("", process))
+        self._put(events.NodeCameUp(clock.now(), node))
 
     def _find(self, command: events.FindNode) -> None:
-        where = self._fence.find(command.node, command.successor)
-        self._put(events.NodeFound(clock.now(), command.node, where))
+        found = self._fence.find(command.node, command.topic, command.successor)
+        starter = self._fence.starter(command.node)
+        self._put(events.NodeFound(clock.now(), command.node, *found, starter))
 
     def _ask_to_leave(self, command: events.AskToLeave) -> None:
-        self._fence.ask_to_leave(command.node, lambda: self._left(command.node))
+        node = command.node
+        failed = lambda why: self._untouchable(node, why)
+        self._fence.ask_to_leave(node, lambda: self._left(node), failed)
 
     def _end_process(self, command: events.EndProcess) -> None:
-        try:
-            self._fence.end_process(command.node, lambda: self._left(command.node))
-        except psutil.AccessDenied:
-            self._put(events.ProcessUntouchable(clock.now(), command.node))
+        node = command.node
+        failed = lambda why: self._untouchable(node, why)
+        self._fence.end_process(node, lambda: self._left(node), failed)
+
+    def _clear(self, command: events.ClearNode) -> None:
+        if not self._fence.clear(command.node):
+            self._put(events.NodeUnregistered(clock.now(), command.node))
 
     def _left(self, node: str) -> None:
         self._put(events.NodeLeft(clock.now(), node))
 
+    def _untouchable(self, node: str, why: str) -> None:
+        self._put(events.ProcessUntouchable(clock.now(), node, why))
+
     def _start(self, command: events.StartSubstitute) -> None:
-        try:
-            self._processes.start(command)
-        except OSError as error:
-            self._put(events.ProcessExited(clock.now(), command.node, str(error)))
-            return
+        self._processes.start(command)
         self._put(events.SubstituteStarted(clock.now(), command.node, self._decided))
+
+    def _stop(self, command: events.StopSubstitute) -> None:
+        self._processes.stop(command.node, answers=not self._life.is_silent(command.node))
 
     def _assigned(self, command: events.AssignSubstitute) -> None:
         self._put(events.SubstituteStarted(clock.now(), command.node, self._decided))
 
     def _restart(self, command: events.RestartNode) -> None:
         try:
-            with_us = self._restarts.start(command.node)
+            process, with_us = self._restarts.start(command.node)
+            self._fence.adopt(command.node, Known("", process))
         except (ShsaError, OSError) as error:
             self._put(events.RestartFailed(clock.now(), command.node, str(error)))
             return
-        self._put(events.NodeRestarted(clock.now(), command.node, with_us))
+        identities = self._restarts.identities(command.node)
+        self._put(events.NodeRestarted(clock.now(), command.node, with_us, *identities))
+
+    def _write_down(self, command: events.WriteDown) -> None:
+        assert self._records is not None
+        self._records.write(command.records, command.removed)
 
     def _run_command(self, command: events.RunCommand) -> None:
         program = command.words[0]
@@ -253,28 +411,51 @@ class ReconfiguratorNode:
         self._substitutions.update(map(substitution_message, command.rows), command.removed)
 
     def _show_som(self, command: events.ShowSom) -> None:
+        self._master.introduce(*(row.service.topic for row in command.rows))
         self._som_state.update(map(wire.service_state, command.rows), command.removed)
 
+    def _report(self) -> None:
+        told = self._core.needed(), self._incidents.open(), self._master.told()
+        self._diagnostics.show(told)
+
     def _failure(self, message: msg.Failure) -> None:
+        if not message.sent and self._queue.qsize() > MOST_WAITING:
+            rospy.logerr_throttle(10.0, "Failures that nobody signed come too fast: dropped.")
+            return
+        if not message.sent and message.kind == msg.Failure.NO_VALUE:
+            return  # only a substitute of ours can tell that, and it signs
         try:
             self._put(wire.failure_seen(message))
         except ShsaError as error:
             rospy.logerr("Refused a message on %s: %s.", names.FAILURES, error)
 
     def _health(self, message: msg.Health) -> None:
+        anew = self._health_began not in (0, message.began)  # another monitor
+        self._health_began = message.began
         try:
-            self._put(wire.health_seen(message))
+            self._put(wire.health_seen(message, anew))
         except ShsaError as error:
             rospy.logerr("Refused a message on %s: %s.", names.HEALTH, error)
 
+    def _calibrated(self, message: msg.Calibrations) -> None:
+        try:
+            self._put(wire.calibrations_heard(message))
+        except ShsaError as error:
+            rospy.logerr("Refused a message on %s: %s.", names.CALIBRATIONS, error)
+
 
 def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
-    """The ontology and the SOM in two files. Raises ModelError that names every error in them."""
+    """The ontology and the SOM in two files.
+
+    Raises ModelError that names every error in them, or why a SOM that starts programs is not
+    believed.
+    """
     read_ontology, errors = load_ontology(ontology)
-    read_som, som_errors = load_som(som)
+    read_som, som_errors = load_som(som, rospy.get_namespace())
     errors = [*errors, *som_errors]
     if errors:
-        raise ModelError(errors[0].where, "; ".join([errors[0].what, *map(str, errors[1:])]))
+        raise ModelErrors(errors)
+    refuse_others_commands(read_som, som)
     return read_ontology, read_som
 
 
@@ -283,19 +464,26 @@ def _substitute_journals(journal: str) -> str:
     return os.path.splitext(journal)[0] + ".substitute_" if journal else ""
 
 
-def _leftovers(prefix: str) -> Tuple[str, ...]:
-    """The substitutes that a former reconfigurator left behind."""
-    publishers, _, _ = rosgraph.Master(rospy.get_name()).getSystemState()
-    nodes = {node for _, names_ in publishers for node in names_}
-    return tuple(sorted(node for node in nodes if node.startswith(prefix)))
-
-
 def main() -> None:
     """Run the reconfigurator node."""
     parser = argparse.ArgumentParser(prog="reconfigurator", description=main.__doc__)
     parser.add_argument("--ontology", required=True, help="the ontology file")
     parser.add_argument("--som", required=True, help="the service-to-ontology mapping file")
     parser.add_argument("--incident-log", default="", help="a file for one JSON line an incident")
+    parser.add_argument("--dry-run", action="store_true", help="advise: kill and start nothing")
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
+    parser.add_argument("--secret", default="", help="the file with the secret of healing")
+    parser.add_argument(
+        "--unsigned-failures", action="store_true", help="believe failures that nobody signed"
+    )
+    parser.add_argument(
+        "--no-operator",
+        action="store_true",
+        help="refuse whoever calls release, reload, substitute",
+    )
+    parser.add_argument("--restart-as-root", action="store_true", help="also if we are root")
+    sandbox = "a program and its arguments to run the substitutes in"
+    parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
+    await_turn("reconfigurator")
     run("reconfigurator", lambda: ReconfiguratorNode(arguments).spin())

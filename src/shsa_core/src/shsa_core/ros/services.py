@@ -13,15 +13,23 @@ from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.model.service import Service
 from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.messages import one_message
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 
 ANSWER_TIMEOUT_S = 5.0
+NO_OPERATOR = (
+    "refused: this reconfigurator was started with operator:=false, and does nothing on request"
+)
+LAST_MESSAGE_TIMEOUT_S = 0.5
 
 
 class Services:
-    """Asks the core in turn with its events, by `enqueue`; `put` hands it an event."""
+    """Asks the core in turn with its events, by `enqueue`; `put` hands it an event.
+
+    ROS cannot tell who calls. `operator`: whether what changes something is done for anybody.
+    """
 
     def __init__(
         self,
@@ -30,12 +38,14 @@ class Services:
         put: Callable[[events.Event], None],
         incidents: Incidents,
         reload: Callable[[], str],
+        operator: bool,
     ) -> None:
         self._core = core
         self._enqueue = enqueue
         self._put = put
         self._incidents = incidents
         self._reload = reload
+        self._operator = operator
         rospy.Service(names.FIND_SUBSTITUTE, srv.FindSubstitute, self._find_substitute)
         rospy.Service(names.RELEASE, srv.Release, self._release)
         rospy.Service(names.RELOAD, srv.Reload, self._reload_models)
@@ -81,9 +91,15 @@ class Services:
         except ShsaError as error:
             return srv.FindSubstituteResponse(found=False, detail=str(error))
 
+    def _asked_to_act(self, name: str) -> Service:
+        """As _needed, for who may ask. Raises ShsaError."""
+        if not self._operator:
+            raise ShsaError(NO_OPERATOR)
+        return self._needed(name)
+
     def _release(self, request: srv.ReleaseRequest) -> srv.ReleaseResponse:
         try:
-            service = self._needed(request.topic)
+            service = self._asked_to_act(request.topic)
         except ShsaError as error:
             return srv.ReleaseResponse(success=False, detail=str(error))
         self._put(events.Released(clock.now(), service.name))
@@ -91,6 +107,8 @@ class Services:
         return srv.ReleaseResponse(success=True, detail=text)
 
     def _reload_models(self, _: srv.ReloadRequest) -> srv.ReloadResponse:
+        if not self._operator:
+            return srv.ReloadResponse(False, NO_OPERATOR)
         try:
             return srv.ReloadResponse(True, self._reload())
         except ShsaError as error:
@@ -98,11 +116,14 @@ class Services:
 
     def _substitute(self, goal: msg.SubstituteGoal) -> None:
         try:
-            service = self._needed(goal.topic)
+            service = self._asked_to_act(goal.topic)
         except ShsaError as error:
             self._action.set_aborted(text=str(error))
             return
-        self._put(events.SubstituteRequested(clock.now(), service.name))
+        # The monitor sends the last message of what has failed, and this has not.
+        message = one_message(service.topic, service.type, service.node, LAST_MESSAGE_TIMEOUT_S)
+        last = wire.last_message(message)
+        self._put(events.SubstituteRequested(clock.now(), service.name, last))
         incident = self._incidents.await_settled(
             service.name, self._feedback, self._action.is_preempt_requested
         )

@@ -2,7 +2,8 @@
 import functools
 import os
 import sys
-from typing import TYPE_CHECKING, Callable, Tuple
+import threading
+from typing import TYPE_CHECKING, Callable, Iterable, Iterator, Optional, Tuple
 
 import rospy
 from shsa_msgs import msg
@@ -11,13 +12,17 @@ from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.model.substitution import Substitution
 from shsa_core.ros.graph import announce, clock
-from shsa_core.ros.graph.fields import Field
+from shsa_core.message_types import message_class
+from shsa_core.ros.graph.composing import read_message
+from shsa_core.ros.graph.heartbeats import RECONFIGURATOR, Heart
+from shsa_core.ros.graph.fields import Field, problem
 from shsa_core.ros.graph.inbox import Inbox
 from shsa_core.ros.graph.inputs import Inputs, Values
-from shsa_core.ros.graph.messages import message_class
 from shsa_core.ros.graph.node_api import FAILURES
-from shsa_core.ros.graph.original import served_consumers
+from shsa_core.ros.graph.original import Originals
 from shsa_core.ros.graph.outputs import Outputs
+from shsa_core.ros.graph import secret
+from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import only_rows_of, substitution_row
 from shsa_core.ros.graph.tables import TableSubscriber
@@ -29,7 +34,13 @@ from shsa_core.substitution.signals import JOURNAL, VARIABLE, decode
 if TYPE_CHECKING:
     from shsa_core.journal.writer import JournalWriter
 
+SIMULATED_S = 0.002
+"""At least so long between two looks at /clock, which nobody can wait for."""
 POLL_S = 0.1  # between two looks whether ROS shuts down
+ALONE_S = 60.0  # without a reconfigurator; a launch starts it again within 2 s
+PREPARE_PAUSE_S = 0.01
+"""Between two registrations that are in no hurry: each costs other nodes a connection, and a node
+that has many to make at once does not publish meanwhile."""
 USAGE = "usage: rosrun shsa_core substitute INPUTS CODE OUTPUT"
 Paths = Tuple[str, ...]
 
@@ -46,33 +57,42 @@ class SubstituteNode:
 
     One thread handles events in order, and publishes. What waits for the master or for another node
     has threads of its own: a takeover needs neither. `journal`: a file for every event; empty:
-    none.
+    none. Without the secret of healing, as one that was started by hand, it takes no commands.
     """
 
     def __init__(self, row: Substitution, journal: str) -> None:
+        self._clock = clock.RobotClock()
         self._name = row.node
         self._row = row
         self._listed = False
         self._idle = row.idle
+        self._hurry = threading.Event()
+        path = os.environ.get(secret.VARIABLE, "")
+        self._signing = Signing(path, make=False) if path else None
         self._core = machine.Substitute()
         self._journal = _journal(journal) if journal else None
         self._inbox = Inbox()
+        self._heart = Heart(RECONFIGURATOR)
         self._inputs = Inputs(self._heard)
         self._outputs = Outputs(self._advertised, self._joined)
         self._registrations = Worker("registrations")
+        self._telling = Worker("telling")
         self._calls = Worker("calls")
         self._looks = Worker("looks")
+        self._originals = Originals()
         self._carry_out: Table[None] = table(
             events.Command,
             {
                 events.Listen: self._listen,
                 events.Advertise: self._advertise,
                 events.Withdraw: self._withdraw,
+                events.Compose: self._outputs.compose,
                 events.Publish: self._publish,
                 events.Announce: self._announce,
                 events.FindSubscribers: self._find_subscribers,
                 events.Tell: self._tell,
                 events.LookAtOriginal: self._look_at_original,
+                events.TellNoValue: self._tell_no_value,
                 events.GiveUp: self._give_up,
                 events.Log: self._log,
             },
@@ -90,19 +110,28 @@ class SubstituteNode:
                 self._journal.close()
 
     def _follow(self) -> None:
-        self._feed(events.Started(clock.now(), self._row, unusable(self._row)))
-        message_class = only_rows_of(self._name, lambda: self._idle)
-        TableSubscriber(names.SUBSTITUTIONS, message_class, self._table)
+        self._feed(
+            events.Started(self._clock.now(), self._row, unusable(self._row), clock.ros_ns())
+        )
+        if self._signing is not None:
+            message_class = only_rows_of(self._name, lambda: self._idle)
+            TableSubscriber(names.SUBSTITUTIONS, message_class, self._table, self._signing)
+            self._telling.put(self._failures)  # known before it has something to tell
+        alone = False
         while not rospy.is_shutdown():
             deadline = self._core.next_deadline()
-            wait = POLL_S if deadline is None else min(POLL_S, deadline - clock.now())
-            self._inbox.wait(wait)
+            wait = POLL_S if deadline is None else min(POLL_S, deadline - self._clock.now())
+            self._inbox.wait(max(wait, SIMULATED_S) if clock.is_simulated() else wait)
+            self._heart.beat()
+            if self._heart.unheard > ALONE_S and not alone:
+                self._feed(events.LeftAlone(self._clock.now()))
+            alone = self._heart.unheard > ALONE_S
             self._inbox.ready()
             for event in self._inbox.take():
                 self._feed(event)
             deadline = self._core.next_deadline()
-            if deadline is not None and clock.now() >= deadline:
-                self._feed(events.Tick(clock.now()))
+            if deadline is not None and self._clock.now() >= deadline:
+                self._feed(events.Tick(self._clock.now()))
 
     def _feed(self, event: events.Event) -> None:
         if self._journal is not None:
@@ -117,45 +146,72 @@ class SubstituteNode:
 
     def _table(self, message: msg.Substitutions) -> None:
         ours = [row for row in message.substitutions if row.node == self._name]
-        for found in ours:
-            row = substitution_row(found)
+        for row in self._rows(ours):
             self._listed = True
             self._idle = row.idle
-            self._inbox.put(events.RowChanged(clock.now(), row, unusable(row)))
+            if not row.idle:
+                self._hurry.set()
+            problems_of, last = unusable(row), last_message(row)
+            now = self._clock.now(), clock.ros_ns()
+            self._inbox.put(events.RowChanged(now[0], row, problems_of, last, now[1]))
         gone = message.whole and not ours or self._name in message.removed
         if gone and self._listed:
             self._listed = False
-            self._inbox.put(events.RowRemoved(clock.now()))
+            self._inbox.put(events.RowRemoved(self._clock.now()))
         if self._idle:
-            plans = tuple(substitution_row(row) for row in message.substitutions if not row.node)
+            plans = tuple(self._rows([row for row in message.substitutions if not row.node]))
             problems = tuple(problem for plan in plans for problem in unusable(plan))
             removed = tuple(message.removed)
             self._inbox.put(
-                events.PlansChanged(clock.now(), plans, removed, message.whole, problems)
+                events.PlansChanged(self._clock.now(), plans, removed, message.whole, problems)
             )
 
-    def _heard(self, topic: str, publisher: str, values: Values) -> None:
-        self._inbox.put(events.InputArrived(clock.now(), topic, publisher, values))
+    def _rows(self, messages: Iterable[msg.Substitution]) -> Iterator[Substitution]:
+        """The rows of a table, as far as they are any: one that is not costs no other."""
+        for each in messages:
+            try:
+                yield substitution_row(each)
+            except ShsaError as error:
+                text = f"A row for {each.service} is refused: {error}"
+                rospy.logwarn_throttle_identical(60.0, text)
+
+    def _heard(self, topic: str, publisher: str, values: Values, stamp: int) -> None:
+        now = self._clock.now()
+        self._inbox.put(events.InputArrived(now, topic, publisher, values, stamp, clock.ros_ns()))
 
     def _advertised(self, topic: str) -> None:
-        self._inbox.put(events.Advertised(clock.now(), topic))
+        self._inbox.put(events.Advertised(self._clock.now(), topic))
 
     def _joined(self, topic: str, consumer: str) -> None:
-        self._inbox.put(events.ConsumerJoined(clock.now(), topic, consumer))
+        self._inbox.put(events.ConsumerJoined(self._clock.now(), topic, consumer))
 
     # Commands.
 
     def _listen(self, command: events.Listen) -> None:
-        self._registrations.put(lambda: self._inputs.listen(command.inputs))
+        for signal in command.inputs:
+            self._register(functools.partial(self._inputs.listen, (signal,)))
 
     def _advertise(self, command: events.Advertise) -> None:
-        self._registrations.put(lambda: self._outputs.advertise(command.topic, command.type))
+        self._register(
+            lambda: self._outputs.advertise(command.topic, command.type, command.latched)
+        )
+
+    def _register(self, call: Callable[[], None]) -> None:
+        """Make a call to the master; whoever is idle makes room for others after it."""
+        self._registrations.put(call)
+        if self._idle:
+            self._registrations.put(lambda: self._hurry.wait(PREPARE_PAUSE_S))
 
     def _withdraw(self, command: events.Withdraw) -> None:
         self._registrations.put(lambda: self._outputs.withdraw(command.topics))
 
     def _publish(self, command: events.Publish) -> None:
-        self._outputs.publish(command.outputs, command.values, command.served, command.only)
+        try:
+            self._outputs.publish(command)
+        except (ShsaError, rospy.ROSSerializationException) as error:
+            # A value that the message cannot hold is no value.
+            topic = command.outputs[0].topic
+            rospy.logwarn_throttle_identical(10.0, f"{self._name}: {topic}: {error}")
 
     def _announce(self, command: events.Announce) -> None:
         def call() -> None:
@@ -167,7 +223,7 @@ class SubstituteNode:
         def call() -> None:
             for topic, nodes in announce.find_subscribers(command.topics).items():
                 connected = self._outputs.connected(topic)
-                self._inbox.put(events.SubscribersFound(clock.now(), topic, nodes, connected))
+                self._inbox.put(events.SubscribersFound(self._clock.now(), topic, nodes, connected))
 
         self._call(f"looking for the subscribers of {', '.join(command.topics)}", call)
 
@@ -183,16 +239,38 @@ class SubstituteNode:
             try:
                 call()
             except FAILURES as error:
-                self._inbox.put(events.CallFailed(clock.now(), what, str(error)))
+                self._inbox.put(events.CallFailed(self._clock.now(), what, str(error)))
 
         self._calls.put(guarded)
 
     def _look_at_original(self, look: events.LookAtOriginal) -> None:
         def call() -> None:
-            consumers = served_consumers(look.topic, look.original)
-            self._inbox.put(events.OriginalServes(clock.now(), look, consumers))
+            served = self._originals.served_consumers(look.topic, look.original)
+            up, consumers = served is not None, served or frozenset()
+            self._inbox.put(events.OriginalServes(self._clock.now(), look, consumers, up))
 
         self._looks.put(call)
+
+    def _tell_no_value(self, command: events.TellNoValue) -> None:
+        if self._signing is None:
+            return  # nobody would believe it
+        failure = msg.Failure(
+            service=command.service,
+            topic=command.topic,
+            publisher=self._name,
+            kind=msg.Failure.NO_VALUE,
+            detail="the program has no value now",
+        )
+        failure.header.stamp = rospy.Time.now()
+        self._telling.put(lambda: self._failures()(failure))
+
+    @functools.lru_cache(maxsize=None)
+    def _failures(self) -> Callable[[msg.Failure], None]:
+        """How it tells of itself; made once, by the thread that may wait for the master."""
+        assert self._signing is not None
+        sign = self._signing.signer(names.FAILURES, msg.Failure)
+        publisher = rospy.Publisher(names.FAILURES, msg.Failure, queue_size=10)
+        return lambda failure: publisher.publish(sign(failure))
 
     def _give_up(self, command: events.GiveUp) -> None:
         raise ShsaError(command.reason)
@@ -203,21 +281,28 @@ class SubstituteNode:
 
 def unusable(row: Substitution) -> events.Unusable:
     """The signals of a row that cannot be read or written here, each with the reason."""
-    problems = ((each, _problem(each.type, each.field)) for each in (*row.inputs, *row.outputs))
-    return tuple((signal, problem) for signal, problem in problems if problem)
+    problems = [(each, problem(each.type, each.field, False)) for each in row.inputs]
+    problems += [(each, problem(each.type, each.field, True)) for each in row.outputs]
+    return tuple((signal, why) for signal, why in problems if why)
 
 
-@functools.lru_cache(maxsize=None)
-def _problem(kind: str, field: str) -> str:
-    """Why a field cannot be read or written; empty if it can.
-
-    A takeover asks for nothing that is new.
-    """
+def last_message(row: Substitution) -> Optional[events.LastMessage]:
+    """What the last good message of a row held; None if there is none that can be read."""
+    if not row.last_message or not row.outputs:
+        return None
     try:
-        Field(message_class(kind), field)
+        kind = message_class(row.outputs[0].type)
+        message = read_message(kind, row.last_message)
+        fields = (signal.field for signal in row.outputs)
+        found = ((field, Field(kind, field).get(message)) for field in fields)
+        values = tuple((field, value) for field, value in found if value is not None)
     except ShsaError as error:
-        return str(error)
-    return ""
+        rospy.logwarn_throttle_identical(
+            60.0, f"{row.node}: the last message of {row.service} is not used: {error}"
+        )
+        return None
+    stamp = message.header.stamp.to_nsec() if kind._has_header else 0
+    return events.LastMessage(values, min(stamp, clock.ros_ns()))
 
 
 def _paths(text: str) -> Paths:
@@ -255,7 +340,7 @@ def _journal(path: str) -> "JournalWriter":
 def main() -> None:
     """Run the node: three strings on the command line.
 
-    `~muted` starts it muted, `~journal` is a file for every event.
+    `~muted` starts it muted; the environment's SHSA_JOURNAL is a file for every event.
     """
     arguments = rospy.myargv(sys.argv)[1:]
     if len(arguments) != 3:
@@ -265,9 +350,10 @@ def main() -> None:
 
     def work() -> None:
         if text is None:
-            SubstituteNode(_by_hand(*strings), rospy.get_param("~journal", "")).spin()
+            row = _by_hand(*strings)
         else:
-            SubstituteNode(_by_reconfigurator(*strings, text), os.environ.get(JOURNAL, "")).spin()
+            row = _by_reconfigurator(*strings, text)
+        SubstituteNode(row, os.environ.get(JOURNAL, "")).spin()
 
     run("substitute", work)
 

@@ -11,7 +11,7 @@ from typing import Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 
 from shsa_core.model.network import Network
 from shsa_core.search.derivation import LOST, MOST, NOT_RATED, SourceTable
-from shsa_core.search.missing import last_parts
+from shsa_core.search.missing import lacking
 from shsa_core.search.ratings import Ratings
 
 Usable = Callable[[int], bool]
@@ -167,17 +167,18 @@ class BestDerivations:
                         heappush(candidates, (*ratings.by_function(function), output))
 
     def missing(self, target: int, ratings: Optional[Ratings] = None) -> List[str]:
-        """The properties without which every derivation of `target` ended, in order.
+        """The properties without which every derivation of `target` ended, in order of their names.
 
-        Of the properties in reach that have no derivation they are the last ones: those that depend
-        on no other such property, or only on one another. What depends on the target itself cannot
-        help it.
+        With all of them it could be derived; see `lacking`. Usually fewer would do: each way that
+        has ended is told of. What depends on the target itself cannot help it.
         """
         rated = self.ratings if ratings is None else ratings
+        inputs_of = self._network.inputs_of
 
-        def lost_inputs(number: int) -> List[int]:
-            of = (self._network.inputs_of(function) for function in self.functions(number))
-            return [i for inputs in of if target not in inputs for i in inputs if rated[i] == LOST]
+        def lost_inputs(number: int) -> List[List[int]]:
+            of = map(inputs_of, self.functions(number))
+            return [
+                [i for i in inputs if rated[i] == LOST] for inputs in of if target not in inputs
+            ]
 
-        last = last_parts(target, lost_inputs) - {target}
-        return sorted(self._network.names[number] for number in last)
+        return sorted(self._network.names[number] for number in lacking(target, lost_inputs))

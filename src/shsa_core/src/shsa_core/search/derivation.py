@@ -1,4 +1,5 @@
 """Derivations: how a property is obtained from sources, and how good that is."""
+import math
 from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from shsa_core.model.network import Network
@@ -18,6 +19,9 @@ Rating = Tuple[int, int, int, int, float]
 NOTHING, NOT_RATED, SOURCE, FUNCTION = -1, 0, 1, 2
 LOST: Rating = (MOST + 1, 0, 0, NOTHING, 0.0)  # worse than any derivation
 UNRATED: Rating = (0, 0, 0, NOT_RATED, 0.0)
+
+
+Name = Tuple[float, str, str]
 
 
 class Derivation:
@@ -43,15 +47,15 @@ class Derivation:
         self.inputs = inputs
 
     def __repr__(self) -> str:
-        return f"<{self.property} by {self.name[0]}>"
+        return f"<{self.property} by {self.name[1]}>"
 
     @property
-    def name(self) -> Tuple[str, str]:
-        """What it is ordered by: the path and node of the source, or the relation."""
+    def name(self) -> Name:
+        """What it is ordered by: the period, path and node of the source, or the relation."""
         if self.source is not None:
-            return self.source.path, self.source.node
+            return _name(self.source)
         assert self.function is not None
-        return self.function.relation, ""
+        return math.inf, self.function.relation, ""
 
     def unique(self) -> List["Derivation"]:
         """This derivation and all that it is made of, each object once, in order of first use."""
@@ -83,16 +87,16 @@ class JointDerivation(Derivation):
         super().__init__("", None, None, inputs)
 
     @property
-    def name(self) -> Tuple[str, str]:
+    def name(self) -> Name:
         """There is nothing to order it by but its inputs."""
-        return "", ""
+        return 0.0, "", ""
 
 
 def names_before(one: Derivation, other: Derivation) -> bool:
     """Whether `one` comes before `other` by name, for two derivations of one property.
 
-    Names are compared from the result to the inputs, left to right: a source's path and node, a
-    relation's name.
+    Names are compared from the result to the inputs, left to right: a source's period, path and
+    node, a relation's name.
     """
     equal: Set[Tuple[Derivation, Derivation]] = set()
     stack = [(one, other)]
@@ -125,10 +129,13 @@ def rate_source(source: Source) -> Rated:
     return Rated(key, source.quality, Derivation(source.property, source, None))
 
 
-def rate_function(function: TransferFunction, inputs: Sequence[Rated]) -> Rated:
-    """The derivation of a function's output from derivations of its inputs."""
+def rate_function(function: TransferFunction, price: int, inputs: Sequence[Rated]) -> Rated:
+    """The derivation of a function's output from derivations of its inputs.
+
+    `price`: what the function costs, by the network.
+    """
     derivation = Derivation(function.output, None, function, tuple(r.derivation for r in inputs))
-    return _rate(derivation, cost(function.quality), 1, function.quality, inputs)
+    return _rate(derivation, price, 1, function.quality, inputs)
 
 
 def rate_joint(parts: Sequence[Rated]) -> Rated:
@@ -252,6 +259,12 @@ def _index(named: Dict[str, Dict[Source, None]], source: Source) -> None:
         named.setdefault(name, {})[source] = None
 
 
-def _order(source: Source) -> Tuple[int, str, str]:
+def _order(source: Source) -> Tuple[int, Name]:
     """The best first."""
-    return cost(source.quality), source.path, source.node
+    return cost(source.quality), _name(source)
+
+
+def _name(source: Source) -> Name:
+    """Of two that are as good the faster comes first: its value is the newer one."""
+    period = source.service.period
+    return math.inf if period is None else period, source.path, source.node

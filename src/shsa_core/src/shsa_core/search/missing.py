@@ -1,22 +1,32 @@
 """What a property lacks that has no derivation."""
-from typing import Callable, Dict, Iterator, List, Sequence, Set, Tuple
+from itertools import chain
+from typing import Callable, Dict, Iterable, Iterator, List, Sequence, Set, Tuple
 
-Inputs = Callable[[int], Sequence[int]]
+Functions = Callable[[int], Sequence[Iterable[int]]]
+"""The lost inputs of each function that yields a property: all of them are needed."""
+
 DONE = 2**62  # later than any visit
 
 
-def last_parts(target: int, inputs: Inputs) -> Set[int]:
-    """The members of those parts in reach of `target` from which no other part is reached.
+def lacking(target: int, functions: Functions) -> Set[int]:
+    """The lost properties in reach of `target` from which, supplied, all others can be derived.
 
-    A part is a property, or several that depend on one another; `inputs` are those that a property
-    depends on at once. Linear in what is in reach (R. Tarjan: Depth-first search and linear graph
-    algorithms, SIAM J. Computing 1, 1972).
+    `functions` give the lost inputs of a property's functions, save of those that use the target:
+    these do not help it. A part is a property, or several that depend on one another; each comes
+    after those that it depends on. Named is what can still not be derived within its part, once all
+    before it can: what has no function, and what waits for itself. Not the fewest names, since
+    each way to the target counts. Linear in what is in reach (R. Tarjan: Depth-first search and
+    linear graph algorithms, SIAM J. Computing 1, 1972).
     """
-    last: Set[int] = set()
+    named: Set[int] = set()
     order: Dict[int, int] = {target: 0}  # of the visits; DONE once the part is complete
     leaving: Set[int] = set()  # those that reach another part
     pending = [target]
-    number, left, earliest = target, iter(inputs(target)), 0
+    own = functions(target)
+    number, earliest = target, 0
+    left: Iterator[int] = chain.from_iterable(own)
+    if not own:
+        return named
     path: List[
         Tuple[int, Iterator[int], int]
     ] = []  # those above, their inputs that are left, and the earliest visit that each reaches
@@ -24,8 +34,14 @@ def last_parts(target: int, inputs: Inputs) -> Set[int]:
         for input_ in left:
             seen = order.get(input_)
             if seen is None:
+                own = functions(input_)
+                if not own:
+                    order[input_] = DONE
+                    named.add(input_)
+                    leaving.add(number)
+                    continue
                 path.append((number, left, earliest))
-                number, left, earliest = input_, iter(inputs(input_)), len(order)
+                number, left, earliest = input_, chain.from_iterable(own), len(order)
                 order[number] = earliest
                 pending.append(number)
                 break
@@ -38,16 +54,42 @@ def last_parts(target: int, inputs: Inputs) -> Set[int]:
             if complete:
                 part = _taken(pending, number)
                 if leaving.isdisjoint(part):
-                    last.update(part)
+                    named.update(part)  # each waits for another one
+                elif len(part) > 1:
+                    named.update(_waiting(part, functions))
                 order.update(dict.fromkeys(part, DONE))
             if not path:
-                return last
+                return named
             reached = earliest
             number, left, earliest = path.pop()
             if complete:
                 leaving.add(number)
             elif reached < earliest:
                 earliest = reached
+
+
+def _waiting(part: Sequence[int], functions: Functions) -> Set[int]:
+    """What cannot be derived of a part, though all that it depends on outside of it can be."""
+    members = frozenset(part)
+    waiting = set(part)
+    users: Dict[int, List[Tuple[int, List[int]]]] = {}  # the functions that wait for a property
+    ready: List[int] = []
+    for number in part:
+        for inputs in functions(number):
+            inside = [input_ for input_ in inputs if input_ in members]
+            count = [len(inside)]
+            for input_ in inside:
+                users.setdefault(input_, []).append((number, count))
+            if not inside:
+                ready.append(number)
+    waiting.difference_update(ready)
+    while ready:
+        for output, count in users.pop(ready.pop(), ()):
+            count[0] -= 1
+            if not count[0] and output in waiting:
+                waiting.discard(output)
+                ready.append(output)
+    return waiting
 
 
 def _taken(pending: List[int], number: int) -> List[int]:

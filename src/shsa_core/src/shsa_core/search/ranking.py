@@ -158,7 +158,7 @@ class Ranking:
         candidates = [Candidate(rate_source(source)) for source in self._sources.of(number)]
         for f in best.functions(number):
             inputs = self._network.inputs_of(f)
-            rate = partial(rate_function, self._network.functions[f])
+            rate = partial(rate_function, self._network.functions[f], self._network.costs[f])
             candidate = self._candidate(rate, inputs, ratings, cycle, path)
             if candidate is not None:
                 candidates.append(candidate)

@@ -69,7 +69,7 @@ class Advertising:
         if output.topic in self._ready:
             return []
         self._ready[output.topic] = False
-        return [Advertise(output.topic, output.type)]
+        return [Advertise(output.topic, output.type, output.latched)]
 
     def advertised(self, topic: str, now: float) -> List[Command]:
         """A topic can be published on; where there is a hurry, everybody is told at once."""

@@ -3,9 +3,9 @@
 Times in s on one monotonic clock.
 """
 from dataclasses import dataclass
-from typing import FrozenSet, Tuple, Union
+from typing import FrozenSet, Optional, Tuple, Union
 
-from shsa_core.model.kinds import Word
+from shsa_core.model.kinds import Others, Word
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 
@@ -14,26 +14,53 @@ Unusable = Tuple[Tuple[Signal, str], ...]
 
 
 @dataclass(frozen=True)
+class LastMessage:
+    """What the last good message of a row held: the fields that it writes, each by name.
+
+    `stamp` is that of its header, in ns; 0: it has none.
+    """
+
+    values: Tuple[Tuple[str, float], ...]
+    stamp: int = 0
+
+
+@dataclass(frozen=True)
 class Started:
-    """The node has started as `row` says, which no table has named yet; idle without code."""
+    """The node has started as `row` says, which no table has named yet; idle without code.
+
+    `ros_time`, here and elsewhere: the same moment in ns of ROS time; 0: not known.
+    """
 
     time: float
     row: Substitution
     unusable: Unusable = ()
+    ros_time: int = 0
 
 
 @dataclass(frozen=True)
 class RowChanged:
-    """The table of substitutions has a new row of this node."""
+    """The table of substitutions has a new row of this node.
+
+    `last`: what its last good message held; None: it has none that can be read.
+    """
 
     time: float
     row: Substitution
     unusable: Unusable = ()
+    last: Optional[LastMessage] = None
+    ros_time: int = 0
 
 
 @dataclass(frozen=True)
 class RowRemoved:
     """The table of substitutions has no row of this node any more."""
+
+    time: float
+
+
+@dataclass(frozen=True)
+class LeftAlone:
+    """No reconfigurator has been there for a minute."""
 
     time: float
 
@@ -54,12 +81,17 @@ class PlansChanged:
 
 @dataclass(frozen=True)
 class InputArrived:
-    """A message came from `publisher`; `values`: its fields that are listened to, each by name."""
+    """A message came from `publisher`; `values`: its fields that are listened to, each by name.
+
+    `stamp`: of its header, in ns; 0: it has none.
+    """
 
     time: float
     topic: str
     publisher: str
     values: Tuple[Tuple[str, float], ...]
+    stamp: int = 0
+    ros_time: int = 0
 
 
 @dataclass(frozen=True)
@@ -112,11 +144,15 @@ class LookAtOriginal:
 
 @dataclass(frozen=True)
 class OriginalServes:
-    """The answer to a look: the consumers to which the original has published already."""
+    """The answer to a look: the consumers to which the original has published already.
+
+    `up`: it answers, and so it may publish any moment.
+    """
 
     time: float
     look: LookAtOriginal
     consumers: FrozenSet[str]
+    up: bool = False
 
 
 @dataclass(frozen=True)
@@ -130,6 +166,7 @@ Event = Union[
     Started,
     RowChanged,
     RowRemoved,
+    LeftAlone,
     PlansChanged,
     InputArrived,
     Advertised,
@@ -159,10 +196,14 @@ class Listen:
 
 @dataclass(frozen=True)
 class Advertise:
-    """Register as a publisher, and say when that is done (Advertised)."""
+    """Register as a publisher, and say when that is done (Advertised).
+
+    `latched`: say to consumers that who subscribes late gets the newest message.
+    """
 
     topic: str
     type: str
+    latched: bool = False
 
 
 @dataclass(frozen=True)
@@ -173,16 +214,33 @@ class Withdraw:
 
 
 @dataclass(frozen=True)
+class Compose:
+    """From now on messages on a topic start from its last good one.
+
+    That is `last_message`, serialized; empty: not known. `written`: the fields that are computed,
+    each with its standard deviation, None: not known. `others`: what stands in the other fields.
+    """
+
+    topic: str
+    type: str
+    written: Tuple[Tuple[str, Optional[float]], ...]
+    others: Others = Others.UNKNOWN
+    last_message: bytes = b""
+
+
+@dataclass(frozen=True)
 class Publish:
     """Publish one message with `values` in the fields `outputs`.
 
-    It goes to the consumer `only`, empty: to every consumer but those in `served`.
+    It goes to the consumer `only`, empty: to every consumer but those in `served`. `stamp` in ns;
+    0: now.
     """
 
     outputs: Tuple[Signal, ...]
     values: Tuple[float, ...]
     served: FrozenSet[str] = frozenset()
     only: str = ""
+    stamp: int = 0
 
 
 @dataclass(frozen=True)
@@ -209,6 +267,14 @@ class Tell:
 
 
 @dataclass(frozen=True)
+class TellNoValue:
+    """Tell the reconfigurator that the program has no value now: its law does not hold."""
+
+    service: str
+    topic: str
+
+
+@dataclass(frozen=True)
 class GiveUp:
     """End the node: it cannot do what it was started for."""
 
@@ -227,11 +293,13 @@ Command = Union[
     Listen,
     Advertise,
     Withdraw,
+    Compose,
     Publish,
     Announce,
     FindSubscribers,
     Tell,
     LookAtOriginal,
+    TellNoValue,
     GiveUp,
     Log,
 ]

@@ -5,8 +5,8 @@ from shsa_core.model.service import Signal
 
 Key = Tuple[str, str]
 """A field of a topic's messages, and whose messages count; empty: anybody's."""
-Reading = Tuple[float, float]
-"""When a value came, and the value."""
+Reading = Tuple[float, float, int]
+"""When a value came, the value, and the stamp of its message in ns."""
 
 
 class Freshness:
@@ -30,14 +30,19 @@ class Freshness:
         return tuple(new)
 
     def take(
-        self, time: float, topic: str, publisher: str, values: Iterable[Tuple[str, float]]
+        self,
+        time: float,
+        topic: str,
+        publisher: str,
+        values: Iterable[Tuple[str, float]],
+        stamp: int = 0,
     ) -> None:
         """Keep the values of a message."""
         readings = self._readings.get(topic, {})
         for field, value in values:
             for key in ((field, ""), (field, publisher)):
                 if key in readings:
-                    readings[key] = time, value
+                    readings[key] = time, value, stamp
 
     def values(self, signals: Sequence[Signal], now: float) -> Optional[Tuple[float, ...]]:
         """The values of `signals`.
@@ -49,11 +54,16 @@ class Freshness:
             reading = self._readings[signal.topic][signal.field, signal.node]
             if reading is None:
                 return None
-            time, value = reading
+            time, value, _ = reading
             if signal.deadline is not None and now - time > signal.deadline:
                 return None
             found.append(value)
         return tuple(found)
+
+    def oldest(self, signals: Iterable[Signal]) -> int:
+        """The oldest stamp among the values of `signals`, in ns; 0 if there are none."""
+        readings = (self._readings[each.topic][each.field, each.node] for each in signals)
+        return min((reading[2] for reading in readings if reading is not None), default=0)
 
     def listens(self, signal: Signal) -> bool:
         """Whether the values of a signal are kept."""

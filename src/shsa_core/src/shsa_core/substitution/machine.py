@@ -8,11 +8,12 @@ from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.advertising import Advertising
-from shsa_core.substitution.events import Command, Event, Level, Log, Unusable
+from shsa_core.substitution.events import Command, Event, LastMessage, Level, Log, Unusable
 from shsa_core.substitution.freshness import Freshness
 from shsa_core.substitution.job import Job, Words, words
 from shsa_core.substitution.schedule import Schedule
 from shsa_core.substitution.settings import Settings
+from shsa_core.substitution.stamps import Stamps
 from shsa_core.substitution.yielding import Yielding
 
 
@@ -31,12 +32,16 @@ class Substitute:
         self._row = Substitution("", "", (), "", ())
         self._job: Optional[Job] = None
         self._refused: Optional[Words] = None
+        self._gave_out = False  # and the reconfigurator was told
         self._schedule = Schedule(None, math.inf)
         self._said: List[Command] = []
         self._types: Dict[str, str] = {}
         self._plans: Dict[str, Substitution] = {}
         self._unusable: Dict[Signal, str] = {}
         self._freshness = Freshness()
+        self._stamps = Stamps()
+        self._composed: Optional[events.Compose] = None
+        self._complained = False
         self._advertising = Advertising(settings)
         self._yielding = Yielding(settings)
         self._handlers: Table[List[Command]] = table(
@@ -45,6 +50,7 @@ class Substitute:
                 events.Started: self._started,
                 events.RowChanged: self._row_changed,
                 events.RowRemoved: self._row_removed,
+                events.LeftAlone: self._left_alone,
                 events.PlansChanged: self._plans_changed,
                 events.InputArrived: self._input_arrived,
                 events.Advertised: self._advertised,
@@ -104,6 +110,12 @@ class Substitute:
             )
             or self.publishing
             or yields,
+            "it publishes no integral from nobody knows where": not published
+            or job is None
+            or not job.unstarted,
+            "a stamp is the newest of its topic": all(
+                each.stamp == self._stamps.latest(each.outputs[0].topic) for each in published
+            ),
             "all that is due has been said": (self.next_deadline() or math.inf) > now,
         }
         broken = [what for what, holds in held.items() if not holds]
@@ -113,13 +125,15 @@ class Substitute:
     # What the row says.
 
     def _started(self, event: events.Started) -> List[Command]:
-        commands = self._heed(event.row, event.unusable)
+        self._stamps.clock(event.time, event.ros_time)
+        commands = self._heed(event.row, event.unusable, None)
         if self._refused is not None:
             return [events.GiveUp(command.text) for command in commands if isinstance(command, Log)]
         return commands
 
     def _row_changed(self, event: events.RowChanged) -> List[Command]:
-        return self._heed(event.row, event.unusable)
+        self._stamps.clock(event.time, event.ros_time)
+        return self._heed(event.row, event.unusable, event.last)
 
     def _row_removed(self, _: events.RowRemoved) -> List[Command]:
         """Whoever made the table may have started anew, and learns of us later.
@@ -127,6 +141,16 @@ class Substitute:
         Go on as told last.
         """
         return [Log(Level.DEBUG, "the table has no row of this node any more")]
+
+    def _left_alone(self, _: events.LeftAlone) -> List[Command]:
+        """Who publishes goes on; who only stands by for a reconfigurator has nobody to wait for.
+
+        One that somebody started by hand has no service, and is none of a reconfigurator's.
+        """
+        stands_by = self._row.idle or self._row.service != ""
+        if self.publishing or not stands_by:
+            return []
+        return [events.GiveUp("no reconfigurator has been there for a minute")]
 
     def _plans_changed(self, event: events.PlansChanged) -> List[Command]:
         """Be ready for each plan, as long as there is no work."""
@@ -138,12 +162,16 @@ class Substitute:
         self._unusable.update(event.unusable)
         return self._prepare(event.rows) if self._row.idle else []
 
-    def _heed(self, row: Substitution, unusable: Unusable) -> List[Command]:
+    def _heed(
+        self, row: Substitution, unusable: Unusable, last: Optional[LastMessage]
+    ) -> List[Command]:
         before, topic = self.publishing, self._topic
+        another_message = row.last_message != self._row.last_message
+        computed = before and self._row.quality > 0.0
         self._row = row
         self._unusable.update(unusable)
         plans = self._plans.values()
-        commands = self._prepare((row, *plans)) if row.idle else self._work(row)
+        commands = self._prepare((row, *plans)) if row.idle else self._work(row, computed)
         after, stays = self.publishing, self._topic == topic and topic in row.topics
         period = None if self._job is None else self._job.period
         same = stays and row.original == self._yielding.original
@@ -156,7 +184,29 @@ class Substitute:
             self._schedule.hasten(self._now)
         if before and not after:
             self._yielding.mute(self._now)
-        return commands
+        job = self._job
+        if last is not None and job is not None:
+            if another_message or not before or job.unstarted:
+                job.start(last.values)
+                self._complained = False
+                self._stamps.begin(job.topic, last.stamp)
+        return commands + self._compose(last)
+
+    def _compose(self, last: Optional[LastMessage]) -> List[Command]:
+        """Say what messages start from, if that has changed."""
+        job, row = self._job, self._row
+        if job is None or self._refused is not None:
+            return []
+        message = b"" if last is None else row.last_message
+        errors = (None if each.error is None else each.error.rms for each in job.outputs)
+        # No message says that it is certain: an error of 0 is written as one that is not known.
+        written = tuple((each.field, error or None) for each, error in zip(job.outputs, errors))
+        kind = job.outputs[0].type
+        compose = events.Compose(job.topic, kind, written, row.others, message)
+        if compose == self._composed:
+            return []
+        self._composed = compose
+        return [compose]
 
     @property
     def _topic(self) -> str:
@@ -183,8 +233,11 @@ class Substitute:
         self._advertising.leave_all_but(wanted, self._now)
         return commands
 
-    def _work(self, row: Substitution) -> List[Command]:
-        """Compute the program of a row; if that is not possible, the old one goes on."""
+    def _work(self, row: Substitution, computed: bool) -> List[Command]:
+        """Compute the program of a row; if that is not possible, the old one goes on.
+
+        `computed`: what the old one yields is published, and is not just safe.
+        """
         if self._job is not None and self._job.follow(row):
             self._refused = None
             self._reschedule(self._job.period)
@@ -199,6 +252,10 @@ class Substitute:
             self._refused = words(row)
             return [Log(Level.ERROR, f"refuses its program: {error}")]
         old, self._job, self._refused = self._job, job, None
+        self._gave_out = False
+        self._complained = False
+        if old is not None and old.topic == job.topic and computed:
+            job.start(old.published)  # it goes on where the old one was
         if old is not None and old.topic == job.topic:
             self._reschedule(job.period)
         else:
@@ -231,7 +288,9 @@ class Substitute:
     # When it publishes.
 
     def _input_arrived(self, event: events.InputArrived) -> List[Command]:
-        self._freshness.take(event.time, event.topic, event.publisher, event.values)
+        self._stamps.clock(event.time, event.ros_time)
+        stamp = min(event.stamp or event.ros_time, event.ros_time)
+        self._freshness.take(event.time, event.topic, event.publisher, event.values, stamp)
         job = self._job
         if job is not None and job.period is None:
             if any(signal.topic == event.topic for signal in job.inputs):
@@ -247,9 +306,9 @@ class Substitute:
         if job is None or job.latest is None or self._values() is None:
             return []
         ours = self.publishing and event.topic == job.topic and self._advertising.ready(job.topic)
-        if not ours or event.consumer in self._yielding.served:
+        if not ours or event.consumer in self._yielding.served or job.unstarted:
             return []
-        return [events.Publish(job.outputs, job.latest, only=event.consumer)]
+        return [events.Publish(job.outputs, job.latest, only=event.consumer, stamp=self._stamp())]
 
     def _values(self) -> Optional[Tuple[float, ...]]:
         """The inputs now; None without a program, and while an input is missing or stale."""
@@ -258,20 +317,64 @@ class Substitute:
         return self._freshness.values(self._job.inputs, self._now)
 
     def _publish(self) -> List[Command]:
-        """Evaluate the program if that is due.
+        """Evaluate the program if that is due, and publish unless an original may have done so.
 
         What is due while an input is stale follows as soon as it is not.
         """
+        commands = self._evaluate()
+        job = self._job
+        if self._yielding.release(self._now) and job is not None and self._may_publish(job):
+            commands.append(self._message(job))
+        return commands
+
+    def _evaluate(self) -> List[Command]:
         job, values = self._job, self._values()
         if job is None or values is None or self._now < self._schedule.due:
             return []
         job.evaluate(values, self._now)
         self._schedule.done(self._now)
-        if job.latest is None or not self._advertising.ready(job.topic):
+        if job.gave_out and not self._gave_out:
+            self._gave_out = True
+            return [events.TellNoValue(self._row.service, job.topic)]
+        self._gave_out = job.gave_out
+        if not self._may_publish(job):
             return []
-        if not self.publishing and not self._yielding.yields(self._now):
+        complaints = self._complaints(job)
+        if job.unstarted or self._yielding.hold(self._now):
+            return complaints
+        return [*complaints, self._message(job)]
+
+    def _may_publish(self, job: Job) -> bool:
+        """Whether it has something to publish, and may."""
+        if job.latest is None or not self._advertising.ready(job.topic) or self._values() is None:
+            return False
+        return self.publishing or self._yielding.yields(self._now)
+
+    def _message(self, job: Job) -> events.Publish:
+        assert job.latest is not None
+        served = self._yielding.served
+        return events.Publish(job.outputs, job.latest, served, stamp=self._stamp())
+
+    def _stamp(self) -> int:
+        """The stamp of a message that is made now: its oldest input's."""
+        assert self._job is not None
+        oldest = self._freshness.oldest(self._job.inputs)
+        return self._stamps.of(self._job.topic, oldest, self._now)
+
+    def _complaints(self, job: Job) -> List[Command]:
+        """What is said once of a program that integrates from nobody knows where."""
+        if self._complained:
             return []
-        return [events.Publish(job.outputs, job.latest, self._yielding.served)]
+        self._complained = True
+        said: List[Command] = []
+        if job.unstarted:
+            fields = ", ".join(job.unstarted)
+            text = f"publishes nothing: no last good message says where {fields} of {job.topic} was"
+            said.append(Log(Level.ERROR, text))
+        if job.hidden_integral:
+            text = f"{job.topic} is computed with an integral that has started at 0"
+            said.append(Log(Level.WARNING, text))
+        return said
 
     # What is answered.
 

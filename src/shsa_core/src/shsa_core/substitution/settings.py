@@ -13,7 +13,8 @@ class Settings:
     withdraw_delay_s: topics that are not needed any more are withdrawn so long after a program was
     taken. announce_s, prepare_s: when after advertising one looks who has not connected, in a hurry
     and without. gap_periods, shortest_gap_s: after such a time without a value, derivatives and the
-    like start anew.
+    like start anew. misses, first_misses: evaluations in a row without a value after which a
+    program says so, once it has had one and before.
     """
 
     shortest_step_share: float = 0.5
@@ -24,3 +25,5 @@ class Settings:
     prepare_s: Tuple[float, ...] = (0.5, 1.5, 3.5)
     gap_periods: float = 10.0
     shortest_gap_s: float = 1.0
+    misses: int = 2
+    first_misses: int = 10

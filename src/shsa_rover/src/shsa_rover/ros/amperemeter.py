@@ -9,7 +9,7 @@ from shsa_msgs.msg import Float64Stamped
 from shsa_core.ros.node import run
 from shsa_rover.current_sensor import CurrentSensor
 from shsa_rover.frame import Parser
-from shsa_rover.ros.parameters import text_parameter
+from shsa_rover.ros.parameters import flag_parameter, text_parameter
 
 BAUD_RATE = 115200
 READ_TIMEOUT_S = 0.5  # s without a byte until the line counts as silent
@@ -23,8 +23,8 @@ class Amperemeter:
     def __init__(self) -> None:
         self._port = text_parameter("~port")
         self._sensor = CurrentSensor()
-        self._parser = Parser()
-        self._publisher = rospy.Publisher("/battery_current", Float64Stamped, queue_size=10)
+        self._parser = Parser(flag_parameter("~checksum", False))
+        self._publisher = rospy.Publisher("battery_current", Float64Stamped, queue_size=10)
         self._reported_drops = 0
         self._stale_frames = 0
 

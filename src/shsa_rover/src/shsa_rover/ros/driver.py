@@ -1,32 +1,31 @@
 """`driver`: replays a scripted drive on `/cmd_vel`."""
+import argparse
+import sys
 import time
 
 import rospy
 from geometry_msgs.msg import Twist
 
-from shsa_core.errors import ModelError
+from shsa_core.files.regular import read_text
 from shsa_core.ros.node import run
 from shsa_rover.drive import SCRIPTED, Drive, parse_drive
-from shsa_rover.ros.parameters import flag_parameter, text_parameter
+from shsa_rover.ros.parameters import flag_parameter
 
 PERIOD_S = 0.05
+MAX_BYTES = 1_000_000
 
 
 def load_drive(path: str, loop: bool) -> Drive:
     """The drive in the file `path`, or the built-in one for an empty path."""
     if not path:
         return Drive(SCRIPTED, loop)
-    try:
-        with open(path, encoding="utf-8") as file:
-            return Drive(parse_drive(file, path), loop)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(path, f"cannot be read: {error}") from error
+    return Drive(parse_drive(read_text(path, MAX_BYTES).splitlines(), path), loop)
 
 
-def serve() -> None:
+def serve(script: str) -> None:
     """Drives until the node shuts down, and stops the rover then."""
-    drive = load_drive(text_parameter("~script", ""), flag_parameter("~loop", True))
-    publisher = rospy.Publisher("/cmd_vel", Twist, queue_size=1)
+    drive = load_drive(script, flag_parameter("~loop", True))
+    publisher = rospy.Publisher("cmd_vel", Twist, queue_size=1)
     rospy.on_shutdown(lambda: publisher.publish(Twist()))
     rospy.loginfo("Driving a script of %g s%s.", drive.duration, ", again and again" * drive.loop)
     start = due = time.monotonic()
@@ -40,4 +39,9 @@ def serve() -> None:
 
 def main() -> None:
     """The node's entry point."""
-    run("driver", serve)
+    parser = argparse.ArgumentParser(prog="driver", description=__doc__)
+    parser.add_argument(
+        "--script", default="", help="the file of the drive; empty: the built-in one"
+    )
+    script = parser.parse_args(rospy.myargv(sys.argv)[1:]).script
+    run("driver", lambda: serve(script))

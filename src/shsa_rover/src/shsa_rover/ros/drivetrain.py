@@ -6,6 +6,7 @@ from geometry_msgs.msg import AccelStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 
 from shsa_core.ros.node import publish, run
+from shsa_rover.covariance import diagonal
 from shsa_rover.odometry import Odometry
 
 
@@ -14,17 +15,20 @@ class Drivetrain:
 
     def __init__(self) -> None:
         self._odometry = Odometry()
-        self._odom = rospy.Publisher("/odom", OdometryMessage, queue_size=10)
-        self._accel = rospy.Publisher("/drivetrain/accel", AccelStamped, queue_size=10)
+        self._odom = rospy.Publisher("odom", OdometryMessage, queue_size=10)
+        self._accel = rospy.Publisher("drivetrain/accel", AccelStamped, queue_size=10)
         rospy.Subscriber(
-            "/hardware/pose", OdometryMessage, self._on_reading, queue_size=1, tcp_nodelay=True
+            "hardware/pose", OdometryMessage, self._on_reading, queue_size=1, tcp_nodelay=True
         )
 
     def _on_reading(self, reading: OdometryMessage) -> None:
         stamp = reading.header.stamp
         twist = reading.twist.twist
         state = self._odometry
-        state.update(stamp.to_sec(), twist.linear.x, twist.angular.z)
+        # A driver that says nothing of its errors has all of them 0.
+        variances = reading.twist.covariance if any(reading.twist.covariance) else diagonal(6, {})
+        errors = math.sqrt(max(0.0, variances[0])), math.sqrt(max(0.0, variances[-1]))
+        state.update(stamp.to_sec(), twist.linear.x, twist.angular.z, *errors)
         odom = OdometryMessage()
         odom.header.stamp = stamp
         odom.header.frame_id = "odom"
@@ -33,6 +37,10 @@ class Drivetrain:
         odom.pose.pose.position.y = state.y
         odom.pose.pose.orientation.z = math.sin(0.5 * state.heading)
         odom.pose.pose.orientation.w = math.cos(0.5 * state.heading)
+        position = state.position_error**2
+        flat = {0: position, 1: position, 5: state.heading_error**2}
+        odom.pose.covariance = diagonal(6, flat)
+        odom.twist.covariance = variances
         odom.twist.twist.linear.x = state.velocity
         odom.twist.twist.angular.z = state.turn_rate
         publish(self._odom, odom)

@@ -9,9 +9,9 @@ from shsa_core.ros.node import publish, run
 
 def serve() -> None:
     """Publishes the hardware's readings as they come."""
-    publisher = rospy.Publisher("/imu/data", Imu, queue_size=10)
+    publisher = rospy.Publisher("imu/data", Imu, queue_size=10)
     forward = partial(publish, publisher)
-    rospy.Subscriber("/hardware/imu", Imu, forward, queue_size=1, tcp_nodelay=True)
+    rospy.Subscriber("hardware/imu", Imu, forward, queue_size=1, tcp_nodelay=True)
     rospy.spin()
 
 

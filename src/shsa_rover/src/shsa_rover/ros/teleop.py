@@ -20,7 +20,7 @@ def serve() -> None:
 
     Restores the terminal and stops the rover at the end.
     """
-    publisher = rospy.Publisher("/cmd_vel", Twist, queue_size=1)
+    publisher = rospy.Publisher("cmd_vel", Twist, queue_size=1)
     rospy.on_shutdown(lambda: publisher.publish(Twist()))
     keys = sys.stdin.fileno()
     before = termios.tcgetattr(keys)

@@ -8,7 +8,7 @@ from shsa_core.ros.node import publish, run
 
 def serve() -> None:
     """Publishes what the hardware says, with the time of its arrival."""
-    publisher = rospy.Publisher("/battery_voltage", Float64Stamped, queue_size=10)
+    publisher = rospy.Publisher("battery_voltage", Float64Stamped, queue_size=10)
 
     def forward(reading: Float64) -> None:
         message = Float64Stamped(data=reading.data)
@@ -16,7 +16,7 @@ def serve() -> None:
         message.header.frame_id = "battery"
         publish(publisher, message)
 
-    rospy.Subscriber("/hardware/battery_voltage", Float64, forward, queue_size=1, tcp_nodelay=True)
+    rospy.Subscriber("hardware/battery_voltage", Float64, forward, queue_size=1, tcp_nodelay=True)
     rospy.spin()
 
 

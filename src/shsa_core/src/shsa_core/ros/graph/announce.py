@@ -1,11 +1,10 @@
 """Tells subscribers of a new publisher at once: the master's own notice takes up to 0.1 s."""
 import threading
-import xmlrpc.client
 from typing import Dict, Iterable, List, Sequence, Tuple
 
 import rospy
 
-from shsa_core.ros.graph.node_api import master_api, node_api
+from shsa_core.ros.graph.node_api import FAILURES, address, master_api, node_api
 
 Graph = Sequence[Tuple[str, List[str]]]
 """Topics, and the nodes that publish or subscribe each."""
@@ -26,9 +25,25 @@ def announce(topic: str, kind: str) -> None:
 
 
 def find_subscribers(topics: Iterable[str]) -> Dict[str, Tuple[str, ...]]:
-    """The nodes that subscribe each of `topics`; raises one of node_api.FAILURES."""
-    _, subscribing, _ = master_api().getSystemState()
+    """The nodes that subscribe each of `topics`; raises one of node_api.FAILURES.
+
+    A master that was started anew just after we were may not know us: then we register again.
+    """
+    publishing, subscribing, _ = master_api().getSystemState()
+    known = {topic for topic, nodes in publishing if rospy.get_name() in nodes}
+    offered = {topic for topic, _ in rospy.topics.get_topic_manager().get_publications()}
+    if offered.intersection(topics) - known:
+        _register_again()
     return {topic: tuple(of_topic(subscribing, topic)) for topic in topics}
+
+
+def _register_again() -> None:
+    """Register all that this process publishes and subscribes."""
+    manager, master, uri = rospy.topics.get_topic_manager(), master_api(), rospy.get_node_uri()
+    for topic, kind in manager.get_publications():
+        master.registerPublisher(topic, kind, uri)
+    for topic, kind in manager.get_subscriptions():
+        master.registerSubscriber(topic, kind, uri)
 
 
 def tell(topic: str, nodes: Iterable[str]) -> None:
@@ -52,8 +67,9 @@ def _tell(subscribers: Iterable[str], topic: str, publishers: List[str]) -> None
 
     def call(subscriber: str) -> None:
         try:
+            address(subscriber)
             node_api(subscriber).publisherUpdate("/master", topic, publishers)
-        except (OSError, xmlrpc.client.Error) as error:
+        except FAILURES as error:
             rospy.logdebug("%s was not told of %s: %s", subscriber, topic, error)
 
     for subscriber in subscribers:

@@ -1,8 +1,23 @@
 """Two clocks: decisions use the monotonic one, messages carry ROS time."""
+import os
+import threading
 import time
-from typing import Optional
+from typing import Optional, Tuple
 
 import rospy
+import rospy.impl.simtime
+
+WALL_TIME = "SHSA_WALL_TIME"
+"""The environment variable by which a launch says `true`: nobody's parameter stops our time."""
+LOOKS, TOGETHER_S = 3, 1e-3
+LEAP_S, LEAP = 1.0, 20.0
+"""ROS time that advances by more, and so many times faster than ours, has been set."""
+
+
+def heed_launch() -> None:
+    """To be called before the node is initialised: whether /use_sim_time counts."""
+    if os.environ.get(WALL_TIME) == "true":
+        rospy.impl.simtime._is_use_simtime = lambda: False
 
 
 def now() -> float:
@@ -10,11 +25,59 @@ def now() -> float:
     return time.monotonic()
 
 
-def to_stamp(moment: Optional[float]) -> rospy.Time:
-    """The ROS time of a monotonic moment; zero for None."""
+def offset() -> float:
+    """How far ROS time is ahead of the monotonic clock, in s.
+
+    Taken once for moments that are compared: a thread may have to wait between the two looks.
+    """
+    return float(rospy.get_time()) - now()
+
+
+def is_simulated() -> bool:
+    """Whether ROS time comes from /clock."""
+    return not rospy.rostime.is_wallclock()
+
+
+def both() -> Tuple[float, float]:
+    """The monotonic clock and ROS time in s, looked at together, as far as we were scheduled."""
+    found = []
+    for _ in range(LOOKS):
+        before, ros = now(), float(rospy.get_time())
+        found.append((now() - before, before, ros))
+        if found[-1][0] < TOGETHER_S:
+            break
+    _, moment, ros = min(found)
+    return moment, ros
+
+
+class RobotClock:
+    """The clock by which a robot's nodes publish; from any thread.
+
+    The monotonic one; under simulated time one that goes as /clock does, and never back.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._before = both()
+        self._now = self._before[0]
+
+    def now(self) -> float:
+        """Its time in s."""
+        if not is_simulated():
+            return now()
+        with self._lock:
+            before, self._before = self._before, both()
+            ours, theirs = (new - old for new, old in zip(self._before, before))
+            leaps = theirs > LEAP_S and theirs > LEAP * ours
+            self._now += ours if leaps else max(0.0, theirs)
+            return self._now
+
+
+def to_stamp(moment: Optional[float], ahead: Optional[float] = None) -> rospy.Time:
+    """The ROS time of a monotonic moment, `ahead`: the offset; zero for None."""
     if moment is None:
         return rospy.Time()
-    return rospy.Time.from_sec(max(0.0, rospy.get_time() - (now() - moment)))
+    return rospy.Time.from_sec(max(0.0, moment + (offset() if ahead is None else ahead)))
 
 
 def from_stamp(stamp: rospy.Time) -> Optional[float]:
@@ -22,3 +85,13 @@ def from_stamp(stamp: rospy.Time) -> Optional[float]:
     if stamp.is_zero():
         return None
     return now() - (rospy.get_time() - stamp.to_sec())
+
+
+def ros_ns() -> int:
+    """ROS time in ns."""
+    return int(rospy.Time.now().to_nsec())
+
+
+def from_ns(stamp: int) -> rospy.Time:
+    """A stamp in ns; 0: now."""
+    return rospy.Time(0, stamp) if stamp else rospy.Time.now()

@@ -3,22 +3,30 @@
 rospy makes the connections, each in a thread that then reads and calls back. Here that thread ends
 when the connection stands, and whoever calls `read` gets the messages straight from the sockets:
 what the kernel has received by then is handled before anybody is judged, and a connection that ends
-is seen after its last message, when it ends.
+is seen after its last message, when it ends. Whether its node has gone then, `reconnection` tells.
+
+What a connection calls itself is a claim. It counts for a node once the master has said that this
+node is at the address that we connected to; until then what comes is read and dropped, save the
+newest message, so that nobody who publishes is held up.
 """
-import struct
 import weakref
-from dataclasses import dataclass, field
-from typing import Any, Dict, Iterator, List, NamedTuple, Set, Union
+from dataclasses import dataclass
+from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Set, Tuple, Union
 
 import rospy
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.topics import _SubscriberImpl
 
+from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.bounds import bound_header
+from shsa_core.ros.graph.claims import Claims, Recognized
+from shsa_core.ros.graph.identities import Identified
 from shsa_core.ros.graph.inbox import Inbox
+from shsa_core.ros.graph.reconnection import Answered, Reconnection
+from shsa_core.ros.graph.stream import Connection
 
-CHUNK = 65536
-CHUNKS_A_TURN = 16
-"""A babbling publisher must not keep the others waiting."""
+TRIES = 3
+"""So often a connection that never stood is asked for again."""
 
 
 class Made(NamedTuple):
@@ -35,55 +43,25 @@ class Closed(NamedTuple):
     transport: Any
 
 
-@dataclass(eq=False)
-class Connection:
-    """A standing connection to a publisher."""
+class Connected(NamedTuple):
+    """The first connection to a publisher of a topic stands, or one after an interruption."""
 
     topic: str
     publisher: str
-    header: Dict[str, str]
-    transport: Any
-    descriptor: int
-    buffer: bytearray = field(default_factory=bytearray)
-
-    def read(self) -> bool:
-        """Read what has come; whether the connection still stands."""
-        for _ in range(CHUNKS_A_TURN):
-            try:
-                data = self.transport.socket.recv(CHUNK)
-            except BlockingIOError:
-                return True
-            except (OSError, AttributeError):
-                return False
-            if not data:
-                return False
-            self.buffer += data
-            if len(data) < CHUNK:
-                return True
-        return True
-
-    def messages(self) -> List[bytes]:
-        """The complete messages that were read, each once."""
-        found, start, buffer = [], 0, self.buffer
-        while len(buffer) >= start + 4:
-            end = start + 4 + struct.unpack_from("<I", buffer, start)[0]
-            if len(buffer) < end:
-                break
-            found.append(bytes(buffer[start + 4 : end]))
-            start = end
-        del buffer[:start]
-        return found
 
 
-class Connected(NamedTuple):
-    """The first connection to a publisher of a topic stands."""
+class Interrupted(NamedTuple):
+    """The last connection to a publisher was lost, but its node lives.
+
+    Connected or Lost follows soon.
+    """
 
     topic: str
     publisher: str
 
 
 class Lost(NamedTuple):
-    """The last connection to a publisher of a topic is lost."""
+    """A publisher of a topic is gone: its node, or what it offered."""
 
     topic: str
     publisher: str
@@ -96,7 +74,22 @@ class Arrived(NamedTuple):
     data: bytes
 
 
-Happening = Union[Connected, Lost, Arrived]
+Happening = Union[Connected, Interrupted, Lost, Arrived]
+
+
+@dataclass
+class _Doubt:
+    """A publisher that is not connected any more, and may be gone; empty: it never was connected.
+
+    `until`: when it is taken to be gone. `asked`: it was asked for another connection, and has not
+    answered yet (`waits`).
+    """
+
+    publisher: str
+    until: float
+    address: str = ""
+    asked: bool = False
+    waits: bool = False
 
 
 class _Implementation(_SubscriberImpl):
@@ -110,6 +103,7 @@ class _Implementation(_SubscriberImpl):
     def add_connection(self, transport: Any) -> bool:
         """Called by rospy for every new connection; it may replace one to the same publisher."""
         topic, inbox = self._topic, self._inbox
+        bound_header(transport)
         # What rospy drops while it connects must be freed, and so closed, at once: a connection
         # that stays without a header keeps a rospy publisher from serving anybody else. So it may
         # not hold itself.
@@ -118,27 +112,31 @@ class _Implementation(_SubscriberImpl):
         transport.set_cleanup_callback(lambda closing: inbox.put(Closed(topic, closing)))
         return bool(super().add_connection(transport))
 
-    def has_successor(self, transport: Any) -> bool:
-        """Whether another connection to the same publisher is under way."""
+    def connects(self, uri: str) -> bool:
+        """Whether a connection to the node at `uri` stands or is under way."""
         with self.c_lock:
-            return any(
-                other is not transport and other.endpoint_id == transport.endpoint_id
-                for other in self.connections
-            )
+            return any(each.endpoint_id == uri for each in self.connections)
 
 
 class Connections:
     """The connections of every subscribed topic.
 
-    All methods are for one thread, the one that reads `inbox`.
+    All methods are for one thread, the one that reads `inbox`. A node that listens, and for
+    `reconnect` s neither gives another connection nor refuses it, counts as gone. `refused(topic,
+    claim, why)` is called for who is not whom it calls itself.
     """
 
-    def __init__(self, inbox: Inbox) -> None:
-        self._inbox = inbox
+    def __init__(
+        self, inbox: Inbox, reconnect: float, refused: Callable[[str, str, str], None]
+    ) -> None:
+        self._inbox, self._reconnect = inbox, reconnect
+        self._claims = Claims(inbox, refused)
         self._subscribers: Dict[str, rospy.Subscriber] = {}
         self._standing: Dict[int, Connection] = {}
         self._new: Set[int] = set()
-        self._expected: Dict[Any, str] = {}
+        self._doubts: Dict[Tuple[str, str], _Doubt] = {}
+        self._tries: Dict[Tuple[str, str], int] = {}
+        self._reconnection = Reconnection(inbox)
 
     def subscribe(self, topic: str) -> None:
         """Subscribe `topic`."""
@@ -154,23 +152,36 @@ class Connections:
         for connection in list(self._standing.values()):
             if connection.topic == topic:
                 del self._standing[connection.descriptor]
+                self._claims.drop(connection.descriptor)
+        self._doubts = {key: doubt for key, doubt in self._doubts.items() if key[0] != topic}
+        self._tries = {key: tries for key, tries in self._tries.items() if key[0] != topic}
 
-    def heed(self, item: Union[Made, Closed]) -> Iterator[Happening]:
-        """What follows from what rospy did."""
+    def heed(self, item: Union[Made, Closed, Answered, Identified]) -> Iterator[Happening]:
+        """What follows from what rospy did, or from what a node answered."""
         if item.topic not in self._subscribers:
             return
-        if isinstance(item, Made):
+        if isinstance(item, Answered):
+            yield from self._answered(item)
+        elif isinstance(item, Identified):
+            for recognized in self._claims.answered(item, clock.now()):
+                yield from self._recognize(recognized)
+        elif isinstance(item, Made):
             yield from self._take_over(item.topic, item.transport)
         else:
             for connection in list(self._standing.values()):
                 if connection.transport is item.transport:
                     yield from self._lose(connection)
-            yield from self._settle(item.topic, item.transport)
+            uri = item.transport.endpoint_id
+            if (item.topic, uri) in self._doubts:
+                yield from self._settle(item.topic, uri)
+            elif not item.transport.header:
+                self._try_again(item.topic, uri)
 
     def read(self, ready: Set[int]) -> List[Happening]:
         """What has come on the descriptors that are ready, and on new connections."""
         ready, self._new = ready | self._new, set()
-        return list(self._read(ready))
+        self._claims.ask_again(clock.now())
+        return [*self._read(ready), *self._give_up()]
 
     def _read(self, ready: Set[int]) -> Iterator[Happening]:
         for descriptor in ready:
@@ -179,10 +190,13 @@ class Connections:
                 continue
             stands = connection.read()
             for data in connection.messages():
-                yield Arrived(connection, data)
+                if descriptor in self._claims:
+                    self._claims.put_aside(descriptor, data)
+                else:
+                    yield Arrived(connection, data)
             if not stands:
-                yield from self._lose(connection)
                 connection.transport.close()
+                yield from self._lose(connection)
 
     def _take_over(self, topic: str, transport: Any) -> Iterator[Happening]:
         socket = transport.socket
@@ -190,42 +204,104 @@ class Connections:
             return
         socket.setblocking(False)
         publisher, descriptor = transport.callerid_pub, socket.fileno()
-        connection = Connection(topic, publisher, transport.header, transport, descriptor)
+        connection = Connection(
+            topic, publisher, transport.header, transport, descriptor, _address(socket)
+        )
         connection.buffer += transport.read_buff.getvalue()
         if descriptor in self._standing:
             yield from self._lose(self._standing[descriptor])
-        known = self._publishers(topic)
         self._standing[descriptor] = connection
         self._new.add(descriptor)
         self._inbox.watch(descriptor)
-        if publisher not in known:
+        for recognized in self._claims.take(connection):
+            yield from self._recognize(recognized)
+
+    def _recognize(self, recognized: Recognized) -> Iterator[Happening]:
+        """A connection is a node's: what comes from now on counts."""
+        connection = recognized.connection
+        topic, publisher = connection.topic, connection.publisher
+        others = (each for each in self._standing.values() if each is not connection)
+        if publisher not in self._known_publishers(topic, others):
             yield Connected(topic, publisher)
-        yield from self._settle(topic, transport)
+        key = topic, connection.transport.endpoint_id
+        self._doubts.pop(key, None)
+        self._tries.pop(key, None)
+        if recognized.newest is not None:
+            yield Arrived(connection, recognized.newest)
 
     def _lose(self, connection: Connection) -> Iterator[Happening]:
+        """A connection has ended; its publisher may be connected otherwise, or again soon."""
         del self._standing[connection.descriptor]
-        topic, transport = connection.topic, connection.transport
-        if self._implementation(topic).has_successor(transport):
-            self._expected[(topic, transport.endpoint_id)] = connection.publisher
-        elif connection.publisher not in self._publishers(topic):
-            yield Lost(topic, connection.publisher)
-
-    def _settle(self, topic: str, transport: Any) -> Iterator[Happening]:
-        """A successor stands or has failed.
-
-        Its predecessor's publisher is lost unless it is connected again.
-        """
-        publisher = self._expected.get((topic, transport.endpoint_id))
-        if publisher is None:
+        topic, publisher = connection.topic, connection.publisher
+        uri, until = connection.transport.endpoint_id, clock.now() + self._reconnect
+        if self._claims.drop(connection.descriptor):
+            self._try_again(topic, uri)
             return
-        connected = publisher in self._publishers(topic)
-        if connected or not self._implementation(topic).has_successor(transport):
-            del self._expected[(topic, transport.endpoint_id)]
-            if not connected:
-                yield Lost(topic, publisher)
+        if publisher in self._publishers(topic):
+            return
+        self._doubts[topic, uri] = _Doubt(publisher, until, connection.address)
+        happenings = list(self._settle(topic, uri))
+        yield from happenings or [Interrupted(topic, publisher)]
+
+    def _settle(self, topic: str, uri: str) -> Iterator[Happening]:
+        """See whether a publisher in doubt is gone, or else ask it for a connection, once."""
+        doubt = self._doubts[topic, uri]
+        implementation = self._implementation(topic)
+        if doubt.waits or implementation.connects(uri):
+            return
+        if not doubt.asked and not self._reconnection.is_gone(doubt.address, uri):
+            doubt.asked = doubt.waits = True
+            self._reconnection.ask(topic, uri, implementation)
+            return
+        yield from self._end_doubt(topic, uri)
+
+    def _answered(self, item: Answered) -> Iterator[Happening]:
+        doubt = self._doubts.get((item.topic, item.uri))
+        if doubt is not None:
+            doubt.waits = False
+            if not item.willing:
+                self._tries[item.topic, item.uri] = TRIES
+            yield from self._settle(item.topic, item.uri)
+
+    def _give_up(self) -> Iterator[Happening]:
+        """Those who were in doubt for too long are gone."""
+        if self._doubts:
+            now = clock.now()
+            for key in [key for key, doubt in self._doubts.items() if doubt.until <= now]:
+                yield from self._end_doubt(*key)
+
+    def _end_doubt(self, topic: str, uri: str) -> Iterator[Happening]:
+        publisher = self._doubts.pop((topic, uri)).publisher
+        if not publisher:
+            self._try_again(topic, uri)
+        elif publisher not in self._publishers(topic):
+            self._claims.forget(publisher, uri)
+            yield Lost(topic, publisher)
+
+    def _try_again(self, topic: str, uri: str) -> None:
+        """A connection was closed before it stood: nobody else would ask for another one."""
+        tries = self._tries.get((topic, uri), 0)
+        implementation = self._implementation(topic)
+        if tries < TRIES and not implementation.connects(uri):
+            self._tries[topic, uri] = tries + 1
+            self._doubts[topic, uri] = _Doubt("", clock.now() + self._reconnect)
+            for _ in self._settle(topic, uri):
+                pass
 
     def _implementation(self, topic: str) -> _Implementation:
         return self._subscribers[topic].impl
 
     def _publishers(self, topic: str) -> Set[str]:
-        return {c.publisher for c in self._standing.values() if c.topic == topic}
+        return self._known_publishers(topic, self._standing.values())
+
+    def _known_publishers(self, topic: str, among: Iterable[Connection]) -> Set[str]:
+        of_topic = (each for each in among if each.topic == topic)
+        return {each.publisher for each in of_topic if each.descriptor not in self._claims}
+
+
+def _address(connected: Any) -> str:
+    """The address of the other end; empty if it has gone already."""
+    try:
+        return str(connected.getpeername()[0])
+    except OSError:
+        return ""

@@ -1,96 +1,126 @@
-"""Fields of messages: found by their path, read and written as numbers."""
-import re
-from typing import Any, List, Tuple, Type, Union
+"""Fields of messages: found by their text, read and written as numbers."""
+import functools
+import math
+from typing import Any, Mapping, Optional, Tuple, Type
 
 import genpy
 
+from shsa_core import message_types
 from shsa_core.errors import ShsaError
-
-FLOATS = ("float32", "float64")
-NUMBERS = FLOATS + ("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
-STEP = re.compile(r"([A-Za-z]\w*)(?:\[(\d+)\])?$")
+from shsa_core.model.field import ANGLES, Key, Step, parse_field
+from shsa_core.model.field_type import FLOATS, field_type
+from shsa_core.model.field_value import NAN, field_value, place_of
+from shsa_core.model.rotation import angles, quaternion
 
 
 class Field:
-    """One numeric field of a message type, as `twist.twist.linear.x` or `ranges[3]`.
+    """One number in a message type, as `twist.twist.linear.x`; see shsa_core.model.field.
 
-    Raises ShsaError if the type has no such field, or if it is not a number.
+    `writable`: whether a value can be written to it. Raises ShsaError if the type has no such
+    field, or if it is not a number.
     """
 
-    def __init__(self, message_class: Type[genpy.Message], path: str) -> None:
-        self._steps: List[Union[str, int]] = []
-        self._type = _resolve(message_class, path, self._steps)
-        if self._type not in NUMBERS + ("bool",):
-            raise ShsaError(f"{message_class._type}: field {path} is a {self._type}, not a number")
+    def __init__(self, message_class: Type[genpy.Message], text: str) -> None:
+        def layout(name: str) -> Mapping[str, str]:
+            if name == message_class._type:
+                return message_types.layout_of(message_class)
+            return message_types.layout(name)
 
-    def get(self, message: genpy.Message) -> float:
-        """The field's value; NaN where an array is shorter than the index."""
-        value: Any = message
-        for step in self._steps:
-            if isinstance(step, str):
-                value = getattr(value, step)
-            elif step < len(value):
-                value = value[step]
-            else:
-                return float("nan")
-        return float(value)
+        self._parsed = parsed = parse_field(text)
+        self._text = str(parsed)
+        self._type = field_type(message_class._type, text, layout)
+        self._steps, self._function = parsed.steps, parsed.function
+        self.writable = self._type.writable
+
+    def get(self, message: genpy.Message) -> Optional[float]:
+        """The field's value; None if the message has none, as it does not name it.
+
+        NaN where an array is shorter than the place, or where there is no number.
+        """
+        return field_value(message, self._parsed)
 
     def set(self, message: genpy.Message, value: float) -> None:
-        """Write the field; a whole number is rounded to."""
-        last = self._steps[-1]
+        """Write the field; a whole number is rounded to.
+
+        What is named by its name and not there yet is added to the message. Raises ShsaError if the
+        value does not fit, or if an array has no such element.
+        """
+        if not self.writable:
+            raise ShsaError(f"{self._text} can be read alone")
         owner: Any = message
         for step in self._steps[:-1]:
-            owner = getattr(owner, step) if isinstance(step, str) else owner[step]
-        plain = value if self._type in FLOATS else int(round(value))
-        if isinstance(last, str):
-            setattr(owner, last, plain)
+            owner = self._inner(owner, step)
+        last = self._steps[-1]
+        if self._function:
+            self._turn(self._inner(owner, last), value)
+            return
+        plain = self._type.fit(value)
+        if last.part is None:
+            setattr(owner, last.name, plain)
         else:
-            owner[last] = plain
+            self._put(owner, last, plain)
 
+    def _inner(self, owner: Any, step: Step) -> Any:
+        """The message that a step leads to; it must be there."""
+        found = getattr(owner, step.name)
+        if step.part is None:
+            return found
+        place = place_of(owner, step.part)
+        if place is None or place >= len(found):
+            raise ShsaError(f"{self._text}: the message has no {step}, and no other one is known")
+        return found[place]
 
-def _resolve(message_class: Type[genpy.Message], path: str, steps: List[Union[str, int]]) -> str:
-    """Append the steps of `path` to `steps`; the type at its end."""
-    current = message_class._type
-    holder = message_class
-    for name, index in _parse(message_class._type, path):
-        slots = dict(zip(holder.__slots__, holder._slot_types)) if holder else {}
-        if name not in slots:
-            known = ", ".join(slots) or "none"
+    def _turn(self, rotation: Any, angle: float) -> None:
+        """Set one angle of a rotation; the other two stay."""
+        turned = [0.0 if math.isnan(each) else each for each in angles(*_components(rotation))]
+        turned[ANGLES.index(self._function)] = angle
+        for name, each in zip("xyzw", quaternion(*turned)):
+            setattr(rotation, name, each)
+
+    def _put(self, owner: Any, step: Step, value: float) -> None:
+        """Set an element of an array; one that is named and not there is added, and its name."""
+        place = place_of(owner, step.part)
+        if place is None and isinstance(step.part, Key):
+            place = _add_name(owner, step.part)
+        array = list(getattr(owner, step.name))
+        if isinstance(step.part, Key) and self._type.kind in FLOATS:
+            # What is beside it in the array is not known; only such numbers can say so.
+            array += [NAN] * ((place or 0) - len(array))
+        if place is None or place > len(array):
             raise ShsaError(
-                f"{message_class._type} has no field {path}: {name} is not one of {known}"
+                f"{self._text}: the array has {len(array)} elements, and no message that has more "
+                "is known"
             )
-        steps.append(name)
-        current = slots[name]
-        if index is not None:
-            if "[" not in current:
-                raise ShsaError(f"{message_class._type}: field {name} is not an array")
-            current = current[: current.index("[")]
-            steps.append(index)
-        holder = genpy.message.get_message_class(current) if "/" in current else None
-    return current
+        array[place : place + 1] = [value]
+        setattr(owner, step.name, array)
 
 
-def _parse(message_type: str, path: str) -> List[Tuple[str, Any]]:
-    parsed = []
-    for part in re.split(r"[./]", path):
-        match = STEP.match(part)
-        if match is None:
-            raise ShsaError(
-                f"{message_type}: {path} is not a field, such as data or pose.position.x"
-            )
-        parsed.append((match.group(1), None if match.group(2) is None else int(match.group(2))))
-    return parsed
+@functools.lru_cache(maxsize=None)
+def problem(message_type: str, text: str, written: bool) -> str:
+    """Why a field cannot be read, or written, on this computer; empty if it can.
 
-
-def unknown_message(message_class: Type[genpy.Message]) -> genpy.Message:
-    """A message whose floating-point fields are NaN: nothing is claimed that is not known.
-
-    Headers, arrays and whole numbers keep their defaults.
+    Whoever has asked once knows the answer at a takeover.
     """
-    message = message_class()
-    for name, kind in zip(message.__slots__, message._slot_types):
-        if kind in FLOATS:
-            setattr(message, name, float("nan"))
-        elif "/" in kind and "[" not in kind and kind != "std_msgs/Header":
-            setattr(message, name, unknown_message(type(getattr(message, name))))
-    return message
+    try:
+        field = Field(message_types.message_class(message_type), text)
+    except ShsaError as error:
+        return str(error)
+    return f"{text} can be read alone" if written and not field.writable else ""
+
+
+def _components(rotation: Any) -> Tuple[float, float, float, float]:
+    return rotation.x, rotation.y, rotation.z, rotation.w
+
+
+def _add_name(owner: Any, key: Key) -> int:
+    """Add a name to its array; its place. What the arrays beside it have there is not known."""
+    names = list(getattr(owner, key.names))
+    for name, kind in message_types.layout_of(owner).items():
+        array = getattr(owner, name)
+        if not kind.endswith("[]") or name == key.names or not names or len(array) != len(names):
+            continue
+        if kind[:-2] not in FLOATS:
+            raise ShsaError(f"{key.name} cannot be added: {name} has no mark for what is not known")
+        setattr(owner, name, [*array, NAN])
+    setattr(owner, key.names, [*names, key.name])
+    return len(names)

@@ -15,12 +15,12 @@ Values = Tuple[Tuple[str, float], ...]
 class Inputs:
     """Subscriptions, one a topic.
 
-    `heard(topic, publisher, values)` is called, from rospy's threads, at every message.
+    `heard(topic, publisher, values, stamp)` is called, from rospy's threads, at every message.
 
     What was subscribed once stays so: a topic that is left and joined again at once can hang rospy.
     """
 
-    def __init__(self, heard: Callable[[str, str, Values], None]) -> None:
+    def __init__(self, heard: Callable[[str, str, Values, int], None]) -> None:
         self._heard = heard
         self._subscribers: Dict[str, rospy.Subscriber] = {}
         self._fields: Dict[str, Dict[str, Field]] = {}
@@ -44,5 +44,7 @@ class Inputs:
 
     def _received(self, message: genpy.Message, topic: str) -> None:
         fields = self._fields[topic].items()
-        values = tuple((name, field.get(message)) for name, field in fields)
-        self._heard(topic, message._connection_header["callerid"], values)
+        found = ((name, field.get(message)) for name, field in fields)
+        values = tuple((name, value) for name, value in found if value is not None)
+        stamp = message.header.stamp.to_nsec() if message._has_header else 0
+        self._heard(topic, message._connection_header["callerid"], values, stamp)

@@ -1,50 +1,77 @@
 """Messages as bytes: decoded only where somebody wants to know a value."""
+import queue
 import struct
-from typing import Mapping, Optional, Sequence, Tuple, Type
+from typing import List, Mapping, Optional, Sequence, Tuple
 
 import genpy
-from genpy.message import get_message_class
+import rospy
 
 from shsa_core.errors import ShsaError
+from shsa_core.message_types import message_class
 from shsa_core.ros.graph.fields import Field
+from shsa_core.text import shown
 
 
-def message_class(name: str) -> Type[genpy.Message]:
-    """The class of the message type `name`; raises ShsaError if it is not built here."""
-    try:
-        found = get_message_class(name)
-    except (ImportError, ValueError) as error:
-        raise ShsaError(f"message type {name} cannot be loaded: {error}") from error
-    if found is None:
-        raise ShsaError(f"message type {name} is not known here: build its package and source it")
-    return found
+__all__ = ["Decoder", "message_class", "stamp"]
 
 
 class Decoder:
-    """Reads fields from the bytes of messages of one type, as a connection header gives it.
+    """Reads fields from the bytes of messages of the type `kind`.
 
-    Raises ShsaError if the type is not known here or is another version, or if a field is not a
-    number of it.
+    `header`: what the publisher says of its messages. `problems`: why some fields cannot be read;
+    they have no value. Raises ShsaError if the publisher names another type, of which nothing is
+    loaded, or if the type is not known here or is another version.
     """
 
-    def __init__(self, header: Mapping[str, str], fields: Sequence[str]) -> None:
-        self._class = message_class(header["type"])
+    def __init__(self, kind: str, header: Mapping[str, str], fields: Sequence[str]) -> None:
+        if header["type"] != kind:
+            named = shown(header["type"], 100)
+            raise ShsaError(f"the publisher says that they are {named}, and not {kind}")
+        self._class = message_class(kind)
         if header["md5sum"] != self._class._md5sum:
             raise ShsaError(
-                f"{header['type']} is another version at the publisher: "
+                f"{kind} is another version at the publisher: "
                 f"its sum is {header['md5sum']}, here {self._class._md5sum}"
             )
-        self._fields = [Field(self._class, field) for field in fields]
+        self._fields: List[Optional[Field]] = []
+        self.problems: List[str] = []
+        for field in fields:
+            try:
+                self._fields.append(Field(self._class, field))
+            except ShsaError as error:
+                self._fields.append(None)
+                self.problems.append(str(error))
         self.has_stamp: bool = self._class._has_header
 
-    def values(self, data: bytes) -> Tuple[float, ...]:
-        """The fields' values; raises ShsaError if the bytes are not a message of the type."""
+    def values(self, data: bytes) -> Tuple[Optional[float], ...]:
+        """The fields' values, None where there is none.
+
+        Raises ShsaError if the bytes are not a message of the type.
+        """
         message = self._class()
         try:
             message.deserialize(data)
         except (genpy.DeserializationError, struct.error, UnicodeDecodeError) as error:
             raise ShsaError(f"the message is not a {self._class._type}: {error}") from error
-        return tuple(field.get(message) for field in self._fields)
+        return tuple(None if field is None else field.get(message) for field in self._fields)
+
+
+def one_message(topic: str, kind: str, publisher: str, seconds: float) -> bytes:
+    """The next message of a publisher, serialized; empty if none comes in time."""
+    heard: "queue.Queue[bytes]" = queue.Queue()
+
+    def take(message: rospy.AnyMsg) -> None:
+        header = message._connection_header
+        if (header["callerid"], header["type"]) == (publisher, kind):
+            heard.put(message._buff)
+
+    subscriber = rospy.Subscriber(topic, rospy.AnyMsg, take, tcp_nodelay=True)
+    try:
+        return heard.get(timeout=seconds)
+    except queue.Empty:
+        return b""
+    finally:
+        subscriber.unregister()
 
 
 def stamp(data: bytes) -> Optional[float]:

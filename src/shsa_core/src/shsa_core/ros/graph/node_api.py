@@ -1,31 +1,175 @@
-"""Calls to a node's own XML-RPC interface, and to the master's, with a timeout."""
+"""Calls to a node's own XML-RPC interface, and to the master's.
+
+Whoever answers may be anybody: a call has one deadline from its begin to its end, an answer has a
+largest size, and is looked at before it is used.
+"""
 import http.client
+import re
+import socket
+import time
 import xmlrpc.client
+from typing import Any, FrozenSet, NamedTuple, Tuple
 
 import rosgraph
 import rospy
 
 TIMEOUT_S = 0.5
+LARGEST_ANSWER_B = 1024 * 1024
+"""A node of 1,000 topics needs a fifth of it."""
+MASTER_TIMEOUT_S = 2.0
+LARGEST_MASTER_ANSWER_B = 64 * 1024 * 1024
+"""The master's tells of every node, and may be a while on a large robot."""
+
 FAILURES = (rosgraph.MasterException, OSError, xmlrpc.client.Error, http.client.HTTPException)
-"""What a call raises if there is no answer, or a refusal."""
+"""What a call raises if there is no answer, or a refusal, or one that makes no sense."""
+
+URI = re.compile(r"http://(\[[0-9A-Fa-f:.]{2,45}\]|[A-Za-z0-9._-]{1,253}):([0-9]{1,5})/?")
 
 
-class _TimeoutTransport(xmlrpc.client.Transport):
-    """A hung node accepts the connection and never answers: give up after TIMEOUT_S."""
+class BadAnswer(xmlrpc.client.Error):
+    """A node answers what is no answer."""
+
+
+class Address(NamedTuple):
+    """Where a node listens."""
+
+    host: str
+    port: int
+
+
+class Limits(NamedTuple):
+    """How long a call may take in s, and how many bytes the answer may have."""
+
+    timeout: float
+    largest: int
+
+
+NODE = Limits(TIMEOUT_S, LARGEST_ANSWER_B)
+MASTER = Limits(MASTER_TIMEOUT_S, LARGEST_MASTER_ANSWER_B)
+
+
+def address(uri: object) -> Address:
+    """Host and port of a node's URI. Raises BadAnswer if it is none."""
+    found = URI.fullmatch(uri) if isinstance(uri, str) else None
+    if found is None or not 0 < int(found.group(2)) < 65536:
+        raise BadAnswer(f"{_short(uri)} is no address of a node")
+    return Address(found.group(1).strip("[]"), int(found.group(2)))
+
+
+def ask(uri: str, method: str, *arguments: Any) -> Any:
+    """The value that the node at `uri` answers. Raises one of FAILURES."""
+    address(uri)
+    answer = getattr(node_api(uri), method)(rospy.get_name(), *arguments)
+    if not isinstance(answer, (list, tuple)) or len(answer) != 3 or not _is_int(answer[0]):
+        raise BadAnswer(f"{uri} answers {method} with {_short(answer)}")
+    if answer[0] != 1:
+        raise BadAnswer(f"{uri} refuses {method}: {_short(answer[1])}")
+    return answer[2]
+
+
+def pid(uri: str) -> int:
+    """The process that a node says it is. Raises one of FAILURES."""
+    number = ask(uri, "getPid")
+    if not _is_int(number) or not 0 < number < 2**22 + 1:
+        raise BadAnswer(f"{uri} says that its process is {_short(number)}")
+    return int(number)
+
+
+def publications(uri: str) -> FrozenSet[str]:
+    """The topics that a node says it publishes. Raises one of FAILURES."""
+    rows = ask(uri, "getPublications")
+    if not isinstance(rows, list) or not all(_is_row(row) for row in rows):
+        raise BadAnswer(f"{uri} says that it publishes {_short(rows)}")
+    return frozenset(row[0] for row in rows)
+
+
+def node_api(uri: str, limits: Limits = NODE) -> xmlrpc.client.ServerProxy:
+    """The interface of the node at `uri`; its calls raise one of FAILURES."""
+    return xmlrpc.client.ServerProxy(uri, transport=_Transport(limits))
+
+
+def master_api(caller_id: str = "") -> rosgraph.Master:
+    """The interface of the master, as us or another; its calls raise one of FAILURES."""
+    master = rosgraph.Master(caller_id or rospy.get_name())
+    master.handle = node_api(master.master_uri, MASTER)
+    return master
+
+
+class _Transport(xmlrpc.client.Transport):
+    """One call, one connection, one deadline."""
+
+    accept_gzip_encoding = False
+
+    def __init__(self, limits: Limits) -> None:
+        super().__init__()
+        self._limits = limits
+        self._end = 0.0
+
+    def request(self, host, handler, request_body, verbose=False):  # type: ignore[no-untyped-def]
+        self._end = time.monotonic() + self._limits.timeout
+        try:
+            return self.single_request(host, handler, request_body, verbose)
+        except FAILURES:
+            raise
+        except Exception as error:  # what a parser raises at nonsense is of no certain kind
+            raise BadAnswer(f"{_short(host)} answers nonsense: {_short(error)}") from error
+        finally:
+            self.close()
 
     def make_connection(self, host):  # type: ignore[no-untyped-def]
-        connection = super().make_connection(host)
-        connection.timeout = TIMEOUT_S
-        return connection
+        return _Connection(host, self._end, self._limits.largest)
+
+    def parse_response(self, response):  # type: ignore[no-untyped-def]
+        text = response.read()
+        # What a parser would make larger than it came is not parsed.
+        if response.getheader("Content-Encoding") or b"<!" in text:
+            raise BadAnswer("the answer is no plain XML-RPC")
+        parser, target = self.getparser()
+        parser.feed(text)
+        parser.close()
+        return target.close()
 
 
-def node_api(uri: str) -> xmlrpc.client.ServerProxy:
-    """The interface of the node at `uri`; its calls raise one of FAILURES."""
-    return xmlrpc.client.ServerProxy(uri, transport=_TimeoutTransport())
+class _Connection(http.client.HTTPConnection):
+    def __init__(self, host: str, end: float, largest: int) -> None:
+        super().__init__(host)
+        self._end, self._largest = end, largest
+
+    def connect(self) -> None:
+        left = max(1e-3, self._end - time.monotonic())
+        connected = socket.create_connection((self.host, self.port), left)
+        self.sock = _Socket(connected, self._end, self._largest)
 
 
-def master_api() -> rosgraph.Master:
-    """The interface of the master; its calls raise one of FAILURES."""
-    master = rosgraph.Master(rospy.get_name())
-    master.handle = node_api(master.master_uri)
-    return master
+class _Socket(socket.socket):
+    """Gives up at `end`, whatever comes bit by bit, and after `largest` bytes."""
+
+    def __init__(self, connected: socket.socket, end: float, largest: int) -> None:
+        super().__init__(fileno=connected.detach())
+        self._end, self._left = end, largest
+        self.settimeout(max(1e-3, end - time.monotonic()))
+
+    def recv_into(self, buffer, *arguments):  # type: ignore[no-untyped-def]
+        left = self._end - time.monotonic()
+        if left <= 0.0:
+            raise socket.timeout("timed out")
+        self.settimeout(left)
+        count = super().recv_into(buffer, *arguments)
+        self._left -= count
+        if self._left < 0:
+            raise BadAnswer("the answer is too large")
+        return count
+
+
+def _is_int(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _is_row(row: object) -> bool:
+    texts: Tuple[object, ...] = tuple(row) if isinstance(row, list) else ()
+    return len(texts) == 2 and all(isinstance(text, str) for text in texts)
+
+
+def _short(value: object) -> str:
+    """A strange value as it may reach a log."""
+    return repr(value)[:100]

@@ -1,13 +1,15 @@
 """The topics that a substitute has advertised: one publisher a topic."""
 import threading
-from typing import Callable, Dict, FrozenSet, Iterable, List, Sequence, Tuple
+from typing import Callable, Dict, FrozenSet, Iterable, List
 
 import genpy
 import rospy
 
-from shsa_core.model.service import Signal
-from shsa_core.ros.graph.fields import Field, unknown_message
+from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.composing import compose, normalize, quaternions, read_message
+from shsa_core.ros.graph.fields import Field
 from shsa_core.ros.graph.messages import message_class
+from shsa_core.substitution.events import Compose, Publish
 
 
 class _Joining(rospy.SubscribeListener):
@@ -33,10 +35,10 @@ class Outputs:
         self._joined = joined
         self._publishers: Dict[str, rospy.Publisher] = {}
         self._seen: Dict[str, List[object]] = {}
-        self._fields: Dict[Tuple[str, str], Field] = {}
+        self._composed: Dict[str, _Composed] = {}
         self._lock = threading.Lock()
 
-    def advertise(self, topic: str, kind: str) -> None:
+    def advertise(self, topic: str, kind: str, latched: bool = False) -> None:
         """Register as a publisher; waits for the master."""
         publisher = rospy.Publisher(
             topic,
@@ -44,6 +46,8 @@ class Outputs:
             _Joining(self._report),
             queue_size=10,
             tcp_nodelay=True,
+            # Who joins is served by the core: once muted, rospy would send what is old.
+            headers={"latching": "1"} if latched else None,
         )
         with self._lock:
             self._publishers[topic] = publisher
@@ -78,35 +82,43 @@ class Outputs:
             return frozenset()
         return frozenset(connection.endpoint_id for connection in publisher.impl.connections)
 
-    def publish(
-        self,
-        outputs: Sequence[Signal],
-        values: Sequence[float],
-        served: FrozenSet[str],
-        only: str,
-    ) -> None:
-        """Publish `values` in the fields `outputs` of one message.
+    def compose(self, command: Compose) -> None:
+        """Have the messages of a topic start from its last good one, as far as it can be read."""
+        self._composed[command.topic] = _Composed(command)
 
-        To `only` or, if empty, to all but those `served`.
-        """
-        publisher = self._publishers.get(outputs[0].topic)
+    def publish(self, command: Publish) -> None:
+        """Publish values in the fields of one message of a topic that was composed."""
+        topic = command.outputs[0].topic
+        publisher = self._publishers.get(topic)
         if publisher is None:
             return  # withdrawn already
-        message = unknown_message(publisher.data_class)
-        for signal, value in zip(outputs, values):
-            self._field(signal).set(message, value)
-        if message._has_header:
-            message.header.stamp = rospy.Time.now()
-        if only or served:
-            _publish_to(publisher, message, served, only)
+        message = self._composed[topic].message(command)
+        if command.only or command.served:
+            _publish_to(publisher, message, command.served, command.only)
         else:
             publisher.publish(message)
 
-    def _field(self, signal: Signal) -> Field:
-        key = signal.type, signal.field
-        if key not in self._fields:
-            self._fields[key] = Field(message_class(signal.type), signal.field)
-        return self._fields[key]
+
+class _Composed:
+    """The message of a topic, written anew each time: whoever publishes it serializes it first."""
+
+    def __init__(self, command: Compose) -> None:
+        kind = message_class(command.type)
+        last = read_message(kind, command.last_message) if command.last_message else None
+        self._message = compose(kind, last, command.others, dict(command.written))
+        self._fields = {name: Field(kind, name) for name, _ in command.written}
+        self._quaternions = tuple(quaternions(self._message))
+
+    def message(self, command: Publish) -> genpy.Message:
+        """The message with the values and the stamp of a command."""
+        message = self._message
+        for signal, value in zip(command.outputs, command.values):
+            self._fields[signal.field].set(message, value)
+        for quaternion in self._quaternions:
+            normalize(quaternion)
+        if message._has_header:
+            message.header.stamp = clock.from_ns(command.stamp)
+        return message
 
 
 def _publish_to(

@@ -7,8 +7,8 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
-from shsa_core.ros.graph.connections import Connection
 from shsa_core.ros.graph.messages import Decoder, stamp
+from shsa_core.ros.graph.stream import Connection
 
 
 class _Needs(NamedTuple):
@@ -32,8 +32,13 @@ class Reader:
         connection: Connection,
         data: bytes,
         service: Optional[Service],
+        ahead: float,
     ) -> Message:
-        """The event that a message makes; `waited`: s that it may have waited for us."""
+        """The event that a message makes.
+
+        `waited`: s that it may have waited for us; `ahead`: s of ROS time before the time of
+        events.
+        """
         needs = self._needs.get(connection)
         if needs is None or (needs.service is not service and needs.service != service):
             needs = self._learn(connection, service)
@@ -45,7 +50,7 @@ class Reader:
                 error = str(refusal)
         if needs.stamps:
             stamped = stamp(data)
-            age = None if stamped is None else rospy.get_time() - stamped
+            age = None if stamped is None else time + ahead - stamped
         whom = (connection.topic, connection.publisher)
         return Message(time, *whom, values, error, age, waited)
 
@@ -56,11 +61,13 @@ class Reader:
         fields = [each.field for each in checked_provisions(service)] if service else []
         if service is not None and (fields or checks_stamps(service)):
             try:
-                decoder = Decoder(connection.header, fields)
-                stamps = checks_stamps(service) and decoder.has_stamp
-                needs = _Needs(service, decoder if fields else None, stamps)
+                decoder = Decoder(service.type, connection.header, fields)
+                needs = _Needs(service, decoder if fields else None, decoder.has_stamp)
+                problems = decoder.problems
             except ShsaError as error:
+                problems = [str(error)]
+            for problem in problems:
                 text = "%s: the messages of %s are not checked: %s"
-                rospy.logwarn(text, connection.topic, connection.publisher, error)
+                rospy.logwarn(text, connection.topic, connection.publisher, problem)
         self._needs[connection] = needs
         return needs

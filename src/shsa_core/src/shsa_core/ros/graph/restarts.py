@@ -2,17 +2,31 @@
 import os
 import subprocess
 import threading
-from dataclasses import dataclass
-from typing import Callable, Dict, List, Optional
+from dataclasses import dataclass, replace
+from typing import Callable, Dict, List, Optional, Set, Tuple
 
 import psutil
 import rospy
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.graph.fence import gone
-from shsa_core.ros.graph.processes import end
+from shsa_core.ros.graph.children import Children
+from shsa_core.ros.graph.kernel import NOBODY, Identity, gone, identity, is_ours, same_process
+from shsa_core.ros.graph.processes import AnyProcess, FormerProcess, end
 
 POLL_S = 1.0  # between two looks whether the process that started the node first is still there
+
+
+def _children(pid: int) -> List[int]:
+    """The processes that a process has started; empty where the kernel does not tell."""
+    tasks = f"/proc/{pid}/task"
+    found: List[int] = []
+    try:
+        for task in os.listdir(tasks):
+            with open(f"{tasks}/{task}/children") as file:
+                found += map(int, file.read().split())
+    except OSError:
+        return found
+    return found
 
 
 @dataclass(frozen=True)
@@ -26,18 +40,21 @@ class _Start:
 class Restarts:
     """Learns from the process of each healthy node how it was started.
 
-    `starter_ended(node)` is called, in a thread of its own, once whoever started a node first has
-    ended, while the node that was started again still runs.
+    `starter_ended(node)` is called once whoever started a node first has ended, while the node that
+    was started again still runs.
     """
 
     def __init__(self, starter_ended: Callable[[str], None]) -> None:
         self._starter_ended = starter_ended
         self._starts: Dict[str, _Start] = {}
-        self._running: Dict[str, "subprocess.Popen[bytes]"] = {}
+        self._running: Dict[str, AnyProcess] = {}
+        self._told: Set[str] = set()
         self._lock = threading.Lock()
+        self._children = Children()
+        threading.Thread(target=self._watch_starters, name="starters", daemon=True).start()
 
     def learn(self, node: str, process: psutil.Process) -> None:
-        """Remember how the process of a healthy node was started."""
+        """Remember how the process of a healthy node was started, which is of our own user."""
         try:
             starter = process.parent()
             if starter is not None and starter.pid == 1:
@@ -48,20 +65,64 @@ class Restarts:
         except (psutil.Error, OSError) as error:
             rospy.logwarn("%s could not be started again: %s", node, error)
             return
+        if gone(process) or not is_ours(process):
+            return  # another one has its number by now
         with self._lock:
             ours = self._running.get(node)
             if ours is not None and ours.pid == process.pid:
-                return  # we started it: whoever did first is known
+                start = replace(start, starter=self._starts[node].starter)  # we started it
             self._starts[node] = start
 
-    def start(self, node: str) -> bool:
-        """Start a node again; whether whoever started it first has started us too.
+    def started_again(self, node: str) -> Optional[psutil.Process]:
+        """The process of ours that whoever started a node has started with the same command.
+
+        None: there is none, or that cannot be told.
+        """
+        with self._lock:
+            start = self._starts.get(node)
+        if start is None or start.starter is None:
+            return None
+        for pid in _children(start.starter.pid):
+            try:
+                process = psutil.Process(pid)
+                if process.cmdline() == start.words and is_ours(process):
+                    return process
+            except psutil.Error:
+                continue
+        return None
+
+    def take_up(self, node: str, process: psutil.Process, starter: Identity) -> None:
+        """A node that a former reconfigurator has started again is ours now.
+
+        How it is started is not told, and learned while it is healthy; its process keeps who
+        started it first.
+        """
+        first = same_process(starter)
+        gone_already = starter != NOBODY and first is None
+        if gone_already:
+            self._starter_ended(node)
+        start = _Start([], "", {}, first)
+        former = FormerProcess(process)
+        with self._lock:
+            self._starts[node], self._running[node] = start, former
+            self._told.discard(node)
+        self._children.watch(former, lambda _: self._over(node, former))
+
+    def identities(self, node: str) -> Tuple[Identity, Identity]:
+        """The process of a node that was started again, and that of who started it first."""
+        with self._lock:
+            process, start = self._running.get(node), self._starts.get(node)
+        starter = start.starter if start else None
+        return identity(process.pid if process else 0), identity(starter.pid if starter else 0)
+
+    def start(self, node: str) -> Tuple[psutil.Process, bool]:
+        """Start a node again: its process, and whether whoever started it first started us too.
 
         Raises ShsaError if its start was never seen, OSError if it cannot be made.
         """
         with self._lock:
             start = self._starts.get(node)
-        if start is None:
+        if start is None or not start.words:
             raise ShsaError("it was never seen healthy on this computer")
         process = subprocess.Popen(
             start.words,
@@ -72,8 +133,10 @@ class Restarts:
         )
         with self._lock:
             self._running[node] = process
-        threading.Thread(target=self._wait, args=(node, process, start), daemon=True).start()
-        return start.starter is not None and start.starter.pid == os.getppid()
+            self._told.discard(node)
+        started = psutil.Process(process.pid)
+        self._children.watch(process, lambda _: self._over(node, process))
+        return started, start.starter is not None and start.starter.pid == os.getppid()
 
     def left_alone(self) -> List[str]:
         """The nodes that were started again and still run, and whose first starter has ended."""
@@ -89,16 +152,17 @@ class Restarts:
         if process is not None:
             end(process)
 
-    def _wait(self, node: str, process: "subprocess.Popen[bytes]", start: _Start) -> None:
-        told = start.starter is None
-        while True:
-            try:
-                process.wait(POLL_S)
-                break
-            except subprocess.TimeoutExpired:
-                if not told and start.starter is not None and gone(start.starter):
-                    told = True
-                    self._starter_ended(node)
+    def _watch_starters(self) -> None:
+        while not rospy.is_shutdown():
+            rospy.rostime.wallsleep(POLL_S)
+            for node in self.left_alone():
+                with self._lock:
+                    if node in self._told or node not in self._running:
+                        continue
+                    self._told.add(node)
+                self._starter_ended(node)
+
+    def _over(self, node: str, process: AnyProcess) -> None:
         with self._lock:
             if self._running.get(node) is process:
                 del self._running[node]

@@ -10,6 +10,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.files.document import from_parameters
 from shsa_core.files.som_file import PARAMETER, read_tree
+from shsa_core.model.field import parse_field
 from shsa_core.model.service import Deadlines, Signal
 from shsa_core.model.som import Som
 from shsa_core.ros.graph.node_api import FAILURES, master_api
@@ -40,7 +41,7 @@ def _som_signals() -> Dict[str, Signal]:
         return {}
     try:
         # What is not valid is named by those who watch the SOM; here the valid part will do.
-        som, _ = read_tree(from_parameters(value, PARAMETER))
+        som, _ = read_tree(from_parameters(value, PARAMETER), rospy.get_namespace())
     except ShsaError:
         som = Som()
     signals = (som.signal(source, Deadlines()) for source in som.sources)
@@ -52,5 +53,5 @@ def _unmapped(path: str, types: Dict[str, str]) -> Signal:
     if not topics:
         raise ShsaError(f"{path}: neither in the SOM nor on a topic that the master knows")
     topic = max(topics, key=len)
-    field = path[len(topic) + 1 :].replace("/", ".")
+    field = str(parse_field(path[len(topic) + 1 :], "/"))
     return Signal(topic, field, types[topic], "", UNKNOWN_PERIOD_S, UNKNOWN_DEADLINE_S)

@@ -1,7 +1,7 @@
 """Tables sent as changes: a new subscriber, or one that missed a change, gets the whole.
 
-The messages have the fields `header`, `sequence`, `whole`, `removed` and one with rows; see
-shsa_msgs/Health.
+The messages have the fields `header`, `began`, `sequence`, `whole`, `removed` and one with rows;
+see shsa_msgs/Health. A table that commands, or that decisions read, is signed.
 """
 import threading
 import time
@@ -10,6 +10,9 @@ from typing import Any, Callable, Dict, Iterable, List, Optional, Type
 import genpy
 import rospy
 from std_msgs.msg import Header
+
+from shsa_core.ros.graph.bounds import subscribe
+from shsa_core.ros.graph.signing import LARGEST_B, Signing
 
 QUEUE = 200
 """Messages that wait for a slow subscriber. It misses those beyond, and then subscribes again."""
@@ -23,20 +26,38 @@ Key = Callable[[Any], str]
 class TablePublisher(rospy.SubscribeListener):
     """Publishes a table: its changes to everybody, the whole of it to whoever connects.
 
-    Rows are messages; `rows_field` is the message's field for them. Nothing waits for a subscriber.
+    Rows are messages; `rows_field` is the message's field for them. `signing`: how it is signed;
+    None: it is not. Nothing waits for a subscriber. `opened`: nobody is told anything before `open`
+    is called.
     """
 
     def __init__(
-        self, topic: str, message_class: Type[genpy.Message], rows_field: str, key: Key
+        self,
+        topic: str,
+        message_class: Type[genpy.Message],
+        rows_field: str,
+        key: Key,
+        signing: Optional[Signing] = None,
+        opened: bool = True,
     ) -> None:
         super().__init__()
-        self._class, self._field, self._key = message_class, rows_field, key
+        self._class: Any = signing.signed(topic, message_class) if signing else message_class
+        self._field, self._key = rows_field, key
         self._rows: Dict[str, genpy.Message] = {}
+        self._began = time.monotonic_ns()
         self._sequence = 0
         self._lock = threading.Lock()  # whoever holds it sees table, sequence and queues agree
-        self._publisher = rospy.Publisher(
-            topic, message_class, self, queue_size=QUEUE, tcp_nodelay=True
-        )
+        self._topic = topic
+        self._publisher: Any = None
+        if opened:
+            self.open()
+
+    def open(self) -> None:
+        """Register as a publisher: whoever connects from now on gets the table as it is."""
+        with self._lock:
+            self._publisher = rospy.Publisher(
+                self._topic, self._class, self, queue_size=QUEUE, tcp_nodelay=True
+            )
 
     def update(self, changed: Iterable[genpy.Message], removed: Iterable[str] = ()) -> None:
         """Publish new and changed rows, and the keys of those that are gone, if any."""
@@ -49,7 +70,8 @@ class TablePublisher(rospy.SubscribeListener):
             for key in gone:
                 del self._rows[key]
             self._sequence += 1
-            self._publisher.publish(self._message(False, list(rows.values()), gone))
+            if self._publisher is not None:
+                self._publisher.publish(self._message(False, list(rows.values()), gone))
 
     def peer_subscribe(
         self, topic_name: str, topic_publish: object, peer_publish: Callable[[Any], None]
@@ -60,11 +82,14 @@ class TablePublisher(rospy.SubscribeListener):
 
     def unregister(self) -> None:
         """Publish no more."""
-        self._publisher.unregister()
+        if self._publisher is not None:
+            self._publisher.unregister()
 
     def _message(self, whole: bool, rows: List[genpy.Message], gone: List[str]) -> genpy.Message:
         header = Header(stamp=rospy.Time.now())
-        message = self._class(header=header, sequence=self._sequence, whole=whole, removed=gone)
+        message: genpy.Message = self._class(
+            header=header, began=self._began, sequence=self._sequence, whole=whole, removed=gone
+        )
         setattr(message, self._field, rows)
         return message
 
@@ -75,15 +100,25 @@ class TableSubscriber:
     `heard` is called in rospy's threads, by one at a time. A table needs a subscriber of its own: a
     process may have one for each topic, since rospy shares the connections among all of a process's
     subscribers.
+
+    `signing`: what is not signed is refused, and so is a table older than one that was heard of.
+    None: for show alone, whoever sends it is believed.
     """
 
     def __init__(
-        self, topic: str, message_class: Type[genpy.Message], heard: Callable[[Any], None]
+        self,
+        topic: str,
+        message_class: Type[genpy.Message],
+        heard: Callable[[Any], None],
+        signing: Optional[Signing] = None,
     ) -> None:
-        self._topic, self._class, self._heard = topic, message_class, heard
+        self._topic, self._heard, self._signing = topic, heard, signing
+        self._class = signing.checked(topic, message_class) if signing else message_class
         self._lock = threading.Lock()
-        self._sequence = -1
-        self._connection: Optional[object] = None
+        self._at = (0, 0)
+        """The table that was heard last, and its sequence."""
+        self._sent = 0
+        self._follows = False
         self._retry: Optional[threading.Timer] = None
         self._ended = False
         self._subscribe()
@@ -100,23 +135,39 @@ class TableSubscriber:
 
     def _subscribe(self) -> None:
         self._subscribed = time.monotonic()
-        self._subscriber = rospy.Subscriber(
-            self._topic, self._class, self._received, tcp_nodelay=True
-        )
+        if self._signing is None:
+            self._subscriber = subscribe(self._topic, self._class, self._received, LARGEST_B)
+        else:
+            self._subscriber = self._signing.subscribe(self._topic, self._class, self._received)
 
     def _received(self, message: Any) -> None:
-        connection = message._connection_header  # one object for each connection
         with self._lock:
-            follows = connection is self._connection and message.sequence == self._sequence + 1
-            if self._ended or not (message.whole or follows):
-                self._miss()
+            if self._ended:
                 return
-            self._connection, self._sequence = connection, message.sequence
-            self._heard(message)
+            late = self._is_late(message)
+            (began, sequence), came = self._at, (message.began, message.sequence)
+            follows = self._follows and came == (began, sequence + 1)
+            if follows or (message.whole and not late):
+                self._at, self._follows = came, True
+                self._heard(message)
+            elif not (late and self._follows):
+                self._miss()
+
+    def _is_late(self, message: Any) -> bool:
+        """Whether what a message tells is known; it may come by two connections, or be kept back.
+
+        Of two who send the table, the one counts that is heard last, as long as it can be followed.
+        """
+        if self._signing is not None:
+            late = bool(message.sent <= self._sent)
+            self._sent = max(self._sent, message.sent)
+            return late
+        began, sequence = self._at
+        return bool(not message.whole and message.began == began and message.sequence <= sequence)
 
     def _miss(self) -> None:
         """Subscribe again soon, unless a whole table comes before."""
-        self._connection = None
+        self._follows = False
         if self._retry is None and not self._ended:
             pause = self._subscribed + RESUBSCRIBE_PAUSE_S - time.monotonic()
             self._retry = threading.Timer(max(0.0, pause), self._subscribe_again)
@@ -126,7 +177,7 @@ class TableSubscriber:
     def _subscribe_again(self) -> None:
         with self._lock:
             self._retry = None
-            if self._ended or self._connection is not None or rospy.is_shutdown():
+            if self._ended or self._follows or rospy.is_shutdown():
                 return
             self._subscriber.unregister()
             self._subscribe()

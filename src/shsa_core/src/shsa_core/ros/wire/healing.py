@@ -1,17 +1,25 @@
 """Between the reconfigurator's events and commands and the messages of shsa_msgs."""
+import json
+from math import isfinite
 from typing import Dict, Optional, Tuple
 
 import rospy
 from shsa_msgs import msg, srv
 from std_msgs.msg import Header
 
+from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident
+from shsa_core.model.calibration import Calibration
+from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_core.monitoring.calibration import SOURCE
+from shsa_core.monitoring.events import CalibrationRow, PublisherHealth, PublisherState
 from shsa_core.ros.graph import clock
+from shsa_core.ros.wire.rows import p95_of, rms_of
+from shsa_core.text import shown
 
 MOMENTS = (
     "last_good",
@@ -23,7 +31,8 @@ MOMENTS = (
     "returned",
     "ended",
 )
-LONGEST_TEXT = 1000
+LARGEST_MESSAGE_B = 65536
+"""A larger one does not travel from the monitor to a substitute."""
 
 
 def failure_seen(failure: msg.Failure) -> events.FailureSeen:
@@ -33,27 +42,66 @@ def failure_seen(failure: msg.Failure) -> events.FailureSeen:
     """
     now = clock.now()
     return events.FailureSeen(
-        time=min(now, clock.from_stamp(failure.header.stamp) or now),
+        time=_by_now(clock.from_stamp(failure.header.stamp), now) or now,
         service=failure.service,
         topic=failure.topic,
         publisher=failure.publisher,
         kind=_kind(failure.kind) or Kind.OTHER,
-        detail=_plain(failure.detail),
-        last_good=clock.from_stamp(failure.last_good),
+        detail=shown(failure.detail),
+        last_good=_by_now(clock.from_stamp(failure.last_good), now),
+        last_message=last_message(bytes(failure.last_message)),
     )
 
 
-def health_seen(health: msg.Health) -> events.HealthSeen:
+def last_message(message: bytes) -> bytes:
+    """A message from outside as it may travel in a table; empty if it is too large."""
+    return message if len(message) <= LARGEST_MESSAGE_B else b""
+
+
+def health_seen(health: msg.Health, anew: bool = False) -> events.HealthSeen:
     """The event that a message on /shsa/health tells of. Raises ShsaError if it is none."""
+    now = clock.now()
     return events.HealthSeen(
-        time=clock.now(),
-        rows=tuple(_publisher_health(row) for row in health.publishers),
+        time=now,
+        rows=tuple(_publisher_health(row, now) for row in health.publishers),
         removed=tuple(_key(key) for key in health.removed),
         whole=health.whole,
+        anew=anew,
     )
 
 
-def _publisher_health(row: msg.PublisherHealth) -> PublisherHealth:
+def calibrations_heard(table: msg.Calibrations) -> events.CalibrationsHeard:
+    """The event that a message on /shsa/calibrations tells of. Raises ShsaError if it is none."""
+    rows = tuple(_calibration_row(row) for row in table.calibrations)
+    removed = tuple(_calibration_key(key) for key in table.removed)
+    return events.CalibrationsHeard(clock.now(), rows, removed)
+
+
+def _calibration_row(row: msg.Calibration) -> CalibrationRow:
+    outputs, numbers = tuple(row.outputs), (row.gains, row.offsets, row.rms, row.biases, row.p95)
+    if any(len(each) != len(outputs) for each in (*numbers, row.samples)):
+        raise ShsaError(f"{row.service}: a calibration has not one number for each output")
+    if not all(isfinite(number) for each in numbers for number in each) or any(
+        gain <= 0.0 for gain in row.gains
+    ):
+        raise ShsaError(f"{row.service}: a gain is not above 0, or a number not finite")
+    errors = [
+        Error(rms, bias, p95, n=n, source=SOURCE) if n else None
+        for rms, bias, p95, n in zip(row.rms, row.biases, row.p95, row.samples)
+    ]
+    found = tuple(map(Calibration, row.gains, row.offsets, errors))
+    return CalibrationRow(row.service, Program(tuple(row.inputs), row.code, outputs), found)
+
+
+def _calibration_key(text: str) -> Tuple[str, Program]:
+    try:
+        service, inputs, code, outputs = json.loads(text)
+        return service, Program(tuple(inputs), code, tuple(outputs))
+    except (TypeError, ValueError) as error:
+        raise ShsaError(f"{text!a} names no calibration: {error}") from error
+
+
+def _publisher_health(row: msg.PublisherHealth, now: float) -> PublisherHealth:
     try:
         state = PublisherState(row.state)
     except ValueError as error:
@@ -64,12 +112,17 @@ def _publisher_health(row: msg.PublisherHealth) -> PublisherHealth:
         topic=row.topic,
         publisher=row.publisher,
         state=state,
-        since=clock.from_stamp(row.since) or 0.0,
-        first_message=clock.from_stamp(row.first_message),
-        last_good=clock.from_stamp(row.last_good),
+        since=_by_now(clock.from_stamp(row.since), now) or 0.0,
+        first_message=_by_now(clock.from_stamp(row.first_message), now),
+        last_good=_by_now(clock.from_stamp(row.last_good), now),
         kind=_kind(row.kind),
-        detail=_plain(row.detail),
+        detail=shown(row.detail),
     )
+
+
+def _by_now(moment: Optional[float], now: float) -> Optional[float]:
+    """A moment that has been: what is stamped ahead of us would count for good."""
+    return None if moment is None else min(moment, now)
 
 
 def _key(text: str) -> Tuple[str, str]:
@@ -86,11 +139,6 @@ def _kind(text: str) -> Optional[Kind]:
         raise ShsaError(f"the kind of failure {text!r} is none of {allowed}") from error
 
 
-def _plain(text: str) -> str:
-    """A text from outside as it may reach a terminal or a log: printable, and not endless."""
-    return "".join(c if c.isprintable() else " " for c in text[:LONGEST_TEXT])
-
-
 def service_state(state: events.ServiceState) -> msg.ServiceState:
     """A row of the running SOM."""
     service = state.service
@@ -103,6 +151,8 @@ def service_state(state: events.ServiceState) -> msg.ServiceState:
         needed=service.needed,
         available=state.available,
         detail=state.detail,
+        healthy=list(state.healthy),
+        verified=list(state.verified),
         properties=list(service.properties),
         fields=[provision.field for provision in service.provides],
         qualities=[provision.quality for provision in service.provides],
@@ -126,21 +176,32 @@ def incident(record: Incident) -> msg.Incident:
         code=record.code,
         outputs=list(record.outputs),
         relations=list(record.relations),
+        gains=list(record.gains),
+        offsets=list(record.offsets),
         quality=record.quality or 0.0,
+        error_rms=rms_of(record.errors),
+        error_p95=p95_of(record.errors),
         missing=list(record.missing),
         restarts=record.restarts,
         kept_out=record.kept_out,
-        **{name: clock.to_stamp(getattr(record, name)) for name in MOMENTS},
+        kept=record.kept,
+        decision=record.decision,
+        **_stamps(record),
     )
 
 
 def incident_record(record: Incident) -> Dict[str, object]:
     """An incident as plain values for the log; its moments in s of ROS time."""
     plain = record.as_dict()
-    for name in MOMENTS:
-        moment = getattr(record, name)
-        plain[name] = None if moment is None else round(clock.to_stamp(moment).to_sec(), 6)
+    for name, stamp in _stamps(record).items():
+        plain[name] = None if getattr(record, name) is None else round(stamp.to_sec(), 6)
     return plain
+
+
+def _stamps(record: Incident) -> Dict[str, rospy.Time]:
+    """The moments of an incident: in order as they were."""
+    ahead = clock.offset()
+    return {name: clock.to_stamp(getattr(record, name), ahead) for name in MOMENTS}
 
 
 def found(plan: Plan) -> srv.FindSubstituteResponse:
@@ -153,6 +214,8 @@ def found(plan: Plan) -> srv.FindSubstituteResponse:
         outputs=list(plan.program.outputs),
         relations=list(plan.relations),
         quality=plan.quality,
+        error_rms=rms_of(plan.errors),
+        error_p95=p95_of(plan.errors),
         proven_best=plan.proven_best,
         detail=f"quality {plan.quality:.2g}, by {using}",
     )

@@ -1,13 +1,17 @@
 """Between the monitor's events and commands and the messages of shsa_msgs."""
+import json
 from typing import Tuple
 
 from shsa_msgs import msg
 from std_msgs.msg import Header
 
+from shsa_core.codegen.generator import Program
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import (
+    CalibrationRow,
     FailureDetected,
+    FormerlyHealthy,
     Key,
     PublisherHealth,
     SubstitutionsChanged,
@@ -15,7 +19,7 @@ from shsa_core.monitoring.events import (
 from shsa_core.ros.graph import clock
 
 
-def failure_message(failure: FailureDetected) -> msg.Failure:
+def failure_message(failure: FailureDetected, last_message: bytes) -> msg.Failure:
     """The trigger on shsa/failures."""
     return msg.Failure(
         header=Header(stamp=clock.to_stamp(failure.time)),
@@ -25,6 +29,7 @@ def failure_message(failure: FailureDetected) -> msg.Failure:
         kind=failure.kind.value,
         detail=failure.detail,
         last_good=clock.to_stamp(failure.last_good),
+        last_message=last_message,
     )
 
 
@@ -52,13 +57,48 @@ def health_row_key(row: msg.PublisherHealth) -> str:
     return health_key((row.topic, row.publisher))
 
 
+def calibration_row(row: CalibrationRow) -> msg.Calibration:
+    """A row of the table of calibrations; 0 stands for what is not known of an error."""
+    errors = [each.error for each in row.calibrations]
+    return msg.Calibration(
+        service=row.service,
+        inputs=list(row.program.inputs),
+        code=row.program.code,
+        outputs=list(row.program.outputs),
+        gains=[each.gain for each in row.calibrations],
+        offsets=[each.offset for each in row.calibrations],
+        rms=[each.rms if each else 0.0 for each in errors],
+        biases=[each.bias if each else 0.0 for each in errors],
+        p95=[(each.p95 or 0.0) if each else 0.0 for each in errors],
+        samples=[(each.n or 0) if each else 0 for each in errors],
+    )
+
+
+def calibration_key(service: str, program: Program) -> str:
+    """The key of a row of the table of calibrations."""
+    return json.dumps([service, program.inputs, program.code, program.outputs])
+
+
+def calibration_row_key(row: msg.Calibration) -> str:
+    """The key of a row of the table of calibrations."""
+    program = Program(tuple(row.inputs), row.code, tuple(row.outputs))
+    return calibration_key(row.service, program)
+
+
 def substitutions_changed(table: msg.Substitutions) -> SubstitutionsChanged:
     """The event of a message on shsa/substitutions, as far as it concerns the monitor."""
     rows = tuple(_substitution(row) for row in table.substitutions)
     return SubstitutionsChanged(clock.now(), rows, tuple(table.removed), table.whole)
 
 
+def formerly_healthy(table: msg.SomState) -> FormerlyHealthy:
+    """Who did well, as the reconfigurator's running SOM says."""
+    keys = tuple((row.topic, node) for row in table.services for node in row.healthy)
+    return FormerlyHealthy(clock.now(), keys)
+
+
 def _substitution(row: msg.Substitution) -> Substitution:
     topics: Tuple[str, ...] = tuple(dict.fromkeys(signal.topic for signal in row.outputs))
     outputs = tuple(Signal(topic, "", "", "", None, None) for topic in topics)
-    return Substitution(row.node, row.service, (), "", outputs, publishing=row.publishing)
+    quality, publishing = row.quality, row.publishing
+    return Substitution(row.node, row.service, (), "", outputs, (), quality, publishing)

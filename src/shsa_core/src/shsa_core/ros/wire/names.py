@@ -2,10 +2,10 @@
 
 FAILURES = "shsa/failures"
 HEALTH = "shsa/health"
+CALIBRATIONS = "shsa/calibrations"
 INCIDENTS = "shsa/incidents"
 SUBSTITUTIONS = "shsa/substitutions"
 SOM_STATE = "shsa/som_state"
-SOM_PARAMETER = "shsa/som"
 FIND_SUBSTITUTE = "shsa/find_substitute"
 RELEASE = "shsa/release"
 RELOAD = "shsa/reload"

@@ -2,16 +2,22 @@
 
 A module of its own: a substitute must start soon, and needs nothing else of the wire.
 """
+import math
 import struct
-from typing import Callable, Type
+from typing import Callable, List, Optional, Sequence, Type
 
 from shsa_msgs import msg
 
+from shsa_core.errors import ShsaError
+from shsa_core.model.error import Error
+from shsa_core.model.kinds import Others
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
+from shsa_core.substitution import signals
 
 _LENGTH = struct.Struct("<I")
-_COUNTERS = struct.Struct("<QB")
+NOT_KNOWN = math.nan
+_COUNTERS = struct.Struct("<QQB")
 
 
 def only_rows_of(node: str, all_: Callable[[], bool]) -> Type[msg.Substitutions]:
@@ -31,14 +37,13 @@ def only_rows_of(node: str, all_: Callable[[], bool]) -> Type[msg.Substitutions]
             """Read a message."""
             if name in data or all_():
                 return super().deserialize(data)
-            (length,) = _LENGTH.unpack_from(
-                data, 12
-            )  # of header.frame_id, behind sequence and stamp
+            # Of header.frame_id, behind sequence and stamp.
+            (length,) = _LENGTH.unpack_from(data, 12)
             self.header.seq, self.header.stamp.secs, self.header.stamp.nsecs = struct.unpack_from(
                 "<3I", data
             )
             self.header.frame_id = data[16 : 16 + length].decode("utf-8", "replace")
-            self.sequence, whole = _COUNTERS.unpack_from(data, 16 + length)
+            self.began, self.sequence, whole = _COUNTERS.unpack_from(data, 16 + length)
             self.whole = bool(whole)
             return self
 
@@ -57,11 +62,16 @@ def substitution_message(row: Substitution) -> msg.Substitution:
         quality=row.quality,
         publishing=row.publishing,
         original=row.original,
+        others=str(row.others),
+        last_message=row.last_message,
     )
 
 
 def substitution_row(message: msg.Substitution) -> Substitution:
-    """The row that a message holds."""
+    """The row that a message holds. Raises ShsaError if it is none."""
+    others = message.others or Others.UNKNOWN
+    if others not in tuple(Others):
+        raise ShsaError(f"others must be one of {', '.join(Others)}, not {others!a}")
     return Substitution(
         node=message.node,
         service=message.service,
@@ -72,11 +82,13 @@ def substitution_row(message: msg.Substitution) -> Substitution:
         quality=message.quality,
         publishing=message.publishing,
         original=message.original,
+        others=Others(others),
+        last_message=bytes(message.last_message),
     )
 
 
 def signal_message(signal: Signal) -> msg.Signal:
-    """A signal as a message; 0 stands for no period and no deadline."""
+    """A signal as a message; 0 stands for no period or deadline, NaN for no error."""
     return msg.Signal(
         topic=signal.topic,
         field=signal.field,
@@ -84,16 +96,46 @@ def signal_message(signal: Signal) -> msg.Signal:
         node=signal.node,
         period=signal.period or 0.0,
         deadline=signal.deadline or 0.0,
+        error_rms=rms_of([signal.error])[0],
+        error_p95=p95_of([signal.error])[0],
+        gain=signal.gain,
+        offset=signal.offset,
+        latched=signal.latched,
     )
 
 
+def rms_of(errors: Sequence[Optional[Error]]) -> List[float]:
+    """The expected RMS errors as a message has them."""
+    return [NOT_KNOWN if error is None else error.rms for error in errors]
+
+
+def p95_of(errors: Sequence[Optional[Error]]) -> List[float]:
+    """What errors are expected to be within in 95 %, as a message has it."""
+    return [NOT_KNOWN if error is None or error.p95 is None else error.p95 for error in errors]
+
+
+def _error(message: msg.Signal) -> Optional[Error]:
+    if not message.error_rms:  # a message that was never filled in claims no certainty
+        return None
+    if math.isnan(message.error_rms):
+        return None
+    p95 = None if math.isnan(message.error_p95) else message.error_p95
+    return Error(message.error_rms, p95=p95)
+
+
 def signal_of(message: msg.Signal) -> Signal:
-    """The signal that a message holds."""
-    return Signal(
-        topic=message.topic,
-        field=message.field,
-        type=message.type,
-        node=message.node,
-        period=message.period or None,
-        deadline=message.deadline or None,
+    """The signal that a message holds. Raises ShsaError if it is none."""
+    return signals.checked(
+        Signal(
+            topic=message.topic,
+            field=message.field,
+            type=message.type,
+            node=message.node,
+            period=message.period or None,
+            deadline=message.deadline or None,
+            error=_error(message),
+            gain=message.gain or 1.0,
+            offset=message.offset,
+            latched=message.latched,
+        )
     )

@@ -1,0 +1,192 @@
+"""The start of healing on robots of many warm topics: does it blame or kill what is healthy?
+
+    python3 start_of_robots.py [--topics N ...] [--starts N] [--seconds S] [--results DIR]
+
+The robot runs and is well; then healing starts beside it. An independent consumer in plain sockets
+notes each pause of the robot's topics, so that a failure that is told can be held against what
+really happened. Writes start_of_robots.json.
+"""
+import argparse
+import json
+import sys
+import threading
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any, Dict, List, NamedTuple, Tuple
+
+import rospy
+from shsa_msgs.msg import Failure
+
+from graph import BENCH, Graph, ask_to_leave, service, write_som
+from report import print_table
+from shsa_testing.graph import registered_nodes
+from shsa_testing.waiting import wait_until
+
+MANY_TOPICS = (sys.executable, "-m", "shsa_testing.many_topics")
+LEAST_S = 0.1
+DEADLINE_S = 0.25
+STARTUP_S = 120.0
+
+
+class Start(NamedTuple):
+    """What happened at one start; times in s.
+
+    `real`: failures by silence for which the consumer saw the same pause. `ready`: until the idle
+    processes were connected; `longest`: the longest pause before and after healing was started.
+    """
+
+    topics: int
+    failures: int
+    real: int
+    killed: int
+    incidents: int
+    ready: float
+    before: float
+    longest: float
+    pauses: int
+    told: List[str]
+
+
+class Probe:
+    """The independent consumer, and the pauses that it saw."""
+
+    def __init__(self, graph: Graph, topics: List[str]) -> None:
+        self.pauses: List[Tuple[str, float, float]] = []
+        self.late: List[Tuple[float, float]] = []
+        self.listening = False
+        self._process = graph.python(BENCH / "gap_probe.py", str(LEAST_S), *topics, heard=True)
+        threading.Thread(target=self._read, daemon=True).start()
+        wait_until(lambda: self.listening, STARTUP_S, "the independent consumer listens")
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            word, *rest = line.split()
+            if word == "pause":
+                self.pauses.append((rest[0], float(rest[1]), float(rest[2])))
+            elif word == "late":
+                self.late.append((float(rest[0]), float(rest[1])))
+            elif word == "listening":
+                self.listening = True
+
+    def longest(self, begin: float, end: float) -> float:
+        """The longest pause that ended in a time."""
+        return max((e - b for _, b, e in self.pauses if begin <= e <= end), default=0.0)
+
+    def saw(self, topic: str, at: float) -> bool:
+        """Whether a topic paused for the deadline around a moment."""
+        return any(
+            t == topic and b - 0.1 <= at <= e + 0.1 and e - b > 0.9 * DEADLINE_S
+            for t, b, e in list(self.pauses)
+        )
+
+
+def write_models(graph: Graph, count: int, a_node: int, period: float) -> Tuple[Path, Path]:
+    """Each topic can be computed from the one of the same place in the next node."""
+    services, relations = [], {}
+    for number in range(count):
+        topic, node = f"/stream_{number}", f"/many_{number // a_node * a_node}"
+        services.append(service(topic, node, period, needed=True, standby="warm"))
+        other = f"stream_{(number + a_node) % count}"
+        relations[f"r_{number}"] = {f"stream_{number}": f"2*{other}"}
+    properties = {f"stream_{number}": {"unit": "m"} for number in range(count)}
+    ontology = graph.folder / "ontology.yaml"
+    ontology.write_text(json.dumps({"properties": properties, "relations": relations}))
+    return ontology, write_som(graph.folder / "som.yaml", services)
+
+
+def start(count: int, a_node: int, period: float, seconds: float) -> Start:
+    """One robot, and one start of healing beside it."""
+    with Graph() as graph:
+        nodes = [
+            graph.start(*MANY_TOPICS, str(first), str(a_node), str(period))
+            for first in range(0, count, a_node)
+        ]
+        topics = [f"/stream_{number}" for number in range(count)]
+        there = lambda: {topic for topic, _ in rospy.get_published_topics()} >= set(topics)
+        wait_until(there, STARTUP_S, "the robot is up")
+        probe = Probe(graph, topics)
+        healing = graph.healing
+        failures: List[Tuple[float, Failure]] = []
+        rospy.Subscriber(
+            "/shsa/failures", Failure, lambda each: failures.append((time.monotonic(), each))
+        )
+        time.sleep(5.0)
+        begun = time.monotonic()
+        ontology, som = write_models(graph, count, a_node, period)
+        launch = graph.start(
+            *("roslaunch", "shsa_core", "shsa.launch"),
+            *(f"ontology:={ontology}", f"som:={som}"),
+            f"incident_log:={graph.folder / 'incidents.jsonl'}",
+        )
+        ready = 0.0
+        while time.monotonic() < begun + seconds:
+            time.sleep(0.5)
+            if not ready:
+                ready = _prepared(topics[-1], begun)
+        end = time.monotonic()
+        killed = sum(process.poll() is not None for process in nodes)
+        told = [
+            f"{at - begun:.2f} s: {each.publisher} on {each.topic}: {each.kind}: {each.detail}"
+            for at, each in failures
+        ]
+        silent = [(at, each) for at, each in failures if each.kind == "silent"]
+        found = Start(
+            count,
+            len(failures),
+            sum(probe.saw(each.topic, at) for at, each in silent),
+            killed,
+            len(healing.incidents),
+            ready,
+            probe.longest(0.0, begun),
+            probe.longest(begun, end),
+            sum(e - b > DEADLINE_S for _, b, e in probe.pauses),
+            told,
+        )
+        for line in told[:5]:
+            print("   ", line, flush=True)
+        for topic, b, e in sorted(probe.pauses, key=lambda each: each[1] - each[2])[:5]:
+            print(f"    pause of {topic}: {b - begun:.2f} to {e - begun:.2f} s", flush=True)
+        worst = max((e - b for b, e in probe.late), default=0.0)
+        print(f"    the consumer itself was late by {worst:.3f} s at most", flush=True)
+        ask_to_leave(launch, 30.0)
+        return found
+
+
+def _prepared(topic: str, begun: float) -> float:
+    """When the pool is registered for the last topic, in s since `begun`; 0: not yet."""
+    idle = [name for name in registered_nodes() if "standby" in name]
+    return time.monotonic() - begun if len(idle) >= 2 else 0.0
+
+
+def main() -> int:
+    """Start robots; 1 if anything healthy was killed."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--topics", type=int, nargs="+", default=[10, 30, 100])
+    parser.add_argument("--a-node", type=int, default=10, help="topics a node")
+    parser.add_argument("--period", type=float, default=0.05)
+    parser.add_argument("--starts", type=int, default=2, help="starts of each robot")
+    parser.add_argument("--seconds", type=float, default=40.0, help="how long each is looked at")
+    parser.add_argument("--results", type=Path, default=Path("results/bench"))
+    options = parser.parse_args()
+    options.results.mkdir(parents=True, exist_ok=True)
+    rows: List[Start] = []
+    for count in options.topics:
+        for _ in range(options.starts):
+            # A ROS node cannot start twice in one process.
+            with ProcessPoolExecutor(1) as once:
+                what = (count, options.a_node, options.period, options.seconds)
+                rows.append(once.submit(start, *what).result())
+            show = [[str(getattr(row, name)) for name in COLUMNS] for row in rows]
+            print_table("Starts of healing", COLUMNS, show)
+            document: List[Dict[str, Any]] = [row._asdict() for row in rows]
+            path = options.results / "start_of_robots.json"
+            path.write_text(json.dumps(document, indent=1) + "\n")
+    return 1 if any(row.killed for row in rows) else 0
+
+
+COLUMNS = tuple(name for name in Start._fields if name != "told")
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,92 @@
+"""Whether a service is healed within the time that its users tolerate: detection plus reaction.
+
+Both are those of the worst case that is usual: every check at its limit, and takeovers as slow as
+the 95th percentile of those that were measured (docs/experiments.md).
+"""
+from dataclasses import dataclass
+from math import ceil
+from typing import Iterator, List, Tuple
+
+from shsa_core.analysis.finding import Finding
+from shsa_core.healing.settings import Settings
+from shsa_core.model.checks import RateHigh, RateLow, StampSample, Stuck, ValueSample
+from shsa_core.model.kinds import Kind, Policy, Standby
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+from shsa_core.monitoring.evidence import RATE_MESSAGES, RATE_SECONDS
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How long a kind of failure lasts for the users of a service: times in s.
+
+    `reaction`: from the failure's detection to the first message of what replaces the service.
+    """
+
+    kind: Kind
+    detection: float
+    reaction: float
+
+    @property
+    def total(self) -> float:
+        """Both together."""
+        return self.detection + self.reaction
+
+    def __str__(self) -> str:
+        parts = f"{self.detection:.2f} s until it is found + {self.reaction:.2f} s until it is"
+        return f"{self.kind}: {parts} healed = {self.total:.2f} s"
+
+
+def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Finding]:
+    """The needed services that are healed later than they may be, with the sums."""
+    for service in som.needed():
+        late = over_budget(service, settings)
+        if not late or service.fault_tolerant_time is None:
+            continue
+        sums = "; ".join(str(each) for each in late)
+        what = f"{service.name} tolerates {service.fault_tolerant_time:g} s, but: {sums}"
+        todo = "Give it a shorter deadline, a warm or hot standby, or checks with fewer messages"
+        yield Finding("warning", service.where, what, todo)
+
+
+def over_budget(service: Service, settings: Settings) -> Tuple[Budget, ...]:
+    """The kinds of failure that last for longer than a service tolerates, slowest first."""
+    tolerated = service.fault_tolerant_time
+    if tolerated is None or service.policy is Policy.ADVISE:
+        return ()
+    late = [each for each in budgets(service, settings) if each.total > tolerated]
+    return tuple(sorted(late, key=lambda each: -each.total))
+
+
+def budgets(service: Service, settings: Settings) -> List[Budget]:
+    """How long each kind of failure lasts that is looked for."""
+    reaction = _reaction(service, settings)
+    found = [Budget(Kind.NODE_GONE, 0.0, reaction)]
+    silence = settings.deadlines.of(service)
+    period = service.period
+    if silence is None or period is None:
+        return found
+    found.append(Budget(Kind.SILENT, silence, reaction))
+    # Who publishes what is wrong must be gone before anybody takes its place.
+    reaction += settings.kill_patience
+    several = service.checks.bad * period
+    for check in (*service.checks.each, *(c for p in service.provides for c in p.checks)):
+        if isinstance(check, (RateHigh, RateLow)):
+            window = max(RATE_MESSAGES, ceil(RATE_SECONDS / period)) * period
+            if isinstance(check, RateLow):
+                window /= check.limit
+            found.append(Budget(check.kind, window, reaction))
+        elif check.sample in (ValueSample, StampSample):
+            waits = check.limit if isinstance(check, Stuck) else 0.0
+            found.append(Budget(check.kind, waits + several, reaction))
+    return list(dict.fromkeys(found))
+
+
+def _reaction(service: Service, settings: Settings) -> float:
+    if not service.policy.substitutes:
+        return settings.restart_pause + settings.takeover_cold
+    return {
+        Standby.COLD: settings.takeover_cold,
+        Standby.WARM: settings.takeover_warm,
+        Standby.HOT: settings.takeover_hot,
+    }[service.standby]

@@ -1,0 +1,119 @@
+"""Checks a SOM by its message types: that they have the fields, and that these can be healed."""
+from typing import Iterator, List, Mapping, Protocol
+
+from shsa_core.analysis.finding import Finding
+from shsa_core.errors import ShsaError
+from shsa_core.model.field import reduces
+from shsa_core.model.field_type import WHOLE, FieldType, field_type, nearest
+from shsa_core.model.service import Service, Source
+from shsa_core.model.som import Som
+
+_PICTURES = "pictures, point clouds and maps are not computed from numbers"
+_FRAMES = "a tf frame has one parent: a second publisher would contradict the first"
+_ACTIONS = "an action is a dialogue with its server, not a value"
+NOT_HEALABLE = {
+    "sensor_msgs/Image": _PICTURES,
+    "sensor_msgs/CompressedImage": _PICTURES,
+    "sensor_msgs/PointCloud": _PICTURES,
+    "sensor_msgs/PointCloud2": _PICTURES,
+    "stereo_msgs/DisparityImage": _PICTURES,
+    "nav_msgs/OccupancyGrid": _PICTURES,
+    "tf2_msgs/TFMessage": _FRAMES,
+    "tf/tfMessage": _FRAMES,
+    "actionlib_msgs/GoalID": _ACTIONS,
+    "actionlib_msgs/GoalStatusArray": _ACTIONS,
+}
+"""Message types that no substitute can publish in earnest, and why."""
+_ACTION_ENDINGS = ("ActionGoal", "ActionResult", "ActionFeedback")
+
+
+class MessageTypes(Protocol):
+    """Where message types are looked up, as in shsa_core.message_types."""
+
+    def layout(self, name: str) -> Mapping[str, str]:
+        """The fields of a message type and their types. Raises ShsaError if it is not there."""
+
+    def types_beside(self, name: str) -> List[str]:
+        """The message types in the same package; none if the package is not there."""
+
+    def is_service(self, name: str) -> bool:
+        """Whether it is the type of a ROS service."""
+
+
+def check_healable(som: Som) -> Iterator[Finding]:
+    """The needed services whose type or fields tell that they cannot be healed."""
+    for service in (each for each in som.needed() if each.policy.plans):
+        action = _ACTIONS if service.type.endswith(_ACTION_ENDINGS) else ""
+        why = NOT_HEALABLE.get(service.type, action)
+        if why:
+            yield Finding(
+                "warning",
+                service.where,
+                f"{service.name} is needed, but no substitute can publish a {service.type}: {why}",
+                "Leave 'needed' out, or give it a policy of restart",
+            )
+        for provision in service.provides:
+            if reduces(provision.field):
+                yield Finding(
+                    "error",
+                    provision.where,
+                    f"{service.name} is needed, but {provision.field} can be read alone: "
+                    "nothing can publish it again",
+                    "Give a field that can be written, or leave 'needed' out",
+                )
+
+
+def check_types(som: Som, types: MessageTypes) -> Iterator[Finding]:
+    """What is wrong with the types and the fields of a SOM, as they are installed here."""
+    for service in som:
+        try:
+            types.layout(service.type)
+        except ShsaError:
+            yield _unknown(service, types)
+            continue
+        for source in service.sources:
+            yield from _check_field(service, source, types)
+
+
+def _unknown(service: Service, types: MessageTypes) -> Finding:
+    """A type that is not here: a wrong name, or a package that is not built."""
+    package, name = service.type.split("/")
+    if types.is_service(service.type):
+        what = f"{service.type} is the type of a ROS service: only topics are watched and healed"
+        return Finding("error", service.where, f"{service.name}: {what}", "Remove it")
+    beside = types.types_beside(service.type)
+    if beside:
+        near = nearest(name, beside) or f"; it has {', '.join(beside)}"
+        what = f"{package} has no message type {name}{near}"
+        return Finding("error", service.where, f"{service.name}: {what}", "Correct the type")
+    what = f"the package {package} of {service.type} is not built here"
+    if service.needed:
+        what += f", and {service.name} is needed: it cannot be healed"
+        return Finding("error", service.where, what, "Build the package and source it")
+    what += f": the values of {service.name} are neither checked nor used on this computer"
+    return Finding("warning", service.where, what, "Build the package and source it")
+
+
+def _check_field(service: Service, source: Source, types: MessageTypes) -> Iterator[Finding]:
+    provision = source.provision
+    try:
+        found = field_type(service.type, provision.field, types.layout)
+    except ShsaError as error:
+        yield Finding("error", provision.where, str(error), "Correct the field")
+        return
+    yield from _check_range(source, found)
+
+
+def _check_range(source: Source, found: FieldType) -> Iterator[Finding]:
+    limits = source.provision.range
+    slack = 0.0 if found.kind in WHOLE else 0.05 * found.high  # nobody writes pi exactly
+    if limits is None:
+        return
+    if limits[0] < found.low - slack or limits[1] > found.high + slack:
+        yield Finding(
+            "warning",
+            source.provision.where,
+            f"the range [{limits[0]:g}, {limits[1]:g}] of {source.property} goes beyond what "
+            f"{source.provision.field} can hold: {found.kind}, {found.low:g} to {found.high:g}",
+            "Narrow the range",
+        )

@@ -1,0 +1,109 @@
+"""Files opened as nothing else: no pipe that keeps one waiting, no device, and no other's file."""
+import os
+import stat
+from typing import BinaryIO, Dict
+
+from shsa_core.errors import ModelError
+
+MAX_BYTES = 100_000_000
+_OTHERS: Dict[int, str] = {
+    stat.S_IFIFO: "it is a pipe, and no file",
+    stat.S_IFSOCK: "it is a socket, and no file",
+    stat.S_IFCHR: "it is a device, and no file",
+    stat.S_IFBLK: "it is a device, and no file",
+    stat.S_IFDIR: "Is a directory",
+}
+
+
+def open_to_read(path: str) -> BinaryIO:
+    """A file, opened; it never waits. Raises ModelError if it is none, or cannot be read."""
+    try:
+        _refuse_others(path, os.stat(path))  # before: opening some devices does something
+        flags = os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
+        file = open(os.open(path, flags), "rb")
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, error) from error
+    try:
+        _refuse_others(path, os.fstat(file.fileno()))
+    except ModelError:
+        file.close()
+        raise
+    return file
+
+
+def read_text(path: str, most: int = MAX_BYTES) -> str:
+    """The text of a file of UTF-8.
+
+    Raises ModelError, with the file and the line, if it cannot be read, has more than `most` bytes,
+    is not UTF-8 or holds a zero byte.
+    """
+    with open_to_read(path) as file:
+        try:
+            raw = file.read(most + 1) if os.fstat(file.fileno()).st_size <= most else b""
+        except OSError as error:
+            raise _unreadable(path, error) from error
+        if len(raw) > most or os.fstat(file.fileno()).st_size > most:
+            raise ModelError(path, f"is larger than {most} bytes")
+    try:
+        text = raw.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise ModelError(_line(path, raw, error.start), "is not UTF-8 text") from error
+    if "\0" in text:
+        raise ModelError(_line(path, raw, raw.index(b"\0")), "holds a zero byte; it is no text")
+    return text
+
+
+def open_to_append(path: str) -> int:
+    """The descriptor of a file of ours, to write at its end; it is made for us alone to read.
+
+    Raises OSError if it cannot be made, or if what is there is a link, no file, or not ours.
+    """
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY
+    descriptor = os.open(path, flags | os.O_CLOEXEC, 0o600)
+    try:
+        if _ours(descriptor).st_nlink != 1:
+            raise OSError("it has another name as well")
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def read_own(path: str, most: int) -> bytes:
+    """The bytes of a file that is ours, and that nobody else could read or write; it never waits.
+
+    Raises OSError if it is none, is a link, or has more than `most`.
+    """
+    flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
+    with open(os.open(path, flags), "rb") as file:
+        if _ours(file.fileno()).st_mode & 0o077:
+            raise OSError("others can read or write it")
+        data = file.read(most + 1)
+    if len(data) > most:
+        raise OSError(f"it is larger than {most} bytes")
+    return data
+
+
+def _ours(descriptor: int) -> os.stat_result:
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError("it is no file")
+    if status.st_uid != os.geteuid():
+        raise OSError("it is the file of another user")
+    return status
+
+
+def _refuse_others(path: str, status: os.stat_result) -> None:
+    kind = stat.S_IFMT(status.st_mode)
+    if kind != stat.S_IFREG:
+        raise ModelError(path, f"cannot be read: {_OTHERS.get(kind, 'it is no file')}")
+
+
+def _unreadable(path: str, error: Exception) -> ModelError:
+    why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return ModelError(path, f"cannot be read: {why}")
+
+
+def _line(path: str, raw: bytes, place: int) -> str:
+    line = raw.count(b"\n", 0, place) + 1
+    return f"{path}:{line}"

@@ -1,0 +1,59 @@
+"""The names of substitutes: each is used once, and is told from the names that others give."""
+import re
+
+PREFIX = "substitute_"
+NUMBERED = re.compile(r"[A-Za-z0-9_]+_([0-9]{1,9})")
+"""What follows the prefix. `[0-9]`: no digits but ours; `{1,9}`: no number that nobody reaches."""
+
+
+HEALERS = ("monitor", "reconfigurator")
+OF_ROS = ("/master", "/rosout")
+
+
+class Names:
+    """The names of substitutes in a namespace: `substitute_`, what for, and a number.
+
+    And those of other nodes that healing and ROS need.
+    """
+
+    def __init__(self, namespace: str) -> None:
+        self.prefix = namespace.rstrip("/") + "/" + PREFIX
+        self._ours = {*OF_ROS, *(namespace.rstrip("/") + "/" + name for name in HEALERS)}
+        self._next = 1
+
+    def fresh(self, of: str) -> str:
+        """A node name that was never used before, and never is after `use`."""
+        return f"{self.prefix}{of}_{self._next}"
+
+    def use(self) -> None:
+        """The name given last is used now."""
+        self._next += 1
+
+    def of_healing(self, node: str, in_som: bool) -> bool:
+        """Whether a node has the name of a healer, or of a part of ROS.
+
+        In another namespace, and as substitutes are named, the SOM may name nodes of the user's.
+        """
+        if node in self._ours or in_som:
+            return node in self._ours
+        name = node.rsplit("/", 1)[-1]
+        substitute = name.startswith(PREFIX) and NUMBERED.fullmatch(name[len(PREFIX) :])
+        return name in HEALERS or bool(substitute)
+
+    @property
+    def next(self) -> int:
+        """The number of the next name."""
+        return self._next
+
+    def go_on(self, number: int) -> None:
+        """The next name has this number at least."""
+        self._next = max(self._next, number)
+
+    def avoid(self, node: str) -> bool:
+        """Use no number up to that in a node name; False: the name has another form."""
+        rest = node[len(self.prefix) :] if node.startswith(self.prefix) else ""
+        found = NUMBERED.fullmatch(rest)
+        if found is None:
+            return False
+        self._next = max(self._next, 1 + int(found.group(1)))
+        return True

@@ -1,0 +1,1 @@
+"""Recordings: read, aligned, learned from, and what derivations are worth on them."""

@@ -1,0 +1,29 @@
+"""A substitute's calibration: the gain and offset by which its value is that of the lost sensor."""
+from dataclasses import dataclass
+from typing import Optional
+
+from shsa_core.model.error import Error
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What is published is `gain` * derived + `offset`; `error`: what that erred by lately.
+
+    The offset is in the unit of the property. None: the error is not known.
+    """
+
+    gain: float = 1.0
+    offset: float = 0.0
+    error: Optional[Error] = None
+
+    def __call__(self, derived: float) -> float:
+        """The calibrated value."""
+        return self.gain * derived + self.offset
+
+    @property
+    def is_none(self) -> bool:
+        """Whether it changes nothing."""
+        return self.gain == 1.0 and self.offset == 0.0
+
+
+UNCALIBRATED = Calibration()

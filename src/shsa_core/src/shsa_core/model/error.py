@@ -1,0 +1,28 @@
+"""How far a value is from the truth: measured, in the unit of its property."""
+from dataclasses import dataclass
+from typing import Optional
+
+
+@dataclass(frozen=True)
+class Error:
+    """The error of what a service or a relation yields, against what was true on recorded data.
+
+    `rms`: root mean square, all in; `bias`: the mean of value minus truth; `p95`: of its magnitude;
+    `delay` in s by which it lags; `baseline`: the rms of who always says the mean of the truth;
+    `n`: points that it was measured on; `source`: where, in words. None: not known.
+    """
+
+    rms: float
+    bias: float = 0.0
+    p95: Optional[float] = None
+    delay: float = 0.0
+    baseline: Optional[float] = None
+    n: Optional[int] = None
+    source: str = ""
+
+    @property
+    def quality(self) -> Optional[float]:
+        """1 - rms/baseline, in (0, 1]; None where the baseline is not known."""
+        if not self.baseline:
+            return None
+        return min(1.0, max(1e-4, 1.0 - self.rms / self.baseline))

@@ -1,0 +1,185 @@
+"""Fields of messages as text: one grammar for the SOM and for a substitute's three strings.
+
+    field     PATH | min(PATH) | max(PATH) | mean(PATH) | count(PATH) | yaw(PATH) | roll(PATH) | ...
+    PATH      steps with dots between them, in the three strings with slashes
+    step      NAME | NAME[3] | NAME[name=left_wheel], and at the end of a reduction NAME[10:50]
+"""
+import functools
+import re
+from dataclasses import dataclass
+from typing import List, Optional, Tuple, Union
+
+from shsa_core.errors import ShsaError
+
+REDUCTIONS = ("min", "max", "mean", "count")
+ANGLES = ("roll", "pitch", "yaw")
+LONGEST = 255
+"""Characters of a field."""
+
+_FUNCTION = re.compile(r"(\w+)\((.*)\)\Z", re.ASCII | re.DOTALL)
+_STEP = re.compile(
+    r"(?P<name>[A-Za-z]\w*)"
+    r"(?:\[(?:(?P<index>\d{1,6})"
+    r"|(?P<key>[A-Za-z]\w*)=(?P<value>[\w./:-]{1,100})"
+    r"|(?P<start>\d{1,6})?:(?P<stop>\d{1,6})?)\])?",
+    re.ASCII,
+)
+# REP 117: the fields whose NaN and infinite values tell of a sensor that works.
+_DISTANCES = {
+    "sensor_msgs/LaserScan": "ranges",
+    "sensor_msgs/MultiEchoLaserScan": "ranges",
+    "sensor_msgs/Range": "range",
+}
+
+
+@dataclass(frozen=True)
+class Index:
+    """The element of an array at a place, the first one is 0."""
+
+    place: int
+
+    def __str__(self) -> str:
+        return f"[{self.place}]"
+
+
+@dataclass(frozen=True)
+class Key:
+    """The element of an array at the place where the array `names` beside it holds `name`."""
+
+    names: str
+    name: str
+
+    def __str__(self) -> str:
+        return f"[{self.names}={self.name}]"
+
+
+@dataclass(frozen=True)
+class Span:
+    """The elements of an array from `start` to before `stop`; None: to its end."""
+
+    start: int
+    stop: Optional[int]
+
+    def __str__(self) -> str:
+        return f"[{self.start or ''}:{'' if self.stop is None else self.stop}]"
+
+
+Selector = Union[None, Index, Key, Span]
+
+
+@dataclass(frozen=True)
+class Step:
+    """A field of a message, or a part of one that is an array."""
+
+    name: str
+    part: Selector = None
+
+    def __str__(self) -> str:
+        return self.name + ("" if self.part is None else str(self.part))
+
+
+@dataclass(frozen=True)
+class FieldText:
+    """A field as its text says; `function`: one of REDUCTIONS or ANGLES, or empty."""
+
+    steps: Tuple[Step, ...]
+    function: str = ""
+
+    def __str__(self) -> str:
+        return self._text(".")
+
+    @property
+    def path(self) -> str:
+        """Its text in one of the three strings."""
+        return self._text("/")
+
+    def _text(self, separator: str) -> str:
+        path = separator.join(map(str, self.steps))
+        return f"{self.function}({path})" if self.function else path
+
+
+@functools.lru_cache(maxsize=1024)
+def parse_field(text: str, separator: str = ".") -> FieldText:
+    """The field that a text names, with dots as in the SOM, or slashes as in the three strings.
+
+    Raises ShsaError if it names none.
+    """
+    if len(text) > LONGEST:
+        raise ShsaError(f"a field has at most {LONGEST} characters, not {len(text)}")
+    call = _FUNCTION.match(text)
+    function, path = call.groups() if call is not None else ("", text)
+    if function and function not in REDUCTIONS + ANGLES:
+        known = ", ".join(REDUCTIONS + ANGLES)
+        raise ShsaError(f"{text!a} is not a field: the functions are {known}")
+    steps: List[Step] = []
+    at = -1
+    while at < len(path):
+        match = _STEP.match(path, at + 1)
+        if match is None or path[match.end() : match.end() + 1] not in ("", separator):
+            raise _refused(text)
+        steps.append(Step(match["name"], _part(match)))
+        at = match.end()
+    return FieldText(_checked(text, steps, function), function)
+
+
+def _part(match: "re.Match[str]") -> Selector:
+    if match["index"] is not None:
+        return Index(int(match["index"]))
+    if match["key"] is not None:
+        return Key(match["key"], match["value"])
+    if not match[0].endswith("]"):
+        return None
+    stop = match["stop"]
+    return Span(int(match["start"] or 0), None if stop is None else int(stop))
+
+
+def _checked(text: str, steps: List[Step], function: str) -> Tuple[Step, ...]:
+    """The steps, where slices stand only in the place for them; all of an array needs none."""
+    before = steps[:-1] if function in REDUCTIONS else steps
+    if any(isinstance(step.part, Span) for step in before):
+        raise ShsaError(
+            f"{text!a} is not a field: a slice stands at the end of {', '.join(REDUCTIONS)} alone"
+        )
+    last = steps[-1]
+    if function in REDUCTIONS and not isinstance(last.part, (Span, type(None))):
+        raise ShsaError(f"{text!a} is not a field: {function} is of an array, or of a slice of one")
+    if isinstance(last.part, Span):
+        start, stop = last.part.start, last.part.stop
+        if stop is not None and stop <= start:
+            raise ShsaError(f"{text!a} is not a field: the slice {last.part} is empty")
+        if last.part == Span(0, None):
+            last = Step(last.name)
+    return (*steps[:-1], last)
+
+
+def _refused(text: str) -> ShsaError:
+    shown = text if len(text) <= 60 else text[:57] + "..."
+    return ShsaError(
+        f"{shown!a} is not a field; fields are written like data, pose.position.x, ranges[3], "
+        "velocity[name=left_wheel], min(ranges[10:50]) or yaw(pose.pose.orientation)"
+    )
+
+
+def reduces(field: str) -> bool:
+    """Whether a field is one number of many, so that it can be read alone."""
+    return parse_field(field).function in REDUCTIONS
+
+
+def is_angle(field: str) -> bool:
+    """Whether a field is an angle of a quaternion."""
+    return parse_field(field).function in ANGLES
+
+
+def to_path(field: str) -> str:
+    """The text of a field in the SOM, as it stands in one of the three strings."""
+    return re.sub(r"\.(?![^\[]*\])", "/", field)
+
+
+def tells_of_nothing(message_type: str, field: str) -> bool:
+    """Whether NaN and infinite values of a field tell what is seen, not that a node is faulty.
+
+    REP 117: of distances, +inf says that nothing is in reach, -inf that something is too close, and
+    NaN that one reading is of no use.
+    """
+    steps = parse_field(field).steps
+    return _DISTANCES.get(message_type) == steps[0].name

@@ -1,0 +1,114 @@
+"""What a field is in its message type: a number of which kind, and what it can hold."""
+import difflib
+import math
+from dataclasses import dataclass
+from typing import Callable, Dict, Iterable, Mapping, Optional, Tuple
+
+from shsa_core.errors import ShsaError, listed
+from shsa_core.model.field import ANGLES, REDUCTIONS, Index, Key, Span, Step, parse_field
+
+Layout = Callable[[str], Mapping[str, str]]
+"""The fields of a message type and their types, as in its .msg file; raises ShsaError."""
+
+FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}
+WHOLE: Dict[str, Tuple[int, int]] = {
+    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+    "bool": (0, 1),
+    "byte": (-128, 127),
+    "char": (0, 255),
+}
+
+
+@dataclass(frozen=True)
+class FieldType:
+    """A field that is a number: of the type `kind`, or computed. It holds `low` to `high`.
+
+    `writable`: whether a value can be written to it; a reduction cannot.
+    """
+
+    kind: str
+    low: float
+    high: float
+    writable: bool = True
+
+    def fit(self, value: float) -> float:
+        """The value as the field holds it; a whole number is rounded to.
+
+        Raises ShsaError if it does not fit.
+        """
+        if self.kind in WHOLE and math.isfinite(value):
+            value = round(value)
+        if self.low <= value <= self.high:
+            return value
+        raise ShsaError(f"{value:g} does not fit into {self.kind}, {self.low:g} to {self.high:g}")
+
+
+def field_type(message_type: str, field: str, layout: Layout) -> FieldType:
+    """What a field is in a message type.
+
+    Raises ShsaError if the type has no such field, or if it is not a number.
+    """
+    parsed = parse_field(field)
+    kind = message_type
+    for step in parsed.steps:
+        reduces = parsed.function in REDUCTIONS and step is parsed.steps[-1]
+        try:
+            kind = _enter(kind, step, reduces, layout)
+        except _NoField as error:
+            raise ShsaError(f"{message_type} has no field {field}: {error}") from error
+        except ShsaError as error:
+            raise ShsaError(f"{message_type}: {error}") from error
+    if parsed.function in ANGLES:
+        if "/" not in kind or not {"x", "y", "z", "w"} <= set(layout(kind)):
+            raise ShsaError(f"{message_type}: {field} is of a quaternion, and this is a {kind}")
+        high = math.pi / 2 if parsed.function == "pitch" else math.pi
+        return FieldType("an angle in rad", -high, high)
+    if kind not in FLOATS and kind not in WHOLE:
+        raise ShsaError(f"{message_type}: field {field} is a {kind}, not a number")
+    if parsed.function in REDUCTIONS:
+        low = 0.0 if parsed.function == "count" else -math.inf
+        return FieldType(f"the {parsed.function} of an array", low, math.inf, writable=False)
+    low, high = WHOLE[kind] if kind in WHOLE else (-FLOATS[kind], FLOATS[kind])
+    return FieldType(kind, low, high)
+
+
+class _NoField(ShsaError):
+    """A message type lacks a field."""
+
+
+def _enter(kind: str, step: Step, reduces: bool, layout: Layout) -> str:
+    """The type that a step leads to."""
+    if "/" not in kind:
+        raise _NoField(f"a {kind} has no fields")
+    fields = layout(kind)
+    if step.name not in fields:
+        known = listed(list(fields)) or "none"
+        raise _NoField(f"{step.name} is not one of {known}{nearest(step.name, fields)}")
+    element, bracket, size = fields[step.name].partition("[")
+    if not bracket:
+        if step.part is not None or reduces:
+            raise ShsaError(f"field {step.name} is not an array")
+    elif step.part is None and not reduces:
+        raise ShsaError(f"field {step.name} is an array: its first element is {step.name}[0]")
+    highest = _highest(step)
+    if size[:-1] and highest is not None and highest >= int(size[:-1]):
+        raise ShsaError(f"{step} is beyond the array, whose last place is {int(size[:-1]) - 1}")
+    if isinstance(step.part, Key) and fields.get(step.part.names) != "string[]":
+        raise ShsaError(f"{step} needs an array of texts {step.part.names} beside {step.name}")
+    return element
+
+
+def _highest(step: Step) -> Optional[int]:
+    """The highest place of an array that a step names; None if it names none."""
+    if isinstance(step.part, Index):
+        return step.part.place
+    if isinstance(step.part, Span) and step.part.stop is not None:
+        return step.part.stop - 1
+    return None
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The name that may have been meant, in words; empty if none is like it."""
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]}?" if near else ""

@@ -1,0 +1,82 @@
+"""How long it may take until somebody publishes a service: at the start, and after a new one.
+
+A robot that is not there at all is awaited, and nobody is blamed. Who did well under a former
+monitor is there already.
+"""
+from typing import List, Tuple
+
+from shsa_core.monitoring.board import Board, Grace
+from shsa_core.monitoring.events import FormerlyHealthy, Key, RobotAwaited
+from shsa_core.monitoring.publishers import WatchedService
+from shsa_core.monitoring.silence import TOGETHER_NODES
+
+CONNECT_S = 0.4
+"""A new monitor takes so long at most to connect to who is there."""
+SUBSCRIBE_S = 0.01
+"""For each topic: they are subscribed one after the other."""
+TOGETHER_S = 5.0
+"""So long several nodes that are not heard together count as not connected yet."""
+AGAIN_S = 0.5
+
+
+class Arrivals:
+    """Says when a service for which no message came is missed. Times in s."""
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._robot_came = False
+        self._told = False
+        self._awaited: Tuple[Key, ...] = ()
+
+    def came(self, time: float, grace: float) -> None:
+        """Somebody is there who is no substitute: the others have their time from now on."""
+        if self._robot_came:
+            return
+        self._robot_came = True
+        for topic in self._board.topics.values():
+            for watched in topic.services.values():
+                watched.due = max(watched.due, time + grace)
+
+    def expect(self, event: FormerlyHealthy) -> None:
+        """These did well under a former monitor: they are missed soon."""
+        self._robot_came = self._robot_came or bool(event.publishers)
+        connect = CONNECT_S + SUBSCRIBE_S * len(self._board.topics)
+        for name, publisher in event.publishers:
+            topic = self._board.topics.get(name)
+            watched = self._board.watched_of(topic, publisher) if topic else None
+            if topic is None or watched is None or watched.published or watched.overdue:
+                continue
+            wait = 0.0 if watched.service.event_driven else watched.deadline
+            watched.formerly = publisher, event.time
+            watched.due = min(watched.due, event.time + wait + connect)
+            self._board.agenda.bring_forward(Grace(name, watched.service.name), watched.due)
+
+    def due(self, watched: WatchedService, time: float, grace: float) -> float:
+        """When a service that is due is missed: now, or later."""
+        if watched.formerly[0]:
+            together = len(self._unheard()) >= TOGETHER_NODES
+            last = watched.formerly[1] + TOGETHER_S
+            return min(time + AGAIN_S, last) if together and time < last else time
+        if self._robot_came:
+            return time
+        if not self._told:
+            self._told = True
+            self._awaited = tuple(
+                (topic.name, each.service.node)
+                for topic in self._board.topics.values()
+                for each in topic.services.values()
+            )
+        return time + grace
+
+    def awaited(self, time: float) -> List[RobotAwaited]:
+        """What is to be told: once, for whom is waited."""
+        awaited, self._awaited = self._awaited, ()
+        return [RobotAwaited(time, awaited)] if awaited else []
+
+    def _unheard(self) -> List[str]:
+        """The nodes that did well under a former monitor, and were not heard yet."""
+        services = [
+            each for topic in self._board.topics.values() for each in topic.services.values()
+        ]
+        missed = (each.formerly[0] for each in services if not each.published)
+        return sorted({node for node in missed if node})

@@ -1,0 +1,226 @@
+"""Learns by which gain and offset a derived value is that of a sensor, while the sensor lives.
+
+Exponentially weighted least squares of `measured = gain * derived + offset`, step by step: the mean
+tells the offset, what both deviate from it the gain. Each is forgotten only as fast as it is
+learned anew, after the directional forgetting of R. Kulhavy, "Restricted exponential forgetting in
+real-time identification", Automatica 23 (1987): else a robot that stands would forget its gain.
+
+A sample is learned once it is GUARD_S old and nothing was doubted since: what a sensor said last
+before it failed teaches nothing. After the first SETTLING_S, gain and offset move slowly and not
+far: who drifts along with a sensor must be slower than the sensor's drift is seen.
+"""
+from collections import deque
+from math import ceil, exp, sqrt
+from typing import Deque, List, Optional, Tuple
+
+from shsa_core.model.calibration import UNCALIBRATED, Calibration
+from shsa_core.model.error import Error
+
+SAMPLE_S = 0.2
+"""Between two samples: those in between cost time and tell nothing new."""
+LONGEST_S = 1.0
+"""A sample tells of the time since the one before, but of no more than this."""
+MEMORY_S = 200.0
+"""What is older counts less than 1/e."""
+LARGEST = 1e100
+"""The square of a value beyond could be infinite, and its table of calibrations refused."""
+GUARD_S = 5.0
+SETTLING_S = 60.0
+"""Of data, before which gain and offset are free; the gain needs as much that tells of it."""
+PRIOR_GAIN = 0.3
+"""The standard deviation of a relation's gain from 1 that is expected."""
+EXCITED = 2.0
+"""A gain is believed once the variance of what is derived is so many times the residual's."""
+GAINS = 0.5, 2.0
+DRIFT_S = 300.0
+"""In it a settled offset moves by the relation's rms error at most, a gain by GAIN_STEP."""
+GAIN_STEP = 0.05
+DRIFTS = 3.0
+"""So many times that is as far as they ever move."""
+WINDOW = 300
+"""The error is that of so many samples, taken ERROR_S apart; FEWEST are needed.
+
+None are taken in the first FIRST_S, in which nothing is known yet.
+"""
+FIRST_S = 5.0
+ERROR_S = 1.0
+FEWEST = 5
+SOURCE = "compared with the sensor while it lived"
+
+
+class Calibrator:
+    """The calibration of one derivation of one sensor's value.
+
+    `stated`: the rms error that the relation is known to have, in the unit of the value; None: not
+    known. Times in s.
+    """
+
+    def __init__(self, stated: Optional[float] = None) -> None:
+        self._stated = stated or 0.0
+        self._taken: Optional[float] = None
+        self._waiting: Deque[Tuple[float, float, float]] = deque()
+        self._learned: Optional[float] = None
+        self._means = _Means()
+        self._slope = _Slope()
+        self._gain = _Limited()
+        self._shift = _Limited()  # calibrated minus derived, at a fixed derived value
+        self._at = 0.0
+        self._errors: Deque[Tuple[float, float]] = deque(maxlen=WINDOW)
+        self._noted: Optional[float] = None
+        self._whole = True
+
+    def due(self, time: float) -> bool:
+        """Whether a sample would be taken; nothing need be derived for one that is not."""
+        return self._taken is None or not 0.0 <= time - self._taken < SAMPLE_S
+
+    def take(self, time: float, measured: float, derived: float) -> None:
+        """What a healthy sensor measured, and what was derived at the same time."""
+        if not (abs(measured) < LARGEST and abs(derived) < LARGEST and self.due(time)):
+            return
+        if self._taken is not None and time < self._taken:
+            self.doubt()
+            self._learned = self._noted = None
+        self._taken = time
+        self._whole = self._whole and measured == int(measured)
+        self._waiting.append((time, measured, derived))
+        while self._waiting[0][0] <= time - GUARD_S:
+            self._learn(*self._waiting.popleft())
+
+    def doubt(self) -> None:
+        """Something is doubted now: what was taken in the last GUARD_S teaches nothing."""
+        self._waiting.clear()
+
+    def snapshot(self) -> Calibration:
+        """Gain, offset and error as of GUARD_S before the last sample; older if one was doubted.
+
+        Gain 1 and offset 0 where others would not be better, and for what has only been whole
+        numbers: they may be states. The error is None until it is known.
+        """
+        if len(self._errors) < FEWEST:
+            return UNCALIBRATED
+        calibrated = _error([each for each, _ in self._errors])
+        plain = _error([each for _, each in self._errors])
+        if calibrated.rms < plain.rms and not self._whole:
+            return Calibration(*self._applied, calibrated)
+        return Calibration(error=plain)
+
+    @property
+    def _applied(self) -> Tuple[float, float]:
+        gain = 1.0 + self._gain.value
+        return gain, self._shift.value - self._gain.value * self._at
+
+    def _learn(self, time: float, measured: float, derived: float) -> None:
+        passed = SAMPLE_S if self._learned is None else min(time - self._learned, LONGEST_S)
+        self._learned = time
+        residual = measured - derived
+        self._note(time, derived, residual)
+        means = self._means
+        told = self._slope.learn(passed, derived - means.derived, residual - means.residual)
+        means.learn(passed, derived, residual)
+        gain = min(max(self._slope.gain, GAINS[0]), GAINS[1]) - 1.0
+        self._gain.follow(gain, passed, told, GAIN_STEP)
+        if not self._shift.settled:
+            self._at = means.derived
+        shift = means.residual + self._gain.value * (self._at - means.derived)
+        self._shift.follow(shift, passed, passed, self._step)
+
+    def _note(self, time: float, derived: float, residual: float) -> None:
+        """Note what would have been published, less what was measured: before it is learned."""
+        known = self._shift.seen >= FIRST_S
+        if known and (self._noted is None or time - self._noted >= ERROR_S):
+            self._noted = time
+            gain, offset = self._applied
+            self._errors.append(((gain - 1.0) * derived + offset - residual, -residual))
+
+    @property
+    def _step(self) -> float:
+        """The rms error of the relation: as stated, or as it is seen, whichever is larger."""
+        if self._shift.settled:
+            return self._shift.step
+        late = [each for each, _ in self._errors][len(self._errors) // 2 :]
+        return max(self._stated, _error(late or [0.0]).rms)
+
+
+class _Means:
+    """Exponentially weighted means of what is derived, and of measured minus derived."""
+
+    def __init__(self) -> None:
+        self.derived = self.residual = 0.0
+        self._seen = 0.0
+
+    def learn(self, passed: float, derived: float, residual: float) -> None:
+        """A sample that stands for `passed` s."""
+        self._seen = self._seen * exp(-passed / MEMORY_S) + passed
+        share = passed / self._seen
+        self.derived += share * (derived - self.derived)
+        self.residual += share * (residual - self.residual)
+
+
+class _Slope:
+    """The gain, by exponentially weighted sums of squares and products of deviations.
+
+    A sample counts as far as it deviates, so that a robot that stands forgets nothing.
+    """
+
+    def __init__(self) -> None:
+        self._derived = self._product = self._residual = self._seen = 0.0
+
+    def learn(self, passed: float, derived: float, residual: float) -> float:
+        """Deviations from the means in `passed` s; the seconds by which it tells of a gain."""
+        usual = self._derived / MEMORY_S
+        told = passed * (min(1.0, derived * derived / usual) if usual > 0.0 else 1.0)
+        kept = exp(-told / MEMORY_S)
+        self._seen = kept * self._seen + told
+        self._derived = kept * self._derived + told * derived * derived
+        self._product = kept * self._product + told * derived * residual
+        self._residual = kept * self._residual + told * residual * residual
+        return told if self._excited else 0.0
+
+    @property
+    def _excited(self) -> bool:
+        return self._derived > EXCITED * self._residual
+
+    @property
+    def gain(self) -> float:
+        """1 while too little is known of it."""
+        if not self._excited:
+            return 1.0
+        expected = self._residual / max(self._seen, LONGEST_S) / PRIOR_GAIN**2
+        return 1.0 + self._product / (self._derived + expected)
+
+
+class _Limited:
+    """A number that follows another one: at once until it is settled, then slowly and not far.
+
+    `seen`: s of data that tell of it; `step`: what it moves by in DRIFT_S at most.
+    """
+
+    def __init__(self) -> None:
+        self.value = self._settled_at = self.seen = 0.0
+        self.step = 0.0
+
+    @property
+    def settled(self) -> bool:
+        """Whether there was enough data to know it."""
+        return self.seen >= SETTLING_S
+
+    def follow(self, wanted: float, passed: float, told: float, step: float) -> None:
+        """`passed` s of data came, of which `told` tell of it; `step` counts once it settles."""
+        if not self.settled:
+            self.value = self._settled_at = wanted
+            self.step, self.seen = step, self.seen + told
+            return
+        wanted = _bounded(wanted, self._settled_at, DRIFTS * self.step)
+        self.value = _bounded(wanted, self.value, self.step * passed / DRIFT_S)
+
+
+def _bounded(value: float, around: float, most: float) -> float:
+    return min(max(value, around - most), around + most)
+
+
+def _error(values: List[float]) -> Error:
+    """The error that samples of it tell."""
+    count = len(values)
+    sizes = sorted(abs(value) for value in values)
+    rms = sqrt(sum(value * value for value in values) / count)
+    return Error(rms, sum(values) / count, sizes[ceil(0.95 * count) - 1], n=count, source=SOURCE)

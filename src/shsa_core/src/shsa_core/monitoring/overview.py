@@ -1,0 +1,83 @@
+"""How each service is doing, by all who publish for it: what people are shown."""
+from dataclasses import dataclass
+from typing import Collection, List, Mapping, Tuple
+
+from shsa_core.model.kinds import Word
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+from shsa_core.monitoring.board import FAILED, HEALTHY, Board
+from shsa_core.monitoring.events import Key, PublisherHealth
+from shsa_core.monitoring.publishers import NOBODY, Publisher
+
+
+class Condition(Word):
+    """How a service is doing.
+
+    DOUBTFUL: it is healthy, but other services contradict what is derived from it.
+    DISTURBED: its node is healthy, and somebody who fails publishes beside it.
+    """
+
+    HEALTHY = "healthy"
+    DOUBTFUL = "doubtful"
+    DISTURBED = "disturbed"
+    SUBSTITUTED = "substituted"
+    STARTING = "starting"
+    LOST = "lost"
+
+
+@dataclass(frozen=True)
+class ServiceHealth:
+    """One service, its condition in words, and the publishers that it comes from."""
+
+    service: Service
+    condition: Condition
+    detail: str
+    publishers: Tuple[PublisherHealth, ...]
+
+
+def overview(
+    som: Som, board: Board, muted: Collection[Key], doubts: Mapping[str, str]
+) -> Tuple[ServiceHealth, ...]:
+    """Every service of a SOM; the publishers that stand by, `muted`, are left out.
+
+    `doubts`: by service, why it may be wrong though nobody can be blamed.
+    """
+    return tuple(_health(service, board, muted, doubts.get(service.name, "")) for service in som)
+
+
+def _health(service: Service, board: Board, muted: Collection[Key], doubt: str) -> ServiceHealth:
+    topic = board.topics[service.topic]
+    concerned = [
+        publisher
+        for publisher in topic.publishers.values()
+        if (topic.name, publisher.name) not in muted and _concerns(publisher, service)
+    ]
+    substitutes = [each for each in concerned if board.substitutes.service(each.name)]
+    condition, detail = _condition(concerned, substitutes)
+    if condition is Condition.HEALTHY and doubt:
+        condition, detail = Condition.DOUBTFUL, doubt
+    rows = tuple(each.row(topic.name) for each in concerned if each.name != NOBODY)
+    return ServiceHealth(service, condition, detail, rows)
+
+
+def _concerns(publisher: Publisher, service: Service) -> bool:
+    """Whether it publishes for a service, or on its topic without anybody knowing what for."""
+    if publisher.service is None:
+        return publisher.name != NOBODY
+    return publisher.service.name == service.name
+
+
+def _condition(publishers: List[Publisher], substitutes: List[Publisher]) -> Tuple[Condition, str]:
+    failed = [each for each in publishers if each.state is FAILED]
+    told = "; ".join(f"{each.name or 'nobody publishes'}: {each.detail}" for each in failed)
+    healthy = [each for each in publishers if each.state is HEALTHY and each.service]
+    own = [each for each in healthy if each not in substitutes]
+    if own and any(each.connected for each in failed):
+        return Condition.DISTURBED, told
+    if own:
+        return Condition.HEALTHY, "healthy"
+    if healthy:
+        return Condition.SUBSTITUTED, "; ".join(filter(None, (f"by {healthy[0].name}", told)))
+    if failed:
+        return Condition.LOST, told
+    return Condition.STARTING, "waits for its first message"

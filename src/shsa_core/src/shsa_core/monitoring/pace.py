@@ -1,0 +1,94 @@
+"""The time by which publishers are judged: ours, or no more of it than /clock lets pass.
+
+Under simulated time a node that follows /clock publishes as slowly as that goes, and stands still
+while it does; one that does not follow it goes on as ever. Nobody can tell which is which, so each
+is judged by the clock that speaks for it: silence and low rates by the slower one, high rates by
+the faster one.
+"""
+from dataclasses import replace
+from math import inf
+from typing import List, Optional, Tuple
+
+from shsa_core.monitoring.events import (
+    ClockTicked,
+    Command,
+    Event,
+    FailureDetected,
+    HealthChanged,
+    Message,
+    PublisherHealth,
+)
+
+JUMP_S = 0.1
+"""Clocks that are set little by little change by far less from one look to the next."""
+
+
+class Pace:
+    """Turns our moments into those that publishers are judged by, and back. Times in s."""
+
+    def __init__(self) -> None:
+        self._tick: Optional[ClockTicked] = None
+        self._slow = self._fast = self._now = 0.0
+        self.jumped = False
+        """The computer's own clock was set before the last look at it."""
+
+    @property
+    def simulated(self) -> bool:
+        """Whether there is a /clock to follow."""
+        return self._tick is not None and self._tick.simulated
+
+    def _look(self, tick: ClockTicked) -> None:
+        """Look at both clocks."""
+        before, self._tick, self.jumped = self._tick, tick, False
+        if before is None or before.simulated is not tick.simulated:
+            self._slow = self._fast = tick.time
+            return
+        ours, theirs = tick.time - before.time, tick.ros_time - before.ros_time
+        self._slow += min(ours, max(0.0, theirs))
+        self._fast += max(ours, theirs)
+        self.jumped = not tick.simulated and abs(theirs - ours) > JUMP_S
+
+    def judged(self, event: Event) -> Event:
+        """An event at the time by which it is judged."""
+        if isinstance(event, ClockTicked):
+            self._look(event)
+        self._now, tick = event.time, self._tick
+        if tick is None or not tick.simulated:
+            return event
+        if isinstance(event, Message):
+            apart = self._fast - self._slow + event.time - tick.time
+            return replace(event, time=self._slow, apart=apart)
+        return replace(event, time=self._slow)
+
+    def due(self, moment: float) -> float:
+        """When a moment can be reached at the earliest."""
+        if not self.simulated or moment == inf:
+            return moment
+        return self._now + (moment - self._slow)
+
+    def ours(self, commands: List[Command]) -> List[Command]:
+        """Commands at our time again; what lies back lies as far back as the publisher's clock
+        says.
+        """
+        if not self.simulated:
+            return commands
+        return [self._ours(each) for each in commands]
+
+    def _ours(self, command: Command) -> Command:
+        if isinstance(command, FailureDetected):
+            return replace(command, time=self._now, last_good=self._moment(command.last_good))
+        if isinstance(command, HealthChanged):
+            return replace(command, time=self._now, rows=self.rows(command.rows))
+        return replace(command, time=self._now)
+
+    def rows(self, rows: Tuple[PublisherHealth, ...]) -> Tuple[PublisherHealth, ...]:
+        """Rows of the table at our time again."""
+        return tuple(self._row(row) for row in rows) if self.simulated else rows
+
+    def _row(self, row: PublisherHealth) -> PublisherHealth:
+        since = self._now + (row.since - self._slow)
+        first, good = self._moment(row.first_message), self._moment(row.last_good)
+        return replace(row, since=since, first_message=first, last_good=good)
+
+    def _moment(self, moment: Optional[float]) -> Optional[float]:
+        return None if moment is None else self._now + (moment - self._slow)

@@ -1,0 +1,67 @@
+"""Whether a silence is the publisher's own, or has another cause that passes.
+
+There are three: the monitor itself was not scheduled; healing connects to the node, which then has
+its threads to share; nodes that have nothing to do with each other fall silent together, as where
+the computer is short of time. Each grants more time, all of them together one deadline at most.
+"""
+from math import inf
+from typing import Dict, Iterable
+
+from shsa_core.monitoring.events import Tick
+from shsa_core.monitoring.publishers import Publisher
+
+CONNECT_S = 0.1
+"""A silence may come of a connection of healing's own that was made in it, or so long before."""
+REMEMBER_S = 600.0
+TOGETHER_NODES = 3
+"""So many nodes that are late at the same time are late for one reason."""
+MISSED_PERIODS = 1.5
+LEAST_GRANT_S = 1e-4
+EVERYBODY = ""
+
+
+class Excuses:
+    """What speaks for those who are silent. Times in s."""
+
+    def __init__(self) -> None:
+        self._connected: Dict[str, float] = {}
+
+    def connected(self, node: str, time: float) -> None:
+        """A connection to a node was made; `EVERYBODY`: a substitute came up, and may listen to
+        all.
+        """
+        least = time - REMEMBER_S
+        self._connected = {name: at for name, at in self._connected.items() if at > least}
+        self._connected[node] = time
+
+    def grant(self, publisher: Publisher, now: Tick, late_nodes: int) -> float:
+        """The time in s from now on that a silent publisher is granted; 0: it is to blame.
+
+        `late_nodes`: how many nodes are late, itself included.
+        """
+        allowed = publisher.allowed
+        if publisher.granted >= allowed:
+            return 0.0
+        if now.late >= allowed / 10:
+            return min(now.late, allowed)
+        if late_nodes >= TOGETHER_NODES or self._disturbed(publisher, now.time):
+            return max(0.0, 2 * allowed - publisher.silence(now.time))
+        return 0.0
+
+    def _disturbed(self, publisher: Publisher, time: float) -> bool:
+        """Whether healing connected since shortly before the last message."""
+        began = time - publisher.silence(time) - CONNECT_S
+        return any(self._connected.get(name, -inf) >= began for name in (publisher.name, EVERYBODY))
+
+
+def late_nodes(publishers: Iterable[Publisher], time: float) -> int:
+    """How many nodes have missed a message, and are silent for half their deadline or more."""
+    return len({each.name for each in publishers if _is_late(each, time)})
+
+
+def _is_late(publisher: Publisher, time: float) -> bool:
+    service = publisher.service
+    if publisher.last_message is None or service is None or service.period is None:
+        return False
+    least = max(publisher.allowed / 2, MISSED_PERIODS * service.period)
+    return publisher.is_healthy and publisher.silence(time) >= least

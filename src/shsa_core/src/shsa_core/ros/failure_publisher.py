@@ -1,0 +1,49 @@
+"""How a monitor of your own tells healing of a failure, so that it is believed."""
+from typing import Optional
+
+import rospy
+from shsa_msgs import msg
+
+from shsa_core.errors import ShsaError
+from shsa_core.model.kinds import Kind
+from shsa_core.ros.graph.signing import Signing
+from shsa_core.ros.wire import names
+
+
+class FailurePublisher:
+    """Publishes signed failures on shsa/failures, in the namespace of this node.
+
+    `secret`: the file with healing's secret, if that is not the default one. Only the user whom
+    healing runs as can read it, and what is signed counts on the same computer alone. Raises
+    ShsaError if it cannot be read.
+    """
+
+    def __init__(self, secret: str = "") -> None:
+        self._sign = Signing(secret).signer(names.FAILURES, msg.Failure)
+        self._publisher = rospy.Publisher(
+            names.FAILURES, msg.Failure, queue_size=100, tcp_nodelay=True
+        )
+
+    def publish(
+        self,
+        topic: str,
+        publisher: str,
+        kind: str = "other",
+        detail: str = "",
+        last_good: Optional[rospy.Time] = None,
+    ) -> None:
+        """Tell that the node `publisher` fails on `topic`.
+
+        `kind`: one of those in shsa_msgs/Failure. `detail`: what was seen and what is allowed.
+        `last_good`: when its last good message came. Raises ShsaError if the kind is none.
+        """
+        if kind not in tuple(Kind):
+            raise ShsaError(f"the kind of failure {kind!r} is none of {', '.join(Kind)}")
+        failure = msg.Failure(topic=topic, publisher=publisher, kind=str(kind), detail=detail)
+        failure.header.stamp = rospy.Time.now()
+        failure.last_good = last_good or rospy.Time()
+        self._publisher.publish(self._sign(failure))
+
+    def get_num_connections(self) -> int:
+        """How many reconfigurators, and others, listen."""
+        return int(self._publisher.get_num_connections())

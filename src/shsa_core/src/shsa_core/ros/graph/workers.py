@@ -1,0 +1,74 @@
+"""Standing threads for calls that wait for others: none has to be made when work comes."""
+import queue
+import threading
+import time
+from typing import Any, Callable
+
+STANDING = 2
+"""Threads that are always there: a call is made even where no thread can be started any more."""
+IDLE_S = 10.0
+"""A thread beyond these ends when it has had nothing to do for so long."""
+SAY_AGAIN_S = 10.0
+
+Call = Callable[[], Any]
+
+
+class Workers:
+    """Makes the calls that are put, up to `most` at a time.
+
+    `failed(text)` is told, from any thread and not more often than every SAY_AGAIN_S, what a call
+    has raised, and that no thread could be started.
+    """
+
+    def __init__(self, name: str, most: int, failed: Callable[[str], None]) -> None:
+        self._name, self._most, self._failed = name, most, failed
+        self._calls: "queue.Queue[Call]" = queue.Queue()
+        self._lock = threading.Lock()
+        self._threads = self._busy = 0
+        self._said = float("-inf")
+        for _ in range(min(STANDING, most)):
+            self._start(standing=True)
+
+    def put(self, call: Call) -> None:
+        """Make a call as soon as a thread is free; returns at once."""
+        self._calls.put(call)
+        with self._lock:
+            more = self._threads < self._most and self._busy + self._calls.qsize() > self._threads
+        if more:
+            try:
+                self._start(standing=False)
+            except (RuntimeError, MemoryError) as error:
+                self._say(f"no thread for {self._name}, its calls wait for one another: {error}")
+
+    def _start(self, standing: bool) -> None:
+        thread = threading.Thread(target=self._work, args=(standing,), name=self._name, daemon=True)
+        thread.start()
+        with self._lock:
+            self._threads += 1
+
+    def _work(self, standing: bool) -> None:
+        while True:
+            try:
+                call = self._calls.get(timeout=None if standing else IDLE_S)
+            except queue.Empty:
+                with self._lock:
+                    if not self._calls.empty():
+                        continue  # it was put just now, for a thread that is counted
+                    self._threads -= 1
+                return
+            with self._lock:
+                self._busy += 1
+            try:
+                call()
+            except Exception as error:  # whatever it is, the calls after it are made
+                self._say(f"{self._name}: {type(error).__name__}: {error}")
+            finally:
+                del call
+                with self._lock:
+                    self._busy -= 1
+
+    def _say(self, text: str) -> None:
+        now = time.monotonic()
+        if now >= self._said + SAY_AGAIN_S:
+            self._said = now
+            self._failed(text)

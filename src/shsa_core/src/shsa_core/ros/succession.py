@@ -1,0 +1,110 @@
+"""What a former reconfigurator has left: its records, and the processes that still run."""
+import os
+import re
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+
+import rosgraph
+import rospkg
+import rospy
+
+from shsa_core.errors import ShsaError
+from shsa_core.healing import events
+from shsa_core.healing.records import Record, RestartedNode, of_this_robot
+from shsa_core.journal.codec import Codec
+from shsa_core.journal.machines import FORMS
+from shsa_core.journal.record_file import Former, RecordFile, read_records
+from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.fence import Fence, Known
+from shsa_core.ros.graph.kernel import same_process
+from shsa_core.ros.graph.node_api import FAILURES, master_api
+from shsa_core.ros.graph.processes import Processes
+from shsa_core.ros.graph.restarts import Restarts
+from shsa_core.ros.graph.signing import boot
+
+CODEC = Codec(Record, FORMS)
+RUN = "/run_id"
+"""The parameter that a ROS master's start is known by."""
+
+
+class Heritage(NamedTuple):
+    """What there is to begin with, and where the records are kept from now on."""
+
+    started: events.Started
+    file: RecordFile
+
+
+def take_over(prefix: str, fence: Fence, processes: Processes, restarts: Restarts) -> Heritage:
+    """Look what a former reconfigurator of this master and namespace has left, and watch it.
+
+    `prefix`: what the names of substitutes begin with.
+    """
+    path = _path()
+    owner = {"boot": boot(), "run": str(rospy.get_param(RUN, ""))}
+    former = _read(path)
+    left = processes.left_behind(prefix)
+    records: Tuple[Any, ...] = former.records
+    if former.owner.get("boot") != owner["boot"]:
+        records = of_this_robot(records, False, ())  # its moments are of another clock
+    records = of_this_robot(records, former.owner.get("run") == owner["run"], left)
+    for node, process in left.items():
+        processes.take_up(node, process)
+    running = [*left]
+    for record in records:
+        if isinstance(record, RestartedNode):
+            found = same_process(record.process)
+            if found is not None:
+                restarts.take_up(record.node, found, record.starter)
+                running.append(record.node)
+    leftovers, strangers = _registered(prefix, fence, processes, left)
+    started = events.Started(clock.now(), leftovers, strangers, records, tuple(running))
+    return Heritage(started, RecordFile(path, CODEC, owner, rospy.logwarn))
+
+
+def _registered(
+    prefix: str, fence: Fence, processes: Processes, left: Dict[str, Any]
+) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
+    """Who else is registered with a name that begins as a substitute's: ours or dead; others."""
+    publishers, _, _ = master_api().getSystemState()
+    nodes = {node for _, nodes in publishers for node in nodes}
+    leftovers: List[str] = []
+    strangers: List[str] = []
+    for node in sorted(each for each in nodes - set(left) if each.startswith(prefix)):
+        known = _look(fence, node)
+        process = known.process if known else None
+        ours = process is not None and processes.runs_ours(node, process)
+        dead = known is not None and known.dead
+        if known is not None and ours:
+            fence.adopt(node, known)
+        (leftovers if ours or dead else strangers).append(node)
+    return tuple(leftovers), tuple(strangers)
+
+
+def _look(fence: Fence, node: str) -> Optional[Known]:
+    try:
+        return fence.look(node)
+    except FAILURES:
+        return None  # nobody knows it
+
+
+def _read(path: str) -> Former:
+    """The records; those that cannot be ours are named and put aside."""
+    try:
+        return read_records(path, CODEC)
+    except ShsaError as error:
+        rospy.logerr("Refused: %s. Healing begins without these records.", error)
+        try:
+            os.replace(path, path + ".refused")
+        except OSError as problem:
+            rospy.logerr("%s cannot be put aside: %s", path, problem)
+        return Former({}, ())
+
+
+def _path() -> str:
+    """The file of this master and namespace, in a folder that is made if it is not there."""
+    folder = os.path.join(rospkg.get_ros_home(), "shsa")
+    try:
+        os.makedirs(folder, 0o700, exist_ok=True)
+    except OSError as error:
+        rospy.logerr("%s cannot be made: %s", folder, error)
+    name = rosgraph.get_master_uri().split("//")[-1] + rospy.get_namespace()
+    return os.path.join(folder, re.sub(r"[^A-Za-z0-9_.]+", "-", name).strip("-") + ".records")

@@ -1,0 +1,18 @@
+"""Text from outside as it may be shown or logged: printable, on one line, not endless."""
+
+LONGEST = 1000
+"""Characters of a text that are shown, where nothing else is said."""
+LONGEST_LINE = 10_000
+"""The same for a line that is ours, and quotes such texts."""
+
+
+def shown(text: object, most: int = LONGEST) -> str:
+    r"""The text of something on one line: what is not printable as `\x1b`, the rest of it left out.
+
+    Shown again, it stays as it is, so that it does no harm to be careful twice.
+    """
+    whole = str(text)
+    first = whole[:most]
+    if not first.isprintable():
+        first = "".join(each if each.isprintable() else ascii(each)[1:-1] for each in first)
+    return first + "..." if len(whole) > most else first

@@ -1,0 +1,97 @@
+"""`shsa find`, `report` and `plot` where errors are known."""
+import json
+import pathlib
+from typing import Any, Callable, Dict
+
+import pytest
+
+from shsa_core.cli.main import main
+
+ONTOLOGY = """\
+properties: {y: {unit: A, usual: [0, 5]}, w: {usual: [0, 1]}, x: {usual: [0, 1]}, z: }
+relations:
+  high:
+    y: {function: 2*z, quality: 0.9, error: {rms: 0.5, p95: 0.8, source: a drive}}
+  low:
+    y: {function: 3*x, quality: 0.5, error: 0.2}
+  share:
+    w: 2*x
+"""
+SERVICE = "  {0}: {{topic: /{0}, type: p/T, period: 0.1, node: /{0}, {2}provides: {{{1}}}}}\n"
+SOM = "services:\n" + "".join(
+    SERVICE.format(*each)
+    for each in (
+        ("odom", "y: {field: y}, w: {field: w}", "needed: true, "),
+        ("z", "z: {field: d}", ""),
+        ("x", "x: {field: d, error: {rms: 0.05, bias: 0.03}}", ""),
+    )
+)
+
+Shsa = Callable[..., Any]
+
+
+@pytest.fixture
+def shsa(tmp_path: pathlib.Path, capsys: Any) -> Shsa:
+    """Runs a command that is to succeed; returns what it prints, read if it is JSON."""
+    (tmp_path / "o.yaml").write_text(ONTOLOGY)
+    (tmp_path / "s.yaml").write_text(SOM)
+    models = ["--ontology", str(tmp_path / "o.yaml"), "--som", str(tmp_path / "s.yaml")]
+
+    def run(*arguments: str) -> Any:
+        assert main([*arguments, *models]) == 0
+        printed = capsys.readouterr().out
+        return json.loads(printed) if "--json" in arguments else printed
+
+    return run
+
+
+LOW: Dict[str, Any] = {"rms": 0.2, "bias": 0.0, "p95": 0.391993, "delay": 0.0, "source": ""}
+
+
+def close(error: Dict[str, Any]) -> Any:
+    return pytest.approx(error, abs=1e-6)
+
+
+def numbers(error: Dict[str, Any]) -> Dict[str, Any]:
+    return {key: value for key, value in error.items() if key != "source"}
+
+
+def test_find_says_what_error_is_expected(shsa: Shsa) -> None:
+    answer = shsa("find", "y", "--json")
+    assert answer["relations"] == ["low"] and answer["proven_best"]
+    assert numbers(answer["error"]) == close(numbers(LOW))
+    (service,) = answer["services"]
+    assert service["relations"] == ["low", "share"]
+    expected = {"rms": 0.1, "bias": 0.06, "p95": 0.195996, "delay": 0.0}
+    assert numbers(service["errors"]["w"]) == close(expected)
+    assert service["errors"]["w"]["source"] == "predicted"
+    text = shsa("find", "y")
+    assert "quality 0.5, error 0.2 (95 %: 0.392) by low from /x/d" in text
+    assert ", y error 0.2 (95 %: 0.392), w error 0.1 (95 %: 0.196) by low, share" in text
+
+
+def test_all_substitutes_and_alternatives_come_by_their_errors(shsa: Shsa) -> None:
+    answer = shsa("find", "y", "--method", "all", "--explain", "--json")
+    assert [each["relations"] for each in answer["substitutes"]] == [["low"], ["high"]]
+    assert [each["proven_best"] for each in answer["substitutes"]] == [True, False]
+    assert answer["substitutes"][1]["error"] == dict(LOW, rms=0.5, p95=0.8, source="a drive")
+    assert [each["error"]["rms"] for each in answer["alternatives"]] == [0.5]
+    assert answer["derivation"] == [
+        "y  low: 3*x  (quality 0.5, error 0.2)",
+        "  x  measured by /x at /x/d  (quality 1, error 0.05)",
+    ]
+
+
+def test_the_report_follows_the_same_choice(shsa: Shsa) -> None:
+    (service,) = shsa("report", "--json")["services"]
+    assert service["reads"] == ["/x"]
+    assert [error["rms"] for error in service["errors"]] == pytest.approx([0.2, 0.1])
+    by = [(each["by"], each["error"]["rms"]) for each in service["alternatives"]]
+    assert by[:2] == [("low", 0.2), ("high", 0.5)]
+    text = " ".join(shsa("report").split())
+    assert "y, error 0.2" in text and "y by low (0.5, error 0.2)" in text
+
+
+def test_the_picture_shows_the_choice(shsa: Shsa, tmp_path: pathlib.Path) -> None:
+    shsa("plot", "y", "--output", str(tmp_path / "picture.svg"))
+    assert (tmp_path / "picture.svg").stat().st_size > 1000

@@ -1,0 +1,444 @@
+"""What is killed, and when: the rows of docs/killing.md, as decisions and on a robot."""
+from dataclasses import replace
+from typing import Any, Dict, List
+
+import pytest
+
+from core_robot import (
+    A,
+    B,
+    C,
+    ONTOLOGY,
+    SOM,
+    Robot,
+    function,
+    has,
+    last_incident,
+    only,
+    publishing,
+    reads,
+    service,
+)
+from shsa_core.healing import events
+from shsa_core.healing.containment import Case, decide
+from shsa_core.healing.incident import State
+from shsa_core.healing.machine import Reconfigurator
+from shsa_core.healing.settings import Settings
+from shsa_core.model.kinds import Contain, Kind, Policy, Standby
+from shsa_core.model.ontology import Ontology, Property
+from shsa_core.model.service import LastResort, Service
+from shsa_core.model.som import Som
+
+WRONG, SILENT = Kind.OUT_OF_RANGE, Kind.SILENT
+ROWS: List[Any] = [
+    # Everything that is lost is taken over.
+    (WRONG, {"replaced": True}, True, "what is needed of it is taken over"),
+    (SILENT, {"replaced": True}, True, "what is needed of it is taken over"),
+    (Kind.REQUESTED, {"replaced": True}, True, "what is needed of it is taken over"),
+    (WRONG, {"replaced": True, "useful": ("/x",)}, True, "what is needed of it is taken over"),
+    # Something needed is lost for good.
+    (WRONG, {"replaced": True, "costs": ("/x",)}, False, "would cost /x, which nothing can"),
+    (SILENT, {"replaced": True, "costs": ("/x", "/y")}, False, "would cost /x and /y, which"),
+    (WRONG, {"costs": ("/x", "/y", "/z")}, False, "would cost /x, /y and /z, which"),
+    # Nothing takes the failed topic over.
+    (WRONG, {}, True, "it publishes nothing else that is good"),
+    (WRONG, {"useful": ("/x",)}, False, "nothing can replace /a, and it still publishes /x"),
+    (SILENT, {}, False, "nothing can replace /a, and it may speak again"),
+    (Kind.NODE_GONE, {}, False, "nothing can replace /a, and it may speak again"),
+    (Kind.REQUESTED, {}, False, "nothing can replace /a"),
+    # Nobody knows whether the node or the SOM is wrong.
+    (WRONG, {"was_good": False}, False, "/a was never good: it may not be ready yet, or the SOM"),
+    (Kind.NOT_A_NUMBER, {"was_good": False, "replaced": True}, False, "/a was never good"),
+    (SILENT, {"was_good": False, "replaced": True}, True, "what is needed of it is taken over"),
+    (WRONG, {"was_good": False, "contain": Contain.NODE}, True, "the SOM says so of /a"),
+    (WRONG, {"was_good": False, "restarted": True}, True, "its policy is to start it again"),
+    # The SOM, the policy and the process decide otherwise.
+    (WRONG, {"contain": Contain.NODE, "costs": ("/x",)}, True, "the SOM says so of /a"),
+    (SILENT, {"contain": Contain.NODE}, True, "the SOM says so of /a"),
+    (WRONG, {"contain": Contain.NONE, "replaced": True}, False, "the SOM says so of /a"),
+    (WRONG, {"restarted": True, "costs": ("/x",)}, True, "its policy is to start it again"),
+    (WRONG, {"protected": "it is P", "replaced": True}, False, "/n is kept: it is P"),
+    (WRONG, {"protected": "it is P", "restarted": True}, False, "/n is kept: it is P"),
+    (WRONG, {"protected": "it is P", "contain": Contain.NODE}, True, "the SOM says so of /a"),
+]
+
+
+@pytest.mark.parametrize("kind, known, kill, why", ROWS)
+def test_a_row_of_the_table(kind: Kind, known: Dict[str, Any], kill: bool, why: str) -> None:
+    verdict = decide(Case("/n", "/a", kind, **known))
+    assert verdict.kill is kill and why in verdict.why
+    gone = kind is Kind.NODE_GONE
+    assert gone or verdict.why.startswith("/n is killed: " if kill else "/n is kept: ")
+    assert not gone or verdict.why.startswith("/n is left alone if it still runs: ")
+
+
+SHARED = Som([service("a", A, needed=True), service("d", A, needed=True), service("b", B)])
+WITH_D = Ontology(
+    properties={name: Property(name) for name in "abcd"},
+    constants={},
+    functions=[*ONTOLOGY.functions],
+)
+BOTH = replace(WITH_D, functions=[*ONTOLOGY.functions, function("d_by_b", "d", "b", 0.9)])
+
+
+def changed(som: Som, name: str, **changes: Any) -> Som:
+    return Som(replace(each, **changes) if each.name == name else each for each in som)
+
+
+def test_a_wrong_node_that_gives_what_nothing_replaces_is_kept_and_only_advised_on() -> None:
+    robot = Robot(SHARED, WITH_D)
+    commands = robot.fail("/a", A, 10.0, "out_of_range")
+    assert not has(commands, events.FindNode) and not has(commands, events.StartSubstitute)
+    incident = last_incident(commands)
+    assert incident.state is State.KEPT and incident.kept and incident.substitute == ""
+    why = f"{A} is kept: killing it would cost /d, which nothing can replace"
+    assert incident.decision == why and why in incident.detail
+    assert incident.inputs == ("/b/data",) and "could be replaced: quality 0.9" in incident.detail
+    assert any(why in each.text for each in commands if isinstance(each, events.Log))
+
+
+def test_it_is_killed_if_all_that_is_needed_of_it_is_taken_over() -> None:
+    robot = Robot(SHARED, BOTH)
+    commands = robot.fail("/a", A, 10.0, "out_of_range")
+    assert only(commands, events.FindNode).node == A
+    assert not last_incident(commands).kept
+    robot.killed(10.1, A)
+    robot.fail("/d", A, 10.11)
+    assert publishing(robot) == (True, True)
+
+
+def never_good() -> Robot:
+    """The source is there; A has come up, and publishes what is not a number."""
+    robot = Robot()
+    robot.core = Reconfigurator(ONTOLOGY, SOM, Settings(hold_off=2.0))
+    robot.rows = {key: row for key, row in robot.rows.items() if key[1] != A}
+    robot.table(1.0)
+    return robot
+
+
+def test_a_node_that_was_never_good_is_kept_though_it_could_be_replaced() -> None:
+    robot = never_good()
+    commands = robot.failure("/a", A, 10.0, "not_a_number", "a is nan.", None)
+    assert not has(commands, events.FindNode) and not has(commands, events.StartSubstitute)
+    assert last_incident(commands).state is State.KEPT
+    robot.row("/a", A, "healthy", 12.0)
+    assert last_incident(robot.table(12.0)).state is State.RETURNING
+
+
+def test_a_node_that_was_good_once_is_killed_though_it_is_started_again_and_never_good() -> None:
+    robot = never_good()
+    robot.row("/a", A, "healthy", 9.0)
+    robot.table(9.0)
+    robot.rows.pop(("/a", A))
+    robot.table(9.5)
+    commands = robot.failure("/a", A, 10.0, "not_a_number", "a is nan.", None)
+    assert only(commands, events.FindNode).node == A
+
+
+def test_it_is_killed_if_the_rest_of_it_is_not_needed() -> None:
+    robot = Robot(changed(SHARED, "d", needed=False), WITH_D)
+    assert has(robot.fail("/a", A, 10.0, "out_of_range"), events.FindNode)
+
+
+def test_several_topics_that_fail_together_are_one_kill() -> None:
+    robot = Robot(SHARED, BOTH)
+    robot.fail("/a", A, 10.0, "out_of_range")
+    robot.fail("/d", A, 10.01, "out_of_range")
+    assert len([each for each in robot.said if isinstance(each, events.FindNode)]) == 1
+
+
+def test_a_kept_node_is_judged_again_when_the_world_changes() -> None:
+    robot = Robot(SHARED, WITH_D)
+    robot.fail("/a", A, 10.0, "out_of_range")
+    robot.row("/d", A, "failed", 11.0)  # for other reasons: there is nothing left to lose
+    robot.rows["/d", A] = replace(robot.rows["/d", A], kind=Kind.STUCK)
+    commands = robot.table(11.0)
+    assert only(commands, events.FindNode).node == A
+    robot.killed(11.1, A)
+    assert publishing(robot) == (True,)
+
+
+def test_a_kept_node_is_judged_again_when_a_service_comes() -> None:
+    spare = Service("spare", "/spare", "std_msgs/Float64", C, 0.02, ())
+    spare = replace(spare, provides=service("d", C).provides)
+    robot = Robot(Som([*SHARED, spare]), WITH_D)
+    robot.rows.pop(("/spare", C))
+    robot.table(5.0)
+    robot.idle(5.0)
+    assert not has(robot.fail("/a", A, 10.0, "out_of_range"), events.FindNode)
+    robot.row("/spare", C, "healthy", 12.0)
+    assert only(robot.table(12.0), events.FindNode).node == A
+
+
+def test_a_kept_node_is_judged_again_when_the_som_changes() -> None:
+    robot = Robot(SHARED, WITH_D)
+    robot.fail("/a", A, 10.0, "out_of_range")
+    commands = robot.handle(events.SomChanged(12.0, changed(SHARED, "d", needed=False)))
+    assert only(commands, events.FindNode).node == A
+
+
+def test_a_kept_node_is_judged_again_after_the_retry_pause_and_says_nothing_new_twice() -> None:
+    robot = Robot(SHARED, WITH_D)
+    robot.fail("/a", A, 10.0, "out_of_range")
+    assert robot.core.deadline == 12.0
+    commands = robot.handle(events.Tick(12.0))
+    assert not has(commands, events.ShowIncident) and not has(commands, events.Log)
+    assert robot.core.deadline == 16.0
+
+
+def test_a_kept_node_that_is_well_again_ends_the_incident() -> None:
+    robot = Robot(SHARED, WITH_D)
+    robot.fail("/a", A, 10.0, "out_of_range")
+    robot.row("/a", A, "healthy", 11.0)
+    assert last_incident(robot.table(11.0)).state is State.RETURNING
+    assert last_incident(robot.handle(events.Tick(13.1))).state is State.ENDED
+
+
+def test_a_kept_node_that_dies_is_healed() -> None:
+    robot = Robot(SHARED, WITH_D)
+    robot.fail("/a", A, 10.0, "out_of_range")
+    robot.row("/a", A, "failed", 10.0)
+    robot.rows["/a", A] = replace(robot.rows["/a", A], kind=Kind.NODE_GONE)
+    commands = robot.table(11.0)  # the monitor tells that its connection was lost
+    assert has(commands, events.StartSubstitute) and publishing(robot) == (True,)
+
+
+def test_a_silent_node_that_is_kept_is_bridged_until_it_speaks() -> None:
+    robot = Robot(SHARED, WITH_D)
+    commands = robot.fail("/a", A, 10.0, "silent")
+    assert not has(commands, events.FindNode) and publishing(robot) == (True,)
+    start = only(commands, events.StartSubstitute)
+    robot.row("/a", start.node, "healthy", 10.5, first=10.5)
+    incident = last_incident(robot.table(10.5))
+    assert incident.state is State.HEALED and incident.kept
+    robot.row("/a", A, "healthy", 11.0)
+    assert last_incident(robot.table(11.0)).state is State.RETURNING
+    assert publishing(robot) == (False,)
+
+
+def test_a_bridged_node_that_wakes_with_nonsense_is_not_talked_over() -> None:
+    robot = Robot(SHARED, WITH_D)
+    start = only(robot.fail("/a", A, 10.0, "silent"), events.StartSubstitute)
+    robot.row("/a", start.node, "healthy", 10.5, first=10.5)
+    robot.table(10.5)
+    commands = robot.fail("/a", A, 11.0, "out_of_range")
+    assert only(commands, events.StopSubstitute).node == start.node
+    assert last_incident(commands).state is State.KEPT
+
+
+def test_a_silent_needed_topic_counts_as_it_may_wake() -> None:
+    robot = Robot(SHARED, WITH_D)
+    robot.fail("/d", A, 10.0, "silent")
+    robot.row("/d", A, "failed", 10.0)
+    robot.rows["/d", A] = replace(robot.rows["/d", A], kind=Kind.SILENT)
+    robot.table(10.0)
+    assert not has(robot.fail("/a", A, 10.2, "silent"), events.FindNode)
+    assert publishing(robot) == (True,)  # beside it
+
+
+def test_a_silent_node_that_nothing_can_replace_is_not_killed() -> None:
+    robot = Robot(Som([service("a", A, needed=True)]))
+    incident = last_incident(robot.fail("/a", A, 10.0, "silent"))
+    assert incident.state is State.UNHEALED and incident.kept
+    robot.handle(events.Tick(12.0))
+    assert not has(robot.said, events.FindNode)
+    robot.row("/a", A, "healthy", 15.0)
+    assert last_incident(robot.table(15.0)).state is State.RETURNING
+
+
+def test_a_babbling_node_without_a_substitute_is_killed_if_it_does_nothing_else() -> None:
+    robot = Robot(Som([service("a", A, needed=True)]))
+    assert only(robot.fail("/a", A, 10.0, "out_of_range"), events.FindNode).node == A
+    assert last_incident(robot.said).state is State.UNHEALED
+    useful = Robot(Som([service("a", A, needed=True), service("b", A)]))
+    incident = last_incident(useful.fail("/a", A, 10.0, "out_of_range"))
+    assert incident.state is State.KEPT and "it still publishes /b" in incident.decision
+    assert not has(useful.said, events.FindNode)
+
+
+def test_what_a_running_substitute_reads_is_a_cost() -> None:
+    som = Som([service("a", A, needed=True), service("b", B), service("d", B, needed=True)])
+    ontology = replace(BOTH, functions=[ONTOLOGY.functions[0], function("d_by_c", "d", "c", 0.9)])
+    robot = Robot(Som([*som, service("c", C)]), ontology)
+    node = robot.heal(10.0)
+    assert reads(robot, node) == ("/b/data",)
+    incident = last_incident(robot.fail("/d", B, 20.0, "out_of_range"))
+    assert incident.state is State.KEPT and "would cost /a" in incident.decision
+    assert publishing(robot) == (True,)
+
+
+def test_what_is_promised_to_a_node_that_is_being_killed_is_a_cost() -> None:
+    som = [service("a", A, needed=True), service("d", A, needed=True), service("c", C)]
+    some = [service("b", B), service("e", B, needed=True)]
+    functions = [
+        *(function("ac", "a", "c", 0.9), function("db", "d", "b", 0.9)),
+        function("ec", "e", "c", 0.9),
+    ]
+    ontology = Ontology({name: Property(name) for name in "abcde"}, {}, functions)
+    robot = Robot(Som([*som, *some]), ontology)
+    assert has(robot.fail("/a", A, 10.0, "out_of_range"), events.FindNode)
+    incident = last_incident(robot.fail("/e", B, 10.01, "out_of_range"))
+    assert incident.state is State.KEPT and "would cost /d" in incident.decision
+
+
+def test_a_plan_uses_nothing_of_a_node_that_is_being_killed() -> None:
+    som = Som([service("a", A, needed=True), service("b", B), service("d", B, needed=True)])
+    functions = [*ONTOLOGY.functions, function("d_by_c", "d", "c", 0.9)]
+    robot = Robot(Som([*som, service("c", C)]), replace(WITH_D, functions=functions))
+    robot.fail("/d", B, 10.0, "out_of_range")
+    start = only(robot.fail("/a", A, 10.01, "out_of_range"), events.StartSubstitute)
+    assert start.program is not None and start.program.inputs == ("/c/data",)
+
+
+@pytest.mark.parametrize("kind", ["out_of_range", "silent"])
+def test_a_protected_node_is_killed_only_by_name(kind: str) -> None:
+    som = Som([service("a", A, needed=True), service("b", B)])
+    robot = Robot(som)
+    robot.handle(events.NodeLearned(2.0, A, True, "its process is a nodelet manager"))
+    incident = last_incident(robot.fail("/a", A, 10.0, kind))
+    assert incident.kept and incident.decision == f"{A} is kept: its process is a nodelet manager"
+    assert not has(robot.said, events.FindNode)
+    named = Robot(changed(som, "a", contain=Contain.NODE))
+    named.handle(events.NodeLearned(2.0, A, True, "its process is a nodelet manager"))
+    assert only(named.fail("/a", A, 10.0, kind), events.FindNode).node == A
+
+
+def test_a_protected_node_that_keeps_failing_is_let_back() -> None:
+    robot = Robot(Som([service("a", A, needed=True), service("b", B)]), switches=1)
+    robot.heal(10.0)
+    robot.row("/a", A, "healthy", 20.0)
+    robot.table(20.0)
+    robot.handle(events.NodeLearned(20.1, A, True, "it is required"))
+    robot.fail("/a", A, 20.5, "silent")
+    assert last_incident(robot.said).state is State.HEALED
+    robot.row("/a", A, "healthy", 21.0)
+    assert last_incident(robot.table(21.0)).state is State.RETURNING
+    assert len([each for each in robot.said if isinstance(each, events.FindNode)]) == 1
+
+
+def test_a_node_that_was_killed_is_not_protected_any_more() -> None:
+    robot = Robot()
+    robot.handle(events.NodeLearned(2.0, A, True, "it is required"))
+    robot.fail("/a", A, 10.0)  # it is dead: nothing is left to be protected
+    robot.handle(events.NodeFound(10.1, A, events.Where.DEAD))
+    assert A not in robot.core._nodes.protected
+    robot.handle(events.NodeLearned(12.0, B, True, "it is required"))
+    robot.handle(events.NodeLearned(13.0, B, True, ""))
+    assert not robot.core._nodes.protected
+
+
+def test_a_service_that_contains_nothing_lets_its_node_live() -> None:
+    first, *others = SHARED
+    robot = Robot(changed(SHARED, "a", contain=Contain.NONE), BOTH)
+    incident = last_incident(robot.fail("/a", A, 10.0, "out_of_range"))
+    assert incident.state is State.KEPT and not has(robot.said, events.FindNode)
+    assert "the SOM says so of /a" in incident.decision and others
+
+
+def test_a_node_whose_policy_is_restart_is_killed_and_started_again() -> None:
+    robot = Robot(changed(SHARED, "a", policy=Policy.RESTART), WITH_D, restart_pause=1.0)
+    assert has(robot.fail("/a", A, 10.0, "out_of_range"), events.FindNode)
+    robot.killed(10.1, A)
+    assert only(robot.handle(events.Tick(11.2)), events.RestartNode).node == A
+
+
+def test_a_restart_that_is_used_up_is_no_reason_to_kill() -> None:
+    som = changed(SHARED, "a", policy=Policy.RESTART)
+    robot = Robot(som, WITH_D, node_restarts=0)
+    incident = last_incident(robot.fail("/a", A, 10.0, "out_of_range"))
+    assert incident.state is State.KEPT and not has(robot.said, events.FindNode)
+
+
+def test_a_node_that_dies_while_it_returns_fails_on_each_of_its_topics() -> None:
+    robot = Robot(SHARED, BOTH)
+    for name in "ad":
+        robot.fail(f"/{name}", A, 10.0)
+    robot.killed(10.1, A)
+    for name in "ad":
+        robot.row(f"/{name}", A, "healthy", 20.0)
+    robot.table(20.0)
+    for name in "ad":
+        robot.fail(f"/{name}", A, 20.5)
+    assert publishing(robot) == (True, True)
+
+
+def acts(commands: List[events.Command]) -> List[events.Command]:
+    """What is more than telling and learning."""
+    telling = (events.Log, events.ShowIncident, events.ShowSom, events.LearnNode)
+    return [each for each in commands if not isinstance(each, telling)]
+
+
+@pytest.mark.parametrize("kind", ["node_gone", "silent", "out_of_range", "requested"])
+def test_a_policy_of_advice_plans_and_does_nothing(kind: str) -> None:
+    last = LastResort(values=(("a", 1.0),), command=("stop",))
+    first, *others = [service("a", A, True), service("b", B)]
+    warm = replace(first, policy=Policy.ADVISE, standby=Standby.WARM, last_resort=last)
+    robot = Robot(Som([warm, *others]))
+    incident = last_incident(robot.fail("/a", A, 10.0, kind))
+    assert incident.inputs == ("/b/data",) and incident.kept
+    assert incident.state is (State.ENDED if kind == "requested" else State.KEPT)
+    assert "nothing is done, as the policy is advise; else " in incident.decision
+    robot.handle(events.Tick(20.0))
+    assert acts(robot.said) == []
+
+
+def test_a_dry_run_advises_on_everything_whatever_the_som_says() -> None:
+    som = Som([service("a", A, needed=True, standby=Standby.HOT), service("b", B)])
+    robot = Robot(som)
+    robot.core = Reconfigurator(ONTOLOGY, som, Settings(), dry_run=True)
+    robot.said.clear()
+    robot.table(1.0)
+    robot.idle(1.0)
+    robot.fail("/a", A, 10.0, "silent")
+    again = changed(som, "a", contain=Contain.NODE, period=0.1)
+    robot.handle(events.SomChanged(11.0, again))
+    robot.handle(events.ModelsReloaded(12.0, ONTOLOGY, som))
+    robot.handle(events.Tick(30.0))
+    assert acts(robot.said) == [] and last_incident(robot.said).state is State.KEPT
+
+
+def test_what_somebody_asks_for_is_refused_if_it_would_cost_too_much() -> None:
+    robot = Robot(SHARED, WITH_D)
+    commands = robot.handle(events.SubstituteRequested(10.0, "a"))
+    incident = last_incident(commands)
+    assert incident.state is State.ENDED and "would cost /d" in incident.detail
+    assert not has(commands, events.FindNode)
+    assert robot.core._availability.states["a"].available
+
+
+def test_a_lost_connection_ends_no_node_that_still_runs_and_does_well() -> None:
+    robot = Robot(SHARED, WITH_D)
+    commands = robot.fail("/a", A, 10.0)
+    assert only(commands, events.FindNode) == events.FindNode(A, False, "/a")
+    assert publishing(robot) == (True,)
+    commands = robot.handle(events.NodeFound(10.01, A, events.Where.HERE))
+    assert not has(commands, events.AskToLeave) and last_incident(commands).kept
+    (row,) = robot.working()
+    robot.row("/a", row.node, "healthy", 10.5, first=10.5)
+    robot.table(10.5)
+    robot.row("/d", A, "failed", 11.0)
+    robot.rows["/d", A] = replace(robot.rows["/d", A], kind=Kind.NODE_GONE)
+    assert only(robot.table(11.0), events.FindNode).node == A
+
+
+def test_the_command_of_a_last_resort_runs_once_beside_a_kept_node() -> None:
+    som = changed(SHARED, "a", last_resort=LastResort(command=("stop",)))
+    robot = Robot(som, WITH_D)
+    assert has(robot.fail("/a", A, 10.0, "out_of_range"), events.RunCommand)
+    assert not has(robot.handle(events.Tick(12.0)), events.RunCommand)
+
+
+def test_a_node_beside_another_original_is_kept_if_it_gives_more() -> None:
+    robot = Robot(SHARED, WITH_D)
+    robot.row("/a", "/other", "healthy", 2.0)
+    robot.table(2.0)
+    commands = robot.fail("/a", A, 10.0, "out_of_range")
+    assert not has(commands, events.FindNode) and not has(commands, events.ShowIncident)
+    assert f"{A} is kept" in str(commands) and "/other carries on" in str(commands)
+
+
+def test_an_incident_that_ends_as_soon_as_it_began_has_a_number_of_its_own() -> None:
+    robot = Robot(SHARED, WITH_D)
+    asked = last_incident(robot.fail("/d", A, 10.0, "requested"))
+    assert asked.state is State.ENDED
+    assert last_incident(robot.fail("/a", A, 11.0)).id == asked.id + 1

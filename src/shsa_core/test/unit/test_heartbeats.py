@@ -1,0 +1,163 @@
+"""Signs of life between processes: who sends them, who hears them, and who hangs."""
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Iterator, List
+
+import pytest
+import rospy
+
+from shsa_core.ros.graph import heartbeats
+from shsa_core.ros.graph.heartbeats import Heart, Signs, Watch
+from shsa_core.ros.graph.kernel import NOBODY, identity, same_process
+from shsa_testing.waiting import wait_until
+
+BEAT = """
+import sys, time, rospy
+from shsa_core.ros.graph.heartbeats import Heart
+rospy.get_name = lambda: "/substitute_a_1"
+heart = Heart(sys.argv[1])
+while True:
+    heart.beat()
+    time.sleep(0.02)
+"""
+
+
+@pytest.fixture
+def role(monkeypatch: pytest.MonkeyPatch, home: Path) -> str:
+    monkeypatch.setattr(rospy, "get_namespace", lambda: "/")
+    monkeypatch.setattr(rospy, "get_name", lambda: "/test")
+    return f"test {os.getpid()} {time.monotonic()}"
+
+
+@pytest.fixture
+def beating(role: str) -> "Iterator[subprocess.Popen[bytes]]":
+    process = subprocess.Popen([sys.executable, "-c", BEAT, role])
+    yield process
+    process.kill()
+    process.wait()
+
+
+def test_a_sign_of_life_comes_with_its_process(
+    role: str, beating: "subprocess.Popen[bytes]"
+) -> None:
+    signs = Signs(role)
+    wait_until(lambda: signs.of("/substitute_a_1"), 10.0, "a heartbeat")
+    sign = signs.of("/substitute_a_1")
+    assert sign is not None and sign.pid == beating.pid
+    assert signs.names("/substitute_") == ["/substitute_a_1"] and signs.names("/x") == []
+
+
+def test_who_hangs_is_told_and_who_wakes_up(
+    role: str, beating: "subprocess.Popen[bytes]", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(heartbeats, "HUNG_S", 3.0)
+    told: List[str] = []
+    signs = Signs(role)
+    watch = Watch(
+        signs,
+        lambda name: told.append("silent"),
+        lambda name: told.append("hung"),
+        lambda name: told.append("heard"),
+    )
+    wait_until(lambda: told == ["heard"], 10.0, "its first heartbeat is told")
+    beating.send_signal(signal.SIGSTOP)
+    wait_until(lambda: told[1:] == ["silent"], 10.0, "it is silent")
+    assert watch.is_silent("/substitute_a_1")
+    beating.send_signal(signal.SIGCONT)
+    wait_until(lambda: told[1:] == ["silent", "heard"], 10.0, "it is heard")
+    beating.send_signal(signal.SIGSTOP)
+    wait_until(lambda: told[3:] == ["silent", "hung"], 10.0, "it hangs")
+    assert watch.is_silent("/substitute_a_1")
+
+
+def test_who_is_heard_by_nobody_knows_it(role: str) -> None:
+    heart = Heart(role)
+    heart.beat()
+    wait_until(lambda: heart.unheard > 0.1, 5.0, "time passes")
+    Signs(role)
+
+    def heard() -> bool:
+        heart.beat()
+        return heart.unheard < 0.05
+
+    wait_until(heard, 5.0, "somebody hears it")
+
+
+def test_a_second_one_hears_nothing_and_says_so(role: str) -> None:
+    first, second = Signs(role), Signs(role)
+    Heart(role).beat()
+    wait_until(lambda: first.of("/test"), 5.0, "a heartbeat")
+    assert second.of("/test") is None
+
+
+def test_a_process_is_known_by_its_start_as_well() -> None:
+    known = identity(os.getpid())
+    found = same_process(known)
+    assert found is not None and found.pid == os.getpid()
+    assert same_process((known[0], known[1] + 1.0)) is None
+    assert same_process(NOBODY) is None and identity(0) == NOBODY
+
+
+STRANGER = """
+import glob, os, socket, sys
+os.setgid(65534); os.setuid(65534)
+refused = 0
+for path in glob.glob(sys.argv[1] + "/shsa/*.socket") or sys.argv[2:]:
+    try:
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM).sendto(b"x", path)
+    except PermissionError:
+        refused += 1
+sys.exit(refused != 1)
+"""
+
+
+@pytest.fixture
+def home(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder).chmod(0o755)
+        monkeypatch.setenv("ROS_HOME", folder)
+        yield Path(folder)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="nobody but root can be somebody else")
+@pytest.mark.parametrize("mode", (0o700, 0o755))
+def test_nobody_else_can_fill_the_queue(role: str, home: Path, mode: int) -> None:
+    (home / "shsa").mkdir()
+    (home / "shsa").chmod(mode)
+    signs = Signs(role)
+    (path,) = (home / "shsa").glob("*.socket")
+    assert path.stat().st_mode & 0o777 == 0o600
+    done = subprocess.run([sys.executable, "-c", STRANGER, str(home), str(path)], check=False)
+    assert done.returncode == 0
+    Heart(role).beat()
+    wait_until(lambda: signs.of("/test"), 5.0, "our own is heard")
+
+
+def test_a_folder_that_others_can_write_is_not_used(role: str, home: Path) -> None:
+    (home / "shsa").mkdir()
+    (home / "shsa").chmod(0o777)
+    Signs(role)
+    assert not list((home / "shsa").iterdir())
+
+
+def test_what_an_ended_one_has_left_is_replaced_and_a_path_may_be_long(
+    role: str, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_HOME", str(home / ("x" * 150)))
+    code = """
+import os, sys, rospy
+from shsa_core.ros.graph.heartbeats import Signs
+rospy.get_namespace = lambda: "/"
+Signs(sys.argv[1])
+os._exit(0)
+"""
+    subprocess.run([sys.executable, "-c", code, role], check=True)
+    assert len(list(home.glob("*/shsa/*.socket"))) == 1
+    signs = Signs(role)
+    Heart(role).beat()
+    wait_until(lambda: signs.of("/test"), 5.0, "a heartbeat")

@@ -1,0 +1,134 @@
+"""Who connects to us and says nothing: real sockets, rospy's own server."""
+import socket
+import struct
+import threading
+import xmlrpc.client
+from typing import Any, Dict, Iterator, List, Tuple
+
+import pytest
+from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
+from rospy.impl.tcpros_base import TCPROSServer
+
+from shsa_core.ros.graph import inbound
+from shsa_testing.waiting import wait_until
+
+HEADER = b"\x0a\x00\x00\x00topic=/abc"
+WHOLE = struct.pack("<I", len(HEADER)) + HEADER
+
+
+class Server:
+    """A TCPROS server that keeps the topics it was asked for, and what its sockets then read."""
+
+    def __init__(self) -> None:
+        self.headers: List[Dict[str, str]] = []
+        self.read: List[bytes] = []
+        self.server = TCPROSServer()
+        self.server.topic_connection_handler = self._connected
+        self.server.start_server()
+
+    def _connected(self, connection: socket.socket, _: Any, header: Dict[str, str]) -> None:
+        self.headers.append(header)
+        if header["topic"] == "/abc":
+            read = lambda: self.read.append(connection.recv(100))
+            threading.Thread(target=read, daemon=True).start()
+
+    def connect(self) -> socket.socket:
+        """A new connection."""
+        connection = socket.create_connection(("127.0.0.1", self.server.get_address()[1]), 10.0)
+        connection.settimeout(20.0)
+        return connection
+
+
+@pytest.fixture
+def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
+    monkeypatch.setattr(
+        TCPROSServer, "_tcp_server_callback", inbound._apart(TCPROSServer._tcp_server_callback)
+    )
+    found = Server()
+    yield found
+    found.server.shutdown()
+
+
+def test_who_says_nothing_keeps_nobody_out(server: Server) -> None:
+    silent = [server.connect() for _ in range(5)]
+    client = server.connect()
+    client.sendall(WHOLE)
+    wait_until(lambda: server.headers, 1.5, "the one who speaks is served")
+    assert server.headers[0]["topic"] == "/abc"
+    client.sendall(b"and more")
+    wait_until(lambda: server.read == [b"and more"], 5.0, "what comes after the header")
+    assert all(each.recv(1) == b"" for each in silent)  # given up after a while
+
+
+def test_a_header_may_come_byte_by_byte_but_not_for_ever(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(inbound, "HEADER_S", 10.0)
+    client = server.connect()
+    for each in WHOLE:
+        client.sendall(bytes([each]))
+    wait_until(lambda: server.headers, 5.0, "it is served")
+    monkeypatch.setattr(inbound, "HEADER_S", 0.2)
+    slow = server.connect()
+    slow.sendall(WHOLE[:5])
+    assert slow.recv(1) == b""
+    assert len(server.headers) == 1
+
+
+def test_a_header_that_is_too_long_is_not_read(server: Server) -> None:
+    client = server.connect()
+    client.sendall(struct.pack("<I", 0xFFFFFFFF))
+    assert client.recv(1) == b""
+
+
+def test_the_oldest_goes_where_too_many_wait(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(inbound, "HEADER_S", 60.0)
+    monkeypatch.setattr(inbound, "MOST_WAITING", 3)
+    silent = [server.connect() for _ in range(5)]
+    assert all(each.recv(1) == b"" for each in silent[:2])
+    client = server.connect()
+    client.sendall(WHOLE)
+    wait_until(lambda: server.headers, 5.0, "the one who speaks is served")
+    for each in silent:
+        each.close()
+
+
+@pytest.fixture
+def api(monkeypatch: pytest.MonkeyPatch) -> Iterator[Tuple[str, int]]:
+    for kind, name in (
+        (TCPROSServer, "_tcp_server_callback"),
+        (ThreadingXMLRPCServer, "process_request"),
+        (SilenceableXMLRPCRequestHandler, "do_POST"),
+    ):
+        monkeypatch.setattr(kind, name, getattr(kind, name))
+    inbound.serve_each_by_itself()
+    server = ThreadingXMLRPCServer(("127.0.0.1", 0), 0)
+    server.register_function(lambda text: text, "echo")
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield server.server_address
+    server.shutdown()
+    server.server_close()
+
+
+def test_silent_calls_do_not_pile_up(api: Tuple[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inbound, "MOST_CALLS", 5)
+    before = threading.active_count()
+    proxy = xmlrpc.client.ServerProxy(f"http://127.0.0.1:{api[1]}")
+    assert proxy.echo("x") == "x"
+    silent = [socket.create_connection(api, 10.0) for _ in range(30)]
+    for each in silent[:25]:
+        each.settimeout(10.0)
+        assert each.recv(1) == b""
+    wait_until(lambda: threading.active_count() <= before + 6, 10.0, "their threads end")
+    assert proxy.echo("y" * 100_000) == "y" * 100_000  # its own connection was ended as well
+    for each in silent:
+        each.close()
+
+
+@pytest.mark.parametrize("length", ("33554433", "9999999999999", "-1", "x"))
+def test_a_call_that_is_too_long_is_not_read(api: Tuple[str, int], length: str) -> None:
+    with socket.create_connection(api, 10.0) as client:
+        client.sendall(f"POST /RPC2 HTTP/1.1\r\nContent-Length: {length}\r\n\r\n".encode())
+        assert b" 413 " in client.recv(1000)

@@ -1,0 +1,46 @@
+"""Which new publishers are looked at, and whom healing tells of them."""
+from shsa_core.healing.introductions import LOOKS_S, Introductions, Publisher, unserved
+
+OLD, NEW = Publisher("/x", "/a", "http://a:1/"), Publisher("/x", "/a", "http://a:2/")
+OURS = Publisher("/shsa/health", "/monitor", "http://m:1/")
+
+
+def looks(introductions: Introductions, until: float) -> list:
+    """What is looked at when, in steps of 0.1 s."""
+    steps = [step / 10 for step in range(round(until * 10) + 1)]
+    return [(at, each) for at in steps for each in introductions.due(at)]
+
+
+def test_who_was_there_before_is_known_to_all_but_whoever_asks_is_new() -> None:
+    introductions = Introductions("/monitor")
+    introductions.heed(0.0, frozenset({OLD, OURS}))
+    assert looks(introductions, 10.0) == [(pause, OURS) for pause in LOOKS_S]
+
+
+def test_a_node_that_is_started_again_is_new() -> None:
+    introductions = Introductions("/monitor")
+    introductions.heed(0.0, frozenset({OLD}))
+    introductions.heed(1.0, frozenset({NEW}))
+    introductions.heed(1.5, frozenset({NEW}))
+    found = looks(introductions, 10.0)
+    assert [each for _, each in found] == 3 * [NEW]
+    assert [at for at, _ in found] == [1.0 + pause for pause in LOOKS_S]
+
+
+def test_who_has_gone_is_not_looked_at() -> None:
+    introductions = Introductions("/monitor")
+    introductions.heed(0.0, frozenset())
+    introductions.heed(1.0, frozenset({NEW}))
+    introductions.heed(1.1, frozenset())
+    assert not looks(introductions, 10.0)
+
+
+def test_after_a_long_pause_there_is_one_look() -> None:
+    introductions = Introductions("/monitor")
+    introductions.heed(0.0, frozenset())
+    introductions.heed(1.0, frozenset({NEW}))
+    assert introductions.due(60.0) == [NEW] and not introductions.due(100.0)
+
+
+def test_those_who_are_not_connected_are_told_and_nobody_of_itself() -> None:
+    assert unserved(["/a", "/b", "/c"], ["/b"], "/a") == ("/c",)

@@ -1,0 +1,414 @@
+"""The last good message of an original: kept, sent along, and gone on from."""
+from dataclasses import replace
+from typing import Any, List, Optional
+
+import pytest
+import rospy
+from core_robot import A, B, C, ONTOLOGY, Robot, last_incident, only, service
+from shsa_msgs.msg import Failure
+from std_msgs.msg import Header
+from substitute_driver import PERIOD, Driver, row, signal
+
+from shsa_core.codegen.program import compile_program
+from shsa_core.healing import events as healing
+from shsa_core.model.kinds import Kind, Others, Standby
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.error import Error
+from shsa_core.model.service import LastResort, Provision
+from shsa_core.model.som import Som
+from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.events import FailureDetected, PublisherHealth, PublisherState
+from shsa_core.monitoring.last_messages import COUNT, LARGEST_B, OLDEST_S, LastMessages
+from shsa_core.monitoring.lasting import LastingFailures
+from shsa_core.ros.wire.healing import LARGEST_MESSAGE_B, failure_seen
+from shsa_core.substitution import events
+from shsa_core.substitution.stamps import Stamps
+
+# The monitor's side.
+
+
+def test_the_newest_message_that_was_still_good_is_handed_out() -> None:
+    kept = LastMessages()
+    for time in (1.0, 1.1, 1.2):
+        kept.keep(time, "/a", "/node", str(time).encode())
+    kept.keep(1.15, "/a", "/other", b"other")
+    assert kept.newest("/a", "/node", 1.1, 1.3) == b"1.1"
+    assert kept.newest("/a", "/node", 1.19, 1.3) == b"1.1"
+    assert kept.newest("/a", "/node", 9.0, 9.0) == b"1.2"
+    assert kept.newest("/a", "/node", 0.9, 1.3) == b""
+    assert kept.newest("/a", "/node", None, 1.3) == b""
+    assert kept.newest("/a", "/nobody", 1.1, 1.3) == b""
+
+
+def test_messages_are_few_small_and_young() -> None:
+    kept = LastMessages()
+    for number in range(COUNT + 5):
+        kept.keep(float(number), "/a", "/node", b"%d" % number)
+    assert kept.newest("/a", "/node", 4.0, 20.0) == b""
+    assert kept.newest("/a", "/node", 5.0, 20.0) == b"5"
+    assert kept.newest("/a", "/node", 5.0, 5.1 + OLDEST_S) == b""
+    kept.keep(50.0, "/a", "/node", bytes(LARGEST_B + 1))
+    assert kept.newest("/a", "/node", 50.0, 50.0) == b"%d" % (COUNT + 4)
+    kept.keep(100.0 + OLDEST_S, "/b", "/node", b"")
+    assert kept.newest("/a", "/node", 50.0, 50.0) == b"", "nobody is remembered for ever"
+
+
+def test_who_hears_of_a_failure_late_gets_the_newest_message_of_who_stood_in() -> None:
+    told, now = LastingFailures(), 100.0
+
+    def stands_in(node: str, service: str = "a", quality: float = 0.5, muted: bool = False) -> None:
+        row_ = Substitution(node, service, (), "", (), quality=quality, publishing=not muted)
+        told.substitutions([row_])
+
+    def messages() -> List[bytes]:
+        return [last_message for _, last_message in told.all(now)]
+
+    failed = FailureDetected(now - 8.0, "a", "/a", A, Kind.SILENT, "", now - 9.0)
+    told.messages.keep(now - 9.0, "/a", A, b"original")
+    assert told.add(failed) == b"original"
+    told.messages.keep(now - 8.5, "/a", A, b"bad")
+    assert messages() == [b"original"]
+    # Idle processes, muted ones and safe values tell nothing of where the robot is.
+    stands_in("/safe", quality=0.0)
+    stands_in("/muted", muted=True)
+    stands_in("/idle", service="", muted=True)
+    told.messages.keep(now - 7.0, "/a", "/safe", b"safe")
+    assert messages() == [b"original"]
+    stands_in("/standing")
+    told.messages.keep(now - 1.0, "/a", "/standing", b"computed")
+    assert told.all(now) == [(failed, b"computed")]
+    # A substitute's own failure ends with it, and that of a node with its recovery.
+    for node in ("/standing", "/muted"):
+        told.add(replace(failed, publisher=node))
+    assert len(told.all(now)) == 1
+    told.health([PublisherHealth("/a", A, PublisherState.HEALTHY, now)], [])
+    assert told.all(now) == []
+    # Nobody was ever seen, though there is a plan.
+    stands_in("")
+    told.add(replace(failed, publisher="", last_good=None))
+    assert messages() == [b"computed"]
+
+
+# On the way.
+
+
+def test_a_failure_carries_the_message_unless_it_is_too_large(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    for data, seen in ((b"\0\xff", b"\0\xff"), (bytes(LARGEST_MESSAGE_B + 1), b""), (b"", b"")):
+        failure = Failure(header=Header(), topic="/a", kind="silent", last_message=data)
+        assert failure_seen(failure).last_message == seen
+
+
+def fail(robot: Robot, node: str, time: float, data: bytes, kind: str = "node_gone") -> List[Any]:
+    """A publisher of /a fails; the monitor has its last good message."""
+    robot.rows.pop(("/a", node), None)
+    good = time - 0.02
+    return robot.handle(healing.FailureSeen(time, "", "/a", node, Kind(kind), "died", good, data))
+
+
+@pytest.mark.parametrize("mode", ["cold", "warm", "hot"])
+def test_the_row_of_the_substitute_has_the_message_before_it_publishes(mode: str) -> None:
+    first = service("a", A, needed=True, standby=Standby(mode), others=Others.LAST)
+    robot = Robot(Som([first, service("b", B), service("c", C)]))
+    shown = only(fail(robot, A, 10.0, b"good"), healing.ShowSubstitutions)
+    (row_,) = [each for each in shown.rows if each.publishing]
+    assert (row_.last_message, row_.others) == (b"good", Others.LAST)
+
+
+def test_who_takes_a_substitutes_place_goes_on_from_its_last_message() -> None:
+    robot = Robot()
+    substitute = only(fail(robot, A, 10.0, b"good"), healing.StartSubstitute).node
+    robot.row("/a", substitute, "healthy", 10.5, first=10.5)
+    robot.table(10.6)
+    fail(robot, substitute, 11.0, b"newer", "silent")
+    (row_,) = robot.working()
+    assert (row_.node != substitute, row_.last_message) == (True, b"newer")
+
+
+def test_an_older_message_does_not_take_the_place_of_a_newer_one() -> None:
+    robot = Robot()
+    fail(robot, A, 10.0, b"good")
+    robot.handle(healing.FailureSeen(11.0, "a", "/a", "/other", Kind.SILENT, "late", 3.0, b"older"))
+    assert [each.last_message for each in robot.working()] == [b"good"]
+
+
+def test_safe_values_are_nothing_to_go_on_from() -> None:
+    resort = LastResort((("a", 0.0),))
+    robot = Robot(Som([service("a", A, needed=True, last_resort=resort)]))
+    fail(robot, A, 10.0, b"good")
+    (row_,) = robot.working()
+    fail(robot, row_.node, 11.0, b"safe", "silent")
+    robot.handle(healing.Tick(robot.core.deadline or 0.0))
+    assert robot.core._healings["a"].last_message == b"good"
+
+
+def test_what_a_stranger_has_sent_is_not_gone_on_from() -> None:
+    robot = Robot()
+    robot.rows.pop(("/a", A))
+    robot.table(9.0)
+    fail(robot, "/stranger", 10.0, b"his", "unknown_publisher")
+    assert [each.last_message for each in robot.working()] == [b""]
+
+
+def test_a_hot_substitute_forgets_the_message_when_the_incident_ends() -> None:
+    first = service("a", A, needed=True, standby=Standby.HOT)
+    robot = Robot(Som([first, service("b", B), service("c", C)]))
+    fail(robot, A, 10.0, b"good")
+    robot.killed(10.01, A)
+    (row_,) = robot.working()
+    robot.row("/a", row_.node, "healthy", 10.1, first=10.1)
+    robot.row("/a", A, "healthy", 11.0)
+    robot.table(11.0)
+    assert [each.last_message for each in robot.working()] == [b"good"]
+    robot.handle(healing.Tick(14.0))
+    assert [each.last_message for each in robot.working()] == [b""]
+
+
+def test_somebody_who_asks_for_a_substitute_gives_the_message() -> None:
+    robot = Robot()
+    robot.handle(healing.SubstituteRequested(10.0, "a", b"asked"))
+    (row_,) = robot.working()
+    assert row_.last_message == b"asked"
+
+
+def test_outputs_carry_the_error_that_is_predicted() -> None:
+    functions = tuple(
+        replace(each, error=Error(0.5)) if each.relation == "good" else each
+        for each in ONTOLOGY.functions
+    )
+    ontology = Ontology(ONTOLOGY.properties, {}, functions)
+    for others, expected in (((), 0.5), ((Error(0.25),), 0.25)):
+        provisions = [(Provision("a", "data", error=error),) for error in others]
+        extra = [replace(service("d", "/d_node"), provides=each) for each in provisions]
+        som = Som([service("a", A, needed=True), service("b", B), service("c", C), *extra])
+        robot = Robot(som, ontology)
+        commands = fail(robot, A, 10.0, b"")
+        (row_,) = robot.working()
+        assert [each.error and each.error.rms for each in row_.outputs] == [expected]
+        incident = last_incident(commands)
+        assert [each.error for each in row_.outputs] == list(incident.errors)
+    plain = Robot()
+    fail(plain, A, 10.0, b"")
+    assert [each.error for each in plain.working()[0].outputs] == [None]
+
+
+# At the substitute.
+
+SUM = "t0=x[0];\ndef _tf1(i1):\n  return integral(i1)\nt1=_tf1(t0)\ny=t1"
+HIDDEN = "t0=x[0];\ndef _tf1(i1):\n  return 2*integral(i1)\nt1=_tf1(t0)\ny=t1"
+
+
+def of_service(publishing: bool, data: bytes = b"", code: str = SUM, **more: Any) -> Substitution:
+    """The row that a reconfigurator writes."""
+    return replace(row(publishing, code=code, **more), last_message=data)
+
+
+def known(value: float, stamp: int = 0) -> events.LastMessage:
+    """A last message with that value."""
+    return events.LastMessage((("data", value),), stamp)
+
+
+def change(driver: Driver, row_: Substitution, last: Optional[events.LastMessage]) -> List[Any]:
+    """The row changes, and what its last message holds is known."""
+    return driver.tell(events.RowChanged, row_, (), last)
+
+
+def hot(code: str = SUM) -> Driver:
+    """A muted substitute that has integrated for 2 s."""
+    driver = Driver(of_service(False, code=code))
+    driver.ready()
+    driver.stream(2.0)
+    assert driver.published() == []
+    return driver
+
+
+def test_an_integral_goes_on_where_the_original_was_however_long_it_was_muted() -> None:
+    driver = hot()
+    change(driver, of_service(True, b"m"), known(9.7))
+    driver.stream(3.0)
+    (time, first), *_, (later, last) = driver.published()
+    assert first == pytest.approx(9.7, abs=2 * PERIOD)
+    assert last - first == pytest.approx(later - time, abs=1e-6)
+
+
+def test_an_integral_does_not_start_again_when_numbers_change() -> None:
+    driver = hot()
+    change(driver, of_service(True, b"m"), known(9.7))
+    driver.stream(3.0)
+    slower = of_service(True, b"m", outputs=(signal("/out", period=0.1),))
+    change(driver, slower, known(9.7))
+    driver.stream(4.0)
+    assert driver.published()[-1][1] == pytest.approx(11.7, abs=0.15)
+
+
+def test_another_program_goes_on_where_the_old_one_was() -> None:
+    driver = hot()
+    change(driver, replace(of_service(True, b"m"), quality=0.9), known(9.7))
+    driver.stream(3.0)
+    other = SUM.replace("integral(i1)", "integral(0*i1)")
+    change(driver, of_service(True, b"m", other), known(9.7))
+    driver.stream(4.0)
+    assert driver.published()[-1][1] == pytest.approx(10.7, abs=0.05)
+
+
+def test_after_safe_values_an_integral_goes_on_where_the_original_was() -> None:
+    safe = "def _tf1():\n  return 0\nt0=_tf1()\ny=t0"
+    driver = Driver(of_service(True, b"m", safe, inputs=()))
+    driver.ready()
+    driver.pass_to(1.0)
+    assert driver.published()[-1][1] == 0.0
+    change(driver, of_service(True, b"m"), known(9.7))
+    driver.stream(1.5)
+    assert driver.published()[-1][1] == pytest.approx(10.2, abs=0.1)
+
+
+def test_after_the_original_was_back_an_integral_starts_where_that_was_last() -> None:
+    driver = hot()
+    change(driver, of_service(True, b"m"), known(9.7))
+    driver.stream(3.0)
+    change(driver, of_service(False, b"m"), known(9.7))
+    driver.stream(4.0)
+    change(driver, of_service(True, b"n"), known(20.0))
+    since = driver.time
+    driver.stream(5.0)
+    assert driver.published(since)[0][1] == pytest.approx(20.0, abs=2 * PERIOD)
+
+
+@pytest.mark.parametrize("last", [None, known(float("nan"))])
+def test_an_integral_from_nobody_knows_where_is_not_published_and_it_says_so_once(
+    last: Optional[events.LastMessage],
+) -> None:
+    driver = hot()
+    change(driver, of_service(True, b"m" if last else b""), last)
+    driver.stream(3.0)
+    assert driver.published() == []
+    logs = [c for _, c in driver.said if isinstance(c, events.Log)]
+    assert [each.level for each in logs] == [events.Level.ERROR]
+    assert "data of /out" in logs[0].text
+    change(driver, of_service(True, b"k"), known(1.0))
+    driver.stream(3.1)
+    assert driver.published()
+
+
+def test_who_was_started_by_hand_integrates_from_zero() -> None:
+    driver = Driver(replace(row(True, code=SUM), service=""))
+    driver.ready()
+    driver.stream(0.1)
+    assert driver.published()[0][1] == 0.0
+
+
+def test_an_integral_within_an_expression_starts_at_zero_and_that_is_said() -> None:
+    driver = hot(HIDDEN)
+    change(driver, of_service(True, b"m", HIDDEN), known(9.7))
+    driver.stream(3.0)
+    logs = [c for _, c in driver.said if isinstance(c, events.Log)]
+    assert driver.published() and [each.level for each in logs] == [events.Level.WARNING]
+
+
+def test_which_outputs_are_integrals() -> None:
+    code = (
+        "t0=x[0];\ndef _tf1(i1):\n  return integral(i1)\nt1=_tf1(t0)\n"
+        "def _tf2(i1):\n  return i1+1\nt2=_tf2(t1)\ny=(t1,t2)"
+    )
+    program = compile_program(code, 1, 2)
+    first, second = program.integrals
+    assert (first, second, program.hidden) == ([0.0], None, False)
+    assert first is not None
+    first[0] = 5.0
+    assert program.step((1.0,), 0.0) == (5.0, 6.0)
+    assert compile_program(code.replace("y=(t1,t2)", "y=t2"), 1, 1).hidden
+
+
+def test_a_message_is_composed_anew_when_what_it_is_made_of_changes() -> None:
+    driver = Driver(row())
+    driver.ready()
+    composed = lambda commands: [c for c in commands if isinstance(c, events.Compose)]
+    taken = replace(row(True), others=Others.LAST, last_message=b"m")
+    (first,) = composed(change(driver, taken, known(1.0)))
+    assert first == events.Compose("/out", "std_msgs/Float64", (("data", None),), Others.LAST, b"m")
+    assert composed(change(driver, replace(taken, quality=0.5), known(1.0))) == []
+    better = replace(taken, outputs=(replace(taken.outputs[0], error=Error(0.1)),))
+    assert composed(change(driver, better, known(1.0)))[0].written == (("data", 0.1),)
+    certain = replace(taken, outputs=(replace(taken.outputs[0], error=Error(0.0)),))
+    assert composed(change(driver, certain, known(1.0)))[0].written == (("data", None),)
+    (unreadable,) = composed(change(driver, certain, None))
+    assert unreadable.last_message == b""
+
+
+# Stamps.
+
+START = 1_700_000_000_000_000_000
+
+
+def at(time: float) -> int:
+    """ROS time of the driver's clock, in ns."""
+    return START + int(round(time * 1e9))
+
+
+def stamps(driver: Driver) -> List[int]:
+    """The stamps of what was published."""
+    return [c.stamp for _, c in driver.said if isinstance(c, events.Publish)]
+
+
+def hear(driver: Driver, topic: str, stamp: int) -> None:
+    """An input comes now with this stamp."""
+    driver.tell(events.InputArrived, topic, "/sensor", (("data", 1.0),), stamp, at(driver.time))
+
+
+TWO = "t0=x[0]; t1=x[1];\ndef _tf1(i1,i2): return i1+i2\nt2=_tf1(t0,t1);\ny=t2"
+
+
+def test_the_stamp_is_that_of_the_oldest_input() -> None:
+    inputs = (signal("/a"), signal("/b", deadline=None))
+    driver = Driver(row(True, inputs, TWO))
+    driver.ready()
+    driver.time = 1.0
+    hear(driver, "/b", at(0.5))
+    hear(driver, "/a", at(0.9))
+    assert stamps(driver) == [at(0.5)]
+    driver.time = 1.1
+    hear(driver, "/b", 0)  # it has no header: it counts from its arrival
+    driver.pass_to(1.12)
+    assert stamps(driver)[-1] == at(0.9)
+
+
+def test_a_stamp_is_neither_newer_than_now_nor_older_than_the_one_before() -> None:
+    driver = Driver(row())
+    driver.ready()
+    driver.time = 1.0
+    change(driver, replace(row(True), last_message=b"m"), known(1.0, at(0.98)))
+    hear(driver, "/in", at(0.90))
+    assert stamps(driver) == [at(0.98)]
+    driver.time = 1.02
+    hear(driver, "/in", at(5.0))
+    assert stamps(driver) == [at(0.98), at(1.02)]
+    driver.time = 1.04
+    hear(driver, "/in", at(1.0))
+    assert stamps(driver)[-1] == at(1.02)
+
+
+def test_who_joins_hears_the_same_message_with_the_same_stamp() -> None:
+    driver = Driver(row(True))
+    driver.ready()
+    driver.time = 1.0
+    hear(driver, "/in", at(0.9))
+    driver.time = 1.01
+    (message,) = driver.tell(events.ConsumerJoined, "/out", "/late")
+    assert (message.only, message.stamp) == ("/late", at(0.9))
+
+
+def test_a_clock_that_is_set_back_does_not_stop_the_stamps() -> None:
+    stamps_ = Stamps()
+    stamps_.clock(1.0, at(100.0))
+    assert stamps_.of("/a", at(100.0), 1.0) == at(100.0)
+    stamps_.clock(1.1, at(50.0))
+    assert stamps_.of("/a", at(50.0), 1.1) == at(50.0)
+
+
+def test_what_stands_on_nothing_measured_is_stamped_now() -> None:
+    stamps_ = Stamps()
+    assert stamps_.of("/a", 0, 1.0) == 0, "the shell's now"
+    stamps_.clock(1.0, at(1.0))
+    assert stamps_.of("/a", 0, 1.5) == at(1.5)

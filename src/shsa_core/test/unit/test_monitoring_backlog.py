@@ -1,0 +1,95 @@
+"""A link to another computer goes down and comes up again: what was sent meanwhile is no evidence.
+"""
+from typing import List, Optional
+
+import pytest
+
+from shsa_core.model.kinds import Kind
+from shsa_core.model.service import Provision, Service
+from shsa_core.model.som import Som
+from shsa_core.monitoring.events import (
+    Command,
+    Connected,
+    FailureDetected,
+    Message,
+    PublisherState,
+    SomChanged,
+    Tick,
+)
+from shsa_core.monitoring.machine import Monitor
+
+PERIOD = 0.02
+SKEW = -0.7  # the other computer's clock is ahead
+
+
+class Link:
+    """A publisher on another computer, at 50 Hz."""
+
+    def __init__(self, stamped: bool) -> None:
+        self.monitor, self.stamped = Monitor(), stamped
+        provides = (Provision("x", "data"),)
+        service = Service("x", "/x", "pkg/T", "/far", PERIOD, provides, needed=True)
+        self.said: List[Command] = list(self.monitor.handle(SomChanged(0.0, Som([service]))))
+        self.feed(Connected(1.0, "/x", "/far"))
+        self.number = 0
+
+    def feed(self, event: object) -> None:
+        self.said += self.monitor.handle(event)  # type: ignore[arg-type]
+        self.monitor.validate()
+
+    def hear(self, time: float, sent: Optional[float] = None) -> None:
+        """A message comes that was sent at a time, now if none is given."""
+        age = time - (time if sent is None else sent) + SKEW if self.stamped else None
+        self.number += 1
+        self.feed(Message(time, "/x", "/far", (float(self.number),), age=age))
+        self.feed(Tick(time))
+
+    def stream(self, begin: float, end: float) -> None:
+        """Messages come as they are sent."""
+        for number in range(round((end - begin) / PERIOD)):
+            self.hear(begin + number * PERIOD)
+
+    @property
+    def failures(self) -> List[Kind]:
+        return [each.kind for each in self.said if isinstance(each, FailureDetected)]
+
+    @property
+    def state(self) -> PublisherState:
+        return self.monitor.table()[0].state
+
+
+@pytest.mark.parametrize("stamped", [True, False])
+@pytest.mark.parametrize("seconds", [2.0, 20.0])
+def test_what_was_sent_while_a_link_was_down_is_neither_good_nor_bad(
+    stamped: bool, seconds: float
+) -> None:
+    link = Link(stamped)
+    link.stream(2.0, 5.0)
+    for number in range(10):
+        link.feed(Tick(5.0 + 0.1 * number))
+    assert link.failures == [Kind.SILENT]
+    up = 5.0 + seconds
+    last_good = link.monitor.table()[0].last_good
+    for number in range(round(seconds / PERIOD)):  # within a tenth of a second
+        link.hear(up + 0.1 * number * PERIOD / seconds, 5.0 + number * PERIOD)
+    assert link.failures == [Kind.SILENT] and link.state is PublisherState.FAILED
+    assert link.monitor.table()[0].last_good == last_good
+    link.stream(up + 0.12, up + 0.5)
+    assert link.failures == [Kind.SILENT] and link.state is PublisherState.HEALTHY
+
+
+@pytest.mark.parametrize("stamped", [True, False])
+def test_a_silence_after_which_nothing_is_made_up_for_is_forgiven_as_ever(stamped: bool) -> None:
+    link = Link(stamped)
+    link.stream(2.0, 5.0)
+    link.feed(Tick(6.0))
+    link.stream(7.0, 7.2)
+    assert link.failures == [Kind.SILENT] and link.state is PublisherState.HEALTHY
+
+
+def test_a_burst_without_a_silence_is_still_a_failure() -> None:
+    link = Link(True)
+    link.stream(2.0, 5.0)
+    for number in range(200):
+        link.hear(5.0 + 0.001 * number)
+    assert link.failures == [Kind.RATE_HIGH]

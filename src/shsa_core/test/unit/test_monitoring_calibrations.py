@@ -1,0 +1,251 @@
+"""What would substitute a service, calibrated by the monitor while the service is well."""
+from dataclasses import replace
+from math import sin
+from random import Random
+from typing import Any, Dict, List, Optional, Tuple
+
+import pytest
+
+from shsa_core.codegen.generator import Program
+from shsa_core.files.ontology_file import load_ontology
+from shsa_core.model.calibration import Calibration
+from shsa_core.model.kinds import Kind
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.service import Provision, Service
+from shsa_core.model.som import Som
+from shsa_core.monitoring import calibrations
+from shsa_core.monitoring.events import (
+    CalibrationsChanged,
+    Connected,
+    Disconnected,
+    FailureDetected,
+    Message,
+    SomChanged,
+    SubstitutionsChanged,
+    Tick,
+)
+from shsa_core.monitoring.machine import Monitor
+from shsa_core.model.service import Signal
+from shsa_core.model.substitution import Substitution
+
+PERIOD = 0.05
+ONTOLOGY = """
+properties:
+  speed: {unit: m/s}
+  position: {unit: m}
+  load: {unit: N}
+  power: {}
+  heading: {unit: rad}
+relations:
+  first: {load: {function: 2 * speed, quality: 0.9, error: 0.2}}
+  second: {load: {function: power / 3, quality: 0.5, error: 0.9}}
+  slope: {speed: {function: derivative(position), quality: 0.9}}
+  path: {position: integral(speed)}
+  turn: {heading: 0.1 * power}
+"""
+GAIN, OFFSET = 1.2, 0.5
+
+
+@pytest.fixture(scope="module")
+def ontology(tmp_path_factory: Any) -> Ontology:
+    path = tmp_path_factory.mktemp("model") / "ontology.yaml"
+    path.write_text(ONTOLOGY)
+    found, errors = load_ontology(str(path))
+    assert errors == []
+    return found
+
+
+def service(name: str, needed: bool = False, **more: Any) -> Service:
+    value = Provision(name, "data", (-1000.0, 1000.0), calibrate=more.pop("calibrate", True))
+    rest: Dict[str, Any] = {"period": PERIOD, "provides": (value,), "needed": needed, **more}
+    return Service(name, f"/{name}", "std_msgs/Float64", f"/{name}_node", **rest)
+
+
+LOAD, SPEED, POWER = service("load", True), service("speed"), service("power")
+
+
+class Robot:
+    """Sensors of one drive: the load is 1.2 times what the first relation says, and 0.5 more."""
+
+    def __init__(self, ontology: Ontology, *services: Service) -> None:
+        self.core, self.now = Monitor(ontology=ontology), 100.0
+        self.random, self.services = Random(1), services
+        self.failures: List[FailureDetected] = []
+        self.rows: Dict[Tuple[str, Program], Tuple[Calibration, ...]] = {}
+        self.told = 0
+        self.hear(SomChanged(self.now, Som(services)))
+        for each in services:
+            self.hear(Connected(self.now, each.topic, each.node))
+
+    def hear(self, event: Any) -> None:
+        for said in self.core.handle(event):
+            if isinstance(said, FailureDetected):
+                self.failures.append(said)
+            elif isinstance(said, CalibrationsChanged):
+                self.told += len(said.rows)
+                self.rows.update({(r.service, r.program): r.calibrations for r in said.rows})
+                for key in said.removed:
+                    self.rows.pop(key, None)
+
+    def true(self) -> Dict[str, float]:
+        speed = 2.0 + sin(self.now / 2.0)
+        load = GAIN * 2.0 * speed + OFFSET
+        position = 2.0 * self.now - 2.0 * (sin(self.now / 4.0 + 0.8) ** 2)
+        return {"speed": speed, "load": load, "power": 3.0 * load - 3.0, "position": position}
+
+    def run(self, seconds: float, silent: str = "", **wrong: float) -> None:
+        for _ in range(round(seconds / PERIOD)):
+            self.now += PERIOD
+            values = {**self.true(), "heading": 0.3 * self.true()["power"], **wrong}
+            for each in self.services:
+                if each.name != silent:
+                    value = values[each.name] + self.random.gauss(0.0, 0.01)
+                    self.hear(Message(self.now, each.topic, each.node, (value,)))
+            self.hear(Tick(self.now))
+
+    def of(self, name: str, relation_input: str) -> Optional[Calibration]:
+        """What is told of the program for a service that reads one other."""
+        found = [
+            row[0]
+            for (service, program), row in self.rows.items()
+            if service == name and program.inputs == (f"/{relation_input}/data",)
+        ]
+        assert len(found) <= 1
+        return found[0] if found else None
+
+
+def test_the_best_plan_and_the_one_after_are_calibrated(ontology: Ontology) -> None:
+    robot = Robot(ontology, LOAD, SPEED, POWER)
+    robot.run(90.0)
+    first, second = robot.of("load", "speed"), robot.of("load", "power")
+    assert first is not None and second is not None
+    assert first.gain == pytest.approx(GAIN, abs=0.02)
+    assert first.offset == pytest.approx(OFFSET, abs=0.1)
+    assert first.error is not None and first.error.rms < 0.1
+    assert second(3.0) == pytest.approx(4.0, abs=0.05)
+    assert robot.failures == []
+
+
+def test_only_changes_that_matter_are_told(ontology: Ontology) -> None:
+    robot = Robot(ontology, LOAD, SPEED)
+    robot.run(120.0)
+    told = robot.told
+    robot.run(60.0)
+    assert 1 <= told <= 90
+    assert robot.told - told <= 10
+
+
+def test_it_stays_as_of_the_last_good_second_when_the_node_fails(ontology: Ontology) -> None:
+    robot = Robot(ontology, LOAD, SPEED)
+    robot.run(60.0)
+    before = robot.of("load", "speed")
+    robot.run(3.0, load=40.0)
+    robot.hear(Disconnected(robot.now, "/load", "/load_node"))
+    robot.run(60.0, silent="load")
+    assert [each.kind for each in robot.failures] == [Kind.NODE_GONE]
+    after = robot.of("load", "speed")
+    assert before is not None and after is not None
+    assert after(4.0) == pytest.approx(before(4.0), abs=0.05)
+
+
+def test_a_substitute_teaches_nothing(ontology: Ontology) -> None:
+    robot = Robot(ontology, LOAD, SPEED)
+    robot.run(60.0)
+    before = robot.of("load", "speed")
+    robot.hear(Disconnected(robot.now, "/load", "/load_node"))
+    output = Signal("/load", "data", "std_msgs/Float64", "", PERIOD, 0.25)
+    row = Substitution("/substitute_1", "load", (), "y=0.0", (output,), publishing=True)
+    robot.hear(SubstitutionsChanged(robot.now, (row,), whole=True))
+    robot.hear(Connected(robot.now, "/load", "/substitute_1"))
+    for _ in range(1200):
+        robot.run(PERIOD, silent="load")
+        value = 30.0 + robot.random.random()
+        robot.hear(Message(robot.now, "/load", "/substitute_1", (value,)))
+    assert robot.of("load", "speed") == before
+
+
+@pytest.mark.parametrize("doubted", ["load", "speed"])
+def test_bad_messages_of_sensor_or_input_leave_their_stretch_out(
+    ontology: Ontology, doubted: str
+) -> None:
+    """Every fifth second something is out of range, too seldom to be a failure."""
+    robot = Robot(ontology, LOAD, SPEED)
+    robot.run(60.0)
+    before = robot.of("load", "speed")
+    for _ in range(20):
+        robot.run(4.0, load=9.0 + robot.random.random())
+        robot.run(PERIOD, "", **{doubted: 2000.0})
+    assert robot.failures == []
+    after = robot.of("load", "speed")
+    assert before is not None and after is not None
+    assert after(4.0) == pytest.approx(before(4.0), abs=0.05)
+
+
+def test_without_an_input_nothing_is_learned(ontology: Ontology) -> None:
+    robot = Robot(ontology, LOAD, SPEED)
+    robot.run(60.0)
+    before = robot.of("load", "speed")
+    robot.run(60.0, silent="speed", load=40.0)
+    after = robot.of("load", "speed")
+    assert before is not None and after is not None and after(4.0) == before(4.0)
+
+
+def test_a_law_that_remembers_sees_every_sample(ontology: Ontology) -> None:
+    robot = Robot(ontology, service("speed", True), service("position"))
+    robot.run(40.0)
+    found = robot.of("speed", "position")
+    assert found is not None and found.error is not None
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"calibrate": False}, {"latched": True}, {"needed": False}],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_what_is_not_to_be_calibrated_is_not(ontology: Ontology, changes: Any) -> None:
+    robot = Robot(ontology, service("load", **{"needed": True, **changes}), SPEED, POWER)
+    robot.run(60.0)
+    assert robot.rows == {}
+
+
+@pytest.mark.parametrize("name, source", [("position", "speed"), ("heading", "power")])
+def test_integrals_and_angles_are_not_calibrated(
+    ontology: Ontology, name: str, source: str
+) -> None:
+    robot = Robot(ontology, service(name, True), service(source))
+    robot.run(60.0)
+    assert robot.rows == {}
+
+
+def test_without_an_ontology_nothing_is_calibrated() -> None:
+    core = Monitor()
+    core.handle(SomChanged(0.0, Som([LOAD, SPEED])))
+    assert core.handle(Tick(1.0)) == []
+
+
+def test_a_service_that_changes_begins_anew(ontology: Ontology) -> None:
+    robot = Robot(ontology, LOAD, SPEED)
+    robot.run(60.0)
+    assert robot.of("load", "speed") is not None
+    (value,) = LOAD.provides
+    changed = replace(LOAD, provides=(replace(value, calibrate=False),))
+    robot.hear(SomChanged(robot.now, Som([changed, SPEED])))
+    robot.run(60.0)
+    assert robot.rows == {}
+
+
+def test_a_source_that_comes_later_is_planned_with(ontology: Ontology) -> None:
+    robot = Robot(ontology, LOAD, SPEED, POWER)
+    robot.run(30.0, silent="speed")
+    assert robot.of("load", "speed") is None and robot.of("load", "power") is not None
+    robot.run(60.0)
+    assert robot.of("load", "speed") is not None
+
+
+def test_no_more_is_evaluated_than_the_budget_allows(
+    ontology: Ontology, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(calibrations, "EVALUATIONS_PER_S", 6.0)
+    robot = Robot(ontology, LOAD, SPEED, POWER)
+    robot.run(60.0)
+    assert robot.of("load", "speed") is not None and robot.of("load", "power") is None

@@ -1,0 +1,226 @@
+"""Whose silence is a failure, and whose has another cause that passes."""
+from typing import Iterable, Tuple
+
+import pytest
+from monitor_bench import DEADLINE, NODE, PERIOD, SETTINGS, TOPIC, Bench, service
+
+from shsa_core.monitoring.silence import CONNECT_S
+
+NODES = ("/one", "/two", "/three", "/four")
+
+
+def robot(nodes: Iterable[str] = NODES) -> Bench:
+    """A node for each topic, all healthy and connected for long."""
+    bench = Bench(*(service(name=node[1:], topic=node, node=node) for node in nodes))
+    for node in nodes:
+        bench.connect(node, node)
+    stream(bench, nodes, 1.2)
+    return bench
+
+
+def stream(bench: Bench, nodes: Iterable[str], seconds: float) -> None:
+    for _ in range(round(seconds / PERIOD)):
+        bench.wait(PERIOD)
+        for node in nodes:
+            bench.message(node=node, topic=node)
+
+
+@pytest.fixture
+def bench() -> Bench:
+    made = Bench()
+    made.connect()
+    made.stream(60)
+    return made
+
+
+def test_all_that_fall_silent_together_and_come_back_are_not_blamed() -> None:
+    bench = robot()
+    bench.wait(1.7 * DEADLINE)
+    stream(bench, NODES, 1.0)
+    assert bench.failures == []
+
+
+def test_three_nodes_that_fall_silent_within_half_a_deadline_are_not_blamed() -> None:
+    bench = robot()
+    stream(bench, NODES[1:], 0.4 * DEADLINE)
+    bench.wait(1.3 * DEADLINE)
+    stream(bench, NODES, 1.0)
+    assert bench.failures == []
+
+
+def test_all_that_hang_together_are_found_after_one_more_deadline() -> None:
+    bench = robot()
+    last = bench.now
+    bench.wait(1.0)
+    assert sorted(bench.kinds()) == sorted((node, "silent") for node in NODES)
+    for failure in bench.failures:
+        assert failure.time == pytest.approx(last + 2 * DEADLINE)
+
+
+@pytest.mark.parametrize("hung", [1, 2])
+def test_one_or_two_that_hang_are_found_at_the_deadline(hung: int) -> None:
+    bench = robot()
+    last = bench.now
+    stream(bench, NODES[hung:], 1.0)
+    assert bench.kinds() == [(node, "silent") for node in NODES[:hung]]
+    for failure in bench.failures:
+        assert failure.time == pytest.approx(last + DEADLINE)
+
+
+def test_nodes_that_hang_one_after_the_other_are_each_found_at_the_deadline() -> None:
+    bench = robot()
+    last = bench.now
+    for number in range(1, 4):
+        stream(bench, NODES[number:], 0.1)
+    stream(bench, NODES[3:], 1.0)
+    times = [failure.time for failure in bench.failures]
+    assert times == pytest.approx([last + DEADLINE, last + 0.1 + DEADLINE, last + 0.2 + DEADLINE])
+
+
+def test_the_topics_of_one_node_are_one_node() -> None:
+    bench = Bench(*(service(name=f"s{n}", topic=f"/{n}", node=NODE) for n in range(5)))
+    topics = [f"/{n}" for n in range(5)]
+    for topic in topics:
+        bench.connect(NODE, topic)
+    for _ in range(60):
+        bench.wait(PERIOD)
+        for topic in topics:
+            bench.message(topic=topic)
+    last = bench.now
+    bench.wait(DEADLINE + 0.001)
+    assert bench.kinds() == [(NODE, "silent")] * 5
+    assert bench.failures[0].time == pytest.approx(last + DEADLINE)
+
+
+def test_slow_and_event_driven_topics_do_not_count_as_late() -> None:
+    slow = [service(name=f"s{n}", topic=f"/s{n}", node=f"/s{n}", period=0.5) for n in range(4)]
+    event = service(name="event", topic="/event", node="/event", period=None)
+    tight = service(name="tight", topic="/tight", node="/tight", period=0.5, deadline=1.2)
+    bench = Bench(service(), *slow, event, tight)
+    bench.connect()
+    for each in (*slow, event, tight):
+        bench.connect(each.node, each.topic)
+    for _ in range(3):
+        for each in (*slow, event, tight):
+            bench.message(node=each.node, topic=each.topic)
+        bench.stream(25)
+    last = bench.now
+    bench.wait(DEADLINE + 0.001)
+    assert bench.kinds()[0] == (NODE, "silent")
+    assert bench.failures[0].time == pytest.approx(last + DEADLINE)
+
+
+def test_a_node_that_healing_connects_to_has_a_deadline_more() -> None:
+    bench = robot()
+    bench.connect("/one", "/one")
+    last = bench.now
+    stream(bench, NODES[1:], 1.9 * DEADLINE)
+    assert bench.failures == []
+    stream(bench, NODES[1:], 0.2 * DEADLINE)
+    assert bench.kinds() == [("/one", "silent")]
+    assert bench.failures[0].time == pytest.approx(last + 2 * DEADLINE)
+
+
+def test_another_topic_of_the_node_is_enough() -> None:
+    bench = Bench(service(), service(name="second", topic="/second"))
+    bench.connect()
+    bench.stream(60)
+    bench.connect(NODE, "/second")
+    bench.wait(1.7 * DEADLINE)
+    bench.stream(10)
+    assert bench.failures == []
+
+
+def test_to_connect_to_one_node_excuses_no_other(bench: Bench) -> None:
+    bench.connect("/spoofer")
+    bench.wait(DEADLINE + 0.001)
+    assert bench.kinds() == [(NODE, "silent")]
+
+
+def test_while_a_substitute_comes_up_everybody_has_a_deadline_more() -> None:
+    bench = robot()
+    bench.substitutes(("/substitute_1", False), topic="/two")
+    bench.connect("/substitute_1", "/two")
+    last = bench.now
+    stream(bench, NODES[1:], 1.9 * DEADLINE)
+    assert bench.failures == []
+    stream(bench, NODES[1:], 0.2 * DEADLINE)
+    assert [failure.time for failure in bench.failures] == [pytest.approx(last + 2 * DEADLINE)]
+
+
+def test_a_connection_long_before_a_silence_is_no_reason_for_it(bench: Bench) -> None:
+    bench.connect()
+    bench.stream(round(CONNECT_S / PERIOD) + 1)
+    last = bench.now
+    bench.wait(1.0)
+    assert bench.failures[0].time == pytest.approx(last + DEADLINE)
+
+
+def test_a_connection_that_is_made_during_a_silence_may_be_its_reason(bench: Bench) -> None:
+    bench.connect("/other")
+    bench.wait(0.9 * DEADLINE)
+    bench.connect()
+    bench.wait(0.8 * DEADLINE)
+    bench.stream(50)
+    assert bench.failures == []
+
+
+def test_all_excuses_together_grant_one_deadline() -> None:
+    bench = robot()
+    for node in NODES:
+        bench.connect(node, node)
+    last = bench.now
+    while len(bench.failures) < 4 and bench.now < last + 10.0:
+        bench.now = bench.core.next_deadline + 0.02
+        bench.wake(0.02)
+    assert bench.now <= last + 3 * DEADLINE
+
+
+def test_an_interrupted_publisher_is_not_blamed_while_a_connection_is_made(bench: Bench) -> None:
+    bench.interrupt()
+    bench.wait(0.45)
+    bench.connect()
+    bench.wait(0.7 * DEADLINE)
+    bench.stream(50)
+    assert bench.failures == [] and bench.state() == "healthy"
+
+
+def test_a_publisher_that_does_not_connect_again_is_gone(bench: Bench) -> None:
+    bench.interrupt()
+    bench.wait(0.003)
+    bench.disconnect()
+    assert bench.kinds() == [(NODE, "node_gone")]
+
+
+def test_a_publisher_that_connects_again_and_is_silent_has_failed(bench: Bench) -> None:
+    bench.interrupt()
+    bench.wait(0.1)
+    bench.connect()
+    bench.wait(2 * DEADLINE + 0.001)
+    assert bench.kinds() == [(NODE, "silent")]
+
+
+def test_an_interruption_without_end_is_silence(bench: Bench) -> None:
+    bench.interrupt()
+    bench.wait(SETTINGS.reconnect + 2 * DEADLINE)
+    assert bench.kinds() == [(NODE, "silent")]
+
+
+def test_a_publisher_that_drops_connections_and_says_nothing_is_found(bench: Bench) -> None:
+    last = bench.now
+    for _ in range(20):
+        bench.interrupt()
+        bench.wait(0.05)
+        bench.connect()
+        bench.wait(0.05)
+    assert bench.kinds() == [(NODE, "silent")]
+    assert bench.failures[0].time < last + 4 * DEADLINE
+
+
+@pytest.mark.parametrize("whom", [("/elsewhere", NODE), (TOPIC, "/who")])
+def test_an_interruption_of_who_is_not_known_is_nothing(
+    bench: Bench, whom: Tuple[str, str]
+) -> None:
+    before = bench.core.table()
+    bench.interrupt(whom[1], whom[0])
+    assert bench.core.table() == before

@@ -1,0 +1,133 @@
+"""What the monitor makes of substitutes: who is muted or stopped on purpose has not failed."""
+import pytest
+from monitor_bench import NODE, PERIOD, TOPIC, Bench, row
+
+from shsa_core.errors import ShsaError
+from shsa_core.monitoring.events import SubstitutionsChanged
+
+
+@pytest.fixture
+def bench() -> Bench:
+    made = Bench()
+    made.connect()
+    made.stream(60)  # it is connected for longer than CONNECT_S
+    return made
+
+
+def test_a_topic_that_never_came_up_fails_beside_a_muted_substitute() -> None:
+    bench = Bench()
+    bench.substitutes(("/substitute_1", False))
+    bench.connect("/substitute_1")
+    bench.wait(16.0)
+    assert bench.kinds() == [("", "never_published")]
+    assert bench.state("/substitute_1") == "unknown"
+
+
+def test_a_muted_substitute_is_never_silent(bench: Bench) -> None:
+    bench.substitutes(("/substitute_1", False))
+    bench.connect("/substitute_1")
+    bench.stream(500)
+    assert bench.failures == [] and bench.state("/substitute_1") == "unknown"
+    assert bench.core.muted() == {(TOPIC, "/substitute_1")}
+    bench.substitutes(("/substitute_1", True))
+    assert bench.core.muted() == set()
+    bench.substitutes(("/substitute_1", False))
+    bench.disconnect("/substitute_1")
+    assert bench.failures == [] and bench.state("/substitute_1") is None
+
+
+def test_an_idle_process_that_advertised_a_topic_is_not_to_blame_for_it() -> None:
+    bench = Bench()
+    idle = row("/substitute_standby_1", False, TOPIC, "/elsewhere", service="")
+    bench.send(SubstitutionsChanged(bench.now, (idle,)))
+    bench.connect("/substitute_standby_1")
+    bench.wait(16.0)
+    assert bench.kinds() == [("", "never_published")]
+    bench.substitutes(("/substitute_standby_1", True), topic="/elsewhere")
+    bench.disconnect("/substitute_standby_1")
+    assert bench.kinds() == [("", "never_published")]
+
+
+def test_a_substitute_that_publishes_is_judged(bench: Bench) -> None:
+    bench.disconnect()
+    bench.connect("/substitute_1")
+    bench.substitutes(("/substitute_1", True))
+    bench.stream(50, "/substitute_1")
+    bench.wait(1.0)
+    assert bench.kinds() == [(NODE, "node_gone"), ("/substitute_1", "silent")]
+
+
+def test_a_substitute_that_publishes_and_dies_has_failed(bench: Bench) -> None:
+    bench.disconnect()
+    bench.connect("/substitute_1")
+    bench.substitutes(("/substitute_1", True))
+    bench.stream(50, "/substitute_1")
+    bench.disconnect("/substitute_1")
+    assert bench.kinds() == [(NODE, "node_gone"), ("/substitute_1", "node_gone")]
+
+
+def test_a_substitute_that_is_muted_on_purpose_has_not_failed(bench: Bench) -> None:
+    bench.connect("/substitute_1")
+    bench.substitutes(("/substitute_1", True))
+    bench.stream(20, "/substitute_1")
+    bench.substitutes(("/substitute_1", False))
+    assert bench.state("/substitute_1") == "unknown"
+    bench.message(node="/substitute_1")  # was under way
+    bench.stream(100)
+    assert bench.state("/substitute_1") == "unknown"
+    assert bench.failures == [] or bench.kinds() == [(NODE, "silent")]
+
+
+def test_a_muted_substitute_that_publishes_again_has_a_new_first_message(bench: Bench) -> None:
+    bench.connect("/substitute_1")
+    bench.message(node="/substitute_1")
+    bench.substitutes(("/substitute_1", True))
+    bench.substitutes(("/substitute_1", False))
+    bench.wait(PERIOD)
+    bench.message(node="/substitute_1")
+    bench.substitutes(("/substitute_1", True))
+    shown = bench.rows[TOPIC, "/substitute_1"]
+    assert (shown.state, shown.first_message) == ("healthy", bench.now)
+
+
+def test_a_substitute_that_is_stopped_as_planned_has_not_failed(bench: Bench) -> None:
+    bench.connect("/substitute_1")
+    bench.substitutes(("/substitute_1", True))
+    bench.message(node="/substitute_1")
+    bench.substitutes()
+    bench.stream(20)
+    bench.disconnect("/substitute_1")
+    assert bench.failures == [] and bench.state("/substitute_1") is None
+
+
+def test_a_retired_substitute_that_connects_again_is_a_stranger(bench: Bench) -> None:
+    bench.connect("/substitute_1")
+    bench.substitutes(("/substitute_1", True))
+    bench.message(node="/substitute_1")
+    bench.substitutes()
+    bench.disconnect("/substitute_1")
+    bench.connect("/substitute_1")
+    for _ in range(60):
+        bench.stream(1)
+        bench.message(node="/substitute_1")
+    assert bench.kinds() == [("/substitute_1", "unknown_publisher")]
+
+
+def test_a_retired_substitute_that_is_not_there_is_an_error(bench: Bench) -> None:
+    bench.core._board.substitutes.retired.add((TOPIC, "/nobody"))
+    with pytest.raises(ShsaError, match="retired, but not there"):
+        bench.core.validate()
+
+
+def test_a_substitute_that_ends_and_leaves_nobody_is_missed_though_it_was_meant_to_end() -> None:
+    bench = Bench()  # it started when the original was dead already
+    bench.substitutes(("/substitute_1", True))
+    bench.connect("/substitute_1")
+    bench.stream(1000, "/substitute_1")
+    bench.substitutes()
+    bench.disconnect("/substitute_1")
+    assert bench.failures == []
+    bench.wait(14.0)
+    assert bench.failures == []
+    bench.wait(2.0)
+    assert bench.kinds() == [("", "never_published")]

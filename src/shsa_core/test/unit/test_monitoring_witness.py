@@ -1,0 +1,268 @@
+"""A value in its range that is wrong: others tell, where the SOM says how far off it may be."""
+from random import Random
+from typing import Any, Dict, List, Optional, Set
+
+import pytest
+
+from shsa_core.files.ontology_file import load_ontology
+from shsa_core.model.checks import LEARNED, Witness, default_checks
+from shsa_core.model.error import Error
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.service import Provision, Service
+from shsa_core.model.som import Som
+from shsa_core.monitoring.events import Connected, FailureDetected, Message, SomChanged, Tick
+from shsa_core.monitoring.machine import Monitor
+
+PERIOD = 0.02
+ONTOLOGY = """
+properties: {power: {}, voltage: {}, current: {}, draw: {}}
+relations:
+  power: {current: power / voltage, voltage: power / current, power: voltage * current}
+  draw: {current: 2 * draw}
+"""
+
+
+@pytest.fixture(scope="module")
+def ontology(tmp_path_factory: Any) -> Ontology:
+    path = tmp_path_factory.mktemp("model") / "ontology.yaml"
+    path.write_text(ONTOLOGY)
+    found, errors = load_ontology(str(path))
+    assert errors == []
+    return found
+
+
+def service(name: str, limit: Optional[float] = None) -> Service:
+    checks = default_checks(True) + (() if limit is None else (Witness(limit),))
+    value = Provision(name, "data", (0.0, 1000.0), checks=checks)
+    return Service(name, f"/{name}", "std_msgs/Float64", f"/{name}_node", PERIOD, (value,))
+
+
+class Robot:
+    """Four sensors with noise, and what is added to each."""
+
+    def __init__(self, ontology: Ontology, *services: Service) -> None:
+        self.core, self.now = Monitor(ontology=ontology), 100.0
+        self.random, self.services = Random(1), services
+        self.true = {"power": 120.0, "voltage": 12.0, "current": 10.0, "draw": 5.0}
+        self.failures: List[FailureDetected] = []
+        self.hear(SomChanged(self.now, Som(services)))
+        for each in services:
+            self.hear(Connected(self.now, each.topic, each.node))
+
+    def hear(self, event: Any) -> None:
+        said = self.core.handle(event)
+        self.failures += [each for each in said if isinstance(each, FailureDetected)]
+
+    def run(self, seconds: float, silent: str = "", **wrong: float) -> None:
+        for _ in range(round(seconds / PERIOD)):
+            self.now += PERIOD
+            for each in self.services:
+                if each.name != silent:
+                    value = self.true[each.name] * self.random.gauss(1.0, 0.01)
+                    value = wrong.get(each.name, value) * self.random.gauss(1.0, 0.001)
+                    self.hear(Message(self.now, each.topic, each.node, (value,)))
+            self.hear(Tick(self.now))
+
+    def kinds(self) -> Dict[str, str]:
+        return {each.service: str(each.kind) for each in self.failures}
+
+
+def usual() -> List[Service]:
+    return [service("current", 2.0), service("power"), service("voltage")]
+
+
+def test_what_is_wrong_within_its_range_is_found_in_five_seconds(ontology: Ontology) -> None:
+    robot = Robot(ontology, *usual())
+    robot.run(60.0)
+    assert robot.failures == []
+    robot.run(5.0, current=4.0)
+    assert robot.kinds() == {"current": "witness"}
+    assert "by /power_node, /voltage_node it is" in robot.failures[0].detail
+    robot.run(30.0, current=4.0)
+    assert len(robot.failures) == 1
+    robot.run(5.0)
+    state = {row.topic: str(row.state) for row in robot.core.table()}
+    assert state["/current"] == "healthy"
+
+
+def test_0_is_found(ontology: Ontology) -> None:
+    robot = Robot(ontology, *usual())
+    robot.run(10.0)
+    robot.run(5.0, current=0.0)
+    assert robot.kinds() == {"current": "witness"}
+
+
+def test_without_a_limit_nobody_is_compared(ontology: Ontology) -> None:
+    robot = Robot(ontology, service("current"), service("power"), service("voltage"))
+    robot.run(10.0)
+    robot.run(20.0, current=4.0)
+    assert robot.failures == []
+
+
+def test_of_two_witnesses_both_must_say_so(ontology: Ontology) -> None:
+    robot = Robot(ontology, *usual(), service("draw"))
+    robot.run(10.0)
+    robot.run(20.0, draw=20.0)
+    robot.run(20.0, power=20.0)
+    assert robot.failures == []
+    robot.run(6.0, current=4.0)
+    assert robot.kinds() == {"current": "witness"}
+
+
+def test_who_is_in_dispute_is_no_witness_alone(ontology: Ontology) -> None:
+    """Either may be wrong, and so nobody is blamed."""
+    robot = Robot(ontology, service("current", 2.0), service("power"), service("voltage", 2.0))
+    robot.run(10.0)
+    robot.run(30.0, current=4.0)
+    assert robot.failures == []
+
+
+def test_two_witnesses_settle_a_dispute(ontology: Ontology) -> None:
+    services = [service("current", 2.0), service("power"), service("voltage", 2.0)]
+    robot = Robot(ontology, *services, service("draw"))
+    robot.run(10.0)
+    robot.run(6.0, current=4.0)
+    assert robot.kinds() == {"current": "witness"}
+
+
+def test_who_fails_is_no_witness(ontology: Ontology) -> None:
+    robot = Robot(ontology, *usual())
+    robot.run(10.0)
+    robot.run(30.0, power=2000.0)
+    assert robot.kinds() == {"power": "out_of_range"}
+    robot.failures.clear()
+    robot.run(30.0, silent="voltage", current=4.0)
+    assert robot.kinds() == {"voltage": "silent"}
+
+
+def test_a_short_difference_is_none(ontology: Ontology) -> None:
+    robot = Robot(ontology, *usual())
+    for _ in range(10):
+        robot.run(5.0)
+        robot.run(1.0, current=4.0)
+    assert robot.failures == []
+
+
+def known(name: str, error: float, witness: bool = False) -> Service:
+    """A service whose error is known; `witness`: it is compared, with no limit of its own."""
+    checks = default_checks(True) + ((Witness(LEARNED),) if witness else ())
+    value = Provision(name, "data", (0.0, 1000.0), checks=checks, error=Error(error))
+    return Service(name, f"/{name}", "std_msgs/Float64", f"/{name}_node", PERIOD, (value,))
+
+
+def with_known_errors() -> List[Service]:
+    return [known("current", 0.1, True), known("power", 1.2), known("voltage", 0.1)]
+
+
+@pytest.fixture(scope="module")
+def judged(tmp_path_factory: Any) -> Ontology:
+    """The same laws, with errors: 4 times the rms of both is 1.3 A by power, and 0.9 A by draw."""
+    path = tmp_path_factory.mktemp("judged") / "ontology.yaml"
+    path.write_text(
+        """
+properties: {power: {}, voltage: {}, current: {}, draw: {}}
+relations:
+  power: {current: {function: power / voltage, error: 0.3}}
+  draw: {current: {function: 2 * draw, error: 0.2}}
+"""
+    )
+    found, errors = load_ontology(str(path))
+    assert errors == []
+    return found
+
+
+def healthy(robot: Robot) -> Dict[str, str]:
+    return {each.service.name: str(each.condition) for each in robot.core.overview()}
+
+
+def test_by_known_errors_a_sensor_that_two_contradict_is_wrong(judged: Ontology) -> None:
+    robot = Robot(judged, *with_known_errors(), known("draw", 0.1))
+    robot.run(60.0)
+    robot.run(5.0, current=8.0)
+    assert robot.kinds() == {"current": "witness"}
+    detail = robot.failures[0].detail
+    assert "by /draw_node it is" in detail and "by /power_node, /voltage_node it is" in detail
+
+
+def test_by_known_errors_a_drift_is_found(judged: Ontology) -> None:
+    """At 0.05 A/s it takes 26 s to be wrong by 1.3 A, and 4 s to be sure."""
+    robot = Robot(judged, *with_known_errors(), known("draw", 0.1))
+    robot.run(20.0)
+    for second in range(35):
+        robot.run(1.0, current=10.0 + 0.05 * second)
+        if robot.failures:
+            break
+    assert robot.kinds() == {"current": "witness"} and 20 <= second <= 33
+
+
+def test_by_known_errors_a_sensor_that_stuck_is_found_once_the_value_moves(
+    judged: Ontology,
+) -> None:
+    robot = Robot(judged, *with_known_errors(), known("draw", 0.1))
+    robot.run(10.0)
+    robot.run(10.0, current=10.0)
+    assert robot.failures == []
+    robot.true.update(power=60.0, current=5.0, draw=2.5)
+    robot.run(6.0, current=10.0)
+    assert robot.kinds() == {"current": "witness"}
+
+
+@pytest.mark.parametrize(
+    "wrong, doubtful, fine",
+    [("draw", {"draw"}, {"power"}), ("power", {"power", "voltage"}, {"draw"})],
+)
+def test_a_derivation_that_is_outvoted_brings_its_inputs_in_doubt(
+    judged: Ontology, wrong: str, doubtful: Set[str], fine: Set[str]
+) -> None:
+    robot = Robot(judged, *with_known_errors(), known("draw", 0.1))
+    robot.run(10.0)
+    robot.run(10.0, silent="", **{wrong: 0.5 * robot.true[wrong]})
+    assert robot.failures == []
+    states = healthy(robot)
+    assert {name for name, state in states.items() if state == "doubtful"} == doubtful
+    (told,) = {each.detail for each in robot.core.overview() if each.service.name in doubtful}
+    assert all(f"/{name}_node" in told for name in {"current"} | fine)
+    robot.run(10.0)
+    assert set(healthy(robot).values()) == {"healthy"}
+
+
+def test_by_known_errors_one_witness_alone_blames_nobody(judged: Ontology) -> None:
+    robot = Robot(judged, *with_known_errors())
+    robot.run(10.0)
+    robot.run(20.0, current=4.0)
+    assert robot.failures == []
+    assert healthy(robot)["current"] == "doubtful"
+
+
+def test_where_all_differ_nobody_is_blamed(judged: Ontology) -> None:
+    robot = Robot(judged, *with_known_errors(), known("draw", 0.1))
+    robot.run(10.0)
+    robot.run(20.0, current=5.0, draw=10.0)
+    assert robot.failures == []
+    assert healthy(robot)["current"] == "doubtful"
+
+
+def test_errors_that_nobody_states_are_known_once_they_were_seen(ontology: Ontology) -> None:
+    services = [known("current", 0.1, True), *usual()[1:], service("draw")]
+    robot = Robot(ontology, *services)
+    robot.run(240.0)
+    assert robot.failures == []
+    robot.run(6.0, current=8.0)
+    assert robot.kinds() == {"current": "witness"}
+
+
+def test_without_known_errors_nothing_is_judged_by_them(ontology: Ontology) -> None:
+    services = [known("current", 0.1, True), *usual()[1:], service("draw")]
+    robot = Robot(ontology, *services)
+    robot.run(10.0)
+    robot.run(20.0, current=4.0)
+    assert robot.failures == []
+    assert set(healthy(robot).values()) == {"healthy"}
+
+
+def test_a_witness_of_two_needs_the_other_to_agree(ontology: Ontology) -> None:
+    """What one tells is too high and what the other tells too low: no third is proven wrong."""
+    robot = Robot(ontology, *usual(), service("draw"))
+    robot.run(10.0)
+    robot.run(20.0, draw=8.0, power=60.0)
+    assert robot.failures == []

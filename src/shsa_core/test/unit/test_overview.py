@@ -1,0 +1,229 @@
+"""What people are shown of each service: how it does by all who publish for it."""
+from dataclasses import replace
+from typing import Dict, List, Tuple
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, row, service
+
+from shsa_core.healing.incident import Incident, State
+from shsa_core.model.kinds import Kind
+from shsa_core.monitoring.events import SubstitutionsChanged
+from shsa_core.monitoring.overview import Condition, ServiceHealth
+from shsa_core.ros import diagnostics
+from shsa_core.ros.diagnostics import ERROR, OK, WARN, MonitorRows, healing_rows
+from shsa_core.ros.graph.master_watch import Told
+
+SUBSTITUTE, IDLE, STRANGER = "/substitute_current_1", "/substitute_standby_2", "/stranger"
+
+
+@pytest.fixture
+def bench() -> Bench:
+    """The amperemeter publishes well."""
+    made = Bench()
+    made.connect()
+    made.stream(60)
+    return made
+
+
+def shown(bench: Bench) -> ServiceHealth:
+    """The only service."""
+    (health,) = bench.core.overview()
+    return health
+
+
+def publishers(bench: Bench) -> List[str]:
+    return [each.publisher for each in shown(bench).publishers]
+
+
+def statuses(bench: Bench, rows: MonitorRows) -> Dict[str, DiagnosticStatus]:
+    """The monitor's rows as they are published."""
+    return {each.name: each for each in rows((bench.core.overview(), bench.core.messages()))}
+
+
+def level(bench: Bench) -> int:
+    return int(statuses(bench, MonitorRows())["current"].level)
+
+
+def substituted() -> Bench:
+    """Its node is gone, and a substitute publishes."""
+    bench = Bench()
+    bench.connect()
+    bench.stream(60)
+    bench.connect(SUBSTITUTE)
+    bench.disconnect()
+    bench.substitutes((SUBSTITUTE, True))
+    bench.stream(60, SUBSTITUTE)
+    return bench
+
+
+def test_a_service_that_does_well_is_healthy(bench: Bench) -> None:
+    assert shown(bench).condition is Condition.HEALTHY
+    assert (level(bench), publishers(bench)) == (OK, [NODE])
+
+
+def test_who_has_not_published_yet_is_starting() -> None:
+    bench = Bench()
+    assert (shown(bench).condition, level(bench)) == (Condition.STARTING, WARN)
+    assert publishers(bench) == []  # the publisher without a name is nobody's value
+    bench.connect()
+    assert (shown(bench).condition, publishers(bench)) == (Condition.STARTING, [NODE])
+
+
+def test_who_never_published_is_lost() -> None:
+    bench = Bench()
+    bench.wait(60.0)
+    assert (shown(bench).condition, level(bench)) == (Condition.LOST, ERROR)
+    assert shown(bench).detail.startswith("nobody publishes: ")
+
+
+@pytest.mark.parametrize("fault", ["silent", "node_gone", "out_of_range"])
+def test_a_failed_service_that_nobody_heals_is_lost(bench: Bench, fault: str) -> None:
+    if fault == "silent":
+        bench.wait(1.0)
+    elif fault == "node_gone":
+        bench.disconnect()
+    else:
+        bench.stream(20, value=1000.0)
+    assert (shown(bench).condition, level(bench)) == (Condition.LOST, ERROR)
+    assert NODE in shown(bench).detail
+    (row,) = shown(bench).publishers
+    assert str(row.kind) == fault
+
+
+def test_a_service_whose_substitute_publishes_is_substituted() -> None:
+    bench = substituted()
+    assert (shown(bench).condition, level(bench)) == (Condition.SUBSTITUTED, WARN)
+    assert shown(bench).detail.startswith(f"by {SUBSTITUTE}; {NODE}: ")
+    assert publishers(bench) == [NODE, SUBSTITUTE]
+
+
+def test_a_node_that_is_kept_silent_is_substituted_too(bench: Bench) -> None:
+    bench.connect(SUBSTITUTE)
+    bench.wait(1.0)
+    assert level(bench) == ERROR
+    bench.substitutes((SUBSTITUTE, True))
+    bench.stream(60, SUBSTITUTE)
+    assert (shown(bench).condition, level(bench)) == (Condition.SUBSTITUTED, WARN)
+
+
+def test_a_node_that_is_kept_with_wrong_values_is_lost_whoever_stands_by(bench: Bench) -> None:
+    bench.connect(SUBSTITUTE)
+    bench.substitutes((SUBSTITUTE, False))
+    bench.stream(60, value=1000.0)
+    assert (shown(bench).condition, level(bench)) == (Condition.LOST, ERROR)
+    assert publishers(bench) == [NODE]
+
+
+def test_a_substitute_that_fails_leaves_the_service_lost() -> None:
+    bench = substituted()
+    bench.disconnect(SUBSTITUTE)
+    assert (shown(bench).condition, level(bench)) == (Condition.LOST, ERROR)
+
+
+def test_a_stranger_who_sends_nonsense_disturbs_a_healthy_service(bench: Bench) -> None:
+    bench.connect(STRANGER)
+    for _ in range(60):
+        bench.stream(1, STRANGER, value=1000.0, period=PERIOD / 2)
+        bench.stream(1, period=PERIOD / 2)
+    assert (shown(bench).condition, level(bench)) == (Condition.DISTURBED, WARN)
+    assert STRANGER in shown(bench).detail
+    bench.disconnect(STRANGER)
+    assert shown(bench).condition is Condition.HEALTHY
+
+
+def test_who_stands_by_is_not_listed(bench: Bench) -> None:
+    idle = row(IDLE, False, TOPIC, service="")
+    bench.send(SubstitutionsChanged(bench.now, (idle, row(SUBSTITUTE, False, TOPIC))))
+    bench.connect(IDLE)
+    bench.connect(SUBSTITUTE)
+    bench.stream(20)
+    assert (shown(bench).condition, publishers(bench)) == (Condition.HEALTHY, [NODE])
+    bench.disconnect()
+    assert publishers(bench) == [NODE]
+
+
+def test_services_that_share_a_topic_do_each_as_their_own_node_does() -> None:
+    left = service(name="left", topic="/joints", node="/left")
+    value = provision(property="other", field="other")
+    bench = Bench(left, service(value, name="right", topic="/joints", node="/right"))
+    for node in ("/left", "/right"):
+        bench.connect(node, "/joints")
+    for _ in range(60):
+        bench.stream(1, "/left", topic="/joints", period=PERIOD / 2)
+        bench.stream(1, "/right", topic="/joints", period=PERIOD / 2)
+    bench.disconnect("/right", "/joints")
+    found = {each.service.name: each for each in bench.core.overview()}
+    conditions = {name: each.condition for name, each in found.items()}
+    assert conditions == {"left": Condition.HEALTHY, "right": Condition.LOST}
+    assert [each.publisher for each in found["left"].publishers] == ["/left"]
+
+
+def test_a_row_has_its_publishers_as_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench, rows = substituted(), MonitorRows()
+    monkeypatch.setattr(diagnostics.clock, "now", lambda: bench.now)
+    statuses(bench, rows)
+    bench.stream(50, SUBSTITUTE)
+    status = statuses(bench, rows)["current"]
+    assert (status.hardware_id, status.message.split(":")[0]) == (NODE, "substituted")
+    values = {each.key: each.value for each in status.values}
+    assert list(values) == ["topic", NODE, SUBSTITUTE] and values["topic"] == TOPIC
+    assert values[NODE].startswith("failed, node_gone")
+    assert values[SUBSTITUTE] == "healthy, 50.0 Hz, last good message 0.00 s ago"
+
+
+def test_no_row_is_missed_by_an_analyzer_after_a_return() -> None:
+    """As any analyzer does, it keeps the last level of each name that it has ever seen."""
+    bench, rows = Bench(), MonitorRows()
+    seen: Dict[str, Tuple[float, int]] = {}
+
+    def look() -> None:
+        for name, status in statuses(bench, rows).items():
+            seen[name] = (bench.now, status.level)
+
+    look()
+    bench.connect()
+    bench.stream(60)
+    look()
+    bench.connect(SUBSTITUTE)
+    bench.disconnect()
+    look()
+    assert seen == {"current": (bench.now, ERROR)}
+    bench.substitutes((SUBSTITUTE, True))
+    bench.stream(60, SUBSTITUTE)
+    look()
+    assert seen == {"current": (bench.now, WARN)}
+    bench.connect()
+    bench.stream(20)
+    bench.substitutes()
+    bench.disconnect(SUBSTITUTE)
+    bench.stream(60)
+    look()
+    assert seen == {"current": (bench.now, OK)}
+
+
+def incident(state: State) -> Incident:
+    made = Incident(1, "current", TOPIC, ("battery_current",), NODE, Kind.SILENT, "x", 1.0)
+    return replace(made, state=state, substitute=SUBSTITUTE)
+
+
+@pytest.mark.parametrize(
+    "state, expected",
+    [
+        (State.HEALING, WARN),
+        (State.HEALED, WARN),
+        (State.RETURNING, OK),
+        (State.UNHEALED, ERROR),
+        (State.SAFE, ERROR),
+        (State.KEPT, ERROR),
+    ],
+)
+def test_a_row_of_healing_is_named_after_the_service(state: State, expected: int) -> None:
+    current = replace(service(), needed=True)
+    other = replace(current, name="other")
+    first, second, master = healing_rows(([current, other], {"current": incident(state)}, Told()))
+    assert (master.name, master.level) == ("ROS master", OK)
+    assert (first.name, first.level, first.hardware_id) == ("current", expected, NODE)
+    assert first.message == f"{state}: x"
+    assert [each.value for each in first.values if each.key == "substitute"] == [SUBSTITUTE]
+    assert (second.name, second.level, second.message) == ("other", OK, "well")

@@ -1,0 +1,138 @@
+"""What a master that was started anew is told of what the former one knew."""
+import itertools
+from typing import Any, Dict, List
+
+import pytest
+
+from shsa_core.healing.registrations import (
+    NOTHING,
+    Graph,
+    Part,
+    Registration,
+    Said,
+    missing_parameters,
+    read_pairs,
+    to_ask,
+    to_register,
+    together,
+)
+
+A, B = "http://a:1/", "http://b:2/"
+KNOWN = Graph(
+    frozenset({("/x", "/a")}),
+    frozenset({("/x", "/b"), ("/y", "/b")}),
+    frozenset({("/serve", "/a")}),
+    {"/a": A, "/b": B},
+    {"/serve": "rosrpc://a:3"},
+)
+SAID = {"/a": Said({"/x": "t/X"}, {}), "/b": Said({}, {"/x": "t/X", "/y": "t/Y"})}
+
+
+def test_all_that_was_known_is_registered_and_publishers_come_first() -> None:
+    assert to_ask(KNOWN, NOTHING) == {"/a": A, "/b": B}
+    assert to_register(KNOWN, NOTHING, SAID) == [
+        Registration(Part.PUBLISHER, "/a", "/x", "t/X", A),
+        Registration(Part.SERVICE, "/a", "/serve", "rosrpc://a:3", A),
+        Registration(Part.SUBSCRIBER, "/b", "/x", "t/X", B),
+        Registration(Part.SUBSCRIBER, "/b", "/y", "t/Y", B),
+    ]
+    assert not to_ask(KNOWN, KNOWN) and not to_register(KNOWN, KNOWN, SAID)
+
+
+def test_who_does_not_answer_is_not_registered() -> None:
+    only_b = {"/b": SAID["/b"]}
+    assert {each.node for each in to_register(KNOWN, NOTHING, only_b)} == {"/b"}
+
+
+def test_what_a_node_has_left_is_not_registered_and_neither_is_what_nobody_knew() -> None:
+    said = {"/b": Said({"/z": "t/Z"}, {"/y": "t/Y", "/cmd_vel": "t/T"})}
+    assert [each.name for each in to_register(KNOWN, NOTHING, said)] == ["/y"]
+
+
+def test_our_own_substitutes_are_registered_as_they_say() -> None:
+    said = {"/b": Said({"/z": "t/Z", "no name": "t/Z"}, {"/y": "t/Y"})}
+    found = to_register(KNOWN, NOTHING, said, ["/b"])
+    assert [each.name for each in found] == ["/z", "/y"]
+
+
+def test_a_node_that_has_not_answered_yet_is_not_forgotten() -> None:
+    others = to_register(KNOWN, NOTHING, {"/b": SAID["/b"]})
+    now = Graph(
+        frozenset(),
+        frozenset((each.name, each.node) for each in others),
+        frozenset(),
+        {"/b": B, "/c": "http://c:1/"},
+        {},
+    )
+    both = together(now, KNOWN, ["/a"])
+    assert both == KNOWN._replace(nodes={**KNOWN.nodes, "/c": "http://c:1/"})
+    assert together(now, KNOWN, []) == now
+
+
+def test_who_is_somewhere_else_by_now_is_left_alone() -> None:
+    now = NOTHING._replace(publishers=frozenset({("/other", "/a")}), nodes={"/a": "http://a:9/"})
+    assert to_ask(KNOWN, now) == {"/b": B}
+    assert {each.node for each in to_register(KNOWN, now, SAID)} == {"/b"}
+
+
+def test_a_stranger_that_answers_is_not_registered() -> None:
+    assert not to_register(KNOWN, KNOWN, {"/stranger": Said({"/x": "t/X"}, {})})
+    assert not to_register(KNOWN, NOTHING, {"/stranger": Said({"/x": "t/X"}, {})})
+
+
+@pytest.mark.parametrize("present", itertools.product((False, True), repeat=4))
+def test_whatever_is_there_already_the_graph_is_whole_afterwards(present: Any) -> None:
+    pairs = [("/x", "/a"), ("/x", "/b"), ("/y", "/b"), ("/serve", "/a")]
+    there = {pair for pair, is_there in zip(pairs, present) if is_there}
+    now = Graph(
+        KNOWN.publishers & there,
+        KNOWN.subscribers & there,
+        KNOWN.services & there,
+        {node: KNOWN.nodes[node] for _, node in there},
+        {},
+    )
+    told = {(each.name, each.node) for each in to_register(KNOWN, now, SAID)}
+    assert told | there == set(pairs) and not told & there
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        None,
+        "text",
+        7,
+        [["/x", "/a"]],
+        [["/x"]],
+        [["/x", ["/a;touch x", "a", "/a b", "", 3, None, "/" + 2000 * "a", "/²"]]],
+        [[{"a": 1}, ["/a"]]],
+        [["/x", [f"/n{number}" for number in range(100_001)]]],
+    ],
+)
+def test_what_is_no_state_tells_nothing(rows: Any) -> None:
+    assert read_pairs(rows) == frozenset()
+
+
+def test_what_is_no_name_hides_nobody() -> None:
+    assert read_pairs([["/x", ["/a", "; rm"]], ["", ["/a"]]]) == {("/x", "/a")}
+
+
+PARAMETERS: Dict[str, Any] = {
+    "run_id": "old",
+    "shsa": {"som": {"a": 1, "b": 2}},
+    "rosversion": "1",
+    "two words": 1,
+    "text": "",
+}
+RESTORED: List[Any] = [
+    ({}, [("/shsa", {"som": {"a": 1, "b": 2}}), ("/rosversion", "1"), ("/text", "")]),
+    (
+        {"shsa": {"som": {"a": 5}}, "rosversion": "2", "run_id": "new"},
+        [("/shsa/som/b", 2), ("/text", "")],
+    ),
+    ({"shsa": 3, "rosversion": {"x": 1}, "text": "t"}, []),
+]
+
+
+@pytest.mark.parametrize("now, found", RESTORED)
+def test_parameters_that_are_gone_are_set_again_and_others_stay(now: Any, found: Any) -> None:
+    assert missing_parameters(PARAMETERS, now) == found

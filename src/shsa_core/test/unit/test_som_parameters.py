@@ -1,0 +1,98 @@
+"""The SOM as parameters: what counts of a change, and what comes from the file alone."""
+import pathlib
+from typing import Any
+
+import pytest
+from som_trees import GOOD, SERVICE, changed, som_of, write
+
+from shsa_core.files.som_file import FROM_FILE_ALONE, merge_parameters, read_som, som_parameters
+from shsa_core.model.som import Som
+
+
+@pytest.fixture
+def good(tmp_path: pathlib.Path) -> Som:
+    return read_som(write(tmp_path, GOOD))
+
+
+def test_parameters_are_plain_and_give_the_same_som(good: Som) -> None:
+    tree: Any = som_parameters(good)
+    assert tree["services"]["current"] == {
+        "topic": "/battery_current",
+        "type": "shsa_msgs/Float64Stamped",
+        "node": "/amperemeter",
+        "period": 0.02,
+        "needed": True,
+        "standby": "warm",
+        "policy": "substitute",
+        "provides": {
+            "battery_current": {"field": "data", "quality": 0.9, "range": [-5.0, 60.0]},
+        },
+    }
+    assert tree["services"]["imu"]["period"] == "none"
+    assert som_of(tree) == good
+    assert som_of(tree).services["imu"].where == "shsa/som/services/imu"
+    assert som_of({"services": {}}) == Som()
+
+
+def test_a_number_is_one_parameter(good: Som) -> None:
+    tree: Any = som_parameters(good)
+    tree["services"]["odometry"]["period"] = 0.05
+    som, errors = merge_parameters(good, tree)
+    assert errors == [] and som.services["odometry"].period == 0.05
+    assert [each.name for each in som if each != good.services[each.name]] == ["odometry"]
+
+
+@pytest.mark.parametrize("key", FROM_FILE_ALONE)
+def test_what_decides_whom_healing_kills_comes_from_the_file_alone(key: str) -> None:
+    others = {"topic": "/x", "type": "a/B", "node": "/x", "policy": "restart"}
+    others["contain"] = "none"
+    old = som_of(changed("period", 0.1))
+    som, errors = merge_parameters(old, changed(key, others[key]))
+    assert som == old and len(errors) == 1
+    assert f"{key} is " in errors[0].what and "can be changed there alone" in errors[0].what
+
+
+@pytest.mark.parametrize(
+    "key, value, words",
+    [
+        ("field", "other", "properties and fields can be changed in the SOM file alone"),
+        ("provides", {"w": {"field": "data"}}, "properties and fields can be changed"),
+        ("last_resort", {"command": ["reboot"]}, "a command can stand in the SOM file only"),
+    ],
+)
+def test_neither_fields_nor_commands_come_from_parameters(key: str, value: Any, words: str) -> None:
+    old = som_of(changed("period", 0.1))
+    som, errors = merge_parameters(old, changed(key, value))
+    assert som == old and words in errors[0].what
+
+
+def test_parameters_add_and_drop_no_service(good: Som) -> None:
+    tree: Any = som_parameters(good)
+    del tree["services"]["odometry"]
+    tree["services"]["new"] = SERVICE
+    som, errors = merge_parameters(good, tree)
+    assert som == good
+    assert [(e.where, "only the file can add one" in e.what) for e in errors] == [
+        ("shsa/som/services/new", True)
+    ]
+
+
+def test_the_order_of_the_file_stays(good: Som) -> None:
+    tree: Any = som_parameters(good)
+    services = {name: tree["services"][name] for name in reversed(list(tree["services"]))}
+    provides = services["odometry"]["provides"]
+    services["odometry"]["provides"] = {name: provides[name] for name in reversed(list(provides))}
+    som, errors = merge_parameters(good, {"services": services})
+    assert errors == [] and list(som) == list(good)
+
+
+@pytest.mark.parametrize("value", [None, 5, "x", [], [1], True, float("nan"), {"current": {}}])
+def test_a_tree_that_is_no_som_changes_nothing(good: Som, value: Any) -> None:
+    som, errors = merge_parameters(good, value)
+    assert som == good and errors[0].where.startswith("shsa/som")
+
+
+def test_a_tree_that_is_no_value_changes_nothing(good: Som) -> None:
+    som, errors = merge_parameters(good, {"services": {"current": [b"x"]}})
+    assert som == good and [e.where for e in errors] == ["shsa/som/services/current[0]"]
+    assert merge_parameters(good, 5, "/x")[1][0].where == "/x"

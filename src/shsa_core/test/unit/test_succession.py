@@ -1,0 +1,206 @@
+"""A reconfigurator that is killed, and the next one that takes up what it has left."""
+from dataclasses import replace
+from typing import Any, Dict, List, Tuple
+
+import pytest
+
+from core_robot import A, B, ONTOLOGY, SOM, Robot, has, last_incident, only, publishing, service
+from shsa_core.healing import events
+from shsa_core.healing.incident import State
+from shsa_core.healing.machine import Reconfigurator
+from shsa_core.healing.records import Counters, Healthy, Record, of_this_robot
+from shsa_core.model.kinds import Kind, Policy, Standby
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.som import Som
+from shsa_core.monitoring.events import PublisherHealth, PublisherState
+
+
+def succeed(
+    robot: Robot, time: float, running: Tuple[str, ...] = (), **changes: Any
+) -> List[events.Command]:
+    """The reconfigurator is killed, and the next one starts; `changes`: its models."""
+    core = robot.core
+    models: Dict[str, Any] = {"ontology": ONTOLOGY, "som": core._som, **changes}
+    records, robot.written = tuple(robot.written.values()), {}
+    robot.core, robot.shown = Reconfigurator(settings=core.settings, **models), {}
+    return robot.handle(events.Started(time, (), (), records, running))
+
+
+def test_what_publishes_goes_on_and_keeps_its_incident() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    row = robot.shown[node]
+    commands = succeed(robot, 20.0, (node,))
+    assert robot.shown[node] == row and row.publishing
+    assert not has(commands, events.StopSubstitute) and not has(commands, events.StartSubstitute)
+    assert not has(commands, events.FindNode)
+    incident = last_incident(commands)
+    assert (incident.id, incident.state, incident.substitute) == (1, State.HEALED, node)
+
+
+def test_its_incident_ends_in_the_record_once_its_node_is_back() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    succeed(robot, 20.0, (node,))
+    robot.row("/a", A, "healthy", 25.0)
+    robot.table(25.0)
+    commands = robot.handle(events.Tick(28.0))
+    assert (last_incident(commands).id, last_incident(commands).state) == (1, State.ENDED)
+    assert only(commands, events.StopSubstitute).node == node
+
+
+def test_incidents_and_substitutes_are_numbered_on() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    robot.row("/a", A, "healthy", 12.0)
+    robot.table(12.0)
+    robot.handle(events.Tick(15.0))
+    del robot.rows["/a", node]  # its record that it does well is there yet
+    succeed(robot, 20.0)
+    robot.table(20.1)
+    commands = robot.fail("/a", A, 30.0)
+    assert last_incident(commands).id == 2
+    assert only(commands, events.StartSubstitute).node == "/substitute_a_2" != node
+
+
+def test_who_has_died_meanwhile_is_replaced_at_once() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    commands = succeed(robot, 20.0)
+    start = only(commands, events.StartSubstitute)
+    assert start.node != node and publishing(robot) == (True,)
+    assert last_incident(commands).id == 1
+
+
+def test_idle_processes_stay_ready() -> None:
+    som = Som([service("a", A, needed=True, standby=Standby.WARM), *list(SOM)[1:]])
+    robot = Robot(som)
+    (idle,) = robot.idle_rows()
+    commands = succeed(robot, 20.0, (idle.node,))
+    assert not has(commands, events.StartSubstitute) and not has(commands, events.StopSubstitute)
+    robot.table(20.1)
+    robot.idle(20.2)
+    assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == idle.node
+
+
+def test_a_process_that_nothing_tells_of_is_ended() -> None:
+    robot = Robot()
+    commands = succeed(robot, 20.0, ("/substitute_a_7",))
+    assert only(commands, events.StopSubstitute).node == "/substitute_a_7"
+    robot.table(20.1)
+    assert only(robot.fail("/a", A, 30.0), events.StartSubstitute).node == "/substitute_a_8"
+
+
+def test_a_program_that_does_not_fit_the_models_any_more_is_not_gone_on_with() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    other = Ontology(ONTOLOGY.properties, {}, [ONTOLOGY.functions[1]])
+    commands = succeed(robot, 20.0, (node,), ontology=other)
+    assert only(commands, events.StopSubstitute).node == node
+    start = only(commands, events.StartSubstitute)
+    assert start.program is not None and start.program.inputs == ("/c/data",)
+
+
+def test_the_incident_of_a_service_that_left_the_som_is_ended() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    commands = succeed(robot, 20.0, (node,), som=Som(list(SOM)[1:]))
+    assert only(commands, events.StopSubstitute).node == node
+    assert (last_incident(commands).id, last_incident(commands).state) == (1, State.ENDED)
+
+
+def test_a_kill_that_was_not_over_waits_for_the_monitors_word() -> None:
+    robot = Robot()
+    start = only(robot.fail("/a", A, 10.0, "out_of_range"), events.StartSubstitute)
+    commands = succeed(robot, 10.5, (start.node,))
+    assert not has(commands, events.FindNode) and publishing(robot) == (False,)
+    state, kind = PublisherState.FAILED, Kind.OUT_OF_RANGE
+    row = PublisherHealth("/a", A, state, 10.0, kind=kind, detail="as told")
+    commands = robot.handle(events.HealthSeen(10.6, (row,)))
+    assert only(commands, events.FindNode).node == A
+
+
+def test_a_node_that_came_back_meanwhile_is_not_killed() -> None:
+    robot = Robot()
+    start = only(robot.fail("/a", A, 10.0, "out_of_range"), events.StartSubstitute)
+    succeed(robot, 12.0, (start.node,))
+    robot.row("/a", A, "healthy", 11.0)
+    commands = robot.table(12.1)
+    assert last_incident(commands).state is State.RETURNING
+    assert not has(commands, events.FindNode)
+
+
+def test_who_was_well_counts_until_the_monitor_tells() -> None:
+    robot = Robot()
+    commands = succeed(robot, 20.0)
+    states = {row.service.name: row for row in only(commands, events.ShowSom).rows}
+    assert states["a"].available and states["a"].healthy == (A,)
+    commands = robot.handle(events.Tick(25.0))
+    assert not any(row.available for row in only(commands, events.ShowSom).rows)
+
+
+def test_a_node_that_was_started_again_is_known_to_the_next() -> None:
+    som = Som([replace(SOM.services["a"], policy=Policy.RESTART_AND_SUBSTITUTE), *list(SOM)[1:]])
+    robot = Robot(som)
+    robot.handle(events.NodeRestarted(11.0, A, True, (77, 1.0), (66, 1.0)))
+    commands = succeed(robot, 20.0, (A,))
+    assert not has(commands, events.StopSubstitute)
+    assert robot.handle(events.StarterEnded(21.0, A)) == [events.StopNode(A)]
+
+
+def test_a_node_that_was_started_again_and_is_gone_is_nobodys() -> None:
+    robot = Robot()
+    robot.handle(events.NodeRestarted(11.0, A, True, (77, 1.0), (66, 1.0)))
+    succeed(robot, 20.0)
+    assert robot.handle(events.StarterEnded(21.0, A)) == []
+
+
+def test_a_service_that_waits_to_be_healed_is_tried_again() -> None:
+    robot = Robot(Som([SOM.services["a"]]), pool=0)
+    robot.fail("/a", A, 10.0)
+    assert last_incident(robot.said).state is State.UNHEALED
+    succeed(robot, 20.0)
+    assert robot.core.deadline is not None
+    assert last_incident(robot.said).state is State.UNHEALED
+
+
+@pytest.mark.parametrize("commands", range(8))
+def test_a_death_at_any_command_of_a_takeover_leaves_one_publisher(commands: int) -> None:
+    robot = Robot()
+    said = robot.fail("/a", A, 10.0)
+    started = [each.node for each in said[:commands] if isinstance(each, events.StartSubstitute)]
+    succeed(robot, 11.0, tuple(started))
+    assert publishing(robot) == (True,)
+    (row,) = robot.working()
+    robot.row("/a", row.node, "healthy", 12.0, first=12.0)
+    assert last_incident(robot.table(12.0)).state is State.HEALED
+    assert last_incident(robot.said).id == 1
+
+
+def test_an_incident_that_ended_is_told_once_more_if_nobody_may_have_heard() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    robot.row("/a", A, "healthy", 12.0)
+    robot.table(12.0)
+    robot.handle(events.Tick(15.0))
+    commands = succeed(robot, 15.1, (node,))
+    assert last_incident(commands).state is State.ENDED
+    assert only(commands, events.StopSubstitute).node == node
+
+
+def test_after_an_orderly_end_only_the_numbers_stay() -> None:
+    robot = Robot()
+    robot.heal(10.0)
+    robot.handle(events.ShuttingDown(20.0))
+    (left,) = robot.written.values()
+    assert left == Counters(1, 2)
+
+
+def test_records_of_another_robot_are_not_taken_up() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    records: Tuple[Record, ...] = tuple(robot.written.values())
+    assert of_this_robot(records, False, ()) == (Counters(1, 2),)
+    assert of_this_robot(records, False, (node,)) == records
+    assert of_this_robot(records, True, ()) == records
+    assert Healthy("/b", B, 0.0) in records

@@ -1,0 +1,250 @@
+"""Values on the way: relations that name parts of their function under `where`."""
+import pathlib
+from dataclasses import replace
+from typing import List, Optional, Tuple
+
+import pytest
+
+from shsa_core.analysis.check import check_files, check_model
+from shsa_core.codegen.plans import plan_service
+from shsa_core.codegen.program import compile_program
+from shsa_core.errors import ExpressionError, ModelError
+from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.saving import save_ontology
+from shsa_core.language.composition import Composition, compose, parse_law
+from shsa_core.language.expression import Expression, parse_expression
+from shsa_core.language.syntax import MAX_STEPS
+from shsa_core.model.ontology import Ontology
+from shsa_core.search.derivation import SourceTable
+from search_models import source
+
+HEAD = "properties: {v: {unit: m/s}, u: {unit: V}, i: {unit: A}}\nconstants: {k: {value: -0.1}}\n"
+FILE = (
+    HEAD
+    + """relations:
+  net:
+    i:
+      where:
+        h1: tanh(0.3*v + k)     # one neuron
+        h2: tanh(-0.7*u + 0.2*v)
+        sum_: 1.2*h1 - 0.4*h2
+      function: sum_ + 8.1
+      constraint: u > 10
+      quality: 0.9
+"""
+)
+
+
+def read(tmp_path: pathlib.Path, text: str) -> Ontology:
+    path = tmp_path / "o.yaml"
+    path.write_text(text)
+    return read_ontology(str(path))
+
+
+def law_of(ontology: Ontology) -> Composition:
+    law = ontology.functions[0].law
+    assert isinstance(law, Composition)
+    return law
+
+
+def test_a_file_is_read(tmp_path: pathlib.Path) -> None:
+    (function,) = read(tmp_path, FILE).functions
+    assert function.inputs == ("v", "u")
+    law = function.law
+    assert isinstance(law, Composition) and law.names == ("v", "k", "u")
+    assert (
+        function.text
+        == law.text
+        == ("h1 = tanh(0.3*v + k); h2 = tanh(-0.7*u + 0.2*v); sum_ = 1.2*h1 - 0.4*h2; sum_ + 8.1")
+    )
+
+
+def test_the_code_assigns_each_name_once(tmp_path: pathlib.Path) -> None:
+    ontology = read(tmp_path, FILE)
+    table = SourceTable(ontology.network, [source("v"), source("u")])
+    program = plan_service(ontology, source("i").service, table).program
+    assert program.code == (
+        "t0=x[0]; t1=x[1];\n"
+        "def _tf1(i1,i2): # net: i\n"
+        "  require(i2 > 10)\n"
+        "  h1=tanh(0.3*i1 + (-0.1))\n"
+        "  h2=tanh(-0.7*i2 + 0.2*i1)\n"
+        "  sum_=1.2*h1 - 0.4*h2\n"
+        "  return sum_ + 8.1\n"
+        "t2=_tf1(t0,t1)\n"
+        "y=t2\n"
+    )
+    step = compile_program(program.code, 2, 1).step
+    assert step((0.5, 12.0), 0.0) == pytest.approx((8.1 + 1.2 * 0.04995837 + 0.4,), abs=1e-6)
+    assert step((0.5, 9.0), 0.0) is None
+
+
+def test_it_survives_being_saved_and_changed(tmp_path: pathlib.Path) -> None:
+    ontology = read(tmp_path, FILE)
+    (function,) = ontology.functions
+    new, path = tmp_path / "new.yaml", tmp_path / "o.yaml"
+    save_ontology(ontology, str(new))
+    assert read_ontology(str(new)) == ontology
+    assert list(law_of(read_ontology(str(new))).steps) == list(law_of(ontology).steps)
+    save_ontology(replace(ontology, functions=(replace(function, quality=0.5),)), str(path))
+    assert read_ontology(str(path)).functions[0].law == function.law
+    plain = parse_expression("2*v")
+    with_plain = replace(ontology, functions=(replace(function, law=plain, text=plain.text),))
+    save_ontology(with_plain, str(path))
+    assert read_ontology(str(path)).functions[0].law == plain
+    assert "where" not in path.read_text()
+
+
+def test_its_text_is_read_as_the_same_law(tmp_path: pathlib.Path) -> None:
+    law = law_of(read(tmp_path, FILE))
+    assert parse_law(law.text) == law
+    assert parse_law("a if b == 2 else 1") == parse_expression("a if b == 2 else 1")
+    assert parse_law("h = 1 if a <= b else 2; h*2").names == ("a", "b")
+
+
+@pytest.mark.parametrize(
+    "where, function, line, what",
+    [
+        ("{h: tanh(w)}", "h", 5, "the relation r uses 'w', which is neither in 'properties' nor"),
+        ("{h: tanh(i)}", "h", 5, "the relation r uses its own output 'i'"),
+        ("{h: tanh(}", "h", 7, "r for i: h: not an expression"),
+        ("{h: v.real}", "h", 7, "r for i: h: an attribute (a.b) is not part of the language"),
+        ("{v: tanh(u)}", "v", 7, "r for i: 'v' under 'where' is the name of a property"),
+        ("{k: tanh(u)}", "k", 7, "r for i: 'k' under 'where' is the name of a constant"),
+        ("{tanh: u}", "u", 7, "r for i: a value under 'where' cannot be named 'tanh'"),
+        ("{x: u}", "x", 7, "r for i: a value under 'where' cannot be named 'x'"),
+        ("{y: u}", "y", 7, "r for i: a value under 'where' cannot be named 'y'"),
+        ("{t0: u}", "t0", 7, "r for i: a value under 'where' cannot be named 't0'"),
+        ("{i1: u}", "i1", 7, "r for i: a value under 'where' cannot be named 'i1'"),
+        ("{require: u}", "require + v", 8, "r for i: 'require' is a function"),
+        ("{dt: u}", "dt", 7, "r for i: a value under 'where' cannot be named 'dt'"),
+        ("{sum: u}", "sum", 7, "r for i: a value under 'where' cannot be named 'sum'"),
+        ("{__import__: u}", "u", 7, "r for i: a value under 'where' cannot be named '__import__'"),
+        ("{lambda: u}", "u", 7, "r for i: a value under 'where' cannot be named 'lambda'"),
+        ("{a b: u}", "u", 7, "r for i: a value under 'where' cannot be named 'a b'"),
+        ("{h: u, g: v}", "h", 7, "r for i: g stands under 'where' and is not used"),
+        ("{h: u, g: h}", "v", 7, "r for i: g stands under 'where' and is not used"),
+        ("{h: g, g: v}", "h", 7, "r for i: h uses g, which has no value before it"),
+        ("{h: h + v}", "h", 7, "r for i: h uses h, which has no value before it"),
+        ("{h: v, h: u}", "h", 7, "the key 'h' stands here a second time"),
+        ("{h: }", "h", 7, "r for i: h must be a text"),
+        ("{h: {g: v}}", "h", 7, "r for i: h must be a text"),
+        ("{}", "v", 7, "r for i: 'where' has 0 entries; 1 to 100 are allowed"),
+        ("tanh(v)", "v", 7, "r for i: where must be a mapping"),
+        ("[v]", "v", 7, "r for i: where must be a mapping"),
+    ],
+)
+def test_what_is_wrong_is_told(
+    tmp_path: pathlib.Path, where: str, function: str, line: int, what: str
+) -> None:
+    text = f"relations:\n  r:\n    i:\n      # said here\n      where: {where}\n"
+    with pytest.raises(ModelError) as caught:
+        read(tmp_path, HEAD + text + f"      function: {function}\n")
+    assert what in str(caught.value)
+    assert caught.value.errors[0].where == f"{tmp_path}/o.yaml:{line}"
+
+
+def test_where_needs_a_function_and_a_constraint_does_not_know_it(tmp_path: pathlib.Path) -> None:
+    with pytest.raises(ModelError, match="the key 'where' belongs to 'function' alone"):
+        read(
+            tmp_path,
+            HEAD + "relations: {r: {i: {where: {h: v}, not_executable: a, inputs: [v]}}}",
+        )
+    with pytest.raises(ModelError, match="uses 'h', which is neither in 'properties'"):
+        read(tmp_path, FILE.replace("u > 10", "h > 10"))
+
+
+def steps(count: int, text: str = "v") -> List[Tuple[str, Expression]]:
+    return [(f"h{k}", parse_expression(text)) for k in range(count)]
+
+
+def test_how_much_there_may_be_is_limited() -> None:
+    def composed(count: int, text: str = "v") -> Composition:
+        names = [f"h{k}" for k in range(count)]
+        return compose(dict(steps(count, text)), parse_expression(" + ".join(names[:500])))
+
+    assert len(composed(MAX_STEPS).steps) == MAX_STEPS
+    for count in (MAX_STEPS + 1, 5000):
+        with pytest.raises(ExpressionError, match=f"^'where' has {count} entries; 1 to 100"):
+            composed(count)
+    with pytest.raises(ExpressionError, match="^all expressions have .* at most 40000 are allowed"):
+        composed(40, "v" * 1000)
+
+
+@pytest.mark.parametrize(
+    "old, new, what",
+    [
+        ("0.3*v", "v", "tanh of m*s^-1, it needs (no unit)"),
+        ("sum_ + 8.1", "0*sum_ + h1*u", "the function gives V, its property is in A"),
+        ("1.2*h1 - 0.4*h2", "h1 + h2*0 + u", "(no unit) and V are added or subtracted"),
+        ("-0.7*u + 0.2*v", "delay(0.2*v, k)", None),
+        ("-0.7*u + 0.2*v", "0.2*delay(v, u)", "the time of delay is in V, not in s"),
+        ("-0.7*u + 0.2*v", "rbf(0.3, u, v)", "rbf of V from m*s^-1"),
+        ("-0.7*u + 0.2*v", "table(u, 0, v, 1, 2)", "tanh of m*s^-1, it needs (no unit)"),
+        ("-0.7*u + 0.2*v", "dot(1, u, 2, v)", "dot adds V and m*s^-1"),
+        ("-0.7*u + 0.2*v", "dot(0.3, u, 0.2, v)", None),
+        ("-0.7*u + 0.2*v", "clip(u, 0, v)", "clip of V and m*s^-1"),
+    ],
+)
+def test_units_are_followed(
+    tmp_path: pathlib.Path, old: str, new: str, what: Optional[str]
+) -> None:
+    assert old in FILE
+    ontology = read(tmp_path, FILE.replace(old, new).replace("-0.1", "0.1"))
+    found = [each.what for each in check_model(ontology) if "units of" in each.what]
+    assert [each for each in found if what is not None and what in each] or not (what or found)
+
+
+def findings(tmp_path: pathlib.Path, where: str, function: str, constraint: str) -> List[str]:
+    (tmp_path / "o.yaml").write_text(
+        f"properties: {{v: , u: , i: }}\nrelations:\n  r:\n    i:\n      where: {{{where}}}\n"
+        f"      function: {function}\n      constraint: {constraint}\n"
+    )
+    line = "{topic: /%s, type: std_msgs/Float64, node: /n%s, period: 0.1, provides: {%s: {%s}}}"
+    (tmp_path / "s.yaml").write_text(
+        "services:\n"
+        + f"  v: {line % ('v', 'v', 'v', 'field: data, range: [-1, 1]')}\n"
+        + f"  u: {line % ('u', 'u', 'u', 'field: data, range: [0, 14]')}\n"
+    )
+    found = check_files(str(tmp_path / "o.yaml"), str(tmp_path / "s.yaml"))
+    return [each.what for each in found if "there is no output then" in each.what]
+
+
+def test_ranges_are_followed(tmp_path: pathlib.Path) -> None:
+    def found(where: str, function: str, constraint: str = "u >= 0") -> List[str]:
+        return [
+            each.split(": ")[1].split(" can")[0]
+            for each in findings(tmp_path, where, function, constraint)
+        ]
+
+    assert found("h: v + 2", "1/h") == []
+    assert found("h: v + 1", "1/h") == ["h"]
+    assert found("h: 1/v", "tanh(h)") == ["v"]
+    assert found("h: v + 2, g: 1/(h - 1)", "g") == ["h - 1"]
+    assert found("h: u - 1", "sqrt(h)", "u > 1") == []
+    assert found("h: u - 1", "sqrt(lowpass(h, 1))", "u > 1") == ["lowpass(h, 1)"]
+    assert found("h: u - 1, g: 'lowpass(h, 1)'", "sqrt(g)", "u > 1") == ["g"]
+    assert found("h: v", "1/h if h > 0 else 1") == []
+
+
+def test_a_constant_that_makes_a_function_impossible_is_an_error(tmp_path: pathlib.Path) -> None:
+    for text in ("delay(v, k)", "table(v, 0, 1, k, 2)", "delay(v, u)", "table(v, u, 1, 2, 3)"):
+        ontology = read(tmp_path, FILE.replace("tanh(-0.7*u + 0.2*v)", text + " + u"))
+        found = [each for each in check_model(ontology) if each.level == "error"]
+        assert any("no code for the relations net" in each.what for each in found), text
+
+
+def test_functions_with_memory_hear_every_sample(tmp_path: pathlib.Path) -> None:
+    """Also where the constraint is false, or another value on the way does not exist."""
+    text = FILE.replace("tanh(0.3*v + k)", "delay(2*v, 0.1) + 0*k").replace(
+        "tanh(-0.7*u + 0.2*v)", "1/v"
+    )
+    ontology = read(tmp_path, text.replace("sum_ + 8.1", "h1 + 0*sum_"))
+    table = SourceTable(ontology.network, [source("v"), source("u")])
+    program = plan_service(ontology, source("i").service, table).program
+    step = compile_program(program.code, 2, 1).step
+    assert step((1.0, 12.0), 0.0) == (2.0,)
+    assert step((2.0, 12.0), 0.1) == (2.0,)
+    assert step((0.0, 12.0), 0.2) is None  # 1/v
+    assert step((4.0, 9.0), 0.3) is None  # the constraint
+    assert step((5.0, 12.0), 0.4) == (8.0,)

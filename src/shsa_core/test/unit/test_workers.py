@@ -1,0 +1,140 @@
+"""Threads that make calls, wait for processes and write the log: real ones, at their limits."""
+import logging
+import subprocess
+import sys
+import threading
+import time
+from functools import partial
+from typing import Dict, List
+
+import pytest
+
+from shsa_core.ros.graph.children import Children
+from shsa_core.ros.graph.log_queue import LINES, LogQueue, say_failures_once
+from shsa_core.ros.graph.workers import Workers
+from shsa_testing.waiting import wait_until
+
+
+def test_calls_are_made_side_by_side_and_no_more_than_are_allowed() -> None:
+    go, lock = threading.Event(), threading.Lock()
+    running: List[int] = []
+    most: List[int] = []
+
+    def call() -> None:
+        with lock:
+            running.append(1)
+            most.append(len(running))
+        go.wait(10.0)
+        with lock:
+            running.pop()
+
+    workers = Workers("test", 6, lambda text: None)
+    for _ in range(20):
+        workers.put(call)
+    wait_until(lambda: len(running) == 6, 5.0, "six calls at a time")
+    go.set()
+    wait_until(lambda: len(most) == 20 and not running, 5.0, "all calls are made")
+    assert max(most) == 6
+
+
+def test_a_call_that_raises_is_said_and_the_next_is_made() -> None:
+    said: List[str] = []
+    done = threading.Event()
+    workers = Workers("test", 2, said.append)
+
+    def fails() -> None:
+        raise MemoryError("no memory")
+
+    for _ in range(10):
+        workers.put(fails)
+    workers.put(done.set)
+    assert done.wait(5.0)
+    assert said == ["test: MemoryError: no memory"]
+
+
+def test_where_no_thread_can_be_started_calls_are_still_made() -> None:
+    """Memory for their stacks is what lacks: the limit on processes does not count for root."""
+    script = """
+import resource, sys, threading, time
+from shsa_core.ros.graph.workers import Workers
+said, made = [], []
+workers = Workers("test", 50, said.append)
+used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + (4 << 20), -1))
+try:
+    threading.Thread(target=time.sleep, args=(1.0,), daemon=True).start()
+    sys.exit(77)
+except RuntimeError:
+    pass
+for number in range(30):
+    workers.put(lambda number=number: (time.sleep(0.01), made.append(number)))
+end = time.monotonic() + 10.0
+while len(made) < 30 and time.monotonic() < end:
+    time.sleep(0.01)
+assert sorted(made) == list(range(30)), made
+assert len(said) == 1 and "no thread" in said[0], said
+"""
+    assert subprocess.run([sys.executable, "-c", script], timeout=60.0).returncode == 0
+
+
+def test_the_end_of_each_process_is_told_by_one_thread() -> None:
+    children = Children()
+    ended: Dict[int, int] = {}
+    before = threading.active_count()
+    for status in range(5):
+        process = subprocess.Popen([sys.executable, "-c", f"raise SystemExit({status})"])
+        children.watch(process, partial(ended.__setitem__, status))
+    wait_until(lambda: len(ended) == 5, 20.0, "all have ended")
+    assert ended == {status: status for status in range(5)}
+    assert threading.active_count() == before
+
+
+class Stuck(logging.Handler):
+    """A handler that stands still until it may go on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.go = threading.Event()
+        self.lines: List[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.go.wait(20.0)
+        self.lines.append(record.getMessage())
+
+
+def test_whoever_says_something_does_not_wait_for_the_log() -> None:
+    logger, stuck = logging.getLogger("test_stuck"), Stuck()
+    logger.propagate = False
+    logger.addHandler(stuck)
+    log = LogQueue(["test_stuck"])
+    begin = time.monotonic()
+    for number in range(LINES + 500):
+        logger.warning("line %d", number)
+    assert time.monotonic() - begin < 2.0
+    stuck.go.set()
+    log.close()
+    wait_until(lambda: len(stuck.lines) >= LINES, 5.0, "the lines that waited")
+    assert stuck.lines[:2] == ["line 0", "line 1"]
+
+
+def test_a_log_that_cannot_be_written_is_said_once(
+    capfd: "pytest.CaptureFixture[str]", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """/dev/full is a disk that is full."""
+    monkeypatch.setattr(logging.Handler, "handleError", logging.Handler.handleError)
+    say_failures_once()
+    logger = logging.getLogger("test_full")
+    logger.propagate = False
+    logger.addHandler(logging.FileHandler("/dev/full"))
+    lines: List[str] = []
+    second = Stuck()
+    second.go.set()
+    second.lines = lines
+    logger.addHandler(second)
+    log = LogQueue(["test_full"])
+    for number in range(50):
+        logger.warning("line %d", number)
+    log.close()
+    said = capfd.readouterr().err.splitlines()
+    assert len(said) == 1 and "/dev/full cannot be written" in said[0]
+    assert len(lines) == 50

@@ -1,0 +1,1 @@
+"""The fault model's scoreboard, proven on real processes: `make reliability`."""

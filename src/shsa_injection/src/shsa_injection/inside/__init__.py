@@ -1,0 +1,1 @@
+"""What runs inside the node whose messages are made to fail."""

@@ -1,0 +1,1 @@
+"""The shells of fault injection: what acts on processes, nodes and the master."""

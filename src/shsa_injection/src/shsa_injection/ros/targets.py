@@ -1,0 +1,121 @@
+"""Which process a fault is made of: the one that listens where the master says the node does."""
+import json
+import os
+import urllib.parse
+from dataclasses import dataclass
+from typing import Dict, List, Optional, Tuple
+
+import psutil
+import rosgraph.network
+
+from shsa_core.model.service import Service
+from shsa_core.ros.graph.announce import of_topic
+from shsa_core.ros.graph.node_api import FAILURES, master_api
+from shsa_injection.errors import Refused
+from shsa_injection.ros import guard, healers
+from shsa_injection.ros.guard import STARTER
+
+
+@dataclass(frozen=True)
+class Start:
+    """How a process was started: so it can be started again.
+
+    `starter`: who did first, with which it ends, as (pid, when it was made); None: nobody.
+    """
+
+    words: List[str]
+    folder: str
+    environment: Dict[str, str]
+    starter: Optional[Tuple[int, float]]
+
+
+@dataclass(frozen=True)
+class Target:
+    """A node: its name, its address, and the process that listens there."""
+
+    node: str
+    uri: str
+    process: psutil.Process
+
+    @property
+    def pid(self) -> int:
+        """The process's number."""
+        return int(self.process.pid)
+
+    @property
+    def created(self) -> float:
+        """When the process was made: numbers are used again."""
+        return float(self.process.create_time())
+
+
+def find(service: Service) -> Target:
+    """The process of a service's node.
+
+    Raises Refused if the node is not there, does not publish the topic, or is not this user's on
+    this computer.
+    """
+    node = service.node
+    try:
+        publishing, _, _ = master_api().getSystemState()
+        uri = master_api().lookupNode(node)
+    except FAILURES as error:
+        raise Refused(f"{node}: the master does not tell where it is: {error}") from error
+    if node not in of_topic(publishing, service.topic):
+        raise Refused(f"{node} does not publish {service.topic} now")
+    process = owned(listening_process(uri), node)
+    if healers.is_one(process):
+        raise Refused(f"{node} belongs to healing itself: only `shsa chaos --healers` touches that")
+    return Target(node, uri, process)
+
+
+def listening_process(uri: str) -> psutil.Process:
+    """The process that listens at an address on this computer. Raises Refused if there is none."""
+    address = urllib.parse.urlparse(uri)
+    if not rosgraph.network.is_local_address(address.hostname or ""):
+        raise Refused(f"{uri} is on another computer: run the tool there")
+    for connection in psutil.net_connections(kind="tcp"):
+        if connection.status == psutil.CONN_LISTEN and connection.laddr.port == address.port:
+            if connection.pid:
+                return psutil.Process(connection.pid)
+    raise Refused(f"no process of this user listens at {uri}")
+
+
+def owned(process: psutil.Process, what: str) -> psutil.Process:
+    """A process, if it is this user's and not our own. Raises Refused if not."""
+    try:
+        user = process.uids().real
+    except psutil.Error as error:
+        raise Refused(f"{what} has ended") from error
+    if user != os.getuid():
+        raise Refused(f"{what} is another user's (process {process.pid})")
+    if process.pid == os.getpid():
+        raise Refused(f"{what} is this process itself")
+    return process
+
+
+def start_of(process: psutil.Process) -> Start:
+    """How a process was started. Raises Refused if it cannot be told."""
+    try:
+        environment = process.environ()
+        starter = _starter(process, environment.pop(STARTER, ""))
+        return Start(process.cmdline(), process.cwd(), environment, starter)
+    except (psutil.Error, OSError) as error:
+        raise Refused(f"process {process.pid} cannot be looked at: {error}") from error
+
+
+def _starter(process: psutil.Process, told: str) -> Optional[Tuple[int, float]]:
+    parent = process.parent()
+    if parent is None or parent.pid == 1:
+        return None
+    if os.path.abspath(guard.__file__) in parent.cmdline():
+        first = json.loads(told)
+        return None if first[0] is None else (int(first[0]), float(first[1]))
+    return parent.pid, parent.create_time()
+
+
+def lives(process: psutil.Process) -> bool:
+    """Whether a process runs, and is not one that has ended."""
+    try:
+        return bool(process.is_running() and process.status() != psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return False
