@@ -28,10 +28,11 @@ from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.ros import diagnostics
-from shsa_core.ros.graph import clock, kernel
+from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.alone import await_turn
 from shsa_core.ros.graph.coming_up import ComingUp
 from shsa_core.ros.graph.companion import Companion
+from shsa_core.ros.graph.ending import Ending
 from shsa_core.ros.graph.fence import Fence, Known
 from shsa_core.ros.graph.heartbeats import MONITOR, RECONFIGURATOR, Signs, Watch
 from shsa_core.ros.graph.launch import Launch
@@ -60,8 +61,6 @@ LOG: Dict[Level, Callable[..., None]] = {
 LONGEST_WAIT_S = 0.2
 MOST_WAITING = 10_000
 """With more to do than this, failures that nobody signed are dropped."""
-ASKED_BY_API = "external shutdown request"
-"""What rospy's reason begins with then."""
 MOST_CALLS = 32
 """Of one kind of command, under way at the same time."""
 
@@ -72,7 +71,7 @@ class ReconfiguratorNode:
     Parameters: those of shsa_core.healing.settings. Raises ModelError if a file is not valid.
     """
 
-    def __init__(self, arguments: argparse.Namespace) -> None:
+    def __init__(self, arguments: argparse.Namespace, ending: Ending) -> None:
         self._files = arguments
         self._said: List[Problem] = []
         signing = Signing(arguments.secret)
@@ -101,8 +100,7 @@ class ReconfiguratorNode:
             self._journal = JournalWriter(journal, "healing", setup, rospy.logwarn)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
-        self._ends = self._is_followed = False
-        rospy.core.add_preshutdown_hook(self._asked_to_end)
+        self._ending, self._ends = ending, False
         self._clearing = self._workers("clear")
         self._fence = Fence()
         self._protection = Protection()
@@ -212,7 +210,7 @@ class ReconfiguratorNode:
             except Exception as error:  # whatever it is, healing goes on
                 if not rospy.core.is_shutdown_requested():
                     rospy.logerr("The reconfigurator could not handle an event: %r", error)
-        if not self._is_followed:
+        if not self._ending.followed:
             self._stop_all()
         self._incidents.close()
         if self._records is not None:
@@ -226,14 +224,6 @@ class ReconfiguratorNode:
         self._handle(events.ShuttingDown(clock.now()))
         for ended in self._endings:
             ended.wait()
-
-    def _asked_to_end(self, reason: str) -> None:
-        """Anybody may ask us by our API, or by taking our name; where another one follows, as a
-        launch starts it, what publishes goes on.
-        """
-        self._is_followed = reason.startswith(ASKED_BY_API) and kernel.started_by_launch(
-            psutil.Process()
-        )
 
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
@@ -486,4 +476,5 @@ def main() -> None:
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     await_turn("reconfigurator")
-    run("reconfigurator", lambda: ReconfiguratorNode(arguments).spin())
+    ending = Ending()
+    run("reconfigurator", lambda: ReconfiguratorNode(arguments, ending).spin())
