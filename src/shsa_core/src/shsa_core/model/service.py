@@ -6,7 +6,8 @@ from typing import Optional, Tuple
 from shsa_core.model.checks import Check, Checks, default_checks
 from shsa_core.model.error import Error
 from shsa_core.model.field import to_path
-from shsa_core.model.kinds import Contain, Others, Policy, Standby
+from shsa_core.model.host import Placement
+from shsa_core.model.kinds import Contain, OnPartition, Others, Policy, Standby
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,9 @@ class Service:
     written on this computer, so that nothing can take it over, or empty; `fault_tolerant_time`: s
     without good data that its users tolerate, None: not known; `derived_from`: the services and
     topics that its values are computed from; `upstream`: the same, and what those are computed from
-    (the SOM sees to that); `where`: file and line, or parameter.
+    (the SOM sees to that); `host`: the computer that its node runs on, empty: not said;
+    `placement`: where a substitute of it may run; `on_partition`: what is done while that computer
+    cannot be reached; `where`: file and line, or parameter.
     """
 
     name: str
@@ -79,6 +82,9 @@ class Service:
     fails_with: Tuple[str, ...] = ()
     fault_tolerant_time: Optional[float] = None
     derived_from: Tuple[str, ...] = ()
+    host: str = ""
+    placement: Placement = Placement()
+    on_partition: OnPartition = OnPartition.HEAL
     upstream: Tuple[str, ...] = dataclasses.field(default=(), compare=False, repr=False)
     where: str = dataclasses.field(default="", compare=False, repr=False)
     sources: Tuple["Source", ...] = dataclasses.field(init=False, compare=False, repr=False)
