@@ -33,7 +33,7 @@ FROM_FILE_ALONE = (
     *("host", "placement", "on_partition"),
 )
 """What decides whom healing may kill or start, and where: never taken from parameters."""
-SECTIONS = ("hosts", "services")
+SECTIONS = ("services", "hosts")
 NAMES = ("topic", "node")
 """What a SOM may name relative to the namespace in which healing runs."""
 

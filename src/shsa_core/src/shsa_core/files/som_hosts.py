@@ -1,12 +1,14 @@
 """The robot's computers in a SOM: read, and looked up where services name them."""
+import re
 from typing import Collection, List, Tuple
 
 from shsa_core.errors import ModelError, ModelErrors, listed
 from shsa_core.files.document import Entry, Value
 from shsa_core.files.som_values import HOST, read_keys
-from shsa_core.language.expression import is_name
 from shsa_core.model.host import Host
 from shsa_core.model.service import Service
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}\Z")  # it becomes a part of topics
 
 
 def read_hosts(entry: Entry, services: Collection[str]) -> Tuple[List[Host], List[ModelError]]:
@@ -35,8 +37,8 @@ def check_hosts(service: Service, entry: Entry, hosts: Collection[str]) -> None:
 
 
 def _host(name: str, value: Value, services: Collection[str]) -> Host:
-    if not is_name(name):
-        raise value.error(f"{name!a} cannot be the name of a host")
+    if not _NAME.match(name):
+        raise value.error(f"the name of a host must be written like raspberry_pi, not {name!a}")
     if name in services:
         raise value.error(f"{name} is a service as well: what fails with it could not be told")
     what = f"the host {name}"

@@ -107,9 +107,29 @@ class Service:
         return tuple(source for source in self.sources if not source.provision.unreadable)
 
     @property
+    def shared(self) -> Tuple[str, ...]:
+        """What it may fail with together with other services: the last one is its computer."""
+        if not self.host or self.host in self.fails_with:
+            return self.fails_with
+        return (*self.fails_with, self.host)
+
+    @property
     def causes(self) -> Tuple[str, ...]:
         """Whatever it fails with: its node, and what it shares with other services."""
+        return tuple(dict.fromkeys((self.node, *self.shared)))
+
+    @property
+    def wrong_with(self) -> Tuple[str, ...]:
+        """What may make its values wrong: not its computer, with which they are lost at most."""
         return tuple(dict.fromkeys((self.node, *self.fails_with)))
+
+    @property
+    def avoided(self) -> Tuple[Tuple[str, ...], ...]:
+        """The causes that its substitute does without: if that cannot be, the next; then none.
+
+        All that it shares; all but its computer, which everything else may be on as well.
+        """
+        return tuple(dict.fromkeys(each for each in (self.shared, self.fails_with) if each))
 
     @property
     def event_driven(self) -> bool:
@@ -148,12 +168,12 @@ class Source:
 
     @property
     def names(self) -> Tuple[str, ...]:
-        """What it can be left out by: its service, topic, node and common causes.
+        """What it can be left out by: its service, topic, node and common causes, as its host.
 
         And the services that it is computed from: where one is lost, its own loss would come back.
         """
         of = self.service
-        return of.name, of.topic, of.node, *of.fails_with, *of.upstream
+        return of.name, of.topic, of.node, *of.shared, *of.upstream
 
     @property
     def path(self) -> str:
