@@ -62,9 +62,14 @@ class Placement:
 
         Raises ShsaError if there is none.
         """
+        return self.beside(time, service, self._inputs(plan), rather)
+
+    def beside(
+        self, time: float, service: Service, inputs: List[Service], rather: Optional[str] = None
+    ) -> Place:
+        """The same for a substitute that reads `inputs`, services that differ."""
         if not self._som().hosts:
             return HERE
-        inputs = self._inputs(plan)
         passed_over: List[str] = []
         order = self._order(time, service, inputs)
         if rather in order:
