@@ -40,25 +40,29 @@ STATES = ("idle", "warm", "hot", "publishing")
 RATES_HZ = (10.0, 50.0, 100.0, 500.0)
 INPUTS = (1, 4, 16)
 SETTLING_TIME_S = 2.0
-COLUMNS = ("state", "rate_hz", "inputs", "cores", "start_cpu_s")
+COLUMNS = ("state", "rate_hz", "inputs", "cores", "start_cpu_s", "came_hz")
 NAMES = itertools.count(1)
 
 
 class Figure(NamedTuple):
-    """One measurement: `cores` busy, and the CPU time of the start, in s."""
+    """One measurement: `cores` busy, and the CPU time of the start, in s.
+
+    `came`: how often an input came and the output was heard, in Hz.
+    """
 
     state: str
     rate: float
     inputs: int
     cores: float
     start: float
+    came: Tuple[float, float]
 
     @property
     def counts(self) -> Tuple[float, float, float, float]:
         """Processes, messages read, values computed and messages sent, each per s."""
-        computes, sends = self.state in ("hot", "publishing"), self.state == "publishing"
-        reads = 0.0 if self.state == "idle" else self.rate * self.inputs
-        return 1.0, reads, self.rate * computes, self.rate * sends
+        read, sent = self.came
+        reads = 0.0 if self.state == "idle" else read * self.inputs
+        return 1.0, reads, self.rate if self.state == "hot" else sent, sent
 
 
 class Bench:
@@ -72,11 +76,12 @@ class Bench:
         self._table = TablePublisher(
             SUBSTITUTIONS, Substitutions, "substitutions", lambda row: row.node, signing
         )
-        self._heard = 0
-        rospy.Subscriber("/lost", Float64Stamped, self._hear, tcp_nodelay=True)
+        self._heard = {"/stream_0": 0, "/lost": 0}
+        for topic in self._heard:
+            rospy.Subscriber(topic, Float64Stamped, self._hear, topic, tcp_nodelay=True)
 
-    def _hear(self, _message: Float64Stamped) -> None:
-        self._heard += 1
+    def _hear(self, _message: Float64Stamped, topic: str) -> None:
+        self._heard[topic] += 1
 
     def measure(self, state: str, rate: float, inputs: int) -> Figure:
         """One substitute in a state."""
@@ -90,17 +95,16 @@ class Bench:
         if row is not None:
             self._table.update([substitution_message(row)])
         time.sleep(SETTLING_TIME_S)
-        heard, begin, before = self._heard, time.monotonic(), cpu_time(process.pid)
+        heard, begin, before = [*self._heard.values()], time.monotonic(), cpu_time(process.pid)
         time.sleep(self._seconds)
-        cores = (cpu_time(process.pid) - before) / (time.monotonic() - begin)
-        came = (self._heard - heard) / (time.monotonic() - begin)
-        expected = rate if state == "publishing" else 0.0
-        if not 0.9 * expected <= came <= 1.1 * expected:
-            raise RuntimeError(f"{state}, {inputs} inputs: {came:g} Hz came, not {expected:g}")
+        cores, took = cpu_time(process.pid) - before, time.monotonic() - begin
+        read, sent = ((now - then) / took for now, then in zip(self._heard.values(), heard))
+        if (sent > 0.0) is not (state == "publishing"):
+            raise RuntimeError(f"{state}, {inputs} inputs: {sent:g} Hz came")
         self._table.update([], [name, ""])
         for each in (process, source):
             ask_to_leave(each)
-        return Figure(state, rate, inputs, cores, start)
+        return Figure(state, rate, inputs, cores / took, start, (read, sent))
 
     def _row(self, name: str, state: str, rate: float, inputs: int) -> Optional[Substitution]:
         """What the table says of it; nothing of a process without a plan."""

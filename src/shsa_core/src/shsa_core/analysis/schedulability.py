@@ -18,6 +18,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 
+
 def check_placements(
     ontology: Ontology, som: Som, settings: Settings = Settings(), own: str = ""
 ) -> Iterator[Finding]:
