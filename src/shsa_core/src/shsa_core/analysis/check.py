@@ -4,6 +4,7 @@ from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.finding import Finding
+from shsa_core.analysis.schedulability import check_placements
 from shsa_core.analysis.takeover import Takeover, Takeovers
 from shsa_core.analysis.type_check import MessageTypes, check_healable, check_types
 from shsa_core.codegen.generator import generate
@@ -63,6 +64,7 @@ def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
         findings += _check_needed(ontology, som)
         findings += check_healable(som)
         findings += check_budgets(som)
+        findings += check_placements(ontology, som)
     return findings
 
 
@@ -221,6 +223,7 @@ def _reachable(ontology: Ontology, provided: Set[str]) -> Set[str]:
 
 def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
     takeovers = Takeovers(ontology, som.sources)
+    apart = len({service.host for service in som}) > 1  # else nothing could do without the one host
     for service in som.needed():
         if read_alone(service) or not service.policy.plans:
             continue  # check_healable says it, or nobody looks for a substitute
@@ -234,13 +237,16 @@ def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
             todo = "Write the relation as an expression, or add another one"
             yield Finding("warning", service.where, f"{what} no substitute for it: {error}", todo)
         else:
-            yield from _check_takeover(service, takeover)
+            causes = service.shared if apart else service.fails_with
+            yield from _check_takeover(service, takeover, causes)
 
 
-def _check_takeover(service: Service, takeover: Takeover) -> Iterator[Finding]:
-    """What is not as good of a substitute as its quality says."""
-    shared = {c: source for source in takeover.reads for c in source.service.fails_with}
-    for cause in (cause for cause in service.fails_with if cause in shared):
+def _check_takeover(
+    service: Service, takeover: Takeover, causes: Iterable[str]
+) -> Iterator[Finding]:
+    """What is not as good of a substitute as its quality says; `causes`: those it should avoid."""
+    shared = {c: source for source in takeover.reads for c in source.service.shared}
+    for cause in (cause for cause in causes if cause in shared):
         yield Finding(
             "warning",
             service.where,

@@ -13,6 +13,7 @@ from shsa_msgs import msg
 
 from shsa_core import dispatch
 from shsa_core.analysis.budget import check_budgets
+from shsa_core.analysis.schedulability import check_placements
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.parameters import read_settings
@@ -91,7 +92,8 @@ class ReconfiguratorNode:
             for service in (each for each in som if each.policy.restarts):
                 text = "%s is not started again: that would be as root (restart_as_root:=true)."
                 rospy.logerr(text, service.node)
-        for finding in check_budgets(som, settings):
+        unfit = check_placements(ontology, som, settings)
+        for finding in (*check_budgets(som, settings), *unfit):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
         self._journal: Optional[JournalWriter] = None
