@@ -138,6 +138,11 @@ class Restarts:
         self._children.watch(process, lambda _: self._over(node, process))
         return started, start.starter is not None and start.starter.pid == os.getppid()
 
+    def running(self) -> List[str]:
+        """The nodes that were started again, and run."""
+        with self._lock:
+            return sorted(self._running)
+
     def left_alone(self) -> List[str]:
         """The nodes that were started again and still run, and whose first starter has ended."""
         with self._lock:

@@ -1,0 +1,45 @@
+"""What healing wants of one computer, and what that answers."""
+from typing import Callable, Protocol, Union
+
+from shsa_core.healing import events
+
+HostCommand = Union[
+    events.LearnNode,
+    events.WatchNodes,
+    events.FindNode,
+    events.AskToLeave,
+    events.EndProcess,
+    events.ClearNode,
+    events.StartSubstitute,
+    events.StopSubstitute,
+    events.RestartNode,
+    events.StopNode,
+]
+HostEvent = Union[
+    events.NodeLearned,
+    events.NodeCameUp,
+    events.NodeFound,
+    events.NodeLeft,
+    events.NodeUnregistered,
+    events.ProcessUntouchable,
+    events.SubstituteStarted,
+    events.ProcessExited,
+    events.ProcessSilent,
+    events.ProcessHeard,
+    events.ProcessHung,
+    events.NodeRestarted,
+    events.RestartFailed,
+    events.StarterEnded,
+]
+Tell = Callable[[HostEvent], None]
+"""Is told an event, from any thread; waits for nobody."""
+
+
+class Host(Protocol):
+    """Carries out the commands about the processes of one computer, and tells its events."""
+
+    def carry_out(self, command: HostCommand, decided: float) -> None:
+        """Begin to carry out a command that was decided then, in s; waits for nobody.
+
+        To be called by one thread. Whatever fails is answered by an event.
+        """
