@@ -4,9 +4,9 @@ import os
 import queue
 import shlex
 import sys
+from dataclasses import replace
 from typing import Callable, Dict, List, Optional, Tuple, get_args
 
-import psutil
 import rospy
 from shsa_msgs import msg
 
@@ -27,19 +27,22 @@ from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.ros import diagnostics
-from shsa_core.ros.graph import clock, kernel
+from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.alone import await_turn
 from shsa_core.ros.graph.companion import Companion
 from shsa_core.ros.graph.heartbeats import MONITOR, RECONFIGURATOR, Signs
-from shsa_core.ros.graph.launch import Launch
+from shsa_core.ros.graph.launch import Launch, is_followed
 from shsa_core.ros.graph.master_watch import MasterWatch
 from shsa_core.ros.graph.processes import run_command
+from shsa_core.ros.graph.restarts import may_restart
 from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.graph.som_parameter import SomWatch, put_som
 from shsa_core.ros.graph.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.graph.usable import Problem, mark_unusable
 from shsa_core.ros.graph.workers import Workers
+from shsa_core.ros.host.agents import Agents
 from shsa_core.ros.host.host import HostCommand
+from shsa_core.ros.host.hosts import Hosts
 from shsa_core.ros.host.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import run
@@ -57,8 +60,6 @@ LOG: Dict[Level, Callable[..., None]] = {
 LONGEST_WAIT_S = 0.2
 MOST_WAITING = 10_000
 """With more to do than this, failures that nobody signed are dropped."""
-ASKED_BY_API = "external shutdown request"
-"""What rospy's reason begins with then."""
 MOST_COMMANDS = 32
 """Of the user's, that run at the same time."""
 
@@ -83,7 +84,7 @@ class ReconfiguratorNode:
             "settings": settings,
             "namespace": rospy.get_namespace(),
             "dry_run": arguments.dry_run,
-            "restarts": os.geteuid() != 0 or arguments.restart_as_root,
+            "restarts": may_restart(arguments.restart_as_root),
         }
         if not setup["restarts"]:
             for service in (each for each in som if each.policy.restarts):
@@ -104,7 +105,12 @@ class ReconfiguratorNode:
         self._companion = Companion(MONITOR, signs)
         prefix = self._core.names.prefix
         journals = _substitute_journals(journal)
-        self._host = LocalHost(self._put, signs, prefix, journals, signing.path, arguments.sandbox)
+        self._local = LocalHost(
+            self._told, signs, prefix, journals, signing.path, arguments.sandbox
+        )
+        self._agents = Agents(signing, self._told)
+        self._hosts = Hosts(self._local, self._agents, self._told, arguments.host)
+        self._asked: Dict[str, float] = {}
         self._incidents = Incidents(arguments.incident_log)
         self._substitutions = TablePublisher(
             names.SUBSTITUTIONS,
@@ -139,7 +145,10 @@ class ReconfiguratorNode:
         self._decided = clock.now()
         # First of all: what runs goes on, and no substitute may take a name that was used.
         self._master = MasterWatch(lambda node: node.startswith(prefix), not arguments.dry_run)
-        heritage = take_over(self._host)
+        self._agents.listen(self._elsewhere(som), taking_up=True)
+        homes = self._agents.take_up()
+        self._hosts.settle(homes)
+        heritage = take_over(self._local, list(homes))
         self._records = heritage.file
         self._decide(heritage.started)
         self._substitutions.open()
@@ -189,23 +198,20 @@ class ReconfiguratorNode:
             self._journal.close()
 
     def _stop_all(self) -> None:
-        for node in self._host.restarts.left_alone():
+        for node in self._local.restarts.left_alone():
             self._handle(events.StarterEnded(clock.now(), node))
         self._handle(events.ShuttingDown(clock.now()))
-        self._host.await_stops()
+        self._local.await_stops()
+        self._agents.await_quiet()
 
     def _asked_to_end(self, reason: str) -> None:
-        """Anybody may ask us by our API, or by taking our name; where another one follows, as a
-        launch starts it, what publishes goes on.
-        """
-        self._is_followed = reason.startswith(ASKED_BY_API) and kernel.started_by_launch(
-            psutil.Process()
-        )
+        self._is_followed = is_followed(reason)
 
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
         ontology, som = read_models(self._files.ontology, self._files.som)
         self._som_watch.replace(som)
+        self._agents.listen(self._elsewhere(som))
         put_som(som)
         self._put(events.ModelsReloaded(clock.now(), ontology, self._usable(som)))
         relations = len({function.relation for function in ontology.functions})
@@ -258,7 +264,19 @@ class ReconfiguratorNode:
                 rospy.logerr_throttle(10.0, f"{what} could not be carried out: {error!r}")
 
     def _on_host(self, command: HostCommand) -> None:
-        self._host.carry_out(command, self._decided)
+        if isinstance(command, events.StartSubstitute):
+            self._asked[command.node] = self._decided
+        self._hosts.carry_out(command)
+
+    def _told(self, event: Event) -> None:
+        """A computer tells this; the search for a substitute had ended when it was asked for."""
+        if isinstance(event, events.SubstituteStarted):
+            event = replace(event, found=self._asked.pop(event.node, event.found))
+        self._put(event)
+
+    def _elsewhere(self, som: Som) -> List[str]:
+        """The computers whose agents carry out what is wanted there."""
+        return [name for name in som.hosts if name != self._files.host]
 
     def _assigned(self, command: events.AssignSubstitute) -> None:
         self._put(events.SubstituteStarted(clock.now(), command.node, self._decided))
@@ -284,7 +302,8 @@ class ReconfiguratorNode:
         self._som_state.update(map(wire.service_state, command.rows), command.removed)
 
     def _report(self) -> None:
-        told = self._core.needed(), self._incidents.open(), self._master.told()
+        open_ = self._incidents.open()
+        told = self._core.needed(), open_, self._master.told(), self._agents.told()
         self._diagnostics.show(told)
 
     def _failure(self, message: msg.Failure) -> None:
@@ -351,6 +370,7 @@ def main() -> None:
         help="refuse whoever calls release, reload, substitute",
     )
     parser.add_argument("--restart-as-root", action="store_true", help="also if we are root")
+    parser.add_argument("--host", default="", help="what the SOM calls this computer")
     sandbox = "a program and its arguments to run the substitutes in"
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])

@@ -1,7 +1,7 @@
 """What a former reconfigurator has left: its records, and the processes that still run."""
 import os
 import re
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Collection, List, NamedTuple, Optional, Set, Tuple
 
 import rosgraph
 import rospkg
@@ -32,8 +32,11 @@ class Heritage(NamedTuple):
     file: RecordFile
 
 
-def take_over(host: LocalHost) -> Heritage:
-    """Look what a former reconfigurator of this master and namespace has left, and watch it."""
+def take_over(host: LocalHost, elsewhere: Collection[str] = ()) -> Heritage:
+    """Look what a former reconfigurator of this master and namespace has left, and watch it.
+
+    `elsewhere`: what agents on other computers have told to run there.
+    """
     path = _path()
     owner = {"boot": boot(), "run": str(rospy.get_param(RUN, ""))}
     former = _read(path)
@@ -41,26 +44,26 @@ def take_over(host: LocalHost) -> Heritage:
     records: Tuple[Any, ...] = former.records
     if former.owner.get("boot") != owner["boot"]:
         records = of_this_robot(records, False, ())  # its moments are of another clock
-    records = of_this_robot(records, former.owner.get("run") == owner["run"], left)
-    running = [*left]
+    records = of_this_robot(records, former.owner.get("run") == owner["run"], {*left, *elsewhere})
+    running = [*left, *elsewhere]
     for record in records:
         if isinstance(record, RestartedNode):
             found = same_process(record.process)
             if found is not None:
                 host.restarts.take_up(record.node, found, record.starter)
                 running.append(record.node)
-    leftovers, strangers = _registered(host, left)
+    leftovers, strangers = _registered(host, {*left, *elsewhere})
     started = events.Started(clock.now(), leftovers, strangers, records, tuple(running))
     return Heritage(started, RecordFile(path, CODEC, owner, rospy.logwarn))
 
 
-def _registered(host: LocalHost, left: Dict[str, Any]) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
+def _registered(host: LocalHost, left: Set[str]) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
     """Who else is registered with a name that begins as a substitute's: ours or dead; others."""
     publishers, _, _ = master_api().getSystemState()
     nodes = {node for _, nodes in publishers for node in nodes}
     leftovers: List[str] = []
     strangers: List[str] = []
-    for node in sorted(each for each in nodes - set(left) if each.startswith(host.prefix)):
+    for node in sorted(each for each in nodes - left if each.startswith(host.prefix)):
         known = _look(host.fence, node)
         process = known.process if known else None
         ours = process is not None and host.processes.runs_ours(node, process)

@@ -16,6 +16,11 @@ from shsa_core.ros.graph.processes import AnyProcess, FormerProcess, end
 POLL_S = 1.0  # between two looks whether the process that started the node first is still there
 
 
+def may_restart(as_root: bool) -> bool:
+    """Whether nodes are started again by our user; `as_root`: also if that is root."""
+    return as_root or os.geteuid() != 0
+
+
 def _children(pid: int) -> List[int]:
     """The processes that a process has started; empty where the kernel does not tell."""
     tasks = f"/proc/{pid}/task"

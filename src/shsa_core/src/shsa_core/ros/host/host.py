@@ -3,9 +3,8 @@ from typing import Callable, Protocol, Union
 
 from shsa_core.healing import events
 
-HostCommand = Union[
+NodeCommand = Union[
     events.LearnNode,
-    events.WatchNodes,
     events.FindNode,
     events.AskToLeave,
     events.EndProcess,
@@ -15,6 +14,8 @@ HostCommand = Union[
     events.RestartNode,
     events.StopNode,
 ]
+"""Commands about one node."""
+HostCommand = Union[NodeCommand, events.WatchNodes]
 HostEvent = Union[
     events.NodeLearned,
     events.NodeCameUp,
@@ -38,8 +39,5 @@ Tell = Callable[[HostEvent], None]
 class Host(Protocol):
     """Carries out the commands about the processes of one computer, and tells its events."""
 
-    def carry_out(self, command: HostCommand, decided: float) -> None:
-        """Begin to carry out a command that was decided then, in s; waits for nobody.
-
-        To be called by one thread. Whatever fails is answered by an event.
-        """
+    def carry_out(self, command: HostCommand) -> None:
+        """Begin to carry out a command, and wait for nobody; what fails is answered by an event."""

@@ -1,6 +1,6 @@
 """The computer that we run on: its processes are learned, found, ended, started and listened to."""
 import threading
-from typing import Any, Callable, Dict, List, Optional, Sequence
+from typing import Any, Callable, Collection, Dict, List, Optional, Sequence
 
 import psutil
 import rospy
@@ -41,7 +41,6 @@ class LocalHost:
     ) -> None:
         self._tell = tell
         self.prefix = prefix
-        self._decided = 0.0
         self._endings: List[threading.Event] = []
         clearing = _workers("clear")
         self.fence = Fence()
@@ -82,13 +81,20 @@ class LocalHost:
             },
         )
 
-    def carry_out(self, command: HostCommand, decided: float) -> None:
+    def carry_out(self, command: HostCommand) -> None:
         """Begin to carry out a command; see Host."""
-        self._decided = decided
         try:
             self._carry_out[type(command)](command)
         except Exception as error:  # whatever it is, the commands after it are carried out
             self._failed(command, error)
+
+    def stop_all(self, restarted: Collection[str] = ()) -> None:
+        """Stop the substitutes, and these of the nodes that were started again; wait for that."""
+        for node in self.processes.running():
+            self.carry_out(events.StopSubstitute(node))
+        for node in set(restarted).intersection(self.restarts.running()):
+            self.carry_out(events.StopNode(node))
+        self.await_stops()
 
     def await_stops(self) -> None:
         """Wait until all has ended that was to be stopped."""
@@ -186,8 +192,9 @@ class LocalHost:
         self._tell(events.ProcessUntouchable(clock.now(), node, why))
 
     def _start(self, command: events.StartSubstitute) -> None:
+        asked = clock.now()
         self.processes.start(command)
-        self._tell(events.SubstituteStarted(clock.now(), command.node, self._decided))
+        self._tell(events.SubstituteStarted(clock.now(), command.node, asked))
 
     def _stop(self, command: events.StopSubstitute) -> None:
         self.processes.stop(command.node, answers=not self._life.is_silent(command.node))
