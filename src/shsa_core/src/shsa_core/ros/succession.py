@@ -19,7 +19,7 @@ from shsa_core.ros.graph.kernel import same_process
 from shsa_core.ros.graph.node_api import FAILURES, master_api
 from shsa_core.ros.graph.processes import Processes
 from shsa_core.ros.graph.restarts import Restarts
-from shsa_core.ros.graph.signing import boot
+from shsa_core.ros.graph.places import boot
 
 CODEC = Codec(Record, FORMS)
 RUN = "/run_id"
