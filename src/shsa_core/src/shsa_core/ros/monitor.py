@@ -138,7 +138,7 @@ class MonitorNode:
             signing,
         )
         self._diagnostics = diagnostics.Diagnostics(
-            diagnostics.MonitorRows(), signing.refusals, self._companion
+            diagnostics.MonitorRows(), signing, self._companion
         )
         self._carry_out: dispatch.Table[None] = dispatch.table(
             events.Command,

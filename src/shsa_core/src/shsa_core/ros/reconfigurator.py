@@ -141,7 +141,7 @@ class ReconfiguratorNode:
             },
         )
         self._diagnostics = diagnostics.Diagnostics(
-            diagnostics.healing_rows, signing.refusals, self._companion
+            diagnostics.healing_rows, signing, self._companion
         )
         diagnostics.every_period(lambda: self._queue.put(self._report))
         self._decided = clock.now()

@@ -17,7 +17,7 @@ from typing import BinaryIO, Dict, Iterable, Iterator, Optional, Set, Tuple
 import psutil
 import rospy
 
-from shsa_core.ros.graph.signing import master_place
+from shsa_core.ros.graph.places import master_place
 from shsa_core.ros.graph.worker import Worker
 
 SHUTDOWN = re.compile(rb"\[roslaunch\.pmon\].*ProcessMonitor\.(_post_run|shutdown) ")
