@@ -127,6 +127,7 @@ def test_a_link_is_cut_restored_slowed_and_made_lossy() -> None:
         far.link.restore()
         stream.next(PATIENCE_S)
         far.link.impair(loss=0.3, delay=0.05)
+        stream.drain()
         wait_until(lambda: stream.next(PATIENCE_S)[1] >= 0.05, PATIENCE_S, "a slow packet")
         packets = [stream.next(PATIENCE_S) for _ in range(150)]
         assert min(took for _, took in packets) >= 0.05
@@ -134,6 +135,7 @@ def test_a_link_is_cut_restored_slowed_and_made_lossy() -> None:
         lost = packets[-1][0] - packets[0][0] + 1 - len(packets)
         assert 30 < lost < 120
         far.link.repair()
+        stream.drain()
         wait_until(lambda: stream.next(PATIENCE_S)[1] < 0.05, PATIENCE_S, "a fast packet")
         far.power_off()
         assert far.processes() == []

@@ -14,7 +14,7 @@ sys.path.insert(0, str(ROOT / "src" / "shsa_injection" / "bench"))
 
 from reliability.scoreboard import Line, Mark, Record, Trial, fails_at_most, judge  # noqa: E402
 
-from rostests import ATTEMPTS  # noqa: E402
+from attempts import ATTEMPTS, LONGEST, machine  # noqa: E402
 from shsa_testing.processes import marked  # noqa: E402
 
 TIMEOUT_S = 600.0
@@ -73,13 +73,15 @@ def run(results: Path, *arguments: str) -> Tuple[List[Any], str]:
 
 def test_short_form(tmp_path: Path) -> None:
     """A line that does not hold is tried again: this may be a busy machine."""
-    verdicts, said = run(tmp_path / "1")
+    with machine(alone=False):
+        verdicts, said = run(tmp_path / "1")
     missing = {8, 10, 13, 14}  # test_master, test_partition and test_fuzz try the same
     assert {each["line"] for each in verdicts} == set(range(1, 16)) - missing
-    for attempt in range(2, ATTEMPTS + 1):
+    for number in range(2, ATTEMPTS + 1):
         again = [str(each["line"]) for each in verdicts if not each["holds"]]
         if not again:
             return
-        warnings.warn(f"lines {again} did not hold: {said[-8000:]}")
-        verdicts, said = run(tmp_path / str(attempt), *again, "--seed", str(1000 * attempt))
-    assert all(each["holds"] for each in verdicts), said[-8000:]
+        warnings.warn(f"lines {again} did not hold: {said[-LONGEST:]}")
+        with machine(alone=True):
+            verdicts, said = run(tmp_path / str(number), *again, "--seed", str(1000 * number))
+    assert all(each["holds"] for each in verdicts), said[-LONGEST:]
