@@ -1,7 +1,7 @@
 """The rover on three computers, and its amperemeter killed: prints what came of it as one JSON object.
 
 `where`: the address that each topic comes from, by name of the computer; `state` of the incident;
-`publisher`: who publishes the current after the kill; `gap`: the longest pause of the state of
+`publishers`: who published the current after it was healed; `gap`: the longest pause of the state of
 charge, in s, from the kill on, until it has come for a second beside the substitute.
 """
 import json
@@ -61,7 +61,7 @@ def measure(network: Computers) -> object:
     wait_until(lambda: after() and after()[-1] > healed + 1.0, PATIENCE_S, "state of charge")
     times = [killed, *after()]
     gap = max(later - earlier for earlier, later in zip(times, times[1:]))
-    publishers = robot.publishers(CURRENT)
+    publishers = sorted({who for at, who in heard[CURRENT].heard if at > healed})
     return {"where": where, "state": state, "publishers": publishers, "gap": round(gap, 3)}
 
 
@@ -81,6 +81,8 @@ def main() -> int:
             print(output.read_text()[-4000:], file=sys.stderr)
             raise
         finally:
+            # Later there is no master to tell that we go, and no way to it.
+            rospy.signal_shutdown("the test ends")
             end_process(launch)
     return 0
 
