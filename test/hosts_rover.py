@@ -1,8 +1,8 @@
-"""The rover on three computers, and its amperemeter killed: prints what came of it as one JSON object.
+"""The rover on three computers, and its amperemeter killed: prints what came of it, in JSON.
 
 `where`: the address that each topic comes from, by name of the computer; `state` of the incident;
-`publishers`: who published the current after it was healed; `gap`: the longest pause of the state of
-charge, in s, from the kill on, until it has come for a second beside the substitute.
+`publishers`: who published the current after it was healed; `gap`: the longest pause of the state
+of charge, in s, from the kill until it has come for a second beside the substitute.
 """
 import json
 import os
@@ -49,7 +49,9 @@ def measure(network: Computers) -> object:
     for topic, node in NODES.items():
         uri = rosgraph.Master(rospy.get_name()).lookupNode(node)
         where[topic] = names[str(urlparse(uri).hostname)]
-    amperemeter = [p for p in network["raspberry_pi"].processes() if "__name:=amperemeter" in p.cmdline()]
+    amperemeter = [
+        p for p in network["raspberry_pi"].processes() if "__name:=amperemeter" in p.cmdline()
+    ]
     killed = time.monotonic()
     amperemeter[0].send_signal(signal.SIGKILL)
     state = robot.await_state(CURRENT, "healed", PATIENCE_S).state

@@ -1,4 +1,4 @@
-"""A link to another computer goes down and comes up again: a publisher on a computer made of namespaces.
+"""A link to another computer, made of namespaces, goes down and comes up again: a publisher there.
 
 Its backlog reaches consumers whatever healing does. What counts is what healing makes of it. Prints
 one JSON object: `backlog`, messages of the original that were older than its deadline as they were

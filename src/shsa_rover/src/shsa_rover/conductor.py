@@ -24,7 +24,8 @@ def command(computer: str) -> Tuple[str, ...]:
 def main() -> None:
     """Run the conductor node; it ends the launch that it belongs to.
 
-    Its argument `--on [USER@]HOST` says where the amperemeter is started again. Parameters: `~kill_at`, `~return_at`, `~end_at`: s since the first battery current.
+    Its argument `--on [USER@]HOST` says where the amperemeter is started again. Parameters:
+    `~kill_at`, `~return_at`, `~end_at`: s since the first battery current.
     """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--on", default="", metavar="[USER@]HOST", help="empty: here")

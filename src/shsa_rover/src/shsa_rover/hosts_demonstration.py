@@ -1,4 +1,4 @@
-"""The demonstration on three computers, made of this machine's namespaces: prepares, runs, draws it."""
+"""The demonstration on three computers, which are made of this machine's namespaces."""
 import argparse
 import os
 import subprocess

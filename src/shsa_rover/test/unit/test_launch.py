@@ -13,7 +13,9 @@ SIMULATED = DRIVERS | {"rover_simulator", "soc_estimator", "driver"}
 def load(*arguments: str, launch: str = "rover.launch") -> roslaunch.ROSLaunchConfig:
     """The configuration that `roslaunch shsa_rover LAUNCH ARGUMENTS` would start."""
     file = str(LAUNCH / launch)
-    return roslaunch.config.load_config_default([(file, list(arguments))], None, assign_machines=False)
+    return roslaunch.config.load_config_default(
+        [(file, list(arguments))], None, assign_machines=False
+    )
 
 
 def names(config: roslaunch.ROSLaunchConfig) -> Set[str]:

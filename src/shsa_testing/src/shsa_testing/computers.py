@@ -49,7 +49,7 @@ def refusal(ssh: bool = False) -> str:
     if missing:
         return f"there is no `{missing[0]}` here, which makes the computers' namespaces"
     if ssh and not find_sshd():
-        return "there is no sshd here: tools/setup_hosts fetches one and installs nothing"
+        return "there is no sshd here: tools/fetch_sshd fetches one and installs nothing"
     try:
         with Holder("--net", "--mount", "--uts", "--pid", "--fork") as holder:
             holder.ip("link", "add", "name", "switch", "type", "bridge")

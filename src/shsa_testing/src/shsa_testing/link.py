@@ -172,7 +172,10 @@ class Link:
         if self._wire is not None:
             self._end_wire()
             self._switch.attach(self._port)
-        for inside, interface in ((self._switch.holder.enter(), self._port), (self._inside, "eth0")):
+        for inside, interface in (
+            (self._switch.holder.enter(), self._port),
+            (self._inside, "eth0"),
+        ):
             command = [*inside, "tc", "qdisc", "delete", "dev", interface, "root"]
             # There may be none, which is an error of tc.
             subprocess.run(command, stderr=subprocess.DEVNULL, check=False)
@@ -180,7 +183,15 @@ class Link:
     def _start_wire(self, loss: float, delay: float) -> None:
         near, far, between = (f"{end}{self._number}" for end in ("near", "far", "between"))
         self._wire = subprocess.Popen(
-            [*self._switch.holder.enter(), sys.executable, str(WIRE), near, far, str(loss), str(delay)],
+            [
+                *self._switch.holder.enter(),
+                sys.executable,
+                str(WIRE),
+                near,
+                far,
+                str(loss),
+                str(delay),
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )
