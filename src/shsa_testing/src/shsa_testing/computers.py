@@ -54,8 +54,8 @@ def refusal(ssh: bool = False) -> str:
         with Holder("--net", "--mount", "--uts", "--pid", "--fork") as holder:
             holder.ip("link", "add", "name", "switch", "type", "bridge")
             holder.ip("link", "add", "name", "one", "type", "veth", "peer", "name", "two")
-    except (OSError, subprocess.CalledProcessError) as error:
-        return f"namespaces are not permitted here, they need root: {error}"
+    except OSError as error:
+        return f"computers made of namespaces are not permitted here, and need root: {error}"
     return ""
 
 
@@ -137,7 +137,7 @@ class Computers:
 
     `network.here` is the address of this process on their switch. With `ssh`, an sshd answers at
     each one's port 22, and takes a password at first; `network.asks` is the environment in which
-    ssh is told it. Raises CalledProcessError or OSError where `refusal` says why.
+    ssh is told it. Raises OSError where `refusal` says why.
     """
 
     def __init__(self, *names: str, ssh: bool = False) -> None:

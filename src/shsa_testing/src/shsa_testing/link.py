@@ -36,7 +36,7 @@ class Holder:
         self.kill()
 
     def start(self, connect: Optional[Callable[[int], None]] = None) -> None:
-        """Start it, and `connect` its process number. Raises CalledProcessError if refused."""
+        """Start it, and `connect` its process number. Raises OSError if refused."""
         self._process = subprocess.Popen(
             self._command,
             stdin=subprocess.PIPE,
@@ -48,8 +48,8 @@ class Holder:
         assert self._process.stdout is not None and self._process.stderr is not None
         if self._process.stdout.readline() != "ready\n":
             said = self._process.stderr.read().strip()
-            status = self._process.wait()
-            raise subprocess.CalledProcessError(status, said or " ".join(self._command[:6]))
+            self._process.communicate()
+            raise OSError(said or f"{' '.join(self._command[:6])} ended")
         children = psutil.Process(self._process.pid).children()
         self.pid = children[0].pid if "--fork" in self._command else self._process.pid
         if connect is not None:
@@ -71,7 +71,7 @@ class Holder:
         return ["nsenter", f"--target={self.pid}", *self._kinds, "--"]
 
     def ip(self, *words: str) -> None:
-        """Run `ip` inside. Raises CalledProcessError."""
+        """Run `ip` inside. Raises OSError."""
         call(*self.enter(), "ip", *words)
 
 
@@ -92,7 +92,7 @@ class Switch:
         return f"{self._net}.1"
 
     def start(self) -> None:
-        """Make it, and connect this process. Raises CalledProcessError."""
+        """Make it, and connect this process. Raises OSError."""
         self.holder.start()
         self.holder.ip("link", "add", "name", "switch", "type", "bridge")
         self.holder.ip("link", "set", "dev", "switch", "up")
@@ -162,7 +162,7 @@ class Link:
         try:
             for inside, interface in ends if loss or delay else ():
                 call(*inside, "tc", "qdisc", "replace", "dev", interface, *netem)
-        except subprocess.CalledProcessError as error:
+        except OSError as error:
             if "kind is unknown" not in str(error):
                 raise
             self._start_wire(loss, delay)
@@ -197,7 +197,7 @@ class Link:
         )
         assert self._wire.stdout is not None
         if self._wire.stdout.readline() != b"ready\n":
-            raise subprocess.CalledProcessError(self._wire.wait(), f"{WIRE}")
+            raise OSError(f"{WIRE} ended with status {self._wire.wait()}")
         holder = self._switch.holder
         holder.ip("link", "add", "name", between, "type", "bridge")
         holder.ip("link", "set", "dev", between, "up")
@@ -212,13 +212,12 @@ class Link:
 
 
 def call(*command: str) -> str:
-    """Run a command; what it printed. Raises CalledProcessError that tells what it said."""
+    """Run a command; what it printed. Raises OSError with what it said."""
     done = subprocess.run(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True
     )
     if done.returncode != 0:
-        said = f"{' '.join(command)}: {done.stdout.strip()}"
-        raise subprocess.CalledProcessError(done.returncode, said)
+        raise OSError(f"{' '.join(command)}: {done.stdout.strip()}")
     return done.stdout
 
 
