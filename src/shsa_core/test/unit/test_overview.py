@@ -221,7 +221,9 @@ def incident(state: State) -> Incident:
 def test_a_row_of_healing_is_named_after_the_service(state: State, expected: int) -> None:
     current = replace(service(), needed=True)
     other = replace(current, name="other")
-    first, second, master = healing_rows(([current, other], {"current": incident(state)}, Told()))
+    first, second, master = healing_rows(
+        ([current, other], {"current": incident(state)}, Told(), ())
+    )
     assert (master.name, master.level) == ("ROS master", OK)
     assert (first.name, first.level, first.hardware_id) == ("current", expected, NODE)
     assert first.message == f"{state}: x"

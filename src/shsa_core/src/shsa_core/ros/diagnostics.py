@@ -20,6 +20,7 @@ from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.companion import Companion
 from shsa_core.ros.graph.master_watch import Told
 from shsa_core.ros.graph.refusals import Refusals
+from shsa_core.ros.host.remote import Told as HostTold
 from shsa_core.text import shown
 
 PERIOD_S = 1.0
@@ -128,15 +129,33 @@ class MonitorRows:
         return ", ".join(told)
 
 
-Healing = Tuple[Iterable[Service], Mapping[str, Incident], Told]
-"""The needed services, their open incidents, and how the master does."""
+Healing = Tuple[Iterable[Service], Mapping[str, Incident], Told, Iterable[HostTold]]
+"""The needed services, their open incidents, and how the master and other computers do."""
 
 
 def healing_rows(given: Healing) -> List[DiagnosticStatus]:
-    """The reconfigurator's rows: each needed service and its incident, and the master."""
-    services, incidents, master = given
+    """The reconfigurator's rows: needed services and their incidents, the master, the computers."""
+    services, incidents, master, hosts = given
     rows = [_healing_row(service, incidents.get(service.name)) for service in services]
-    return [*rows, _master_row(master)]
+    return [*rows, _master_row(master), *map(_host_row, hosts)]
+
+
+def _host_row(host: HostTold) -> DiagnosticStatus:
+    name = f"host {host.name}"
+    if host.silent is None:
+        return DiagnosticStatus(level=WARN, name=name, message="its agent was not heard yet")
+    level, text = OK, f"{host.load:.1f} of {host.cores:g} cores are busy"
+    if not host.reached:
+        level, text = ERROR, f"it cannot be reached, for {host.silent:.1f} s"
+    figures = {
+        "busy cores": f"{host.load:.2f}",
+        "cores": f"{host.cores:g}",
+        "sent": f"{host.transmitted:.0f} bytes/s",
+        "received": f"{host.received:.0f} bytes/s",
+        "silent": f"{host.silent:.1f} s",
+    }
+    values = [KeyValue(key, value) for key, value in figures.items()]
+    return DiagnosticStatus(level=level, name=name, message=text, values=values)
 
 
 def _master_row(master: Told) -> DiagnosticStatus:

@@ -4,10 +4,9 @@ import os
 import queue
 import shlex
 import sys
-import threading
-from typing import Any, Callable, Dict, List, Optional, Tuple
+from dataclasses import replace
+from typing import Callable, Dict, List, Optional, Tuple, get_args
 
-import psutil
 import rospy
 from shsa_msgs import msg
 
@@ -28,22 +27,23 @@ from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.ros import diagnostics
-from shsa_core.ros.graph import clock, kernel
+from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.alone import await_turn
-from shsa_core.ros.graph.coming_up import ComingUp
 from shsa_core.ros.graph.companion import Companion
-from shsa_core.ros.graph.fence import Fence, Known
-from shsa_core.ros.graph.heartbeats import MONITOR, RECONFIGURATOR, Signs, Watch
-from shsa_core.ros.graph.launch import Launch
+from shsa_core.ros.graph.heartbeats import MONITOR, RECONFIGURATOR, Signs
+from shsa_core.ros.graph.launch import Launch, is_followed
 from shsa_core.ros.graph.master_watch import MasterWatch
-from shsa_core.ros.graph.processes import Processes, run_command
-from shsa_core.ros.graph.protection import Protection
-from shsa_core.ros.graph.restarts import Restarts
+from shsa_core.ros.graph.processes import run_command
+from shsa_core.ros.graph.restarts import may_restart
 from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.graph.som_parameter import SomWatch, put_som
 from shsa_core.ros.graph.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.graph.usable import Problem, mark_unusable
 from shsa_core.ros.graph.workers import Workers
+from shsa_core.ros.host.agents import Agents
+from shsa_core.ros.host.host import HostCommand
+from shsa_core.ros.host.hosts import Hosts
+from shsa_core.ros.host.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import run
 from shsa_core.ros.services import Services
@@ -60,10 +60,8 @@ LOG: Dict[Level, Callable[..., None]] = {
 LONGEST_WAIT_S = 0.2
 MOST_WAITING = 10_000
 """With more to do than this, failures that nobody signed are dropped."""
-ASKED_BY_API = "external shutdown request"
-"""What rospy's reason begins with then."""
-MOST_CALLS = 32
-"""Of one kind of command, under way at the same time."""
+MOST_COMMANDS = 32
+"""Of the user's, that run at the same time."""
 
 
 class ReconfiguratorNode:
@@ -86,7 +84,7 @@ class ReconfiguratorNode:
             "settings": settings,
             "namespace": rospy.get_namespace(),
             "dry_run": arguments.dry_run,
-            "restarts": os.geteuid() != 0 or arguments.restart_as_root,
+            "restarts": may_restart(arguments.restart_as_root),
         }
         if not setup["restarts"]:
             for service in (each for each in som if each.policy.restarts):
@@ -103,18 +101,16 @@ class ReconfiguratorNode:
         self._launch = Launch()
         self._ends = self._is_followed = False
         rospy.core.add_preshutdown_hook(self._asked_to_end)
-        self._clearing = self._workers("clear")
-        self._fence = Fence()
-        self._protection = Protection()
-        self._processes = Processes(
-            lambda node, detail: self._put(events.ProcessExited(clock.now(), node, detail)),
-            lambda node: self._clearing.put(lambda: self._fence.clear(node)),
-            _substitute_journals(journal),
-            signing.path,
-            arguments.sandbox,
+        signs = Signs(RECONFIGURATOR)
+        self._companion = Companion(MONITOR, signs)
+        prefix = self._core.names.prefix
+        journals = _substitute_journals(journal)
+        self._local = LocalHost(
+            self._told, signs, prefix, journals, signing.path, arguments.sandbox
         )
-        self._restarts = Restarts(lambda node: self._put(events.StarterEnded(clock.now(), node)))
-        self._coming_up = ComingUp(self._restarts.started_again, self._came_up)
+        self._agents = Agents(signing, self._told)
+        self._hosts = Hosts(self._local, self._agents, self._told, arguments.host)
+        self._asked: Dict[str, float] = {}
         self._incidents = Incidents(arguments.incident_log)
         self._substitutions = TablePublisher(
             names.SUBSTITUTIONS,
@@ -128,50 +124,31 @@ class ReconfiguratorNode:
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False
         )
         self._records: Optional[RecordFile] = None
-        self._signs = Signs(RECONFIGURATOR)
-        self._companion = Companion(MONITOR, self._signs)
-        self._life = Watch(
-            self._signs,
-            lambda node: self._put(events.ProcessSilent(clock.now(), node)),
-            lambda node: self._put(events.ProcessHung(clock.now(), node)),
-            lambda node: self._put(events.ProcessHeard(clock.now(), node)),
-            self._core.names.prefix,
-        )
-        stops = self._workers("stop")
+        self._commands = Workers("command", MOST_COMMANDS, lambda text: rospy.logerr("%s", text))
         self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {
+                **dict.fromkeys(get_args(HostCommand), self._on_host),
                 events.WriteDown: self._write_down,
-                events.LearnNode: self._by(self._workers("learn"), self._learn),
-                events.WatchNodes: self._by(
-                    self._workers("watch"), lambda c: self._coming_up.watch(c.nodes)
-                ),
-                events.FindNode: self._by(self._workers("find"), self._find),
-                events.AskToLeave: self._by(self._workers("ask to leave"), self._ask_to_leave),
-                events.EndProcess: self._by(self._workers("end process"), self._end_process),
-                events.ClearNode: self._by(self._clearing, self._clear),
-                events.StartSubstitute: self._start,
                 events.AssignSubstitute: self._assigned,
-                events.StopSubstitute: self._by(stops, self._stop, True),
-                events.RestartNode: self._restart,
-                events.StopNode: self._by(stops, lambda c: self._restarts.stop(c.node), True),
-                events.RunCommand: self._by(self._workers("command"), self._run_command),
+                events.RunCommand: lambda c: self._commands.put(lambda: self._run_command(c)),
                 events.ShowSubstitutions: self._show_substitutions,
                 events.ShowSom: self._show_som,
                 events.ShowIncident: lambda command: self._incidents.show(command.incident),
                 events.Log: lambda command: LOG[command.level]("%s", command.text),
             },
         )
-        self._endings: List[threading.Event] = []
         self._diagnostics = diagnostics.Diagnostics(
             diagnostics.healing_rows, signing.refusals, self._companion
         )
         diagnostics.every_period(lambda: self._queue.put(self._report))
         self._decided = clock.now()
         # First of all: what runs goes on, and no substitute may take a name that was used.
-        prefix = self._core.names.prefix
         self._master = MasterWatch(lambda node: node.startswith(prefix), not arguments.dry_run)
-        heritage = take_over(prefix, self._fence, self._processes, self._restarts)
+        self._agents.listen(self._elsewhere(som), taking_up=True)
+        homes = self._agents.take_up()
+        self._hosts.settle(homes)
+        heritage = take_over(self._local, list(homes))
         self._records = heritage.file
         self._decide(heritage.started)
         self._substitutions.open()
@@ -221,24 +198,20 @@ class ReconfiguratorNode:
             self._journal.close()
 
     def _stop_all(self) -> None:
-        for node in self._restarts.left_alone():
+        for node in self._local.restarts.left_alone():
             self._handle(events.StarterEnded(clock.now(), node))
         self._handle(events.ShuttingDown(clock.now()))
-        for ended in self._endings:
-            ended.wait()
+        self._local.await_stops()
+        self._agents.await_quiet()
 
     def _asked_to_end(self, reason: str) -> None:
-        """Anybody may ask us by our API, or by taking our name; where another one follows, as a
-        launch starts it, what publishes goes on.
-        """
-        self._is_followed = reason.startswith(ASKED_BY_API) and kernel.started_by_launch(
-            psutil.Process()
-        )
+        self._is_followed = is_followed(reason)
 
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
         ontology, som = read_models(self._files.ontology, self._files.som)
         self._som_watch.replace(som)
+        self._agents.listen(self._elsewhere(som))
         put_som(som)
         self._put(events.ModelsReloaded(clock.now(), ontology, self._usable(som)))
         relations = len({function.relation for function in ontology.functions})
@@ -287,112 +260,26 @@ class ReconfiguratorNode:
             try:
                 self._carry_out[type(command)](command)
             except Exception as error:  # whatever it is, the commands after it are carried out
-                self._failed(command, error)
+                what = type(command).__name__
+                rospy.logerr_throttle(10.0, f"{what} could not be carried out: {error!r}")
 
-    def _failed(self, command: events.Command, error: Exception) -> None:
-        """Say that a command could not be carried out, and answer it, so that nobody waits."""
-        what = f"{type(command).__name__} {getattr(command, 'node', '')}".strip()
-        why = f"{type(error).__name__}: {error}"
-        rospy.logerr_throttle(10.0, f"{what} could not be carried out: {why}")
-        if isinstance(command, events.LearnNode):
-            self._put(events.NodeLearned(clock.now(), command.node, False))
-        elif isinstance(command, events.StartSubstitute):
-            self._put(events.ProcessExited(clock.now(), command.node, why))
-        elif isinstance(command, events.RestartNode):
-            self._put(events.RestartFailed(clock.now(), command.node, why))
-        elif isinstance(error, OSError):
-            return  # this computer lacks the means now; a kill without an answer is tried again
-        elif isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess)):
-            self._untouchable(command.node, f"it could not be looked at: {why}")
+    def _on_host(self, command: HostCommand) -> None:
+        if isinstance(command, events.StartSubstitute):
+            self._asked[command.node] = self._decided
+        self._hosts.carry_out(command)
 
-    def _workers(self, name: str) -> Workers:
-        return Workers(name, MOST_CALLS, lambda text: rospy.logerr("%s", text))
+    def _told(self, event: Event) -> None:
+        """A computer tells this; the search for a substitute had ended when it was asked for."""
+        if isinstance(event, events.SubstituteStarted):
+            event = replace(event, found=self._asked.pop(event.node, event.found))
+        self._put(event)
 
-    def _by(
-        self, workers: Workers, work: Callable[[Any], object], awaited: bool = False
-    ) -> Callable[[Any], None]:
-        """Work that waits for others must not hold the events up.
-
-        `awaited`: we do not end before it is done.
-        """
-
-        def put(command: Any) -> None:
-            done = threading.Event()
-
-            def call() -> None:
-                try:
-                    work(command)
-                except Exception as error:  # whatever it is, the next command is carried out
-                    self._failed(command, error)
-                finally:
-                    done.set()
-
-            if awaited:
-                self._endings = [each for each in self._endings if not each.is_set()] + [done]
-            workers.put(call)
-
-        return put
-
-    def _learn(self, command: events.LearnNode) -> None:
-        known = self._fence.learn(command.node, command.topic)
-        protected = ""
-        if known is not None and known.process is not None:
-            self._restarts.learn(command.node, known.process)
-            protected = self._protection.reason(command.node, known.process)
-            for other in self._protection.sharing(command.node, known.process):
-                why = self._protection.reason(other, known.process)
-                self._put(events.NodeLearned(clock.now(), other, True, why))
-        self._put(events.NodeLearned(clock.now(), command.node, known is not None, protected))
-
-    def _came_up(self, node: str, process: Optional[psutil.Process]) -> None:
-        if process is not None:
-            self._fence.adopt(node, Known("", process))
-        self._put(events.NodeCameUp(clock.now(), node))
-
-    def _find(self, command: events.FindNode) -> None:
-        found = self._fence.find(command.node, command.topic, command.successor)
-        starter = self._fence.starter(command.node)
-        self._put(events.NodeFound(clock.now(), command.node, *found, starter))
-
-    def _ask_to_leave(self, command: events.AskToLeave) -> None:
-        node = command.node
-        failed = lambda why: self._untouchable(node, why)
-        self._fence.ask_to_leave(node, lambda: self._left(node), failed)
-
-    def _end_process(self, command: events.EndProcess) -> None:
-        node = command.node
-        failed = lambda why: self._untouchable(node, why)
-        self._fence.end_process(node, lambda: self._left(node), failed)
-
-    def _clear(self, command: events.ClearNode) -> None:
-        if not self._fence.clear(command.node):
-            self._put(events.NodeUnregistered(clock.now(), command.node))
-
-    def _left(self, node: str) -> None:
-        self._put(events.NodeLeft(clock.now(), node))
-
-    def _untouchable(self, node: str, why: str) -> None:
-        self._put(events.ProcessUntouchable(clock.now(), node, why))
-
-    def _start(self, command: events.StartSubstitute) -> None:
-        self._processes.start(command)
-        self._put(events.SubstituteStarted(clock.now(), command.node, self._decided))
-
-    def _stop(self, command: events.StopSubstitute) -> None:
-        self._processes.stop(command.node, answers=not self._life.is_silent(command.node))
+    def _elsewhere(self, som: Som) -> List[str]:
+        """The computers whose agents carry out what is wanted there."""
+        return [name for name in som.hosts if name != self._files.host]
 
     def _assigned(self, command: events.AssignSubstitute) -> None:
         self._put(events.SubstituteStarted(clock.now(), command.node, self._decided))
-
-    def _restart(self, command: events.RestartNode) -> None:
-        try:
-            process, with_us = self._restarts.start(command.node)
-            self._fence.adopt(command.node, Known("", process))
-        except (ShsaError, OSError) as error:
-            self._put(events.RestartFailed(clock.now(), command.node, str(error)))
-            return
-        identities = self._restarts.identities(command.node)
-        self._put(events.NodeRestarted(clock.now(), command.node, with_us, *identities))
 
     def _write_down(self, command: events.WriteDown) -> None:
         assert self._records is not None
@@ -415,7 +302,8 @@ class ReconfiguratorNode:
         self._som_state.update(map(wire.service_state, command.rows), command.removed)
 
     def _report(self) -> None:
-        told = self._core.needed(), self._incidents.open(), self._master.told()
+        open_ = self._incidents.open()
+        told = self._core.needed(), open_, self._master.told(), self._agents.told()
         self._diagnostics.show(told)
 
     def _failure(self, message: msg.Failure) -> None:
@@ -482,6 +370,7 @@ def main() -> None:
         help="refuse whoever calls release, reload, substitute",
     )
     parser.add_argument("--restart-as-root", action="store_true", help="also if we are root")
+    parser.add_argument("--host", default="", help="what the SOM calls this computer")
     sandbox = "a program and its arguments to run the substitutes in"
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])

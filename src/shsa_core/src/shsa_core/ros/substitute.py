@@ -14,7 +14,7 @@ from shsa_core.model.substitution import Substitution
 from shsa_core.ros.graph import announce, clock
 from shsa_core.message_types import message_class
 from shsa_core.ros.graph.composing import read_message
-from shsa_core.ros.graph.heartbeats import RECONFIGURATOR, Heart
+from shsa_core.ros.graph.heartbeats import HOST, Heart, hearer
 from shsa_core.ros.graph.fields import Field, problem
 from shsa_core.ros.graph.inbox import Inbox
 from shsa_core.ros.graph.inputs import Inputs, Values
@@ -72,7 +72,7 @@ class SubstituteNode:
         self._core = machine.Substitute()
         self._journal = _journal(journal) if journal else None
         self._inbox = Inbox()
-        self._heart = Heart(RECONFIGURATOR)
+        self._heart = Heart(hearer(os.environ.get(HOST, "")))
         self._inputs = Inputs(self._heard)
         self._outputs = Outputs(self._advertised, self._joined)
         self._registrations = Worker("registrations")

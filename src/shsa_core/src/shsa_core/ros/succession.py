@@ -1,7 +1,7 @@
 """What a former reconfigurator has left: its records, and the processes that still run."""
 import os
 import re
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Collection, List, NamedTuple, Optional, Set, Tuple
 
 import rosgraph
 import rospkg
@@ -17,9 +17,8 @@ from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.fence import Fence, Known
 from shsa_core.ros.graph.kernel import same_process
 from shsa_core.ros.graph.node_api import FAILURES, master_api
-from shsa_core.ros.graph.processes import Processes
-from shsa_core.ros.graph.restarts import Restarts
 from shsa_core.ros.graph.signing import boot
+from shsa_core.ros.host.local import LocalHost
 
 CODEC = Codec(Record, FORMS)
 RUN = "/run_id"
@@ -33,48 +32,44 @@ class Heritage(NamedTuple):
     file: RecordFile
 
 
-def take_over(prefix: str, fence: Fence, processes: Processes, restarts: Restarts) -> Heritage:
+def take_over(host: LocalHost, elsewhere: Collection[str] = ()) -> Heritage:
     """Look what a former reconfigurator of this master and namespace has left, and watch it.
 
-    `prefix`: what the names of substitutes begin with.
+    `elsewhere`: what agents on other computers have told to run there.
     """
     path = _path()
     owner = {"boot": boot(), "run": str(rospy.get_param(RUN, ""))}
     former = _read(path)
-    left = processes.left_behind(prefix)
+    left = host.take_up_left()
     records: Tuple[Any, ...] = former.records
     if former.owner.get("boot") != owner["boot"]:
         records = of_this_robot(records, False, ())  # its moments are of another clock
-    records = of_this_robot(records, former.owner.get("run") == owner["run"], left)
-    for node, process in left.items():
-        processes.take_up(node, process)
-    running = [*left]
+    records = of_this_robot(records, former.owner.get("run") == owner["run"], {*left, *elsewhere})
+    running = [*left, *elsewhere]
     for record in records:
         if isinstance(record, RestartedNode):
             found = same_process(record.process)
             if found is not None:
-                restarts.take_up(record.node, found, record.starter)
+                host.restarts.take_up(record.node, found, record.starter)
                 running.append(record.node)
-    leftovers, strangers = _registered(prefix, fence, processes, left)
+    leftovers, strangers = _registered(host, {*left, *elsewhere})
     started = events.Started(clock.now(), leftovers, strangers, records, tuple(running))
     return Heritage(started, RecordFile(path, CODEC, owner, rospy.logwarn))
 
 
-def _registered(
-    prefix: str, fence: Fence, processes: Processes, left: Dict[str, Any]
-) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
+def _registered(host: LocalHost, left: Set[str]) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
     """Who else is registered with a name that begins as a substitute's: ours or dead; others."""
     publishers, _, _ = master_api().getSystemState()
     nodes = {node for _, nodes in publishers for node in nodes}
     leftovers: List[str] = []
     strangers: List[str] = []
-    for node in sorted(each for each in nodes - set(left) if each.startswith(prefix)):
-        known = _look(fence, node)
+    for node in sorted(each for each in nodes - left if each.startswith(host.prefix)):
+        known = _look(host.fence, node)
         process = known.process if known else None
-        ours = process is not None and processes.runs_ours(node, process)
+        ours = process is not None and host.processes.runs_ours(node, process)
         dead = known is not None and known.dead
         if known is not None and ours:
-            fence.adopt(node, known)
+            host.fence.adopt(node, known)
         (leftovers if ours or dead else strangers).append(node)
     return tuple(leftovers), tuple(strangers)
 

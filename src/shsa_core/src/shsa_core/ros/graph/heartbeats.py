@@ -28,6 +28,13 @@ LONGEST_PATH = 100
 """Bytes of a socket's path; the system takes 107."""
 MONITOR, RECONFIGURATOR = "monitor", "reconfigurator"
 """Who hears heartbeats."""
+HOST = "SHSA_HOST"
+"""The environment variable of a substitute that an agent has started: the agent's name."""
+
+
+def hearer(host: str) -> str:
+    """Who hears the heartbeats of the substitutes of an agent; without one: the reconfigurator."""
+    return f"agent {host}" if host else RECONFIGURATOR
 
 
 Told = Callable[[str], None]

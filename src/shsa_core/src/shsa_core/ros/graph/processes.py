@@ -4,7 +4,7 @@ import os
 import signal
 import subprocess
 import threading
-from typing import Callable, Dict, Optional, Sequence, Set, Union
+from typing import Callable, Dict, List, Optional, Sequence, Set, Union
 
 import psutil
 from roslib.packages import find_node, get_pkg_dir
@@ -14,6 +14,7 @@ from shsa_core.healing.events import StartSubstitute
 from shsa_core.ros.graph import secret
 from shsa_core.ros.graph.children import Children, Status
 from shsa_core.ros.graph.confinement import environment, wrapper
+from shsa_core.ros.graph.heartbeats import HOST
 from shsa_core.ros.graph.kernel import gone, is_ours
 from shsa_core.substitution import signals
 
@@ -29,7 +30,8 @@ class Processes:
     `cleared(node)` after each end, to clear what the node left registered. Neither may wait.
     `journals`: what the paths of the substitutes' journals begin with; empty: they keep none. Who
     comes later takes the path of one that has ended, so that there are never many. `secret_file`:
-    by which they know their reconfigurator.
+    by which they know their reconfigurator. `host`: the name of the agent that we are part of;
+    empty: of none.
     """
 
     def __init__(
@@ -39,12 +41,14 @@ class Processes:
         journals: str,
         secret_file: str,
         sandbox: Sequence[str] = (),
+        host: str = "",
     ) -> None:
         self._ended = ended
         self._cleared = cleared
         self._journals = journals
         self._secret_file = secret_file
         self._wrapper = wrapper(sandbox)
+        self._host = host
         self._slots: Dict[str, int] = {}
         self._running: Dict[str, AnyProcess] = {}
         self._stopped: Set[str] = set()
@@ -64,7 +68,7 @@ class Processes:
         node, program = command.node, command.program
         namespace, name = node.rsplit("/", 1)
         variables = {**environment(os.environ), "ROS_NAMESPACE": namespace or "/"}
-        variables[secret.VARIABLE] = self._secret_file
+        variables.update({secret.VARIABLE: self._secret_file, HOST: self._host})
         words = ["rosrun", PACKAGE, self._executables["standby"]]
         if program is not None:
             strings = (",".join(program.inputs), program.code, ",".join(program.outputs))
@@ -94,7 +98,7 @@ class Processes:
         self._children.watch(self._running[node], lambda status: self._over(node, status))
 
     def left_behind(self, prefix: str) -> Dict[str, psutil.Process]:
-        """The substitutes of this master that run, by name, whoever started them.
+        """The substitutes of this master and agent that run, by name, whoever started them.
 
         `prefix`: what their names begin with. The system is asked and not the master: one that
         was just started is not registered, and one that hangs does not answer. They are ours if
@@ -113,6 +117,7 @@ class Processes:
                 continue  # it has ended, or is somebody else's
             here = os.environ.get("ROS_MASTER_URI") == variables.get("ROS_MASTER_URI")
             same = variables.get("ROS_NAMESPACE", "/").rstrip("/") == namespace
+            same = same and variables.get(HOST, "") == self._host
             if here and same and node not in self._running and self.runs_ours(node, process):
                 found[node] = process
         return found
@@ -127,6 +132,11 @@ class Processes:
             return False
         name = "__name:=" + node.rsplit("/", 1)[1]
         return name in words and any(os.path.realpath(w) in self._files for w in words[:2])
+
+    def running(self) -> List[str]:
+        """The substitutes that run."""
+        with self._lock:
+            return sorted(self._running)
 
     def _free_slot(self) -> int:
         """The smallest number that no running process has."""

@@ -16,6 +16,11 @@ from shsa_core.ros.graph.processes import AnyProcess, FormerProcess, end
 POLL_S = 1.0  # between two looks whether the process that started the node first is still there
 
 
+def may_restart(as_root: bool) -> bool:
+    """Whether nodes are started again by our user; `as_root`: also if that is root."""
+    return as_root or os.geteuid() != 0
+
+
 def _children(pid: int) -> List[int]:
     """The processes that a process has started; empty where the kernel does not tell."""
     tasks = f"/proc/{pid}/task"
@@ -137,6 +142,11 @@ class Restarts:
         started = psutil.Process(process.pid)
         self._children.watch(process, lambda _: self._over(node, process))
         return started, start.starter is not None and start.starter.pid == os.getppid()
+
+    def running(self) -> List[str]:
+        """The nodes that were started again, and run."""
+        with self._lock:
+            return sorted(self._running)
 
     def left_alone(self) -> List[str]:
         """The nodes that were started again and still run, and whose first starter has ended."""

@@ -10,3 +10,14 @@ FIND_SUBSTITUTE = "shsa/find_substitute"
 RELEASE = "shsa/release"
 RELOAD = "shsa/reload"
 SUBSTITUTE_ACTION = "shsa/substitute"
+HOSTS = "shsa/hosts"
+
+
+def host_commands(host: str) -> str:
+    """The topic on which the agent of a computer is told what to do."""
+    return f"{HOSTS}/{host}/commands"
+
+
+def host_events(host: str) -> str:
+    """The topic on which the agent of a computer tells what has happened."""
+    return f"{HOSTS}/{host}/events"

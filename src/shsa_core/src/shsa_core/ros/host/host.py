@@ -1,0 +1,43 @@
+"""What healing wants of one computer, and what that answers."""
+from typing import Callable, Protocol, Union
+
+from shsa_core.healing import events
+
+NodeCommand = Union[
+    events.LearnNode,
+    events.FindNode,
+    events.AskToLeave,
+    events.EndProcess,
+    events.ClearNode,
+    events.StartSubstitute,
+    events.StopSubstitute,
+    events.RestartNode,
+    events.StopNode,
+]
+"""Commands about one node."""
+HostCommand = Union[NodeCommand, events.WatchNodes]
+HostEvent = Union[
+    events.NodeLearned,
+    events.NodeCameUp,
+    events.NodeFound,
+    events.NodeLeft,
+    events.NodeUnregistered,
+    events.ProcessUntouchable,
+    events.SubstituteStarted,
+    events.ProcessExited,
+    events.ProcessSilent,
+    events.ProcessHeard,
+    events.ProcessHung,
+    events.NodeRestarted,
+    events.RestartFailed,
+    events.StarterEnded,
+]
+Tell = Callable[[HostEvent], None]
+"""Is told an event, from any thread; waits for nobody."""
+
+
+class Host(Protocol):
+    """Carries out the commands about the processes of one computer, and tells its events."""
+
+    def carry_out(self, command: HostCommand) -> None:
+        """Begin to carry out a command, and wait for nobody; what fails is answered by an event."""

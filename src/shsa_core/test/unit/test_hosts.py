@@ -1,0 +1,114 @@
+"""Each command goes to the computer that it is about."""
+from typing import Any, Dict, List, Tuple
+
+import pytest
+import rospy
+
+from shsa_core.healing import events
+from shsa_core.ros.host import hosts
+from shsa_core.ros.host.hosts import Hosts
+from shsa_testing.waiting import wait_until
+
+Sent = List[Tuple[str, Any]]
+
+
+class Robot:
+    """The computers pi and board beside our own, and who is where by the master's word."""
+
+    def __init__(self) -> None:
+        self.names = ["pi", "board"]
+        self.sent: Sent = []
+        self.told: List[Any] = []
+        self.uris = {"/a": "http://10.0.0.2:1/", "/b": "http://10.0.0.3:1/", "/c": "http://me:1/"}
+        self.uris["/d"] = "http://10.0.0.9:1/"
+        self.answers = True
+        self.hosts = Hosts(self, self, self.told.append, "notebook")  # type: ignore[arg-type]
+
+    def carry_out(self, *what: Any) -> None:
+        """As the local Host, and as the agents."""
+        self.sent.append(what if len(what) == 2 else ("", *what))
+
+    def home(self, uri: str) -> str:
+        return {"10.0.0.2": "pi", "10.0.0.3": "board"}.get(uri[7:-3], "")
+
+    def lookupNode(self, node: str) -> str:
+        if not self.answers:
+            raise OSError("no master")
+        return self.uris[node]
+
+    def do(self, *commands: Any) -> Sent:
+        """Carry them out, one by one; what was sent."""
+        self.sent.clear()
+        for count, command in enumerate(commands, 1):
+            self.hosts.carry_out(command)
+            wait_until(lambda: len(self.sent) + len(self.told) >= count, 10.0, "it is sent")
+        return list(self.sent)
+
+
+@pytest.fixture
+def robot(monkeypatch: pytest.MonkeyPatch) -> Robot:
+    robot = Robot()
+    monkeypatch.setattr(hosts, "master_api", lambda: robot)
+    monkeypatch.setattr(rospy, "get_node_uri", lambda: "http://me:99/")
+    return robot
+
+
+@pytest.mark.parametrize("node, home", [("/a", "pi"), ("/b", "board"), ("/c", ""), ("/d", "")])
+def test_a_node_is_on_the_computer_of_its_address(robot: Robot, node: str, home: str) -> None:
+    commands = [
+        events.LearnNode(node, "/x"),
+        events.FindNode(node),
+        events.AskToLeave(node),
+        events.EndProcess(node),
+        events.ClearNode(node),
+        events.RestartNode(node),
+        events.StopNode(node),
+    ]
+    assert robot.do(*commands) == [(home, each) for each in commands]
+
+
+def test_a_node_that_moved_is_found_and_one_stays_where_it_was_without_a_master(
+    robot: Robot,
+) -> None:
+    assert robot.do(events.LearnNode("/a"))[0][0] == "pi"
+    robot.uris["/a"] = "http://10.0.0.3:7/"
+    assert robot.do(events.FindNode("/a"))[0][0] == "board"
+    robot.answers = False
+    assert robot.do(events.FindNode("/a"))[0][0] == "board"
+
+
+@pytest.mark.parametrize("host, home", [("pi", "pi"), ("", ""), ("notebook", "")])
+def test_a_substitute_is_where_it_was_started(robot: Robot, host: str, home: str) -> None:
+    start = events.StartSubstitute("/substitute_a_1", None, host=host)
+    stop = events.StopSubstitute("/substitute_a_1")
+    assert robot.do(start, events.EndProcess("/substitute_a_1"), stop) == [
+        (home, start),
+        (home, events.EndProcess("/substitute_a_1")),
+        (home, stop),
+    ]
+
+
+def test_a_substitute_on_an_unknown_computer_is_refused(robot: Robot) -> None:
+    assert robot.do(events.StartSubstitute("/substitute_a_1", None, host="moon")) == []
+    assert robot.told[0].detail == "moon is none of the hosts: pi, board"
+
+
+def test_what_ran_before_is_where_it_was_found(robot: Robot) -> None:
+    robot.hosts.settle({"/substitute_a_1": "board"})
+    stop = events.StopSubstitute("/substitute_a_1")
+    assert robot.do(stop) == [("board", stop)]
+
+
+def test_nodes_are_awaited_here_and_by_their_own_agent(robot: Robot) -> None:
+    robot.do(events.LearnNode("/a"), events.LearnNode("/c"))
+    watch = events.WatchNodes(("/a", "/c"))
+    assert robot.do(watch) == [("", watch), ("pi", events.WatchNodes(("/a",)))]
+    assert robot.do(watch) == [("", watch)]  # the agent knows
+    none = events.WatchNodes(())
+    assert robot.do(none) == [("", none), ("pi", none)]
+
+
+def test_with_one_computer_the_master_is_not_asked(robot: Robot) -> None:
+    robot.names, robot.answers = [], False
+    robot.hosts.carry_out(events.FindNode("/a"))
+    assert robot.sent == [("", events.FindNode("/a"))]

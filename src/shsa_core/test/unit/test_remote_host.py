@@ -1,0 +1,233 @@
+"""Another computer by way of its agent: reached, cut off, started anew, and what that answers."""
+from typing import Any, List
+
+import pytest
+
+pytest.importorskip("shsa_msgs.msg")
+
+from shsa_msgs import msg  # noqa: E402
+
+from shsa_core.healing import events  # noqa: E402
+from shsa_core.healing.events import Where  # noqa: E402
+from shsa_core.ros.host.agent import AgentEnd  # noqa: E402
+from shsa_core.ros.host.host import HostEvent  # noqa: E402
+from shsa_core.ros.host.remote import LOST_S, RETURN_S, TICK_S, RemoteHost  # noqa: E402
+from shsa_core.ros.host.texts import command_text, event_text, read_command  # noqa: E402
+
+SUBSTITUTE = events.StartSubstitute("/substitute_a_1", None, host="pi")
+
+
+class Cable:
+    """A RemoteHost and the end of an agent, on one clock, with a cable that can be cut."""
+
+    def __init__(self) -> None:
+        self.told: List[Any] = []
+        self.done: List[Any] = []
+        self.whole = True
+        self.now = 100.0
+        self.running: List[str] = []
+        self.restarted: List[str] = []
+        self.host = RemoteHost("pi", self.told.append, self.command)
+        self.agent = AgentEnd(1000)
+
+    def command(self, message: msg.HostCommand) -> None:
+        if self.whole and self.agent.hear(message, self.now):
+            self.done.append(read_command(message.command, "test"))
+
+    def say(self, number: int, text: str) -> None:
+        if self.whole:
+            self.host.heard(
+                msg.HostEvent(
+                    began=self.agent.began,
+                    session=self.agent.session,
+                    open=self.agent.is_open(self.now),
+                    number=number,
+                    heard=self.agent.line.heard,
+                    event=text,
+                    addresses=["10.0.0.2", "pi"],
+                    running=self.running,
+                    restarted=self.restarted,
+                    load=0.5,
+                    cores=4.0,
+                ),
+                self.now,
+            )
+
+    def tell(self, event: HostEvent) -> None:
+        self.say(*self.agent.line.say(event_text(event), self.now))
+
+    def pass_time(self, seconds: float) -> None:
+        end = self.now + seconds
+        while self.now < end:
+            self.now += TICK_S
+            self.say(0, "")
+            if self.agent.is_open(self.now):
+                for number, text in self.agent.line.again(self.now):
+                    self.say(number, text)
+            self.host.tick(self.now)
+            self.host.beat()
+
+    def take(self, kind: type) -> List[Any]:
+        found = [each for each in self.told if isinstance(each, kind)]
+        self.told[:] = [each for each in self.told if not isinstance(each, kind)]
+        return found
+
+
+@pytest.fixture
+def cable() -> Cable:
+    cable = Cable()
+    cable.pass_time(0.2)
+    cable.host.take_up()
+    return cable
+
+
+def test_a_command_arrives_once_and_its_answer_is_of_our_clock(cable: Cable) -> None:
+    assert cable.host.is_reached
+    cable.host.carry_out(events.LearnNode("/a", "/x"), cable.now)
+    assert cable.done == [events.WatchNodes(()), events.LearnNode("/a", "/x")]
+    cable.tell(events.NodeLearned(-5.0, "/a", True))
+    assert cable.take(events.NodeLearned) == [events.NodeLearned(cable.now, "/a", True)]
+    cable.pass_time(1.0)
+    assert len(cable.done) == 2 and not cable.take(events.NodeLearned)
+    assert cable.host.is_quiet
+
+
+def test_what_was_lost_on_the_way_is_said_again(cable: Cable) -> None:
+    cable.whole = False
+    cable.host.carry_out(events.StopSubstitute("/substitute_a_1"), cable.now)
+    cable.tell(events.ProcessSilent(0.0, "/substitute_a_2"))
+    cable.whole = True
+    cable.pass_time(0.5)
+    assert cable.done.count(events.StopSubstitute("/substitute_a_1")) == 1
+    assert len(cable.take(events.ProcessSilent)) == 1
+
+
+def test_the_load_of_a_computer_is_told_once_a_second(cable: Cable) -> None:
+    cable.told.clear()
+    cable.pass_time(5.0)
+    seen = cable.take(events.HostSeen)
+    assert 4 <= len(seen) <= 5
+    assert (seen[0].host, seen[0].load, seen[0].cores) == ("pi", 0.5, 4.0)
+
+
+def test_a_silent_computer_is_lost_and_seen_again(cable: Cable) -> None:
+    cable.whole = False
+    cable.pass_time(LOST_S - 0.2)
+    assert not cable.take(events.HostLost)
+    cable.pass_time(0.4)
+    assert [each.host for each in cable.take(events.HostLost)] == ["pi"]
+    assert not cable.host.told().reached
+    cable.take(events.HostSeen)
+    cable.pass_time(3.0)
+    assert not cable.take(events.HostLost)  # it is said once
+    cable.whole = True
+    cable.pass_time(0.5)
+    assert len(cable.take(events.HostSeen)) == 1 and cable.host.is_reached
+
+
+def test_time_in_which_we_did_not_run_is_no_silence(cable: Cable) -> None:
+    cable.now += 5.0
+    cable.host.tick(cable.now)
+    assert not cable.take(events.HostLost)
+
+
+def test_an_agent_that_has_ended_is_given_time_to_be_started_again(cable: Cable) -> None:
+    cable.host.ended = lambda: True
+    cable.whole = False
+    cable.pass_time(RETURN_S - 0.5)
+    assert not cable.take(events.HostLost)
+    cable.host.carry_out(events.FindNode("/a"), cable.now)
+    assert cable.take(events.NodeFound)[0].where is Where.UNREACHABLE
+    cable.pass_time(1.0)
+    assert len(cable.take(events.HostLost)) == 1
+
+
+def test_whoever_waits_when_it_is_lost_is_answered_at_once(cable: Cable) -> None:
+    cable.whole = False
+    cable.host.carry_out(events.FindNode("/a"), cable.now)
+    cable.host.carry_out(SUBSTITUTE, cable.now)
+    cable.pass_time(LOST_S + 0.2)
+    assert [each.where for each in cable.take(events.NodeFound)] == [Where.UNREACHABLE]
+    assert len(cable.take(events.ProcessExited)) == 1
+    cable.host.carry_out(events.EndProcess("/a"), cable.now)
+    assert len(cable.take(events.ProcessUntouchable)) == 1
+    cable.host.carry_out(events.RestartNode("/a"), cable.now)
+    assert len(cable.take(events.RestartFailed)) == 1
+    cable.whole = True
+    cable.pass_time(1.0)
+    # None of it is carried out later.
+    assert cable.done == [events.WatchNodes(()), events.WatchNodes(())]
+
+
+def test_what_was_kept_back_on_a_cut_cable_is_refused(cable: Cable) -> None:
+    text = command_text(events.EndProcess("/a"))
+    number = cable.agent.line.heard + 1
+    late = msg.HostCommand(
+        session=cable.agent.session, agent=1000, number=number, heard=0, command=text
+    )
+    cable.now += LOST_S + 0.1
+    assert not cable.agent.hear(late, cable.now)
+    cable.pass_time(0.3)
+    assert cable.host.is_reached and cable.agent.session > late.session
+    assert not cable.agent.hear(late, cable.now)
+
+
+def test_a_later_reconfigurator_is_heard_and_the_former_no_more(cable: Cable) -> None:
+    former = cable.agent.session
+    told: List[Any] = []
+    second = RemoteHost("pi", told.append, cable.command)
+    cable.running = ["/substitute_a_1"]
+    first, cable.host = cable.host, second
+    cable.pass_time(0.2)
+    assert cable.agent.session > former
+    assert second.take_up() == ("/substitute_a_1",)
+    done = len(cable.done)
+    first.carry_out(events.EndProcess("/a"), cable.now)
+    assert len(cable.done) == done
+    second.carry_out(events.EndProcess("/a"), cable.now)
+    assert cable.done[-1] == events.EndProcess("/a")
+
+
+def test_an_agent_that_was_started_anew_is_given_no_former_command(cable: Cable) -> None:
+    cable.host.carry_out(SUBSTITUTE, cable.now)
+    cable.tell(events.SubstituteStarted(0.0, SUBSTITUTE.node, 0.0))
+    cable.running = [SUBSTITUTE.node]
+    cable.host.carry_out(events.LearnNode("/a", "/x"), cable.now)
+    cable.told.clear()
+    cable.agent = AgentEnd(2000)
+    cable.pass_time(0.3)
+    assert cable.done.count(SUBSTITUTE) == 1
+    assert [each.known for each in cable.take(events.NodeLearned)] == [False]
+    assert cable.host.is_reached and not cable.take(events.ProcessExited)  # it took that up
+
+
+def test_what_runs_there_and_is_not_wanted_any_more_is_stopped(cable: Cable) -> None:
+    cable.host.carry_out(SUBSTITUTE, cable.now)
+    cable.host.carry_out(events.RestartNode("/a"), cable.now)
+    kept = events.StartSubstitute("/substitute_b_2", None, host="pi")
+    ended = events.StartSubstitute("/substitute_c_3", None, host="pi")
+    for start in (kept, ended):
+        cable.host.carry_out(start, cable.now)
+    for node in (SUBSTITUTE.node, kept.node, ended.node):
+        cable.tell(events.SubstituteStarted(0.0, node, 0.0))
+    cable.tell(events.NodeRestarted(0.0, "/a", True, (12, 1.0), (1, 1.0)))
+    assert cable.take(events.NodeRestarted)[0].process == (0, 0.0)  # of another computer
+    cable.whole = False
+    cable.pass_time(2.0)
+    cable.host.carry_out(events.StopSubstitute(SUBSTITUTE.node), cable.now)
+    cable.host.carry_out(events.StopNode("/a"), cable.now)
+    cable.running, cable.restarted = [SUBSTITUTE.node, kept.node], ["/a"]
+    cable.whole = True
+    cable.done.clear()
+    cable.pass_time(0.5)
+    stops = [each for each in cable.done if not isinstance(each, events.WatchNodes)]
+    assert stops == [events.StopSubstitute(SUBSTITUTE.node), events.StopNode("/a")]
+    assert [each.node for each in cable.take(events.ProcessExited)] == [ended.node]
+
+
+def test_nobody_is_told_twice_of_what_is_no_event(cable: Cable) -> None:
+    cable.told.clear()
+    cable.say(*cable.agent.line.say("no event", cable.now))
+    assert cable.told == []
+    cable.tell(events.NodeLeft(0.0, "/a"))
+    assert cable.take(events.NodeLeft)
