@@ -43,6 +43,7 @@ def measure(network: Computers) -> object:
     for topic, node in NODES.items():
         heard[topic].await_node(node, PATIENCE_S)
     robot.await_available(CURRENT, "/odom", "/battery_voltage", seconds=PATIENCE_S)
+    robot.await_verified("/amperemeter", seconds=PATIENCE_S)
     wait_until(lambda: robot.substitutions, PATIENCE_S, "a substitute at hand")
     names = {network[name].address: name for name in COMPUTERS}
     where: Dict[str, str] = {}

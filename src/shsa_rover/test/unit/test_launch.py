@@ -5,6 +5,8 @@ from typing import Dict, List, Set
 import pytest
 import roslaunch
 
+from shsa_rover.conductor import command
+
 LAUNCH = Path(__file__).resolve().parents[2] / "launch"
 DRIVERS = {"amperemeter", "imu", "drivetrain", "voltmeter"}
 SIMULATED = DRIVERS | {"rover_simulator", "soc_estimator", "driver"}
@@ -101,11 +103,12 @@ GROUPS = {
 }
 
 
-def test_each_group_runs_on_its_computer_and_healing_on_the_notebook() -> None:
+def test_each_group_runs_on_its_computer_and_healing_on_the_notebook_with_agents_elsewhere() -> None:
     healing = {"monitor", "reconfigurator"}
-    assert machines() == {**GROUPS, "notebook": {"driver"} | healing}
+    beside = {name: nodes | {f"agent_{name}"} for name, nodes in GROUPS.items()}
+    assert machines() == {**beside, "notebook": GROUPS["notebook"] | healing}
     moved = machines("healing_host:=mainboard")
-    assert moved == {**GROUPS, "mainboard": GROUPS["mainboard"] | healing}
+    assert moved == {**beside, "mainboard": GROUPS["mainboard"] | healing}
     assert machines("healing:=false") == GROUPS
 
 
@@ -131,5 +134,21 @@ def test_the_distributed_rover_has_the_parameters_of_the_rover() -> None:
     arguments = ("port:=/dev/ttyAMA0", "sim:=false", "injectable:=true")
     distributed = load(*arguments, launch="rover_distributed.launch")
     assert parameters(distributed) == parameters(load(*arguments))
-    prefixes = {node.name: node.launch_prefix for node in distributed.nodes}
+    nodes = [node for node in distributed.nodes if not node.name.startswith("agent")]
+    prefixes = {node.name: node.launch_prefix for node in nodes}
     assert prefixes == {node.name: node.launch_prefix for node in load(*arguments).nodes}
+
+
+def test_the_demonstration_runs_on_three_computers_as_well() -> None:
+    arguments = ("results:=/x", "rover:=rover_distributed.launch", "raspberry_pi:=pi@raspberry_pi")
+    nodes = {node.name: node for node in load(*arguments, launch="demo.launch").nodes}
+    assert GROUPS["raspberry_pi"] < set(nodes)
+    assert nodes["amperemeter"].machine_name == "raspberry_pi"
+    # It ends roslaunch, which is here; the recording is wanted here as well.
+    assert {nodes["conductor"].machine_name, nodes["recorder"].machine_name} <= {None, "notebook"}
+    assert nodes["conductor"].args == "--on 'pi@raspberry_pi'"
+    assert command("pi@raspberry_pi")[-5:] == (
+        *("pi@raspberry_pi", "~/.ros/shsa_env"),
+        *("rosrun", "shsa_rover", "amperemeter"),
+    )
+    assert command("") == ("rosrun", "shsa_rover", "amperemeter")
