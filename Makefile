@@ -5,10 +5,11 @@ ENV := source tools/env.bash
 
 MINUTES := 10
 
-.PHONY: help setup build test fuzz coverage mutation reliability demo bench clean
+.PHONY: help setup build sshd test fuzz coverage mutation reliability demo hosts-demo bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
+	@echo "make hosts-demo   the same on three computers, made of this machine's namespaces; see results/hosts_demo/"
 	@echo "make test    run every test"
 	@echo "make bench   measure; see results/bench/"
 	@echo "make fuzz    MINUTES=10: look for inputs that break a reader; those found are tested from then on"
@@ -24,8 +25,12 @@ build: setup
 	@echo "[build] building the workspace"
 	@$(ENV) && catkin_make --source . -DPYTHON_EXECUTABLE=$(PYTHON) -DCMAKE_BUILD_TYPE=Release
 
+# Where none can be fetched, what needs it says so.
+sshd: setup
+	@tools/fetch_sshd || true
+
 # Two at a time; the tests of one file stay together. See conftest.py for their order.
-test: build
+test: build sshd
 	@$(ENV) && $(PYTHON) -m pytest -n 2 --dist loadfile
 
 fuzz: build
@@ -42,6 +47,9 @@ reliability: build
 
 demo: build
 	@$(ENV) && rosrun shsa_rover demo --results results/demo
+
+hosts-demo: build sshd
+	@$(ENV) && rosrun shsa_rover hosts_demo --results results/hosts_demo
 
 bench: build
 	@$(ENV) && tools/bench

@@ -8,27 +8,17 @@ from pathlib import Path
 import pytest
 from attempts import attempt
 
+from shsa_testing.computers import refusal
+
 SCRIPT = Path(__file__).resolve().parent.parent / "src" / "shsa_core" / "bench" / "partition.py"
 TIMEOUT_S = 150.0
 LONG = os.environ.get("SHSA_LONG", "")
 
 
-def permitted() -> bool:
-    """Whether network namespaces can be made here."""
-    name = f"shsa_may_{os.getpid()}"
-    try:
-        made = subprocess.run(["ip", "netns", "add", name], stderr=subprocess.DEVNULL, check=False)
-    except OSError:
-        return False
-    if made.returncode == 0:
-        subprocess.run(["ip", "netns", "delete", name], check=True)
-    return made.returncode == 0
-
-
 @pytest.mark.parametrize("seconds", [2.0, 20.0] if LONG else [2.0])
 def test_a_backlog_is_neither_good_nor_bad(seconds: float) -> None:
-    if not permitted():
-        pytest.skip("network namespaces need root: `ip netns add` is refused here")
+    if refusal():
+        pytest.skip(refusal())
     attempt(lambda: failure(seconds))
 
 

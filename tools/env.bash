@@ -3,4 +3,4 @@ workspace="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 if [ -f /opt/ros/noetic/setup.bash ]; then source /opt/ros/noetic/setup.bash; fi
 if [ -f "$workspace/devel/setup.bash" ]; then source "$workspace/devel/setup.bash"; fi
 # ROS is for the system's python3; another one may come first on PATH.
-export PATH="/usr/bin:$PATH"
+export PATH="/usr/bin:$PATH:$workspace/build/hosts"

@@ -1,17 +1,16 @@
-"""A link to another computer goes down and comes up again: a publisher in a network namespace.
+"""A link to another computer, made of namespaces, goes down and comes up again: a publisher there.
 
 Its backlog reaches consumers whatever healing does. What counts is what healing makes of it. Prints
 one JSON object: `backlog`, messages of the original that were older than its deadline as they were
 heard; `taken_for_good`, how many of them came after its return was noticed; `overlap`: s from its
 first message that is not late to the substitute's last one; `gap`, the longest pause in s between
 messages until the return; `kinds` of failures; `killed`, whether the original was ended; `state` of
-the incident. Needs the right to make network namespaces.
+the incident. Needs the right to make namespaces.
 """
 import argparse
 import json
 import os
 import socket
-import subprocess
 import sys
 import time
 from typing import List, Tuple
@@ -21,6 +20,7 @@ from shsa_msgs.msg import Failure, Float64Stamped
 
 from graph import FAULTY_PUBLISHER, PACKAGE, PATIENCE_S, Graph
 from shsa_core.ros.graph import clock
+from shsa_testing.computers import Computer, Computers
 from shsa_testing.waiting import wait_until
 
 TOPIC, NODE, SOURCE = "/hot", "/hot_node", "/source_node"
@@ -28,47 +28,7 @@ DEADLINE_S = 0.25
 SETTLED_S = 3.0
 
 
-class Namespace:
-    """`with Namespace() as far:` has another computer at the end of a link."""
-
-    def __init__(self) -> None:
-        number = os.getpid() % 16384
-        net = f"10.{200 + number // 8192}.{number // 32 % 256}"
-        host = number % 32 * 8 + 1
-        self.here, self.there = f"{net}.{host}", f"{net}.{host + 1}"
-        self._name = f"shsa_{os.getpid()}"
-        self._ends = f"sh{os.getpid()}", f"sf{os.getpid()}"
-
-    def __enter__(self) -> "Namespace":
-        here, there = self._ends
-        ip("netns", "add", self._name)
-        ip("link", "add", here, "type", "veth", "peer", "name", there, "netns", self._name)
-        ip("address", "add", f"{self.here}/30", "dev", here)
-        ip("link", "set", "dev", here, "up")
-        ip("-n", self._name, "address", "add", f"{self.there}/30", "dev", there)
-        ip("-n", self._name, "link", "set", "dev", "lo", "up")
-        self.link(True)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        subprocess.run(["ip", "link", "delete", self._ends[0]], check=False)
-        subprocess.run(["ip", "netns", "delete", self._name], check=False)
-
-    def link(self, up: bool) -> None:
-        """Bring the link up, or down."""
-        ip("-n", self._name, "link", "set", "dev", self._ends[1], "up" if up else "down")
-
-    def words(self, *command: str) -> Tuple[str, ...]:
-        """A command that runs a ROS node over there."""
-        return ("ip", "netns", "exec", self._name, "env", f"ROS_IP={self.there}", *command)
-
-
-def ip(*words: str) -> None:
-    """Run `ip`. Raises CalledProcessError if it is not permitted."""
-    subprocess.run(["ip", *words], check=True)
-
-
-def measure(graph: Graph, far: Namespace, seconds: float) -> object:
+def measure(graph: Graph, far: Computer, seconds: float) -> object:
     """Take the link down for so long, and look what comes of it."""
     heard: List[Tuple[float, str, float]] = []  # when, from whom, how old
     kinds: List[str] = []
@@ -95,10 +55,10 @@ def measure(graph: Graph, far: Namespace, seconds: float) -> object:
     time.sleep(SETTLED_S)
     kinds.clear()
     down = clock.now()
-    far.link(False)
+    far.link.cut()
     healing.await_state(TOPIC, "healed", PATIENCE_S)
     wait_until(lambda: clock.now() > down + seconds, seconds + PATIENCE_S, "the link is down")
-    far.link(True)
+    far.link.restore()
     up = clock.now()
     state = healing.await_state(TOPIC, "ended", PATIENCE_S + seconds).state
     returned = clock.from_stamp(healing.latest(TOPIC).returned) or 0.0  # type: ignore[union-attr]
@@ -123,14 +83,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=2.0, help="how long the link is down")
     options = parser.parse_args()
-    with Namespace() as far:
-        os.environ["ROS_IP"] = far.here
+    with Computers("far") as network:
+        os.environ["ROS_IP"] = network.here
         with Graph() as graph:
             port = os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]
-            os.environ["ROS_MASTER_URI"] = f"http://{far.here}:{port}"
-            socket.create_connection((far.here, int(port)), 5.0).close()
+            os.environ["ROS_MASTER_URI"] = f"http://{network.here}:{port}"
+            socket.create_connection((network.here, int(port)), 5.0).close()
             try:
-                print(json.dumps(measure(graph, far, options.seconds)), flush=True)
+                print(json.dumps(measure(graph, network["far"], options.seconds)), flush=True)
             except AssertionError:
                 print(graph.last_words(40), file=sys.stderr)
                 raise

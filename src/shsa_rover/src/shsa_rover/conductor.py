@@ -1,18 +1,35 @@
 """Conducts the demonstration: kills the amperemeter, and brings it back."""
+import argparse
 import os
 import signal
 import subprocess
+from typing import Tuple
 
 import rosnode
 import rospy
 from shsa_msgs.msg import Float64Stamped
 
+ENV_LOADER = "~/.ros/shsa_env"
+"""What sets the environment of ROS on another computer; hosts_setup writes it."""
+
+
+def command(computer: str) -> Tuple[str, ...]:
+    """What starts the amperemeter on a computer, [USER@]HOST; here if that is empty."""
+    node = ("rosrun", "shsa_rover", "amperemeter")
+    # With a terminal (-tt), the node ends with the connection.
+    there = ("ssh", "-tt", "-o", "BatchMode=yes", computer, ENV_LOADER)
+    return (*there, *node) if computer else node
+
 
 def main() -> None:
     """Run the conductor node; it ends the launch that it belongs to.
 
-    Parameters: `~kill_at`, `~return_at`, `~end_at`: s since the first battery current.
+    Its argument `--on [USER@]HOST` says where the amperemeter is started again. Parameters:
+    `~kill_at`, `~return_at`, `~end_at`: s since the first battery current.
     """
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--on", default="", metavar="[USER@]HOST", help="empty: here")
+    again = command(parser.parse_args(rospy.myargv()[1:]).on)
     rospy.init_node("conductor")
     node = rospy.resolve_name("amperemeter")
     kill_at = float(rospy.get_param("~kill_at"))
@@ -26,8 +43,8 @@ def main() -> None:
     rospy.loginfo("DEMO: rosnode kill %s", node)
     rosnode.kill_nodes([node])
     rospy.sleep(start + return_at - rospy.get_time())
-    rospy.loginfo("DEMO: rosrun shsa_rover amperemeter")
-    subprocess.Popen(["rosrun", "shsa_rover", "amperemeter"])
+    rospy.loginfo("DEMO: %s", " ".join(again))
+    subprocess.Popen(again, stdin=subprocess.DEVNULL)
     rospy.sleep(start + end_at - rospy.get_time())
     rospy.loginfo("DEMO: that is all.")
     os.kill(os.getppid(), signal.SIGINT)  # roslaunch: it ends the launch

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from bisect import bisect_left
 from pathlib import Path
-from typing import List, Optional, Tuple
+from typing import Callable, List, Mapping, Optional, Sequence, Tuple
 
 from tabulate import tabulate
 
@@ -23,12 +23,21 @@ def main(arguments: Optional[List[str]] = None) -> int:
     """Run the demonstration; 0 if the topic was healed and the original returned."""
     parser = argparse.ArgumentParser(description="Run the demonstration of the paper, headless.")
     parser.add_argument("--results", type=Path, default=Path("results/demo"), help="folder")
-    results = parser.parse_args(arguments).results.resolve()
+    return demonstrate(parser.parse_args(arguments).results.resolve(), _launch)
+
+
+def demonstrate(results: Path, launch: Callable[[Sequence[str]], int]) -> int:
+    """Run the demonstration, draw it and sum it up in the folder `results`.
+
+    `launch` runs roslaunch with these arguments, and returns its exit status. 0 if the topic was
+    healed and the original returned.
+    """
     results.mkdir(parents=True, exist_ok=True)
     for stale in ("run.bag", "run.bag.active", "incidents.jsonl", "figure.png"):
         if (results / stale).exists():
             (results / stale).unlink()
-    status = _launch(results)
+    words = ("shsa_rover", "demo.launch", f"results:={results}", f"end_at:={DRIVE_END_S}")
+    status = launch(words)
     if status != 0:
         print(f"roslaunch ended with exit status {status}", file=sys.stderr)
         return 1
@@ -42,14 +51,17 @@ def main(arguments: Optional[List[str]] = None) -> int:
     return _report(recording, results)
 
 
-def _launch(results: Path) -> int:
-    """Run demo.launch with a master of its own, so that nothing that runs already is disturbed."""
+def _launch(words: Sequence[str]) -> int:
+    """Run roslaunch with a master of its own, so that nothing that runs already is disturbed."""
     with socket.socket() as probe:
         probe.bind(("", 0))
         port = probe.getsockname()[1]
     environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}")
-    command = ["roslaunch", "-p", str(port), "shsa_rover", "demo.launch"]
-    command += [f"results:={results}", f"end_at:={DRIVE_END_S}"]
+    return await_end(["roslaunch", "-p", str(port), *words], environment)
+
+
+def await_end(command: Sequence[str], environment: Mapping[str, str]) -> int:
+    """Run a command that launches; its exit status. One that does not end is interrupted."""
     with subprocess.Popen(command, env=environment) as roslaunch:
         try:
             return roslaunch.wait(TIMEOUT_S)

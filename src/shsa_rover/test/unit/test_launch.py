@@ -5,14 +5,19 @@ from typing import Dict, List, Set
 import pytest
 import roslaunch
 
-LAUNCH = Path(__file__).resolve().parents[2] / "launch" / "rover.launch"
+from shsa_rover.conductor import command
+
+LAUNCH = Path(__file__).resolve().parents[2] / "launch"
 DRIVERS = {"amperemeter", "imu", "drivetrain", "voltmeter"}
 SIMULATED = DRIVERS | {"rover_simulator", "soc_estimator", "driver"}
 
 
-def load(*arguments: str) -> roslaunch.ROSLaunchConfig:
-    """The configuration that `roslaunch shsa_rover rover.launch ARGUMENTS` would start."""
-    return roslaunch.config.load_config_default([(str(LAUNCH), list(arguments))], None)
+def load(*arguments: str, launch: str = "rover.launch") -> roslaunch.ROSLaunchConfig:
+    """The configuration that `roslaunch shsa_rover LAUNCH ARGUMENTS` would start."""
+    file = str(LAUNCH / launch)
+    return roslaunch.config.load_config_default(
+        [(file, list(arguments))], None, assign_machines=False
+    )
 
 
 def names(config: roslaunch.ROSLaunchConfig) -> Set[str]:
@@ -81,3 +86,69 @@ def test_messages_can_fail_where_that_is_asked_for() -> None:
     assert failing == DRIVERS | {"driver"}
     assert prefixes["imu"] == "rosrun shsa_injection injectable"
     assert not any(node.launch_prefix for node in load().nodes)
+
+
+def machines(*arguments: str) -> Dict[str, Set[str]]:
+    """The nodes of rover_distributed.launch by the machine that each runs on."""
+    found: Dict[str, Set[str]] = {}
+    for node in load(*arguments, launch="rover_distributed.launch").nodes:
+        found.setdefault(str(node.machine_name), set()).add(node.name)
+    return found
+
+
+GROUPS = {
+    "raspberry_pi": {"amperemeter", "imu", "rover_simulator"},
+    "mainboard": {"drivetrain", "voltmeter", "soc_estimator"},
+    "notebook": {"driver"},
+}
+
+
+def test_each_group_runs_on_its_computer_and_healing_on_the_notebook_with_agents_elsewhere() -> None:
+    healing = {"monitor", "reconfigurator"}
+    beside = {name: nodes | {f"agent_{name}"} for name, nodes in GROUPS.items()}
+    assert machines() == {**beside, "notebook": GROUPS["notebook"] | healing}
+    moved = machines("healing_host:=mainboard")
+    assert moved == {**beside, "mainboard": GROUPS["mainboard"] | healing}
+    assert machines("healing:=false") == GROUPS
+
+
+def test_a_place_of_healing_that_is_none_is_an_error() -> None:
+    with pytest.raises(roslaunch.core.RLException, match="nowhere_address"):
+        machines("healing_host:=nowhere")
+
+
+def test_computers_are_reached_as_the_arguments_say() -> None:
+    config = load(
+        *("mainboard_address:=10.0.0.3", "mainboard_user:=rover", "env_loader:=/opt/environment"),
+        launch="rover_distributed.launch",
+    )
+    machine = config.machines["mainboard"]
+    assert (machine.address, machine.user) == ("10.0.0.3", "rover")
+    assert config.machines["raspberry_pi"].address == "raspberry_pi"
+    assert {each.env_loader for name, each in config.machines.items() if name} == {
+        "/opt/environment"
+    }
+
+
+def test_the_distributed_rover_has_the_parameters_of_the_rover() -> None:
+    arguments = ("port:=/dev/ttyAMA0", "sim:=false", "injectable:=true")
+    distributed = load(*arguments, launch="rover_distributed.launch")
+    assert parameters(distributed) == parameters(load(*arguments))
+    nodes = [node for node in distributed.nodes if not node.name.startswith("agent")]
+    prefixes = {node.name: node.launch_prefix for node in nodes}
+    assert prefixes == {node.name: node.launch_prefix for node in load(*arguments).nodes}
+
+
+def test_the_demonstration_runs_on_three_computers_as_well() -> None:
+    arguments = ("results:=/x", "rover:=rover_distributed.launch", "raspberry_pi:=pi@raspberry_pi")
+    nodes = {node.name: node for node in load(*arguments, launch="demo.launch").nodes}
+    assert GROUPS["raspberry_pi"] < set(nodes)
+    assert nodes["amperemeter"].machine_name == "raspberry_pi"
+    # It ends roslaunch, which is here; the recording is wanted here as well.
+    assert {nodes["conductor"].machine_name, nodes["recorder"].machine_name} <= {None, "notebook"}
+    assert nodes["conductor"].args == "--on 'pi@raspberry_pi'"
+    assert command("pi@raspberry_pi")[-5:] == (
+        *("pi@raspberry_pi", "~/.ros/shsa_env"),
+        *("rosrun", "shsa_rover", "amperemeter"),
+    )
+    assert command("") == ("rosrun", "shsa_rover", "amperemeter")

@@ -1,4 +1,5 @@
 """The rover's models: valid, measured, sufficient, never tripped by a healthy rover."""
+from dataclasses import replace
 from pathlib import Path
 from typing import Set
 
@@ -42,6 +43,17 @@ def _unseen() -> Dataset:
 def test_the_files_are_valid() -> None:
     assert check_files(ONTOLOGY_FILE, SOM_FILE) == []
     assert check_files(str(FOLDER / "paper.yaml"), None) == []
+
+
+def test_on_three_computers_the_services_are_the_same() -> None:
+    file = str(FOLDER / "rover_hosts_som.yaml")
+    three = read_som(file)
+    assert set(three.hosts) == {service.host for service in three}
+    assert set(three.hosts) == {"raspberry_pi", "mainboard", "notebook"}
+    assert [replace(service, host="") for service in three] == list(SOM)
+    # The estimator's voltage is on the mainboard, as the voltmeter is.
+    (finding,) = check_files(ONTOLOGY_FILE, file)
+    assert finding.level == "warning" and "does without mainboard" in finding.todo
 
 
 def test_the_needed_topics_are_those_of_the_rover() -> None:
