@@ -96,7 +96,7 @@ def test_a_journal_is_plain_lines(opened: Open, path: Path, warnings: List[str])
     recorded(opened, EVENTS[:2])
     header, tick, added, answer, end = lines(path)
     assert (header["journal"], header["machine"]) == (1, "adder")
-    assert header["setup"] == {"som": [], "step": 2.0}
+    assert header["setup"] == {"som": [[], []], "step": 2.0}
     assert tick == {"class": "Tick", "time": 10.0}
     assert (added["class"], added["number"], added["text"]) == ("Added", 3.0, "first")
     assert answer["answer"] == ["Show", "Log"] and len(answer["sha1"]) == 40

@@ -1,6 +1,6 @@
 """The SOM as parameters: what counts of a change, and what comes from the file alone."""
 import pathlib
-from typing import Any
+from typing import Any, Dict
 
 import pytest
 from som_trees import GOOD, SERVICE, changed, som_of, write
@@ -46,8 +46,10 @@ def test_a_number_is_one_parameter(good: Som) -> None:
 def test_what_decides_whom_healing_kills_comes_from_the_file_alone(key: str) -> None:
     others = {"topic": "/x", "type": "a/B", "node": "/x", "policy": "restart"}
     others["contain"] = "none"
-    old = som_of(changed("period", 0.1))
-    som, errors = merge_parameters(old, changed(key, others[key]))
+    others.update(host="pi", placement={"forbid": ["pi"]}, on_partition="wait")
+    hosts: Dict[str, Dict[str, float]] = {"pi": {}, "board": {"cores": 2.0}}
+    old = som_of({**changed("period", 0.1), "hosts": hosts})
+    som, errors = merge_parameters(old, {**changed(key, others[key]), "hosts": hosts})
     assert som == old and len(errors) == 1
     assert f"{key} is " in errors[0].what and "can be changed there alone" in errors[0].what
 

@@ -221,6 +221,7 @@ def _reachable(ontology: Ontology, provided: Set[str]) -> Set[str]:
 
 def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
     takeovers = Takeovers(ontology, som.sources)
+    apart = len({service.host for service in som}) > 1  # else nothing could do without the one host
     for service in som.needed():
         if read_alone(service) or not service.policy.plans:
             continue  # check_healable says it, or nobody looks for a substitute
@@ -234,13 +235,15 @@ def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
             todo = "Write the relation as an expression, or add another one"
             yield Finding("warning", service.where, f"{what} no substitute for it: {error}", todo)
         else:
-            yield from _check_takeover(service, takeover)
+            yield from _check_takeover(service, takeover, service.shared if apart else service.fails_with)
 
 
-def _check_takeover(service: Service, takeover: Takeover) -> Iterator[Finding]:
-    """What is not as good of a substitute as its quality says."""
-    shared = {c: source for source in takeover.reads for c in source.service.fails_with}
-    for cause in (cause for cause in service.fails_with if cause in shared):
+def _check_takeover(
+    service: Service, takeover: Takeover, causes: Iterable[str]
+) -> Iterator[Finding]:
+    """What is not as good of a substitute as its quality says; `causes`: those it should avoid."""
+    shared = {c: source for source in takeover.reads for c in source.service.shared}
+    for cause in (cause for cause in causes if cause in shared):
         yield Finding(
             "warning",
             service.where,

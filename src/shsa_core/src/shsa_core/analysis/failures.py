@@ -67,8 +67,8 @@ class Failures:
         That is, without what shares a cause with it, unless these values need that.
         """
         own = service.node, service.name
-        if service.fails_with:
-            apart = self.after([*own, *service.fails_with])
+        for causes in service.avoided:
+            apart = self.after([*own, *causes])
             if all(apart.ratings[number] != LOST for number in numbers):
                 return apart
         return self.after(own)

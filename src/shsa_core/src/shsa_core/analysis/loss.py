@@ -1,6 +1,6 @@
 """What is left when a property is lost, by the SOM alone: without a running graph."""
 from collections import deque
-from typing import Iterable, List, NamedTuple, Optional, Tuple
+from typing import Collection, Iterable, List, NamedTuple, Optional, Tuple
 
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
@@ -20,10 +20,14 @@ class Loss(NamedTuple):
     available: Tuple[Source, ...]
     excluded: Tuple[str, ...]
 
-    def apart(self) -> "Loss":
-        """The same, without all that shares a cause with the lost service."""
+    def apart(self, unavoided: Collection[str] = ()) -> "Loss":
+        """The same, without all that shares a cause with the lost service, as healing avoids them.
+
+        `unavoided`: those that its substitute shares, as nothing else would do.
+        """
         assert self.source is not None
-        causes = self.source.service.fails_with
+        avoided = self.source.service.avoided
+        causes = next((each for each in avoided if set(each).isdisjoint(unavoided)), ())
         available = [s for s in self.available if set(causes).isdisjoint(s.names)]
         return self._replace(available=tuple(available), excluded=(*self.excluded, *causes))
 

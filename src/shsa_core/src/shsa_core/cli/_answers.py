@@ -57,7 +57,7 @@ def of_service(asked: Asked, service: Service) -> Answer:
     answer.update(_planned(plan))
     errors = [described(error) for error in plan.errors]
     answer["errors"] = dict(zip((source.property for source in plan.outputs), errors))
-    shares = [c for c in service.fails_with if any(c in s.names for s in plan.inputs)]
+    shares = [c for c in service.shared if any(c in s.names for s in plan.inputs)]
     slow = slowest(service, plan.inputs)
     if shares:
         answer["shares"] = shares
@@ -73,8 +73,8 @@ def of_property(asked: Asked, loss: Loss, whole: Optional[Answer] = None) -> Ans
     said.
     """
     healed = whole is None or "substitute" not in whole
-    if loss.source is not None and whole is not None and healed and "shares" not in whole:
-        loss = loss.apart()
+    if loss.source is not None and whole is not None and healed:
+        loss = loss.apart(whole.get("shares", ()))
     answer = _one(asked, loss)
     if not healed and "substitute" not in answer:
         assert whole is not None

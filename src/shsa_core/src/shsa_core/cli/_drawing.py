@@ -116,8 +116,9 @@ def _bold(substitution: Optional[Derivation]) -> Set[Edge]:
 
 
 def _property(name: str, sources: Iterable[Source], used: bool) -> str:
-    """A property's name, and below it in small where it is provided."""
-    paths = (f'<br/><font point-size="9">{_escaped(source.path)}</font>' for source in sources)
+    """A property's name, and below it in small where it is provided, and on which host."""
+    places = (f"{s.path} on {s.service.host}" if s.service.host else s.path for s in sources)
+    paths = (f'<br/><font point-size="9">{_escaped(place)}</font>' for place in places)
     label = f"<b>{_escaped(name)}</b>" if used else _escaped(name)
     return label + "".join(paths)
 

@@ -38,7 +38,7 @@ def add_without(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         action="append",
         default=[],
-        help="do without this node, topic, service or common cause (fails_with) as well; may be "
+        help="do without this node, topic, service, host or common cause (fails_with) as well; may be "
         "given several times",
     )
 

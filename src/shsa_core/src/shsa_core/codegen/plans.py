@@ -81,12 +81,12 @@ def plan_service(
     check_writable(service)
     available = table.excluding([service.name, *excluded])
     question = ontology, service.name, service.sources
-    if service.fails_with:
+    for causes in service.avoided:
         try:
-            apart = available.excluding(service.fails_with)
+            apart = available.excluding(causes)
             return plan_sources(*question, apart, method, tried, predictor)
         except (NoSubstitute, GenerationError):
-            pass
+            continue
     return plan_sources(*question, available, method, tried, predictor)
 
 

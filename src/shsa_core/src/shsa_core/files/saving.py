@@ -13,6 +13,7 @@ from shsa_core.files.error_values import plain_error, usual_quality
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.regular import read_text
 from shsa_core.files.som_file import NAMES, read_som, service_parameters
+from shsa_core.files.som_plain import host_parameters
 from shsa_core.model.error import Error
 from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Constant, Ontology, Property
@@ -64,6 +65,12 @@ def save_som(som: Som, path: str, namespace: str = "/") -> None:
         for name, service in som.services.items()
         if old.services.get(name) != service
     }
+    computers = {
+        name: _one_line(host_parameters(host))
+        for name, host in som.hosts.items()
+        if old.hosts.get(name) != host
+    }
+    _update(_section(tree, "hosts", bool(som.hosts)), som.hosts, computers)
     section = _section(tree, "services", True)
     for name in changed.keys() & section.keys():
         for key in NAMES:
@@ -168,6 +175,8 @@ def _service_entry(service: Service) -> CommentedMap:
     if service.last_resort.command:
         resort = {"values": dict(service.last_resort.values)} if service.last_resort.values else {}
         entry["last_resort"] = {**resort, "command": list(service.last_resort.command)}
+    if "placement" in entry:
+        entry["placement"] = _one_line(entry["placement"])
     provides = entry.pop("provides")
     entry["provides"] = CommentedMap((name, _one_line(line)) for name, line in provides.items())
     return entry

@@ -1,12 +1,13 @@
 """The SOM in a file and on the parameter server, read as strictly as the ontology."""
 import dataclasses
-from typing import Any, Container, Dict, Iterable, List, Optional, Tuple
+from typing import Collection, Container, Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.errors import ModelError, ModelErrors
 from shsa_core.files.document import Value, from_parameters, read_yaml
 from shsa_core.files.error_values import usual_quality
-from shsa_core.files.som_plain import service_parameters, som_parameters
-from shsa_core.files.som_values import PROVISION, SERVICE, Reader
+from shsa_core.files.som_hosts import check_hosts, read_hosts
+from shsa_core.files.som_plain import hosts_parameters, service_parameters, som_parameters
+from shsa_core.files.som_values import PROVISION, SERVICE, read_keys
 from shsa_core.language.expression import is_name
 from shsa_core.model.checks import OFF_FOR_DISTANCES, default_checks
 from shsa_core.model.field import tells_of_nothing
@@ -27,8 +28,12 @@ __all__ = [
 ]
 
 PARAMETER = "shsa/som"
-FROM_FILE_ALONE = ("topic", "type", "node", "policy", "contain")
-"""What decides whom healing may kill or start: never taken from parameters."""
+FROM_FILE_ALONE = (
+    *("topic", "type", "node", "policy", "contain"),
+    *("host", "placement", "on_partition"),
+)
+"""What decides whom healing may kill or start, and where: never taken from parameters."""
+SECTIONS = ("services", "hosts")
 NAMES = ("topic", "node")
 """What a SOM may name relative to the namespace in which healing runs."""
 
@@ -54,17 +59,20 @@ def load_som(path: str, namespace: str = "/") -> Tuple[Som, List[ModelError]]:
 def read_tree(tree: Value, namespace: str = "/") -> Tuple[Som, List[ModelError]]:
     """The valid services in a tree, and what is wrong with the rest. Raises ModelError."""
     collector = _Collector()
-    collector.errors += tree.wrong_keys("the SOM", ("services",), ("services",))
+    collector.errors += tree.wrong_keys("the SOM", SECTIONS, ("services",))
     sections = tree.mapping("the SOM")
     if "services" not in sections:
         raise ModelErrors(collector.errors)
     named = sections["services"].mapping("services")
+    computers = sections["hosts"].mapping("hosts") if "hosts" in sections else {}
+    hosts, refused = read_hosts(computers, named)
+    collector.errors += refused
     for name, value in named.items():
         try:
-            collector.add(_service(name, value, namespace, named))
+            collector.add(_service(name, value, namespace, named, computers))
         except ModelError as error:
             collector.errors += error.errors
-    return Som(collector.services), collector.errors
+    return Som(collector.services, hosts), collector.errors
 
 
 def merge_parameters(
@@ -80,38 +88,47 @@ def merge_parameters(
     if not isinstance(value, dict) or not isinstance(given, dict):
         return current, [_no_table(value, where)]
     keys = from_parameters(dict.fromkeys(value), where)
-    errors = list(keys.wrong_keys("the SOM", ("services",)))
+    errors = list(keys.wrong_keys("the SOM", SECTIONS))
+    hosts = hosts_parameters(current)
+    if value.get("hosts", hosts) != hosts:
+        errors.append(ModelError(f"{where}/hosts", "hosts can be changed in the SOM file alone"))
     services = dict(current.services)
     for name, plain in given.items():
         try:
             entry = from_parameters(plain, f"{where}/services/{name}")
             if name not in services:
                 raise entry.error("the SOM file has no such service; only the file can add one")
-            service = _service(name, entry, namespace, services)
+            service = _service(name, entry, namespace, services, current.hosts)
             services[name] = _as_in_file(service, services[name], entry)
         except ModelError as error:
             errors += error.errors
-    return Som(services.values()), errors
+    return current.with_services(services.values()), errors
 
 
 def _no_table(value: object, where: str) -> ModelError:
     """Why there is no table of services in some parameters."""
     try:
-        tree = from_parameters(value, where).entry("the SOM", ("services",), ("services",))
+        tree = from_parameters(value, where).entry("the SOM", SECTIONS, ("services",))
         tree["services"].mapping("services")
     except ModelError as error:
         return error
     return ModelError(where, "there is no table of services")
 
 
-def _service(name: str, value: Value, namespace: str, services: Container[str]) -> Service:
-    """One service; `services`: the names of all."""
+def _service(
+    name: str,
+    value: Value,
+    namespace: str,
+    services: Container[str],
+    hosts: Collection[str],
+) -> Service:
+    """One service; `services` and `hosts`: the names of all."""
     if not is_name(name):
         raise value.error(f"{name!a} cannot be the name of a service")
     required = ("topic", "type", "node", "period", "provides")
     what, entry = f"the service {name}", value.mapping(f"the service {name}")
     errors = list(value.wrong_keys(what, (*SERVICE, "provides"), required))
-    given = _read({key: entry[key] for key in entry if key in SERVICE}, SERVICE, errors)
+    given = read_keys(entry, SERVICE, errors)
     if "provides" in entry:
         try:
             given["provides"] = _provides(entry["provides"], given.get("type", ""))
@@ -133,20 +150,8 @@ def _service(name: str, value: Value, namespace: str, services: Container[str]) 
     if service.event_driven and service.deadline is not None:
         raise entry["deadline"].error("an event-driven topic (period: none) has no deadline")
     _check_last_resort(service, entry)
+    check_hosts(service, entry, hosts)
     return service
-
-
-def _read(
-    entry: Dict[str, Value], readers: Dict[str, Reader], errors: List[ModelError]
-) -> Dict[str, Any]:
-    """What each key says; what is wrong goes to `errors`."""
-    given: Dict[str, Any] = {}
-    for key, item in entry.items():
-        try:
-            given[key] = readers[key](item, key)
-        except ModelError as error:
-            errors += error.errors
-    return given
 
 
 def _keys(value: Optional[Value]) -> Iterable[str]:
@@ -173,7 +178,7 @@ def _provision(name: str, item: Value, others: Iterable[Provision], message_type
         raise item.error(f"{name!a} cannot be the name of a property")
     what, entry = f"the property {name}", item.mapping(f"the property {name}")
     errors = list(item.wrong_keys(what, PROVISION, ("field",)))
-    given = _read({key: entry[key] for key in entry if key in PROVISION}, PROVISION, errors)
+    given = read_keys(entry, PROVISION, errors)
     if errors:
         raise ModelErrors(errors)
     given.setdefault("quality", usual_quality(given.get("error")))

@@ -5,14 +5,28 @@ from shsa_core.files.error_values import plain_error
 from shsa_core.files.som_values import check_names
 from shsa_core.model.checks import LEARNED, Check, Checks, Limit, default_limit
 from shsa_core.model.field import tells_of_nothing
-from shsa_core.model.kinds import Others
+from shsa_core.model.host import Host, Placement
+from shsa_core.model.kinds import OnPartition, Others
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 
 
 def som_parameters(som: Som) -> Dict[str, object]:
     """A SOM as it lies on the parameter server: mappings, lists and values, and no command."""
-    return {"services": {service.name: service_parameters(service) for service in som}}
+    plain: Dict[str, object] = {"hosts": hosts_parameters(som)} if som.hosts else {}
+    plain["services"] = {service.name: service_parameters(service) for service in som}
+    return plain
+
+
+def hosts_parameters(som: Som) -> Dict[str, object]:
+    """The hosts of a SOM as they lie on the parameter server."""
+    return {host.name: host_parameters(host) for host in som.hosts.values()}
+
+
+def host_parameters(host: Host) -> Dict[str, float]:
+    """A host as it lies on the parameter server."""
+    given = {"cores": host.cores, "link": host.link}
+    return {key: value for key, value in given.items() if value is not None}
 
 
 def service_parameters(service: Service) -> Dict[str, Any]:
@@ -41,11 +55,19 @@ def service_parameters(service: Service) -> Dict[str, Any]:
         "contain": None if service.contain is None else str(service.contain),
         "others": str(service.others) if service.others is not Others.UNKNOWN else "",
         "latched": service.latched,
+        "host": service.host,
+        "placement": _placement_parameters(service.placement),
+        "on_partition": str(service.on_partition) if service.on_partition is not OnPartition.HEAL else "",
     }
     if not service.last_resort.values:
         del optional["last_resort"]
     plain.update({key: value for key, value in optional.items() if value})
     return plain
+
+
+def _placement_parameters(placement: Placement) -> Dict[str, object]:
+    given = {"prefer": list(placement.prefer), "forbid": list(placement.forbid)}
+    return {key: value for key, value in given.items() if value}
 
 
 def _provision_parameters(provision: Provision, message_type: str) -> Dict[str, object]:

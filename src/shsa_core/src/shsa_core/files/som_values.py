@@ -1,13 +1,14 @@
-"""How each key of a SOM is read: a new key is a line in SERVICE or PROVISION."""
+"""How each key of a SOM is read: a new key is a line in SERVICE, PROVISION or HOST."""
 import re
 from typing import Any, Callable, Dict, List, Optional, Tuple, Type
 
-from shsa_core.errors import ShsaError
+from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import Value
 from shsa_core.files.error_values import read_error
 from shsa_core.model.checks import OF_VALUE, REGISTRY, Check, Checks, Limit
 from shsa_core.model.field import parse_field
-from shsa_core.model.kinds import Contain, Others, Policy, Standby, Word
+from shsa_core.model.host import Placement
+from shsa_core.model.kinds import Contain, OnPartition, Others, Policy, Standby, Word
 from shsa_core.model.service import LastResort
 
 _GRAPH_NAME = re.compile(r"(/[A-Za-z0-9_]+|[A-Za-z]\w*)(/[A-Za-z0-9_]+)*\Z", re.ASCII)
@@ -81,6 +82,25 @@ def _causes(value: Value, key: str) -> Tuple[str, ...]:
 def _derived_from(value: Value, key: str) -> Tuple[str, ...]:
     read = _matching(_GRAPH_NAME, "odometry, the name of a service, or /odom, a topic")
     return tuple(dict.fromkeys(read(item, f"a name in {key}") for item in value.sequence(key)))
+
+
+def _hosts(value: Value, key: str) -> Tuple[str, ...]:
+    names = (item.string(f"a name in {key}") for item in value.sequence(key))
+    return tuple(dict.fromkeys(names))
+
+
+def _host(value: Value, key: str) -> str:
+    return value.string(key)
+
+
+def _placement(value: Value, key: str) -> Placement:
+    entry = value.entry(key, ("prefer", "forbid"))
+    given = {name: _hosts(item, name) for name, item in entry.items()}
+    placement = Placement(**given)
+    both = set(placement.prefer) & set(placement.forbid)
+    if both:
+        raise value.error(f"{min(both)} is both preferred and forbidden")
+    return placement
 
 
 def _flag(value: Value, key: str) -> bool:
@@ -198,6 +218,9 @@ SERVICE: Dict[str, Reader] = {
     "fails_with": _causes,
     "fault_tolerant_time": _positive,
     "derived_from": _derived_from,
+    "host": _host,
+    "placement": _placement,
+    "on_partition": _one_of(OnPartition),
 }
 """What a service may say beside `provides`: a new key is a line here, and one in `Service`."""
 
@@ -209,3 +232,19 @@ PROVISION: Dict[str, Reader] = {
     "error": read_error,
     "calibrate": _flag,
 }
+
+HOST: Dict[str, Reader] = {"cores": _positive, "link": _positive}
+
+
+def read_keys(
+    entry: Dict[str, Value], readers: Dict[str, Reader], errors: List[ModelError]
+) -> Dict[str, Any]:
+    """What the keys of an entry say that have a reader; what is wrong goes to `errors`."""
+    given: Dict[str, Any] = {}
+    for key, item in entry.items():
+        try:
+            if key in readers:
+                given[key] = readers[key](item, key)
+        except ModelError as error:
+            errors += error.errors
+    return given

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
 from shsa_core.codegen.generator import Program
+from shsa_core.healing.host_events import HostLost, HostSeen
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.records import Record
 from shsa_core.model.kinds import Kind, Word
@@ -28,6 +29,7 @@ class Where(Word):
     """Where the process of a node runs, as far as can be told.
 
     UNKNOWN: it cannot be verified which process it is. ANOTHER: it is not the one that failed.
+    UNREACHABLE: its computer was lost, so that nothing can be said of it.
     """
 
     HERE = "here"
@@ -37,6 +39,7 @@ class Where(Word):
     NOWHERE = "nowhere"
     UNKNOWN = "unknown"
     ANOTHER = "another"
+    UNREACHABLE = "unreachable"
 
 
 @dataclass(frozen=True)
@@ -328,6 +331,8 @@ Event = Union[
     StarterEnded,
     Released,
     CalibrationsHeard,
+    HostSeen,
+    HostLost,
     Idle,
     Tick,
 ]
@@ -390,13 +395,14 @@ class StartSubstitute:
     """Start a substitute's process, muted until the table of substitutions says that it publishes.
 
     Without a program it waits, idle, until the table gives it one. `inputs` and `outputs` are those
-    of the program.
+    of the program. `host`: the computer to start it on, empty: the reconfigurator's own.
     """
 
     node: str
     program: Optional[Program]
     inputs: Tuple[Signal, ...] = ()
     outputs: Tuple[Signal, ...] = ()
+    host: str = ""
 
 
 @dataclass(frozen=True)

@@ -149,6 +149,9 @@ class Kills:
             return [], self._spare(time, node, "" if kill.if_dead or kill.at_once else why)
         if kill.if_dead:
             return [], self._spare(time, node)
+        if event.where is Where.UNREACHABLE:
+            why = event.detail or "it may still run on a computer that cannot be reached"
+            return [], self._over(time, node, False, why)
         if event.where is Where.UNKNOWN:
             why = event.detail or "it cannot be verified which process it is"
             return [], self._over(time, node, False, why)

@@ -13,6 +13,7 @@ from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Event, FailureSeen, Level, Log
+from shsa_core.healing.host_events import HostLost, HostSeen
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.kills import KillNode, NodeKilled, NodeSpared, Over
 from shsa_core.healing.records import RestartedNode
@@ -87,6 +88,8 @@ class Reconfigurator(Succession):
                 events.StarterEnded: self._starter_ended,
                 events.Released: self._released,
                 events.CalibrationsHeard: self._calibrations_heard,
+                HostSeen: self._host_seen,
+                HostLost: self._host_lost,
                 events.Idle: self._idle,
                 events.Tick: self._tick,
             },
@@ -458,6 +461,12 @@ class Reconfigurator(Succession):
             if name in self._healings and self._healings[name].node:
                 commands += self._ask(name, lambda healing, now: [])
         return commands
+
+    def _host_seen(self, event: HostSeen) -> List[Command]:
+        return []
+
+    def _host_lost(self, event: HostLost) -> List[Command]:
+        return []
 
     def _idle(self, event: events.Idle) -> List[Command]:
         """Make one plan ahead; who follows it follows the new one."""

@@ -88,7 +88,7 @@ class Upkeep:
         """A SOM as it counts: in a dry run every policy is to advise; restarts may be refused."""
         if self._restarts and not self._dry_run:
             return som
-        return Som(replace(service, policy=self._policy(service)) for service in som)
+        return som.with_services(replace(each, policy=self._policy(each)) for each in som)
 
     def _policy(self, service: Service) -> Policy:
         if self._dry_run:

@@ -11,6 +11,7 @@ from shsa_core.journal.coders import Form
 from shsa_core.language.composition import parse_law
 from shsa_core.language.expression import Condition, parse_constraint
 from shsa_core.language.law import Law
+from shsa_core.model.host import Host
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 
@@ -32,7 +33,11 @@ class Machine(Protocol):
 
 
 FORMS: Mapping[type, Form] = {
-    Som: Form(Tuple[Service, ...], tuple, Som),
+    Som: Form(
+        Tuple[Tuple[Service, ...], Tuple[Host, ...]],
+        attrgetter("parts"),
+        lambda parts: Som(*parts),
+    ),
     Law: Form(str, attrgetter("text"), parse_law),
     Condition: Form(str, attrgetter("text"), parse_constraint),
 }

@@ -181,9 +181,11 @@ class Backtest:
         service = target.service
         lost = {service.name, service.node}
         there = [source for source in self._there if lost.isdisjoint(source.names)]
-        apart = [source for source in there if set(service.fails_with).isdisjoint(source.names)]
-        some = next(iter_substitutes(self._ontology, apart, target.property), None)
-        return there if some is None else apart
+        for causes in service.avoided:
+            apart = [source for source in there if set(causes).isdisjoint(source.names)]
+            if next(iter_substitutes(self._ontology, apart, target.property), None) is not None:
+                return apart
+        return there
 
     def _planned(self, target: Source, sources: Sequence[Source]) -> Optional[Plan]:
         """What healing would choose; None if nothing can be executed."""

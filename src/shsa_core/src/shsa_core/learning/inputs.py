@@ -93,7 +93,7 @@ def _why_not(series: Series, target: Series, som: Som, asked: Sequence[str]) -> 
         return f"it is of {series.node}, which is lost with the target"
     own, other = som.services.get(target.service), som.services.get(series.service)
     if own is not None and other is not None:
-        shared = [cause for cause in other.causes if cause in own.causes]
+        shared = [cause for cause in other.wrong_with if cause in own.wrong_with]
         if shared:
             return f"it fails with the target: {shared[0]}"
         if own.name in other.upstream:

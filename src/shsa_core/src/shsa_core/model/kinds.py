@@ -79,6 +79,16 @@ class Policy(Word):
         return self in (Policy.RESTART, Policy.RESTART_AND_SUBSTITUTE)
 
 
+class OnPartition(Word):
+    """What is done for a service while it is its computer that cannot be reached.
+
+    WAIT: nothing, until that is back: the node may still serve those on its side.
+    """
+
+    HEAL = "heal"
+    WAIT = "wait"
+
+
 class Others(Word):
     """What a substitute writes into the fields of a message that it does not compute.
 

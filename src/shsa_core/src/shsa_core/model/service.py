@@ -6,7 +6,8 @@ from typing import Optional, Tuple
 from shsa_core.model.checks import Check, Checks, default_checks
 from shsa_core.model.error import Error
 from shsa_core.model.field import to_path
-from shsa_core.model.kinds import Contain, Others, Policy, Standby
+from shsa_core.model.host import Placement
+from shsa_core.model.kinds import Contain, OnPartition, Others, Policy, Standby
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,9 @@ class Service:
     written on this computer, so that nothing can take it over, or empty; `fault_tolerant_time`: s
     without good data that its users tolerate, None: not known; `derived_from`: the services and
     topics that its values are computed from; `upstream`: the same, and what those are computed from
-    (the SOM sees to that); `where`: file and line, or parameter.
+    (the SOM sees to that); `host`: the computer that its node runs on, empty: not said;
+    `placement`: where a substitute of it may run; `on_partition`: what is done while that computer
+    cannot be reached; `where`: file and line, or parameter.
     """
 
     name: str
@@ -79,6 +82,9 @@ class Service:
     fails_with: Tuple[str, ...] = ()
     fault_tolerant_time: Optional[float] = None
     derived_from: Tuple[str, ...] = ()
+    host: str = ""
+    placement: Placement = Placement()
+    on_partition: OnPartition = OnPartition.HEAL
     upstream: Tuple[str, ...] = dataclasses.field(default=(), compare=False, repr=False)
     where: str = dataclasses.field(default="", compare=False, repr=False)
     sources: Tuple["Source", ...] = dataclasses.field(init=False, compare=False, repr=False)
@@ -101,9 +107,29 @@ class Service:
         return tuple(source for source in self.sources if not source.provision.unreadable)
 
     @property
+    def shared(self) -> Tuple[str, ...]:
+        """What it may fail with together with other services: the last one is its computer."""
+        if not self.host or self.host in self.fails_with:
+            return self.fails_with
+        return (*self.fails_with, self.host)
+
+    @property
     def causes(self) -> Tuple[str, ...]:
         """Whatever it fails with: its node, and what it shares with other services."""
+        return tuple(dict.fromkeys((self.node, *self.shared)))
+
+    @property
+    def wrong_with(self) -> Tuple[str, ...]:
+        """What may make its values wrong: not its computer, with which they are lost at most."""
         return tuple(dict.fromkeys((self.node, *self.fails_with)))
+
+    @property
+    def avoided(self) -> Tuple[Tuple[str, ...], ...]:
+        """The causes that its substitute does without: if that cannot be, the next; then none.
+
+        All that it shares; all but its computer, which everything else may be on as well.
+        """
+        return tuple(dict.fromkeys(each for each in (self.shared, self.fails_with) if each))
 
     @property
     def event_driven(self) -> bool:
@@ -142,12 +168,12 @@ class Source:
 
     @property
     def names(self) -> Tuple[str, ...]:
-        """What it can be left out by: its service, topic, node and common causes.
+        """What it can be left out by: its service, topic, node and common causes, as its host.
 
         And the services that it is computed from: where one is lost, its own loss would come back.
         """
         of = self.service
-        return of.name, of.topic, of.node, *of.fails_with, *of.upstream
+        return of.name, of.topic, of.node, *of.shared, *of.upstream
 
     @property
     def path(self) -> str:

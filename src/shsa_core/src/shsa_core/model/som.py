@@ -1,18 +1,21 @@
 """The service-to-ontology mapping (SOM): which services provide which properties."""
 import dataclasses
-from typing import Dict, Iterable, Iterator, List, Optional, Tuple
+from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
 
+from shsa_core.model.host import Host
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Deadlines, Service, Signal, Source
 
 
 class Som:
-    """All services by name, in the order of the file; immutable: `Som(services)`.
+    """All services and hosts by name, in the order of the file; immutable: `Som(services, hosts)`.
 
-    Names differ, and so do the pairs of topic and node; whoever reads a SOM has seen to that.
+    Names differ, and so do the pairs of topic and node; hosts that services name are there; whoever
+    reads a SOM has seen to that.
     """
 
-    def __init__(self, services: Iterable[Service] = ()) -> None:
+    def __init__(self, services: Iterable[Service] = (), hosts: Iterable[Host] = ()) -> None:
+        self.hosts: Mapping[str, Host] = {host.name: host for host in hosts}
         self.services: Dict[str, Service] = {service.name: service for service in services}
         self._see_upstream()
         self._of_topic: Dict[str, List[Service]] = {}
@@ -47,10 +50,19 @@ class Som:
         return len(self.services)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Som) and list(self) == list(other)
+        return isinstance(other, Som) and self.parts == other.parts
 
     def __hash__(self) -> int:
         return hash(tuple(self.services))
+
+    @property
+    def parts(self) -> Tuple[Tuple[Service, ...], Tuple[Host, ...]]:
+        """What it is made of."""
+        return tuple(self), tuple(self.hosts.values())
+
+    def with_services(self, services: Iterable[Service]) -> "Som":
+        """Other services on the same hosts."""
+        return Som(services, self.hosts.values())
 
     @property
     def sources(self) -> Tuple[Source, ...]:
@@ -79,8 +91,9 @@ class Som:
         return services[0] if named is None and len(services) == 1 else named
 
     def known_name(self, name: str, namespace: str) -> str:
-        """What a user means by a name: a service, a common cause, or a topic or node in full."""
-        known = any(name in (service.name, *service.fails_with) for service in self)
+        """What a user means by a name: a service, host or common cause, or a topic or node in full.
+        """
+        known = name in self.hosts or any(name in (each.name, *each.shared) for each in self)
         return name if known else full_name(name, namespace)
 
     def needed(self) -> Tuple[Service, ...]:

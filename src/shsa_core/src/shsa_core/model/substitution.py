@@ -13,7 +13,8 @@ class Substitution:
     `quality` is 0 for safe values, which promise nothing. `original`: the node that it stands in
     for, once that is gone. `others`: what it writes into the fields that it does not compute;
     `last_message`: the last good message of the service, serialized; empty: not known. An idle
-    process has neither `service` nor `code`.
+    process has neither `service` nor `code`. `host`: the computer that it runs on, empty: the
+    reconfigurator's own.
     """
 
     node: str
@@ -27,6 +28,7 @@ class Substitution:
     original: str = ""
     others: Others = Others.UNKNOWN
     last_message: bytes = b""
+    host: str = ""
 
     @property
     def idle(self) -> bool:

@@ -96,7 +96,7 @@ class Witnesses:
             return None
         own = spread(source.provision.error)
         witnesses: List[Testimony] = []
-        excluded = {source.service.name, *source.service.causes}
+        excluded = {source.service.name, *source.service.wrong_with}
         while len(witnesses) < INDEPENDENT:
             try:
                 plan = self._plan(source, table.excluding(sorted(excluded)))
@@ -108,7 +108,7 @@ class Witnesses:
             if by_errors(checks):
                 witness.calibrator = Calibrator(error.rms if error else None)
             witnesses.append(witness)
-            excluded.update(cause for each in plan.inputs for cause in each.service.causes)
+            excluded.update(cause for each in plan.inputs for cause in each.service.wrong_with)
         return _Suspect(source, checks, witnesses) if witnesses else None
 
     def _plan(self, source: Source, table: SourceTable) -> Plan:

@@ -20,7 +20,7 @@ def mark_unusable(som: Som) -> Tuple[Som, List[Problem]]:
     What is not marked is used and healed as ever.
     """
     problems: List[Problem] = []
-    return Som([_marked(service, problems) for service in som]), problems
+    return som.with_services(_marked(service, problems) for service in som), problems
 
 
 def _marked(service: Service, problems: List[Problem]) -> Service:

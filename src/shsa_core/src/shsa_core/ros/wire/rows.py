@@ -64,6 +64,7 @@ def substitution_message(row: Substitution) -> msg.Substitution:
         original=row.original,
         others=str(row.others),
         last_message=row.last_message,
+        host=row.host,
     )
 
 
@@ -84,6 +85,7 @@ def substitution_row(message: msg.Substitution) -> Substitution:
         original=message.original,
         others=Others(others),
         last_message=bytes(message.last_message),
+        host=message.host,
     )
 
 
