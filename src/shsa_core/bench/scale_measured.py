@@ -32,24 +32,21 @@ from shsa_testing.waiting import wait_until
 STARTUP_S = 120.0
 SETTLING_S = 3.0
 VICTIMS, OF_VICTIM = 4, 5
-VICTIM_PERIOD_S = 0.1
 SOURCES = 2
-TAKEOVERS = 8
 
 FITTED = (
-    Flow(20, 5.0, 8),
-    Flow(20, 50.0, 8),
+    Flow(30, 5.0, 8),
+    Flow(30, 50.0, 8),
     Flow(100, 50.0, 8),
-    Flow(300, 1.0, 8),
+    Flow(300, 2.0, 8),
     Flow(100, 10.0, 1000),
 )
 """What the monitor's costs are computed from."""
 CHECKED = (
-    Flow(10, 20.0, 8),
+    Flow(30, 20.0, 8),
     Flow(300, 10.0, 8),
     Flow(200, 50.0, 8),
     Flow(50, 40.0, 1000),
-    Flow(100, 40.0, 1000),
 )
 """What the model must tell without having seen it."""
 
@@ -127,23 +124,20 @@ class Robot:
     ) -> None:
         self.ear = Ear()
         self._graph = graph
-        each = flow.topics // SOURCES
-        shares = [(f"source_{k}", k * each, each, 1.0 / flow.rate) for k in range(SOURCES)]
-        first = flow.topics
-        for number, topics in enumerate(victims):
-            shares.append((f"victim_{number}", first, topics, VICTIM_PERIOD_S))
-            first += topics
+        each = (flow.topics - sum(victims)) // SOURCES
+        sizes = {f"source_{number}": each for number in range(SOURCES)}
+        sizes.update({f"victim_{number}": topics for number, topics in enumerate(victims)})
+        first, period = 0, 1.0 / flow.rate
         services: List[Dict[str, object]] = []
         self.nodes: Dict[str, "subprocess.Popen[str]"] = {}
         self.topics: Dict[str, List[str]] = {}
-        for name, begin, topics, period in shares:
-            numbers = flow.numbers if name.startswith("source") else 8
+        for name, topics in sizes.items():
+            words = map(str, (first, topics, period, flow.numbers))
             self.nodes[name] = graph.python(
-                BENCH / "scale_source.py",
-                *map(str, (begin, topics, period, numbers)),
-                f"__name:={name}",
+                BENCH / "scale_source.py", *words, f"__name:={name}"
             )
-            owned = range(begin, begin + topics)
+            owned = range(first, first + topics)
+            first += topics
             services += [service(n, "/" + name, period, flow.checked) for n in owned]
             self.topics[name] = [f"/scale_{n}" for n in owned]
         there = lambda: len(rospy.get_published_topics("/")) >= first
@@ -202,14 +196,14 @@ def monitor_at(flow: Flow, seconds: float) -> Seen:
 
 def deaths(sizes: Sequence[int]) -> Dict[int, List[float]]:
     """By the number of its topics: s until each topic of a killed node was found to have failed."""
-    with robot(Flow(10, 20.0, 8), sizes) as running:
+    with robot(Flow(10 + sum(sizes), 20.0, 8), sizes) as running:
         rospy.rostime.wallsleep(SETTLING_S)
         return {size: running.kill(f"victim_{k}") for k, size in enumerate(sizes)}
 
 
 def start_of(topics: int) -> Started:
     """The start of a monitor on a robot of so many topics."""
-    with robot(Flow(topics, 1.0, 8), ()) as running:
+    with robot(Flow(topics, 2.0, 8), ()) as running:
         return running.started
 
 
@@ -229,7 +223,7 @@ def storm(topics: int, nodes: int) -> Tuple[float, float]:
             words = map(str, (number * each, each, 0.2, 8))
             graph.python(BENCH / "scale_source.py", *words, f"__name:=source_{number}")
         # What is published is asked of the monitor alone: to ask the master would be a load.
-        wait_until(lambda: bool(ear.first), STARTUP_S, "the first topic is heard", 0.002)
+        wait_until(lambda: bool(ear.first), STARTUP_S, "the first topic is heard")
         well = lambda: sum(ear.healthy.values()) >= topics
         wait_until(well, STARTUP_S, "all topics are well")
         return ear.last - ear.first, _cpu(graph.master.pid) - before
@@ -368,9 +362,8 @@ def fit(seen: Sequence[Seen]) -> Dict[str, float]:
     """
     rows, shares = [], []
     for each in seen:
-        total = each.flow.messages + VICTIMS * OF_VICTIM / VICTIM_PERIOD_S
-        size = message_bytes(each.flow.numbers) * each.flow.messages
-        row = (turns_per_s(total), total, size, each.flow.topics + VICTIMS * OF_VICTIM)
+        total, size = each.flow.messages, message_bytes(each.flow.numbers)
+        row = (turns_per_s(total), total, size * total, each.flow.topics)
         rows.append([figure / each.share for figure in row])
         shares.append(1.0)
     found, _ = nnls(np.array(rows), np.array(shares))

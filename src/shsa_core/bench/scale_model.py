@@ -6,7 +6,7 @@ the reconfigurator. The master serves one call at a time, and tells subscribers 
 one call a subscriber at a time. Only what is measured goes in (`Costs`), and the robot (`Robot`).
 Processors are not shared: what else runs on a computer is not in the model.
 """
-from typing import Callable, Dict, Generator, List, NamedTuple, Optional, Tuple
+from typing import Callable, Dict, Generator, List, NamedTuple, Optional, Set, Tuple
 
 import numpy as np
 import simpy
@@ -42,10 +42,11 @@ class Flow(NamedTuple):
 
 
 class Costs(NamedTuple):
-    """What was measured, in s, save `packet` and `back`: bytes.
+    """What was measured, in s; `packet` and `back` in bytes.
 
     Monitor: of a turn, a message, a byte, a topic each second, and a failure after another one;
-    `sight`: from a death to its first failure on an idle monitor.
+    `sight`: from a death to its first failure on an idle monitor; `connect`: of a new publisher.
+    `descriptors`: files that each topic takes.
     Reconfigurator: `healed` from a failure to the first message, `next_healed` for each that comes
     at the same time.
     Master: of a call, of a notification (`told`: until it is answered), of a row of its state.
@@ -58,6 +59,8 @@ class Costs(NamedTuple):
     topic: float
     failure: float
     sight: float
+    connect: float
+    descriptors: float
     healed: float
     next_healed: float
     call: float
@@ -229,7 +232,8 @@ class _Run:
         ]
         self._failures = simpy.Store(self._env)
         self._env.process(self._reconfigure())
-        self._deaths, self._count = [], deaths
+        self._count = deaths
+        self._deaths: List[Tuple[object, float]] = []
         self._losses: List[Tuple[object, float]] = []
 
     def run(self, seconds: float) -> Load:
@@ -284,15 +288,22 @@ class _Run:
         )
 
     def _lose(self) -> Generator[simpy.Event, None, None]:
-        """All topics of the last computer reach their deadlines, each in its turn of a period."""
+        """All topics of a computer reach their deadlines, each in its turn of a period.
+
+        One that is lost with its monitor is missed as a whole: by its agent's silence.
+        """
         flow, hosts = self.robot.flow, self.robot.hosts
-        # Whoever is lost with its monitor is missed by the others' monitor on the first computer.
         topics = flow.topics // hosts
         for number in range(topics):
-            yield self._env.timeout(1.0 / flow.rate / topics)
             key = ("lost", number)
+            if self.robot.monitor_per_host:
+                self._losses.append((key, self._env.now))
+                self._tell(0, key)
+                continue
+            yield self._env.timeout(1.0 / flow.rate / topics)
             self._losses.append((key, self._env.now))
             self._monitors[0].failure(key)
+        yield self._env.timeout(0.0)
 
     def _tell(self, host: int, key: object) -> None:
         self.found.setdefault(key, self._env.now + self.costs.sight)
@@ -331,12 +342,12 @@ class Master:
         self.busy = 0.0
         self._env, self._costs = env, costs
         self._server = simpy.Resource(env, capacity=1)
-        self._tasks: List[Tuple[int, Callable[[], None]]] = []
-        self._busy_with: set = set()
+        self._tasks: List[Tuple[int, Callable[[], object]]] = []
+        self._busy_with: Set[int] = set()
         for number in range(MASTER_THREADS):
             env.process(self._thread(number * MASTER_SLEEP_S / MASTER_THREADS))
 
-    def register(self, subscriber: int, heard: Callable[[], None]) -> simpy.Event:
+    def register(self, subscriber: int, heard: Callable[[], object]) -> simpy.Event:
         """A publisher registers; whoever subscribes is told."""
         return self._env.process(self._register(subscriber, heard))
 
@@ -347,7 +358,7 @@ class Master:
             yield self._env.timeout(seconds)
 
     def _register(
-        self, subscriber: int, heard: Callable[[], None]
+        self, subscriber: int, heard: Callable[[], object]
     ) -> Generator[simpy.Event, None, None]:
         yield from self._work(self._costs.call)
         self._tasks.append((subscriber, heard))
@@ -369,14 +380,25 @@ class Master:
 
 
 def introduced(costs: Costs, topics: int, monitors: int, nodes: int) -> Tuple[float, float]:
-    """All nodes of a robot register at once: s until the monitors know of all, the master's work in s."""
+    """All nodes of a robot register at once beside monitors that wait for them.
+
+    s until the monitors are connected to all, and the master's work in s.
+    """
     env = simpy.Environment()
     master = Master(env, costs)
+    connecting = [simpy.Resource(env, capacity=1) for _ in range(monitors)]
     heard: List[float] = []
 
+    def connect(monitor: int) -> Generator[simpy.Event, None, None]:
+        with connecting[monitor].request() as turn:
+            yield turn
+            yield env.timeout(costs.connect)
+        heard.append(env.now)
+
     def node(number: int) -> Generator[simpy.Event, None, None]:
+        monitor = number % monitors
         for _ in range(topics // nodes):
-            yield master.register(number % monitors, lambda: heard.append(env.now))
+            yield master.register(monitor, lambda: env.process(connect(monitor)))
 
     for number in range(nodes):
         env.process(node(number))

@@ -10,3 +10,13 @@ FIND_SUBSTITUTE = "shsa/find_substitute"
 RELEASE = "shsa/release"
 RELOAD = "shsa/reload"
 SUBSTITUTE_ACTION = "shsa/substitute"
+
+
+def monitor_of(host: str) -> str:
+    """The name of the monitor of a computer; no host: that of all others."""
+    return f"monitor_{host}" if host else "monitor"
+
+
+def told_at(table: str, host: str) -> str:
+    """The topic on which the monitor of a computer tells a table; no host: that of all others."""
+    return f"{table}/{host}" if host else table
