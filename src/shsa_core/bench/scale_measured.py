@@ -54,12 +54,13 @@ CHECKED = (
 class Seen(NamedTuple):
     """What a monitor did: messages/s that it handled, its share of a core, and its detection.
 
-    `after`: s from the death of a node to the monitor's decision, for each topic.
+    `waited`: for how much of the time it was ready and had no processor. `after`: s from the death of a node to the monitor's decision, for each topic.
     """
 
     flow: Flow
     handled: float
     share: float
+    waited: float
     after: List[float]
 
 
@@ -116,6 +117,12 @@ def _cpu(pid: int) -> float:
     return float(used.user + used.system)
 
 
+def _waited(pid: int) -> float:
+    """For how long in s the threads of a process were ready to run and did not."""
+    files = Path(f"/proc/{pid}/task").glob("*/schedstat")
+    return sum(1e-9 * int(each.read_text().split()[1]) for each in files)
+
+
 class Robot:
     """Sources, victims that can be killed, and a monitor."""
 
@@ -133,9 +140,7 @@ class Robot:
         self.topics: Dict[str, List[str]] = {}
         for name, topics in sizes.items():
             words = map(str, (first, topics, period, flow.numbers))
-            self.nodes[name] = graph.python(
-                BENCH / "scale_source.py", *words, f"__name:={name}"
-            )
+            self.nodes[name] = graph.python(BENCH / "scale_source.py", *words, f"__name:={name}")
             owned = range(first, first + topics)
             first += topics
             services += [service(n, "/" + name, period, flow.checked) for n in owned]
@@ -152,11 +157,13 @@ class Robot:
         descriptors = psutil.Process(pid).num_fds()
         self.started = Started(first, took, _cpu(pid), master, descriptors)
 
-    def share(self, seconds: float) -> float:
-        """The monitor's share of a core."""
-        before, begun = _cpu(self.monitor.pid), time.monotonic()
+    def share(self, seconds: float) -> Tuple[float, float]:
+        """The monitor's share of a core, and the share of time in which it waited for one."""
+        pid, begun = self.monitor.pid, time.monotonic()
+        before = _cpu(pid), _waited(pid)
         rospy.rostime.wallsleep(seconds)
-        return (_cpu(self.monitor.pid) - before) / (time.monotonic() - begun)
+        after, took = (_cpu(pid), _waited(pid)), time.monotonic() - begun
+        return (after[0] - before[0]) / took, (after[1] - before[1]) / took
 
     def kill(self, name: str) -> List[float]:
         """Kill a node; s until the monitor has found each of its topics to fail."""
@@ -185,13 +192,13 @@ def monitor_at(flow: Flow, seconds: float) -> Seen:
     """What a flow of messages costs the monitor, and how long deaths take to be seen beside it."""
     with robot(flow) as running:
         rospy.rostime.wallsleep(SETTLING_S)
-        share = running.share(seconds)
+        share, waited = running.share(seconds)
         handled = running.ear.rate
         after: List[float] = []
         for number in range(VICTIMS):
             after += running.kill(f"victim_{number}")
             rospy.rostime.wallsleep(0.1 + 0.01 * number)
-        return Seen(flow, handled, share, after)
+        return Seen(flow, handled, share, waited, after)
 
 
 def deaths(sizes: Sequence[int]) -> Dict[int, List[float]]:
@@ -207,21 +214,21 @@ def start_of(topics: int) -> Started:
         return running.started
 
 
-def storm(topics: int, nodes: int) -> Tuple[float, float]:
-    """All nodes of a robot register beside a monitor that waits for them.
+def storm(topics: int) -> Tuple[float, float]:
+    """A node registers all topics of a robot beside a monitor that waits for them.
 
-    s from the first registration until all topics are well, and the master's processor time.
+    s from the first one that the monitor hears of until all are well, and the master's processor
+    time.
     """
     with Graph() as graph:
-        ear, each = Ear(), topics // nodes
-        services = [service(n, f"/source_{n // each}", 0.2, False) for n in range(topics)]
+        ear = Ear()
+        services = [service(n, "/source", 0.2, False) for n in range(topics)]
         som = write_som(graph.folder / "som.yaml", services)
         graph.python(MONITOR, "--som", str(som))
         wait_until(lambda: len(_subscribed()) >= topics, STARTUP_S, "the monitor listens")
         before = _cpu(graph.master.pid)
-        for number in range(nodes):
-            words = map(str, (number * each, each, 0.2, 8))
-            graph.python(BENCH / "scale_source.py", *words, f"__name:=source_{number}")
+        words = map(str, (0, topics, 0.2, 8))
+        graph.python(BENCH / "scale_source.py", *words, "__name:=source")
         # What is published is asked of the monitor alone: to ask the master would be a load.
         wait_until(lambda: bool(ear.first), STARTUP_S, "the first topic is heard")
         well = lambda: sum(ear.healthy.values()) >= topics
@@ -239,7 +246,9 @@ def master_costs(count: int) -> Dict[str, float]:
     with Graph() as graph:
         heard: List[float] = []
         server = SimpleXMLRPCServer(("localhost", 0), logRequests=False)
-        server.register_function(lambda *_: heard.append(time.monotonic()) or (1, "", 0), "publisherUpdate")
+        server.register_function(
+            lambda *_: heard.append(time.monotonic()) or (1, "", 0), "publisherUpdate"
+        )
         Thread(target=server.serve_forever, daemon=True).start()
         api = f"http://localhost:{server.server_address[1]}/"
         master, pid = rosgraph.Master("/scale").handle, graph.master.pid
@@ -284,9 +293,7 @@ def link_bytes(flow: Flow, seconds: float) -> Tuple[float, float]:
             ear = Ear()
             script = str(BENCH / "scale_source.py")
             words = (0, flow.topics, 1.0 / flow.rate, flow.numbers)
-            graph.start(
-                *far.words("/usr/bin/python3", script, *map(str, words), "__name:=source")
-            )
+            graph.start(*far.words("/usr/bin/python3", script, *map(str, words), "__name:=source"))
             services = [
                 service(n, "/source", 1.0 / flow.rate, flow.checked) for n in range(flow.topics)
             ]

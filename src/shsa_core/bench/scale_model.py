@@ -49,7 +49,8 @@ class Costs(NamedTuple):
     `descriptors`: files that each topic takes.
     Reconfigurator: `healed` from a failure to the first message, `next_healed` for each that comes
     at the same time.
-    Master: of a call, of a notification (`told`: until it is answered), of a row of its state.
+    Master: of a registration, of a look-up of a node (the monitor asks who a new publisher is), of a
+    notification (`told`: until it is answered), of a row of its state.
     Link: `packet` is added to each packet, `back` goes the other way for each message.
     """
 
@@ -64,6 +65,7 @@ class Costs(NamedTuple):
     healed: float
     next_healed: float
     call: float
+    look_up: float
     notification: float
     told: float
     state_row: float
@@ -277,7 +279,9 @@ class _Run:
         for number in range(self._count):
             yield self._env.timeout(seconds / (self._count + 1))
             host = number % self.robot.hosts
-            for key in range(min(self.robot.a_node, -(-self.robot.flow.topics // self.robot.hosts))):
+            for key in range(
+                min(self.robot.a_node, -(-self.robot.flow.topics // self.robot.hosts))
+            ):
                 self._die(host, (number, key))
 
     def _die(self, host: int, key: object) -> None:
@@ -347,6 +351,10 @@ class Master:
         for number in range(MASTER_THREADS):
             env.process(self._thread(number * MASTER_SLEEP_S / MASTER_THREADS))
 
+    def look_up(self) -> Generator[simpy.Event, None, None]:
+        """A node asks where another one is."""
+        yield from self._work(self._costs.look_up)
+
     def register(self, subscriber: int, heard: Callable[[], object]) -> simpy.Event:
         """A publisher registers; whoever subscribes is told."""
         return self._env.process(self._register(subscriber, heard))
@@ -392,6 +400,7 @@ def introduced(costs: Costs, topics: int, monitors: int, nodes: int) -> Tuple[fl
     def connect(monitor: int) -> Generator[simpy.Event, None, None]:
         with connecting[monitor].request() as turn:
             yield turn
+            yield from master.look_up()
             yield env.timeout(costs.connect)
         heard.append(env.now)
 

@@ -66,7 +66,10 @@ def test_the_whole_table_of_one_monitor_leaves_the_rows_of_the_others() -> None:
     nodes = Nodes()
     nodes.heed(told("", "/steering"))
     nodes.heed(told(PI, "/current", "/left"))
-    assert nodes.heed(told(PI, "/current")) == [("/current", "/current_node"), ("/left", "/left_node")]
+    assert nodes.heed(told(PI, "/current")) == [
+        ("/current", "/current_node"),
+        ("/left", "/left_node"),
+    ]
     assert healthy(nodes, "/steering", "/current", "/left") == ["/steering", "/current"]
     nodes.heed(told(""))
     assert healthy(nodes, "/steering", "/current") == ["/current"]
