@@ -107,7 +107,7 @@ def modelled(costs: Costs) -> Dict[str, float]:
         load = model.load(alone, costs, 4.0)
         found[f"share of the monitor, {words(flow)}"] = load.monitor
         found[f"node dies: found (median), {words(flow)}"] = summary(load.found)[0]
-    last = model.burst(costs, [SEEN_BURST])[SEEN_BURST][-1]
+    last = model.burst(costs, SEEN_BURST)[-1]
     found[f"{SEEN_BURST} topics die: the last is found"] = last
     found["bytes on the link, 8 kB"] = model.on_link(costs, model.message_bytes(1000))
     for topics in STORMS:
@@ -202,13 +202,13 @@ def show(rows: Sequence[Row], costs: Costs, results: Path) -> None:
         table.append((*who, *shares, *times, row.breaks(costs)))
     print_table("By the model; times in ms, p95", COLUMNS, table)
     write_table(results / "scale.csv", COLUMNS, table)
-    rows_ = []
+    of_master: List[Tuple[str, ...]] = []
     for topics in TOPICS:
-        for monitors in (1, *HOSTS):
-            took, work = model.introduced(costs, topics, monitors, max(1, topics // 10))
+        for count in (1, *HOSTS):
+            took, work = model.introduced(costs, topics, count, max(1, topics // 10))
             look = 3 * topics * costs.state_row
             figures = f"{took:.2f}", f"{work:.2f}", f"{100 * look / LOOK_S:.2g} %"
-            rows_.append((str(topics), str(monitors), *figures))
+            of_master.append((str(topics), str(count), *figures))
     columns = (
         "topics",
         "monitors",
@@ -216,8 +216,8 @@ def show(rows: Sequence[Row], costs: Costs, results: Path) -> None:
         "work of the master, s",
         "looks at it",
     )
-    print_table("The master, by the model", columns, rows_)
-    write_table(results / "scale_master.csv", columns, rows_)
+    print_table("The master, by the model", columns, of_master)
+    write_table(results / "scale_master.csv", columns, of_master)
 
 
 def plot(rows: Sequence[Row], path: Path) -> None:

@@ -26,7 +26,7 @@ from shsa_msgs.msg import Failure, Health, Incident
 from graph import BENCH, MONITOR, Graph, ask_to_leave, write_som
 from partition import Namespace
 from report import summary
-from scale_model import Costs, Flow, message_bytes, turns_per_s
+from scale_model import Flow, message_bytes, turns_per_s
 from shsa_testing.waiting import wait_until
 
 STARTUP_S = 120.0
@@ -54,7 +54,8 @@ CHECKED = (
 class Seen(NamedTuple):
     """What a monitor did: messages/s that it handled, its share of a core, and its detection.
 
-    `waited`: for how much of the time it was ready and had no processor. `after`: s from the death of a node to the monitor's decision, for each topic.
+    `waited`: its threads were ready and had no processor for this share of the time. `after`: s
+    from the death of a node to the monitor's decision, for each topic.
     """
 
     flow: Flow
@@ -246,9 +247,12 @@ def master_costs(count: int) -> Dict[str, float]:
     with Graph() as graph:
         heard: List[float] = []
         server = SimpleXMLRPCServer(("localhost", 0), logRequests=False)
-        server.register_function(
-            lambda *_: heard.append(time.monotonic()) or (1, "", 0), "publisherUpdate"
-        )
+
+        def update(*_: object) -> Tuple[int, str, int]:
+            heard.append(time.monotonic())
+            return 1, "", 0
+
+        server.register_function(update, "publisherUpdate")
         Thread(target=server.serve_forever, daemon=True).start()
         api = f"http://localhost:{server.server_address[1]}/"
         master, pid = rosgraph.Master("/scale").handle, graph.master.pid
@@ -312,7 +316,7 @@ def link_bytes(flow: Flow, seconds: float) -> Tuple[float, float]:
 
 
 class Healed(NamedTuple):
-    """The steps of each incident in s: from its detection to its decision, and to its first message."""
+    """Of each incident, s from its detection to its decision, and to its first message."""
 
     decided: List[float]
     published: List[float]
@@ -339,7 +343,7 @@ def takeovers(topics: int) -> Healed:
             )
             if needed:
                 relations[f"r_{number}"] = {f"stream_{number}": f"2*stream_{number + topics}"}
-        properties = {f"stream_{number}": {} for number in range(2 * topics)}
+        properties: Dict[str, object] = {f"stream_{number}": {} for number in range(2 * topics)}
         ontology = graph.folder / "ontology.yaml"
         ontology.write_text(json.dumps({"properties": properties, "relations": relations}))
         som = write_som(graph.folder / "som.yaml", services)
@@ -363,7 +367,7 @@ def _steps(incidents: Sequence[Incident], name: str) -> List[float]:
 
 
 def fit(seen: Sequence[Seen]) -> Dict[str, float]:
-    """The monitor's costs in s, none below 0: for a turn, a message, a byte, and a topic and second.
+    """The monitor's costs in s, at least 0: of a turn, a message, a byte, a topic each second.
 
     By least squares of relative errors.
     """

@@ -49,8 +49,8 @@ class Costs(NamedTuple):
     `descriptors`: files that each topic takes.
     Reconfigurator: `healed` from a failure to the first message, `next_healed` for each that comes
     at the same time.
-    Master: of a registration, of a look-up of a node (the monitor asks who a new publisher is), of a
-    notification (`told`: until it is answered), of a row of its state.
+    Master: of a registration, of a look-up of a node (the monitor asks who a new publisher is), of
+    a notification (`told`: until it is answered), of a row of its state.
     Link: `packet` is added to each packet, `back` goes the other way for each message.
     """
 
@@ -326,16 +326,14 @@ def load(robot: Robot, costs: Costs, seconds: float = 2.0, deaths: int = 8, seed
     return _Run(robot, costs, deaths, seed).run(seconds)
 
 
-def burst(costs: Costs, sizes: List[int]) -> Dict[int, List[float]]:
-    """By the number of its topics: s from the death of a node to each failure; nothing else runs."""
-    found: Dict[int, List[float]] = {}
-    for size in sizes:
-        env = simpy.Environment()
-        times = found.setdefault(size, [])
-        monitor = Monitor(env, costs, size, lambda _, t=times: t.append(env.now + costs.sight))  # type: ignore[misc]
-        for key in range(size):
-            monitor.failure(key)
-        env.run(until=60.0)
+def burst(costs: Costs, size: int) -> List[float]:
+    """A node of so many topics dies, and nothing else runs: s until each failure."""
+    env = simpy.Environment()
+    found: List[float] = []
+    monitor = Monitor(env, costs, size, lambda _: found.append(env.now + costs.sight))
+    for key in range(size):
+        monitor.failure(key)
+    env.run(until=60.0)
     return found
 
 
