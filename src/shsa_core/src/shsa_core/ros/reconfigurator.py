@@ -5,6 +5,7 @@ import queue
 import shlex
 import sys
 from dataclasses import replace
+from functools import partial
 from typing import Callable, Dict, List, Optional, Tuple, get_args
 
 import rospy
@@ -159,13 +160,13 @@ class ReconfiguratorNode:
         self._som_watch = SomWatch(
             som, lambda s: self._put(events.SomChanged(clock.now(), self._usable(s)))
         )
-        tables = (names.HEALTH, names.CALIBRATIONS, names.SUBSTITUTIONS, names.SOM_STATE)
-        self._master.introduce(*map(rospy.resolve_name, (names.FAILURES, *tables)))
+        tables = (names.FAILURES, names.SUBSTITUTIONS, names.SOM_STATE)
+        self._master.introduce(*map(rospy.resolve_name, tables))
         failures = signing.checked(names.FAILURES, msg.Failure, arguments.unsigned_failures)
         signing.subscribe(names.FAILURES, failures, self._failure)
-        self._health_began = 0
-        TableSubscriber(names.HEALTH, msg.Health, self._health, signing)
-        TableSubscriber(names.CALIBRATIONS, msg.Calibrations, self._calibrated, signing)
+        self._health_began: Dict[str, int] = {}
+        for host in ("", *som.hosts):
+            self._hear_monitor(host, signing)
         self._services = Services(
             self._core,
             self._queue.put,
@@ -316,11 +317,21 @@ class ReconfiguratorNode:
         except ShsaError as error:
             rospy.logerr("Refused a message on %s: %s.", names.FAILURES, error)
 
-    def _health(self, message: msg.Health) -> None:
-        anew = self._health_began not in (0, message.began)  # another monitor
-        self._health_began = message.began
+    def _hear_monitor(self, host: str, signing: Signing) -> None:
+        """Hear the monitor of a computer, if it has one; no host: the monitor of all others."""
+        health, calibrations = (
+            names.told_at(table, host) for table in (names.HEALTH, names.CALIBRATIONS)
+        )
+        self._master.introduce(*map(rospy.resolve_name, (health, calibrations)))
+        TableSubscriber(health, msg.Health, partial(self._health, host), signing)
+        TableSubscriber(calibrations, msg.Calibrations, self._calibrated, signing)
+
+    def _health(self, host: str, message: msg.Health) -> None:
+        before = self._health_began.get(host, 0)
+        anew = before not in (0, message.began)  # another monitor
+        self._health_began[host] = message.began
         try:
-            self._put(wire.health_seen(message, anew))
+            self._put(wire.health_seen(message, anew, host))
         except ShsaError as error:
             rospy.logerr("Refused a message on %s: %s.", names.HEALTH, error)
 
