@@ -4,8 +4,8 @@ The rover drives on one computer, and the kernel's counters of each TCP connecti
 would cross the network if its nodes ran as in the paper's Fig. 6: amperemeter and IMU on the
 Raspberry Pi, drivetrain, voltmeter and SoC estimator on the mainboard, steering, master and healing
 on the notebook. A byte counts with the headers of the segment that carries it; segments without
-data, as acknowledgements, count as headers alone. Connections that were closed while it was counted,
-as calls of a moment, are left out.
+data, as acknowledgements, count as headers alone. Connections that were closed meanwhile, as calls
+of a moment, are left out.
 
 Writes results/bench/link_load.csv.
 """

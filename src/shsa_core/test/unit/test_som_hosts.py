@@ -7,7 +7,13 @@ from som_trees import GOOD, SERVICE, changed, som_of, write
 
 from shsa_core.errors import ModelError
 from shsa_core.files.saving import save_som
-from shsa_core.files.som_file import load_som, merge_parameters, read_som, som_parameters
+from shsa_core.files.som_file import (
+    FROM_FILE_ALONE,
+    load_som,
+    merge_parameters,
+    read_som,
+    som_parameters,
+)
 from shsa_core.model.host import Host, Placement
 from shsa_core.model.kinds import OnPartition
 
@@ -128,6 +134,7 @@ def test_hosts_come_from_the_file_alone() -> None:
     som = som_of(hosted("host", "mainboard"))
     tree: Any = som_parameters(som)
     assert merge_parameters(som, tree) == (som, [])
+    assert {"host", "placement", "on_partition"} < set(FROM_FILE_ALONE)
     tree["hosts"]["mainboard"] = {"cores": 64.0}
     tree["services"]["v"]["period"] = 0.5
     merged, errors = merge_parameters(som, tree)

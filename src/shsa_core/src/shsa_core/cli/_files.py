@@ -38,8 +38,8 @@ def add_without(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         action="append",
         default=[],
-        help="do without this node, topic, service, host or common cause (fails_with) as well; may be "
-        "given several times",
+        help="do without this node, topic, service, host or common cause (fails_with) as well; "
+        "may be given several times",
     )
 
 

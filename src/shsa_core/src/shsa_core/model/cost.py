@@ -1,16 +1,18 @@
 """What a substitute costs: its share of a core, and the bytes that its messages are on a link.
 
-Estimates by measured figures, which docs/placement.md has with their measurement.
+Estimates by measured figures, which docs/experiments.md has with their measurement.
 """
 from dataclasses import dataclass
 from typing import Collection, Dict, Iterable
 
 from shsa_core.model.service import Service
 
-PROCESS_CORES = 0.02
+PROCESS_CORES = 0.003
 """A substitute's process, before anything comes or goes: its heartbeat, and threads that wait."""
-MESSAGE_CORE_S = 0.0002
-"""For each message that is read, or computed and published, in s of a core."""
+READ_CORE_S = 0.0002
+"""For each message that is read, in s of a core."""
+WRITE_CORE_S = 0.00035
+"""For each message that is computed and published, in s of a core."""
 EVENT_RATE_HZ = 10.0
 """An event-driven topic is taken to publish so often."""
 FRAME_BYTES = 70
@@ -54,8 +56,7 @@ def traffic(service: Service) -> float:
 
 def cores(inputs: Iterable[Service], output: Service) -> float:
     """The share of a core that a substitute takes which computes `output` from `inputs`."""
-    messages = rate(output) + sum(rate(each) for each in inputs)
-    return PROCESS_CORES + MESSAGE_CORE_S * messages
+    return PROCESS_CORES + READ_CORE_S * sum(map(rate, inputs)) + WRITE_CORE_S * rate(output)
 
 
 def cost(inputs: Iterable[Service], output: Service, here: Collection[str]) -> Cost:
@@ -72,6 +73,5 @@ def cost(inputs: Iterable[Service], output: Service, here: Collection[str]) -> C
 def idle_cost(inputs: Iterable[Service], here: Collection[str]) -> Cost:
     """What an idle process takes that is prepared for plans which read `inputs`."""
     read = {each.name: each for each in inputs}.values()
-    messages = sum(rate(each) for each in read)
     crossing = sum(traffic(each) for each in read if each.host not in here)
-    return Cost(PROCESS_CORES + MESSAGE_CORE_S * messages, crossing)
+    return Cost(PROCESS_CORES + READ_CORE_S * sum(map(rate, read)), crossing)
