@@ -373,7 +373,7 @@ def fit(seen: Sequence[Seen]) -> Dict[str, float]:
     """
     rows, shares = [], []
     for each in seen:
-        total, size = each.flow.messages, message_bytes(each.flow.numbers)
+        total, size = each.handled, message_bytes(each.flow.numbers)
         row = (turns_per_s(total), total, size * total, each.flow.topics)
         rows.append([figure / each.share for figure in row])
         shares.append(1.0)
