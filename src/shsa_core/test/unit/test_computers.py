@@ -373,9 +373,9 @@ def test_more_computers_than_are_known_at_once_are_forgotten_and_repeat_nothing(
 ) -> None:
     reader = Reader(world)
     first = Robot(world, "sender")
+    world.now += S  # more than the drift can make of all that follows
     messages = [first.says() for _ in range(10)]
-    world.now += S
-    assert {reader.hears(each) for each in messages} <= {"", EARLY}
+    assert {reader.hears(each) for each in messages} == {""}
     said: List[bytes] = []
     for number in range(MOST + 3):
         other = Robot(world, f"other{number}", number * S)
