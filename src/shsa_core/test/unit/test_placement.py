@@ -173,8 +173,9 @@ def test_a_computer_that_was_never_heard_can_be_lost() -> None:
     assert not hosts.reachable(BOARD) and hosts.lost(BOARD) == ""
 
 
-def of(name: str, period: Optional[float] = 0.02, type_: str = "std_msgs/Float64",
-       **more: Any) -> Service:
+def of(
+    name: str, period: Optional[float] = 0.02, type_: str = "std_msgs/Float64", **more: Any
+) -> Service:
     return Service(name, "/" + name, type_, A, period, (), **more)
 
 

@@ -19,8 +19,7 @@ OWN = "the reconfigurator's computer"
 
 @dataclass(frozen=True)
 class Place:
-    """A computer, empty: the reconfigurator's own; `passed_over`: which had no room, with the sum.
-    """
+    """A computer, empty: the reconfigurator's own; `passed_over`: who had no room, with the sum."""
 
     host: str = ""
     passed_over: Tuple[str, ...] = ()
@@ -88,9 +87,7 @@ class Placement:
         """The computers that may be used, best first."""
         names = dict.fromkeys(("", *map(self._hosts.name, self._som().hosts)))
         there = [
-            host
-            for host in names
-            if self._hosts.counts(host, time) and self.allowed(service, host)
+            host for host in names if self._hosts.counts(host, time) and self.allowed(service, host)
         ]
         preferred = [self._hosts.name(each) for each in service.placement.prefer]
         near: Dict[str, float] = {}
