@@ -76,7 +76,7 @@ class Whereabouts:
         """The computer on which idle processes are wanted for a warm service."""
         if plan is None:
             known = self._pool.plans.get(service.name)
-            return known.host if known else ""
+            return known.host if known and self._hosts.reachable(known.host) else ""
         try:
             return self._placement.place(time, service, plan, None).host
         except ShsaError:
