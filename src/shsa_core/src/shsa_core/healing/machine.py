@@ -329,13 +329,16 @@ class Reconfigurator(Reach):
         return self._ask(name, lambda healing, now: healing.started(event))
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
-        self._strays.ended(event.node)
         if event.node in self._pool.nodes:
             commands = self._pool.died(event.time, event.node, event.detail)
             self._substitutions.set(event.node, None)
-            return commands
-        name = self._concern.by_process.get(event.node, "")
-        return self._ask(name, lambda healing, now: healing.exited(now, event.detail))
+        else:
+            name = self._concern.by_process.get(event.node, "")
+            commands = self._ask(name, lambda healing, now: healing.exited(now, event.detail))
+        if self._strays.host(event.node):  # nobody there needs to be told to end it
+            commands = [each for each in commands if each != events.StopSubstitute(event.node)]
+        self._strays.ended(event.node)
+        return commands
 
     def _process_silent(self, event: events.ProcessSilent) -> List[Command]:
         """Who gives no sign of life is not set to work, and is replaced if it was just now."""

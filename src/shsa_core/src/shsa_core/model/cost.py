@@ -7,9 +7,9 @@ from typing import Collection, Dict, Iterable
 
 from shsa_core.model.service import Service
 
-PROCESS_CORES = 0.02
+PROCESS_CORES = 0.004
 """A substitute's process, before anything comes or goes: its heartbeat, and threads that wait."""
-MESSAGE_CORE_S = 0.0002
+MESSAGE_CORE_S = 0.00012
 """For each message that is read, or computed and published, in s of a core."""
 EVENT_RATE_HZ = 10.0
 """An event-driven topic is taken to publish so often."""
