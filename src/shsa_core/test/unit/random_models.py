@@ -48,7 +48,7 @@ def services(draw: Any, name: str, hosts: Sequence[str] = ()) -> Service:
         provides=(Provision(name, name, quality=draw(st.sampled_from((1.0, 0.5)))),),
         needed=draw(st.sampled_from((True, True, False))),
         standby=draw(st.sampled_from(list(Standby))),
-        policy=draw(st.sampled_from(list(Policy))),
+        policy=draw(st.sampled_from([*Policy, *([Policy.SUBSTITUTE] * 8 if hosts else [])])),
         last_resort=draw(st.sampled_from(LAST_RESORTS)),
         contain=draw(st.sampled_from((None, None, *Contain))),
         host=draw(st.sampled_from(("", *hosts))),
@@ -60,7 +60,8 @@ def services(draw: Any, name: str, hosts: Sequence[str] = ()) -> Service:
 @st.composite
 def soms(draw: Any, hosts: Sequence[str] = ()) -> Som:
     """A SOM whose pairs of topic and node differ, with some computers."""
-    names = draw(st.lists(st.sampled_from(NAMES), min_size=1, unique=True))
+    least = len(NAMES) if hosts else 1
+    names = draw(st.lists(st.sampled_from(NAMES), min_size=least, unique=True))
     found = [draw(services(name, hosts)) for name in names]
     cores = st.sampled_from((None, 0.1, 4.0))
     return Som(
@@ -70,7 +71,7 @@ def soms(draw: Any, hosts: Sequence[str] = ()) -> Som:
 
 
 @st.composite
-def ontologies(draw: Any) -> Ontology:
+def ontologies(draw: Any, least: int = 2) -> Ontology:
     """Some of the functions."""
-    functions = draw(st.lists(st.sampled_from(FUNCTIONS), min_size=2, unique_by=id))
+    functions = draw(st.lists(st.sampled_from(FUNCTIONS), min_size=least, unique_by=id))
     return Ontology({name: Property(name) for name in NAMES}, {}, functions)

@@ -102,11 +102,11 @@ def test_what_the_som_does_not_name_is_no_computer_of_the_robot() -> None:
 
 def test_a_full_computer_is_passed_over_with_the_sum_in_the_incident() -> None:
     robot = distributed()
-    seen(robot, 9.9, BOARD, load=3.99)
+    seen(robot, 9.9, BOARD, load=3.995)
     commands = robot.fail("/a", A, 10.0)
     assert only(commands, events.StartSubstitute).host == ""
     detail = last_incident(commands).detail
-    assert "It runs on the reconfigurator's computer. board has no room: 3.99 busy + " in detail
+    assert "It runs on the reconfigurator's computer. board has no room: 3.995 busy + " in detail
 
 
 def test_where_it_fits_nowhere_the_service_is_unhealed_and_tried_again() -> None:
@@ -122,7 +122,7 @@ def test_where_it_fits_nowhere_the_service_is_unhealed_and_tried_again() -> None
 
 def test_what_was_just_placed_counts_before_the_load_shows_it() -> None:
     a, b, c = som(placement=Placement(prefer=(BOARD,)))
-    hosts = [Host(PI), Host(BOARD, 0.07)]
+    hosts = [Host(PI), Host(BOARD, 0.025)]
     two = replace(a, name="a2", topic="/a2", node="/a2_node")
     robot = Robot(Som([a, two, b, c], hosts))
     seen(robot, 9.9, BOARD, load=0.0)
@@ -303,6 +303,24 @@ def test_a_hot_substitute_elsewhere_is_not_taken_for_one_here_by_the_next() -> N
     heir.handle(events.Started(20.0, (), (), tuple(robot.written.values()), (row.node,)))
     assert (row.node, BOARD) in [(each.node, each.host) for each in heir.working()]
     assert only(lost(heir, 25.0, BOARD), events.StartSubstitute).host == ""
+
+
+def test_what_no_warm_service_needs_any_more_does_not_stay_on_a_lost_computer() -> None:
+    robot = distributed(standby=Standby.WARM)
+    (row,) = robot.idle_rows()
+    robot.handle(events.SomChanged(5.0, som()))
+    lost(robot, 10.0, BOARD)
+    assert robot.idle_rows() == [] and row.node in stopped(seen(robot, 20.0, BOARD))
+
+
+def test_a_substitute_that_has_ended_on_a_lost_computer_is_not_told_to() -> None:
+    robot = distributed()
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.1, A)
+    node = takes_over(robot, 10.5)
+    lost(robot, 20.0, BOARD)
+    assert stopped(robot.handle(events.ProcessExited(20.1, node, "status 0"))) == []
+    assert node not in stopped(seen(robot, 30.0, BOARD))
 
 
 # The node's computer is lost

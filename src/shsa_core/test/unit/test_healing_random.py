@@ -12,7 +12,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.machine import Reconfigurator
-from shsa_core.healing.records import HealingRecord, Record
+from shsa_core.healing.records import HealingRecord, IdleProcess, Record
 from shsa_core.healing.settings import Settings
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import FORMS
@@ -109,6 +109,7 @@ class AnyRobot(RuleBasedStateMachine):
         self.written.update({each.key: each for each in command.records})
         written = [each for each in command.records if isinstance(each, HealingRecord)]
         self.named |= {each.substitution.node for each in written if each.substitution}
+        self.named |= {each.node for each in command.records if isinstance(each, IdleProcess)}
         for key in command.removed:
             del self.written[key]
 

@@ -104,26 +104,26 @@ def test_where_a_process_stands_by_is_taken_rather_if_it_may_be() -> None:
 
 
 def test_who_has_no_cores_left_is_passed_over_with_the_sum() -> None:
-    full = [HostSeen(0.0, PI, 3.99, 4.0)]
+    full = [HostSeen(0.0, PI, 3.995, 4.0)]
     place = placed(seen=full)
     assert place.host == ""
     (why,) = place.passed_over
-    assert "pi has no room: 3.99 busy + " in why and "cores of 4" in why
+    assert "pi has no room: 3.995 busy + " in why and "cores of 4" in why
     assert place.words.startswith(" It runs on the reconfigurator's computer. pi has no room")
 
 
 def test_what_was_placed_lately_counts_beside_the_load() -> None:
     seen = [HostSeen(0.0, PI, 3.5, 4.0)]
     assert placed(seen=seen).host == PI
-    place = placed(seen=seen, lately={PI: [Cost(0.3), Cost(0.19)]})
-    assert place.host == "" and "3.5 busy + 0.49 placed lately + " in place.passed_over[0]
+    place = placed(seen=seen, lately={PI: [Cost(0.3), Cost(0.195)]})
+    assert place.host == "" and "3.5 busy + 0.495 placed lately + " in place.passed_over[0]
 
 
 def test_the_som_says_how_many_cores_count_and_else_the_computer_itself() -> None:
-    seen = [HostSeen(0.0, BOARD, 1.99, 2.0)]
+    seen = [HostSeen(0.0, BOARD, 1.995, 2.0)]
     assert placed(b=BOARD, seen=seen).host == ""
     few = (Host(BOARD, 1.0),)
-    assert placed(b=BOARD, hosts=few, seen=[HostSeen(0.0, BOARD, 0.99, 8.0)]).host == ""
+    assert placed(b=BOARD, hosts=few, seen=[HostSeen(0.0, BOARD, 0.995, 8.0)]).host == ""
     unknown = [HostSeen(0.0, BOARD, 50.0, 0.0)]
     assert placed(b=BOARD, seen=unknown).host == BOARD
 
@@ -173,8 +173,9 @@ def test_a_computer_that_was_never_heard_can_be_lost() -> None:
     assert not hosts.reachable(BOARD) and hosts.lost(BOARD) == ""
 
 
-def of(name: str, period: Optional[float] = 0.02, type_: str = "std_msgs/Float64",
-       **more: Any) -> Service:
+def of(
+    name: str, period: Optional[float] = 0.02, type_: str = "std_msgs/Float64", **more: Any
+) -> Service:
     return Service(name, "/" + name, type_, A, period, (), **more)
 
 

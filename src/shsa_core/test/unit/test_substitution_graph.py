@@ -312,3 +312,17 @@ def test_a_topic_that_was_prepared_keeps_its_type() -> None:
     commands = driver.change(row(outputs=(signal("/out", type="std_msgs/Int8"),)))
     (told,) = only(commands, events.Log)
     assert "it is a std_msgs/Float64 to this process" in told.text
+
+
+def test_an_idle_process_prepares_for_the_plans_of_its_own_computer() -> None:
+    here, there = (Signal(each, "data", "std_msgs/Float64", "", 0.1, 0.5) for each in ("/h", "/t"))
+    core = Substitute()
+    core.handle(events.Started(1.0, Substitution("/s", "", (), "", (), host="pi")))
+    plans = [Substitution("", each.topic, (), "", (each,), host="pi") for each in (here, there)]
+    plans[1] = replace(plans[1], host="board")
+    commands = core.handle(events.PlansChanged(2.0, tuple(plans), whole=True))
+    advertised = [each.topic for each in commands if isinstance(each, events.Advertise)]
+    assert advertised == ["/h"]
+    core.handle(events.Advertised(2.1, "/h"))
+    moved = replace(plans[0], host="board")
+    assert events.Withdraw(("/h",)) in core.handle(events.PlansChanged(3.0, (moved,)))

@@ -69,7 +69,9 @@ class Availability:
             return ServiceState(service, service.node, False, "failed", well)
         lost = self._lost(service.host) if service.host and service.event_driven else ""
         if lost:  # no silence tells of one whose messages are due at no time
-            return ServiceState(service, service.node, False, f"{service.host} is lost: {lost}", well)
+            return ServiceState(
+                service, service.node, False, f"{service.host} is lost: {lost}", well
+            )
         if well:
             verified = tuple(node for node in well if node in self._nodes.verified)
             return ServiceState(service, well[0], True, "", well, verified)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
 from shsa_core.codegen.generator import Program
-from shsa_core.healing.host_events import HostLost, HostSeen
+from shsa_core.healing.host_events import HostLost, HostSeen, Where
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.records import Record
 from shsa_core.model.kinds import Kind, Word
@@ -23,23 +23,6 @@ class Level(Word):
     INFO = "info"
     WARN = "warn"
     ERROR = "error"
-
-
-class Where(Word):
-    """Where the process of a node runs, as far as can be told.
-
-    UNKNOWN: it cannot be verified which process it is. ANOTHER: it is not the one that failed.
-    UNREACHABLE: its computer was lost, so that nothing can be said of it.
-    """
-
-    HERE = "here"
-    STOPPED = "stopped"
-    DEAD = "dead"
-    ELSEWHERE = "elsewhere"
-    NOWHERE = "nowhere"
-    UNKNOWN = "unknown"
-    ANOTHER = "another"
-    UNREACHABLE = "unreachable"
 
 
 @dataclass(frozen=True)

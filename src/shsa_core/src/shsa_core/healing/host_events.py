@@ -1,8 +1,27 @@
-"""What the reconfigurator hears of the robot's other computers.
+"""What the reconfigurator hears of the robot's computers, and where on them a node is found.
 
-Of each by its agent, a node of healing that runs there.
+Of another computer by its agent, a node of healing that runs there.
 """
 from dataclasses import dataclass
+
+from shsa_core.model.kinds import Word
+
+
+class Where(Word):
+    """Where the process of a node runs, as far as can be told.
+
+    UNKNOWN: it cannot be verified which process it is. ANOTHER: it is not the one that failed.
+    UNREACHABLE: its computer was lost, so that nothing can be said of it.
+    """
+
+    HERE = "here"
+    STOPPED = "stopped"
+    DEAD = "dead"
+    ELSEWHERE = "elsewhere"
+    NOWHERE = "nowhere"
+    UNKNOWN = "unknown"
+    ANOTHER = "another"
+    UNREACHABLE = "unreachable"
 
 
 @dataclass(frozen=True)

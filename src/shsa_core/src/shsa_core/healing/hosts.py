@@ -77,8 +77,7 @@ class Hosts:
         return host == "" or computer is None or (certain and time >= computer.counts)
 
     def doubt(self, host: str, time: float) -> None:
-        """Somebody on a computer fell silent: it may be lost, and does not count until it is heard.
-        """
+        """Somebody on a computer fell silent: it does not count until it is heard again."""
         if host in self._known:
             self._known[host].doubted = time
 

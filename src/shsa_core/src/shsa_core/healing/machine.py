@@ -5,7 +5,7 @@ substitutes read what it changes. What is known of the rest stays as it is, so t
 the same on a large robot.
 """
 from dataclasses import replace
-from typing import Any, Callable, Collection, Dict, Iterable, List, Optional, Tuple, Type
+from typing import Any, Callable, Collection, Dict, List, Optional, Tuple, Type
 
 from shsa_core import dispatch
 from shsa_core.agenda import Agenda
@@ -14,8 +14,7 @@ from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Event, FailureSeen, Level, Log
 from shsa_core.healing.host_events import HostLost, HostSeen
-from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.kills import KillNode, NodeKilled, NodeSpared, NodeUnreached, Over
+from shsa_core.healing.incident import Incident
 from shsa_core.healing.reach import Reach
 from shsa_core.healing.records import RestartedNode
 from shsa_core.healing.settings import Settings
@@ -27,8 +26,6 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import PublisherState
 
-ORPHAN_KILLS = 5
-"""Tries to end a substitute that was left behind: a busy machine may not find it in time."""
 TRIGGER_S = 0.1
 """So long after the table a trigger may come: they travel on two connections."""
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
@@ -62,7 +59,6 @@ class Reconfigurator(Reach):
         super().__init__(ontology, som, settings, namespace, dry_run, restarts, host)
         self._ending = False
         self._untold: Agenda[str] = Agenda()  # failures in the table, by their service
-        self._orphans: Dict[str, int] = {}  # what was left behind, and how often to try yet
         self._handlers: Dict[Type[Event], Callable[[Any], List[Command]]] = dispatch.table(
             Event,
             {
@@ -175,13 +171,8 @@ class Reconfigurator(Reach):
             commands.append(Log(Level.WARN, f"{text} If it was left behind: rosnode kill {node}"))
         for node in filter(self.names.avoid, event.leftovers):
             commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-            self._orphans[node] = ORPHAN_KILLS
-            commands += self._kill_orphan(node)
+            commands += self._end_orphan(node)
         return commands
-
-    def _kill_orphan(self, node: str) -> List[Command]:
-        self._orphans[node] -= 1
-        return self._absorb([KillNode(node, urgent=True)])
 
     def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
         """End every substitute, and the nodes that whoever ends us has started first."""
@@ -333,60 +324,21 @@ class Reconfigurator(Reach):
         over = self._kills.untouchable(event)
         return self._killed([over] if over else [])
 
-    def _killed(self, kills: Iterable[Over]) -> List[Command]:
-        commands: List[Command] = []
-        for kill in kills:
-            if isinstance(kill, NodeSpared):
-                commands += self._spared(kill)
-            elif isinstance(kill, NodeUnreached) and self._host_of(kill.node):
-                commands += self._unreached(kill)
-            elif isinstance(kill, NodeUnreached):
-                commands += self._gone(NodeKilled(kill.time, kill.node, False, kill.detail))
-            else:
-                commands += self._gone(kill)
-        return commands
-
-    def _spared(self, kill: NodeSpared) -> List[Command]:
-        commands: List[Command] = []
-        if kill.detail:
-            text = f"{kill.node} is not touched: {kill.detail}."
-            commands.append(Log(Level.ERROR, text))
-            self._unsettle_node(kill.node)
-        for name in self._concern.blaming(kill.node):
-            commands += self._ask(name, lambda healing, now: healing.spared(now, kill.detail))
-        return commands
-
-    def _gone(self, kill: NodeKilled) -> List[Command]:
-        commands: List[Command] = []
-        self._nodes.killed(kill.node, kill.time)
-        self._acquaintance.went(kill.node)
-        if kill.node not in self._nodes.excluded:  # it is back already, as another process
-            for topic in self._nodes.topics(kill.node):
-                row = self._nodes.health(topic)[kill.node]
-                commands += self._acquaint(kill.node, row)
-        self._forget_restarted(kill.node)
-        self._unsettle_node(kill.node)
-        if kill.certain:
-            self._orphans.pop(kill.node, None)
-        elif self._orphans.get(kill.node):
-            commands += self._kill_orphan(kill.node)
-        for name in self._concern.blaming(kill.node):
-            commands += self._ask(name, lambda healing, now: healing.killed(now, kill))
-            commands += self._ask(name, lambda healing, now: healing.changed(now))
-        return commands
-
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
         name = self._concern.by_process.get(event.node, "")
         return self._ask(name, lambda healing, now: healing.started(event))
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
-        self._strays.ended(event.node)
         if event.node in self._pool.nodes:
             commands = self._pool.died(event.time, event.node, event.detail)
             self._substitutions.set(event.node, None)
-            return commands
-        name = self._concern.by_process.get(event.node, "")
-        return self._ask(name, lambda healing, now: healing.exited(now, event.detail))
+        else:
+            name = self._concern.by_process.get(event.node, "")
+            commands = self._ask(name, lambda healing, now: healing.exited(now, event.detail))
+        if self._strays.host(event.node):  # nobody there needs to be told to end it
+            commands = [each for each in commands if each != events.StopSubstitute(event.node)]
+        self._strays.ended(event.node)
+        return commands
 
     def _process_silent(self, event: events.ProcessSilent) -> List[Command]:
         """Who gives no sign of life is not set to work, and is replaced if it was just now."""

@@ -19,7 +19,7 @@ OWN = "the reconfigurator's computer"
 
 @dataclass(frozen=True)
 class Place:
-    """A computer, empty: our own; `passed_over`: which had no room before it, with the sum."""
+    """A computer, empty: the reconfigurator's own; `passed_over`: who had no room, with the sum."""
 
     host: str = ""
     passed_over: Tuple[str, ...] = ()

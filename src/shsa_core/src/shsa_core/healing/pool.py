@@ -34,7 +34,7 @@ class Spare:
 
 
 class Pool:
-    """Idle processes, as many as the settings say on each computer that warm services are placed on.
+    """Idle processes: as many as the settings say, wherever warm services are placed.
 
     They prepare for `plans`, one row a warm service: they listen to its inputs and have advertised
     its outputs, so that the consumers are connected; a roscpp consumer takes 0.2 s for that.

@@ -26,7 +26,7 @@ class Stranding(Resumption):
         """
         row = now.publishers.get(self.node)
         heard = row is not None and row.state is PublisherState.HEALTHY
-        if heard and not now.service.event_driven and self.state in (State.HEALED, State.SAFE):
+        if heard and self.publishes and not now.service.event_driven:
             return []
         return self._move(now, f"{self.node} cannot be reached: {why}")
 

@@ -18,8 +18,8 @@ class SubstituteProcess:
     """At most one process that substitutes a service, and its plan.
 
     `node` is its name, empty without a process; `host`: its computer, empty: the reconfigurator's
-    own. `changed`: when it was given its program. `working_since` is when it was set to work: what it
-    has published since counts. `patience` is how long its first message may take, in s; if that
+    own; `changed`: when it was given its program. `working_since` is when it was set to work: what
+    it has published since counts. `patience` is how long its first message may take, in s; if that
     does not come, `plan_to_blame`, or else the process is.
     """
 

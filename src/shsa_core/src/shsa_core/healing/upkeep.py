@@ -1,7 +1,7 @@
 """What the reconfigurator knows of the robot, kept up by what happens and by what is decided."""
 from dataclasses import replace
 from functools import partial
-from typing import Callable, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
+from typing import Callable, Dict, Iterable, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
@@ -17,8 +17,7 @@ from shsa_core.healing.incident import State
 from shsa_core.healing.kills import KillNode, Kills
 from shsa_core.healing.naming import Names
 from shsa_core.healing.nodes import Acquaintance, Nodes
-from shsa_core.healing.placement import Place, Placement
-from shsa_core.healing.planner import AnyPlan, Planner
+from shsa_core.healing.planner import Planner
 from shsa_core.healing.pool import Pool, Spare
 from shsa_core.healing.records import HealingRecord, Records, service_key
 from shsa_core.healing.settings import Settings
@@ -27,8 +26,8 @@ from shsa_core.healing.stakes import Stakes
 from shsa_core.healing.strays import Strays
 from shsa_core.healing.tables import SomTable, SubstitutionTable
 from shsa_core.healing.topic import TopicHealing
-from shsa_core.model.cost import Cost, cost
-from shsa_core.model.kinds import Kind, OnPartition, Policy
+from shsa_core.healing.whereabouts import Whereabouts
+from shsa_core.model.kinds import Kind, Policy
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
@@ -66,7 +65,7 @@ class Upkeep:
         self._acquaintance = Acquaintance()
         self._kills = Kills(settings.kill_patience)
         self._hosts = Hosts(settings, host)
-        self._availability = Availability(self._nodes, self._open, self._lost)
+        self._availability = Availability(self._nodes, self._open, lambda h: self._where.lost(h))
         self._calibrations = Calibrations(self._open)
         self._planner = self._planner_of(ontology)
         self._pool = Pool(settings)
@@ -80,10 +79,10 @@ class Upkeep:
         self._incidents = 0
         self._watched: Tuple[str, ...] = ()
         self._records = Records()
-        self._placement = Placement(self._hosts, self._placed, lambda: self._som)
         self._strays = Strays(self._hosts, self._records)
         self._awaited = AwaitedKills(self._hosts)
-        self._doubted: Dict[str, float] = {}  # services that wait until their computer is heard
+        about = self._hosts, self._strays, self._pool, self._concern, self._healings
+        self._where = Whereabouts(lambda: self._som, *about)
         self._ended: List[str] = []  # services whose incident has ended with the last event
         self._with_us: Dict[str, bool] = {}  # nodes that were started again
         self._idle_written: Set[str] = set()
@@ -160,52 +159,12 @@ class Upkeep:
 
     def _stand_by(self, service: Service, plan: Optional[Plan]) -> None:
         """Let the pool serve a warm service, on the computer that its plan is placed on."""
-        known = self._pool.plans.get(service.name)
-        host = known.host if known else ""
-        if plan is not None:
-            try:
-                host = self._placement.place(self._time, service, plan, None).host
-            except ShsaError:
-                host = ""  # the failure will tell why there is none
+        host = self._where.stands_by(self._time, service, plan)
         self._pool.serve(service, self._planner, plan, host)
         self._substitutions.set(service.name, self._pool.plans[service.name])
 
-    def _place(self, service: Service, plan: AnyPlan) -> Place:
-        """The computer for a plan; rather where an idle process is. Raises ShsaError."""
-        ready = self._pool.plans.get(service.name)
-        rather = ready.host if ready and self._pool.spare(ready.host).node else None
-        return self._placement.place(self._time, service, plan, rather)
-
     def _spare(self, service: Service, host: str) -> Spare:
         return self._pool.spare(host) if self._pool.serves(service) else Spare()
-
-    def _placed(self, host: str, since: float) -> Iterator[Cost]:
-        """What the substitutes cost that were set to work on a computer since a moment."""
-        here = {host, self._hosts.in_som(host)}
-        for name in self._concern.by_process.values():
-            process, service = self._healings[name].substitute, self._som.services.get(name)
-            if service and process.host == host and process.changed > since:
-                inputs = process.plan.inputs if isinstance(process.plan, Plan) else ()
-                yield cost([source.service for source in inputs], service, here)
-
-    def _host_of(self, node: str) -> str:
-        """The computer that a node runs on, as far as is known; empty: the reconfigurator's own."""
-        if not self._som.hosts:
-            return ""
-        named = next((each.host for each in self._som if each.node == node and each.host), "")
-        return self._strays.host(node) or self._hosts.name(named)
-
-    def _lost(self, host: str) -> str:
-        return self._hosts.lost(self._hosts.name(host))
-
-    def _waiting(self, service: Service) -> str:
-        """Why nothing is done for a service while its computer is cut off; empty: it is not so."""
-        if service.on_partition is not OnPartition.WAIT or not service.host:
-            return ""
-        if self._lost(service.host):
-            return f"{service.host} cannot be reached, and on_partition is wait"
-        doubted = service.name in self._doubted
-        return f"{service.host} was not heard since, and on_partition is wait" if doubted else ""
 
     def _rows(self, service: Service) -> List[PublisherHealth]:
         """How the originals of a service do, with the row that says that nobody was ever seen."""
@@ -311,7 +270,7 @@ class Upkeep:
                 self._records.set(service_key(name), None)
 
     def _snapshot(self, service: Service) -> Snapshot:
-        waiting = self._waiting(service)
+        waiting = self._where.waiting(service)
         advised = replace(service, policy=Policy.ADVISE) if waiting else service
         return Snapshot(
             time=self._time,
@@ -322,7 +281,7 @@ class Upkeep:
             originals=self._availability.originals(self._som, service),
             killing=self._kills.nodes,
             incident=self._incidents + 1,
-            place=partial(self._place, service),
+            place=partial(self._where.place, self._time, service),
             spare=partial(self._spare, service),
             fresh=self.names.fresh(service.topic.strip("/").replace("/", "_")),
             verdict=partial(self._stakes.verdict, self._planner, advised, waiting),
@@ -334,7 +293,7 @@ class Upkeep:
         commands: List[Command] = []
         for request in requests:
             if isinstance(request, KillNode):
-                host = self._host_of(request.node)
+                host = self._where.host_of(request.node)
                 if host and request.only_here and self._hosts.reachable(host):
                     self._awaited.add(self._time, request.node, host, True)
                     continue

@@ -18,8 +18,7 @@ class Host:
 
 @dataclass(frozen=True)
 class Placement:
-    """Hosts by name: those that a substitute rather runs on, best first, and those it never does.
-    """
+    """Hosts by name: where a substitute rather runs, best first, and where it never does."""
 
     prefer: Tuple[str, ...] = ()
     forbid: Tuple[str, ...] = ()

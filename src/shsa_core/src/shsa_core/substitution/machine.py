@@ -160,7 +160,11 @@ class Substitute:
             self._plans.pop(name, None)
         self._plans.update(told)
         self._unusable.update(event.unusable)
-        return self._prepare(event.rows) if self._row.idle else []
+        return self._prepare(self._here(event.rows)) if self._row.idle else []
+
+    def _here(self, plans: Iterable[Substitution]) -> Tuple[Substitution, ...]:
+        """The plans that are placed on this computer."""
+        return tuple(each for each in plans if each.host == self._row.host)
 
     def _heed(
         self, row: Substitution, unusable: Unusable, last: Optional[LastMessage]
@@ -170,8 +174,8 @@ class Substitute:
         computed = before and self._row.quality > 0.0
         self._row = row
         self._unusable.update(unusable)
-        plans = self._plans.values()
-        commands = self._prepare((row, *plans)) if row.idle else self._work(row, computed)
+        here = self._here(self._plans.values())
+        commands = self._prepare((row, *here)) if row.idle else self._work(row, computed)
         after, stays = self.publishing, self._topic == topic and topic in row.topics
         period = None if self._job is None else self._job.period
         same = stays and row.original == self._yielding.original
@@ -229,7 +233,8 @@ class Substitute:
             outputs = tuple(signal for signal in row.outputs if signal not in problems)
             self._types.update({signal.topic: signal.type for signal in outputs})
             commands += self._advertising.prepare(outputs)
-        wanted = {topic for row in (self._row, *self._plans.values()) for topic in row.topics}
+        here = self._here(self._plans.values())
+        wanted = {topic for row in (self._row, *here) for topic in row.topics}
         self._advertising.leave_all_but(wanted, self._now)
         return commands
 
