@@ -22,8 +22,6 @@ LOST_S = 1.0
 """An agent that is silent for so long cannot be reached, and its computer is lost."""
 RETURN_S = 4.0
 """An agent that has ended is started again within this time: its computer is there."""
-SEEN_S = 1.0
-"""Between two HostSeen."""
 NOBODY = (0, 0.0)
 
 TellAny = Callable[[events.Event], None]
@@ -95,7 +93,7 @@ class RemoteHost:
         self._watched = events.WatchNodes(())
         self._last: Optional[msg.HostEvent] = None
         self._silence = 0.0
-        self._ticked = self._seen_at = float("-inf")
+        self._ticked = float("-inf")
 
     @property
     def is_reached(self) -> bool:
@@ -151,7 +149,9 @@ class RemoteHost:
                 self._reach(message, now)
             if new:
                 self._happened(message.event, now)
-            self._seen(message, now)
+            if message.number == 0:
+                figures = message.load, message.cores, message.transmitted, message.received
+                self._tell(events.HostSeen(now, self.name, *figures))
         elif self._reached or message.session > self._session:
             self._give_up(now, f"the agent of {self.name} did not hear us")
             self._begin(message)
@@ -188,7 +188,6 @@ class RemoteHost:
     def _reach(self, message: msg.HostEvent, now: float) -> None:
         """Both ends hear each other: bring together what is wanted there and what runs."""
         self._reached, self._known, self._lost = True, True, False
-        self._seen_at = float("-inf")
         self._running, self._restarted = tuple(message.running), tuple(message.restarted)
         self._send(self._watched, now)
         if not self._settled:
@@ -200,12 +199,6 @@ class RemoteHost:
                 self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
         for node in [each for each in found if each not in self._wanted]:
             self._send(found[node], now)
-
-    def _seen(self, message: msg.HostEvent, now: float) -> None:
-        if now >= self._seen_at + SEEN_S:
-            self._seen_at = now
-            figures = message.load, message.cores, message.transmitted, message.received
-            self._tell(events.HostSeen(now, self.name, *figures))
 
     def _happened(self, text: str, now: float) -> None:
         try:
