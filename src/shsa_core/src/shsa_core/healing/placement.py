@@ -19,8 +19,7 @@ OWN = "the reconfigurator's computer"
 
 @dataclass(frozen=True)
 class Place:
-    """A computer, empty: the reconfigurator's own; `passed_over`: which had no room, with the sum.
-    """
+    """A computer, empty: the reconfigurator's own; `passed_over`: which had no room, with the sum."""
 
     host: str = ""
     passed_over: Tuple[str, ...] = ()
@@ -62,9 +61,14 @@ class Placement:
 
         Raises ShsaError if there is none.
         """
+        return self.beside(time, service, self._inputs(plan), rather)
+
+    def beside(
+        self, time: float, service: Service, inputs: List[Service], rather: Optional[str] = None
+    ) -> Place:
+        """The same for a substitute that reads `inputs`, services that differ."""
         if not self._som().hosts:
             return HERE
-        inputs = self._inputs(plan)
         passed_over: List[str] = []
         order = self._order(time, service, inputs)
         if rather in order:
@@ -88,9 +92,7 @@ class Placement:
         """The computers that may be used, best first."""
         names = dict.fromkeys(("", *map(self._hosts.name, self._som().hosts)))
         there = [
-            host
-            for host in names
-            if self._hosts.counts(host, time) and self.allowed(service, host)
+            host for host in names if self._hosts.counts(host, time) and self.allowed(service, host)
         ]
         preferred = [self._hosts.name(each) for each in service.placement.prefer]
         near: Dict[str, float] = {}

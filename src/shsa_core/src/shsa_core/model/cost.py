@@ -67,3 +67,11 @@ def cost(inputs: Iterable[Service], output: Service, here: Collection[str]) -> C
     read = {each.name: each for each in inputs}.values()
     crossing = sum(traffic(each) for each in read if each.host not in here)
     return Cost(cores(read, output), crossing + traffic(output))
+
+
+def idle_cost(inputs: Iterable[Service], here: Collection[str]) -> Cost:
+    """What an idle process takes that is prepared for plans which read `inputs`."""
+    read = {each.name: each for each in inputs}.values()
+    messages = sum(rate(each) for each in read)
+    crossing = sum(traffic(each) for each in read if each.host not in here)
+    return Cost(PROCESS_CORES + MESSAGE_CORE_S * messages, crossing)

@@ -12,6 +12,7 @@ from shsa_msgs import msg
 
 from shsa_core import dispatch
 from shsa_core.analysis.budget import check_budgets
+from shsa_core.analysis.schedulability import check_placements
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.parameters import read_settings
@@ -30,8 +31,9 @@ from shsa_core.ros import diagnostics
 from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.alone import await_turn
 from shsa_core.ros.graph.companion import Companion
+from shsa_core.ros.graph.ending import Ending
 from shsa_core.ros.graph.heartbeats import MONITOR, RECONFIGURATOR, Signs
-from shsa_core.ros.graph.launch import Launch, is_followed
+from shsa_core.ros.graph.launch import Launch
 from shsa_core.ros.graph.master_watch import MasterWatch
 from shsa_core.ros.graph.processes import run_command
 from shsa_core.ros.graph.restarts import may_restart
@@ -70,7 +72,7 @@ class ReconfiguratorNode:
     Parameters: those of shsa_core.healing.settings. Raises ModelError if a file is not valid.
     """
 
-    def __init__(self, arguments: argparse.Namespace) -> None:
+    def __init__(self, arguments: argparse.Namespace, ending: Ending) -> None:
         self._files = arguments
         self._said: List[Problem] = []
         signing = Signing(arguments.secret)
@@ -90,7 +92,8 @@ class ReconfiguratorNode:
             for service in (each for each in som if each.policy.restarts):
                 text = "%s is not started again: that would be as root (restart_as_root:=true)."
                 rospy.logerr(text, service.node)
-        for finding in check_budgets(som, settings):
+        unfit = check_placements(ontology, som, settings)
+        for finding in (*check_budgets(som, settings), *unfit):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
         self._journal: Optional[JournalWriter] = None
@@ -99,8 +102,7 @@ class ReconfiguratorNode:
             self._journal = JournalWriter(journal, "healing", setup, rospy.logwarn)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
-        self._ends = self._is_followed = False
-        rospy.core.add_preshutdown_hook(self._asked_to_end)
+        self._ending, self._ends = ending, False
         signs = Signs(RECONFIGURATOR)
         self._companion = Companion(MONITOR, signs)
         prefix = self._core.names.prefix
@@ -189,7 +191,7 @@ class ReconfiguratorNode:
             except Exception as error:  # whatever it is, healing goes on
                 if not rospy.core.is_shutdown_requested():
                     rospy.logerr("The reconfigurator could not handle an event: %r", error)
-        if not self._is_followed:
+        if not self._ending.followed:
             self._stop_all()
         self._incidents.close()
         if self._records is not None:
@@ -203,9 +205,6 @@ class ReconfiguratorNode:
         self._handle(events.ShuttingDown(clock.now()))
         self._local.await_stops()
         self._agents.await_quiet()
-
-    def _asked_to_end(self, reason: str) -> None:
-        self._is_followed = is_followed(reason)
 
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
@@ -375,4 +374,5 @@ def main() -> None:
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     await_turn("reconfigurator")
-    run("reconfigurator", lambda: ReconfiguratorNode(arguments).spin())
+    ending = Ending()
+    run("reconfigurator", lambda: ReconfiguratorNode(arguments, ending).spin())
