@@ -135,7 +135,9 @@ def test_time_in_which_we_did_not_run_is_no_silence(cable: Cable) -> None:
 def test_an_agent_that_has_ended_is_given_time_to_be_started_again(cable: Cable) -> None:
     cable.host.ended = lambda: True
     cable.whole = False
-    cable.pass_time(RETURN_S - 0.5)
+    cable.pass_time(LOST_S + 0.5)
+    cable.host.ended = lambda: False  # the next one has connected, and says nothing yet
+    cable.pass_time(RETURN_S - LOST_S - 1.0)
     assert not cable.take(events.HostLost)
     cable.host.carry_out(events.FindNode("/a"), cable.now)
     assert cable.take(events.NodeFound)[0].where is Where.UNREACHABLE

@@ -87,7 +87,7 @@ class RemoteHost:
         self._tell, self._publish = tell, publish
         self._agent = self._session = 0
         self._line = Line()
-        self._reached = self._known = self._lost = self._settled = False
+        self._reached = self._known = self._lost = self._left = self._settled = False
         self._waits: Dict[Tuple[Type[Any], str], HostCommand] = {}
         self._wanted: Dict[str, HostCommand] = {}  # what runs there, and how it is stopped
         self._watched = events.WatchNodes(())
@@ -143,7 +143,7 @@ class RemoteHost:
             self._give_up(now, f"the agent of {self.name} was started anew")
             self._begin(message)
         elif message.session == self._session and message.open:
-            self._silence = 0.0
+            self._silence, self._left = 0.0, False
             new = self._line.take(message.number, message.heard, now)
             if not self._reached:
                 self._reach(message, now)
@@ -168,7 +168,8 @@ class RemoteHost:
         silence = max(self._silence, self._line.waiting(now) or 0.0)
         if self._reached and silence >= LOST_S:
             self._give_up(now, f"{self.name} has not answered for {silence:.1f} s")
-        patience = RETURN_S if self.ended() else LOST_S
+        self._left = self._left or (not self._reached and self.ended())
+        patience = RETURN_S if self._left else LOST_S
         if self._known and not self._reached and not self._lost and self._silence >= patience:
             self._lost = True
             why = f"its agent has not answered for {self._silence:.1f} s"
