@@ -1,5 +1,5 @@
 """Each command goes to the computer that it is about."""
-from typing import Any, Dict, List, Tuple
+from typing import Any, List, Tuple
 
 import pytest
 import rospy

@@ -4,6 +4,7 @@ import os
 import queue
 import shlex
 import sys
+import threading
 from dataclasses import replace
 from functools import partial
 from typing import Callable, Dict, List, Optional, Tuple, get_args
@@ -61,6 +62,8 @@ LOG: Dict[Level, Callable[..., None]] = {
     Level.ERROR: rospy.logerr,
 }
 LONGEST_WAIT_S = 0.2
+STOP_S = 5.0
+"""So long at most the end of ROS waits until agents have heard what is to be stopped."""
 MOST_WAITING = 10_000
 """With more to do than this, failures that nobody signed are dropped."""
 MOST_COMMANDS = 32
@@ -88,6 +91,7 @@ class ReconfiguratorNode:
             "namespace": rospy.get_namespace(),
             "dry_run": arguments.dry_run,
             "restarts": may_restart(arguments.restart_as_root),
+            "host": arguments.host,
         }
         if not setup["restarts"]:
             for service in (each for each in som if each.policy.restarts):
@@ -111,9 +115,11 @@ class ReconfiguratorNode:
         self._local = LocalHost(
             self._told, signs, prefix, journals, signing.path, arguments.sandbox
         )
-        self._agents = Agents(signing, self._told)
+        self._agents = Agents(signing, self._told, arguments.host)
         self._hosts = Hosts(self._local, self._agents, self._told, arguments.host)
         self._asked: Dict[str, float] = {}
+        self._spins, self._stopped = False, threading.Event()
+        rospy.core.add_preshutdown_hook(self._stop_elsewhere)
         self._incidents = Incidents(arguments.incident_log)
         self._substitutions = TablePublisher(
             names.SUBSTITUTIONS,
@@ -184,6 +190,7 @@ class ReconfiguratorNode:
         needed = ", ".join(service.topic for service in self._core.needed())
         does = "advising (nothing is killed or started) on" if self._files.dry_run else "healing"
         rospy.loginfo("Reconfigurator ready, %s: %s.", does, needed or "nothing")
+        self._spins = True
         while not rospy.is_shutdown():
             self._companion.beat()
             work = self._next()
@@ -192,6 +199,7 @@ class ReconfiguratorNode:
             except Exception as error:  # whatever it is, healing goes on
                 if not rospy.core.is_shutdown_requested():
                     rospy.logerr("The reconfigurator could not handle an event: %r", error)
+        self._spins = False
         if not self._ending.followed:
             self._stop_all()
         self._incidents.close()
@@ -200,12 +208,21 @@ class ReconfiguratorNode:
         if self._journal is not None:
             self._journal.close()
 
+    def _stop_elsewhere(self, _: str) -> None:
+        """Agents are told while our topics are open; with one computer nobody is waited for."""
+        if self._spins and self._agents.names and not self._ending.followed:
+            self._queue.put(self._stop_all)
+            self._stopped.wait(STOP_S)
+
     def _stop_all(self) -> None:
+        if self._stopped.is_set():
+            return
         for node in self._local.restarts.left_alone():
             self._handle(events.StarterEnded(clock.now(), node))
         self._handle(events.ShuttingDown(clock.now()))
         self._local.await_stops()
         self._agents.await_quiet()
+        self._stopped.set()
 
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error."""

@@ -5,7 +5,9 @@ from typing import Dict, Iterable, List
 import rospy
 from shsa_msgs import msg
 
+from shsa_core.healing import events
 from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.load import Load
 from shsa_core.ros.graph.node_api import FAILURES, BadAnswer, address, master_api
 from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.host.host import HostCommand
@@ -22,10 +24,14 @@ START_S = 1.5
 
 
 class Agents:
-    """What is known of the computers that have an agent, by name; from any thread."""
+    """What is known of the computers that have an agent, by name; from any thread.
 
-    def __init__(self, signing: Signing, tell: TellAny) -> None:
-        self._signing, self._tell = signing, tell
+    `own`: the name of our own computer, of which we tell ourselves; empty: it has none.
+    """
+
+    def __init__(self, signing: Signing, tell: TellAny, own: str = "") -> None:
+        self._signing, self._tell, self._own = signing, tell, own
+        self._load = Load()
         self._hosts: Dict[str, RemoteHost] = {}
         self._lock = threading.RLock()
         self._begun = threading.Event()
@@ -111,8 +117,8 @@ class Agents:
         except FAILURES:
             return []
         topics = {topic for topic, _ in publishers}
-        events_of = {name: rospy.resolve_name(names.host_events(name)) for name in self._hosts}
-        return [name for name, topic in events_of.items() if topic in topics]
+        topic_of = {name: rospy.resolve_name(names.host_events(name)) for name in self._hosts}
+        return [name for name, topic in topic_of.items() if topic in topics]
 
     def _work(self) -> None:
         self._begun.wait()
@@ -126,4 +132,12 @@ class Agents:
                         host.beat()
             if now >= beat_at:
                 beat_at = now + BEAT_S
+                self._look(now)
             rospy.rostime.wallsleep(TICK_S)
+
+    def _look(self, now: float) -> None:
+        """Tell of our own computer, as agents do of theirs."""
+        if self._own:
+            self._load.look(now)
+            figures = self._load.busy, self._load.cores, self._load.sent, self._load.received
+            self._tell(events.HostSeen(now, self._own, *figures))

@@ -22,8 +22,6 @@ LOST_S = 1.0
 """An agent that is silent for so long cannot be reached, and its computer is lost."""
 RETURN_S = 4.0
 """An agent that has ended is started again within this time: its computer is there."""
-SEEN_S = 1.0
-"""Between two HostSeen."""
 NOBODY = (0, 0.0)
 
 TellAny = Callable[[events.Event], None]
@@ -89,13 +87,13 @@ class RemoteHost:
         self._tell, self._publish = tell, publish
         self._agent = self._session = 0
         self._line = Line()
-        self._reached = self._known = self._lost = self._settled = False
+        self._reached = self._known = self._lost = self._left = self._settled = False
         self._waits: Dict[Tuple[Type[Any], str], HostCommand] = {}
         self._wanted: Dict[str, HostCommand] = {}  # what runs there, and how it is stopped
         self._watched = events.WatchNodes(())
         self._last: Optional[msg.HostEvent] = None
         self._silence = 0.0
-        self._ticked = self._seen_at = float("-inf")
+        self._ticked = float("-inf")
 
     @property
     def is_reached(self) -> bool:
@@ -145,13 +143,15 @@ class RemoteHost:
             self._give_up(now, f"the agent of {self.name} was started anew")
             self._begin(message)
         elif message.session == self._session and message.open:
-            self._silence = 0.0
+            self._silence, self._left = 0.0, False
             new = self._line.take(message.number, message.heard, now)
             if not self._reached:
                 self._reach(message, now)
             if new:
                 self._happened(message.event, now)
-            self._seen(message, now)
+            if message.number == 0:
+                figures = message.load, message.cores, message.transmitted, message.received
+                self._tell(events.HostSeen(now, self.name, *figures))
         elif self._reached or message.session > self._session:
             self._give_up(now, f"the agent of {self.name} did not hear us")
             self._begin(message)
@@ -168,7 +168,8 @@ class RemoteHost:
         silence = max(self._silence, self._line.waiting(now) or 0.0)
         if self._reached and silence >= LOST_S:
             self._give_up(now, f"{self.name} has not answered for {silence:.1f} s")
-        patience = RETURN_S if self.ended() else LOST_S
+        self._left = self._left or (not self._reached and self.ended())
+        patience = RETURN_S if self._left else LOST_S
         if self._known and not self._reached and not self._lost and self._silence >= patience:
             self._lost = True
             why = f"its agent has not answered for {self._silence:.1f} s"
@@ -188,7 +189,6 @@ class RemoteHost:
     def _reach(self, message: msg.HostEvent, now: float) -> None:
         """Both ends hear each other: bring together what is wanted there and what runs."""
         self._reached, self._known, self._lost = True, True, False
-        self._seen_at = float("-inf")
         self._running, self._restarted = tuple(message.running), tuple(message.restarted)
         self._send(self._watched, now)
         if not self._settled:
@@ -200,12 +200,6 @@ class RemoteHost:
                 self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
         for node in [each for each in found if each not in self._wanted]:
             self._send(found[node], now)
-
-    def _seen(self, message: msg.HostEvent, now: float) -> None:
-        if now >= self._seen_at + SEEN_S:
-            self._seen_at = now
-            figures = message.load, message.cores, message.transmitted, message.received
-            self._tell(events.HostSeen(now, self.name, *figures))
 
     def _happened(self, text: str, now: float) -> None:
         try:
