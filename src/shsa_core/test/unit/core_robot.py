@@ -47,10 +47,14 @@ class Robot:
     """
 
     def __init__(
-        self, som: Som = SOM, ontology: Ontology = ONTOLOGY, **settings: Union[int, float]
+        self,
+        som: Som = SOM,
+        ontology: Ontology = ONTOLOGY,
+        host: str = "",
+        **settings: Union[int, float],
     ) -> None:
         values: Dict[str, Any] = {"hold_off": 2.0, "start_timeout": 5.0, "pool": 1, **settings}
-        self.core = Reconfigurator(ontology, som, Settings(**values))
+        self.core = Reconfigurator(ontology, som, Settings(**values), host=host)
         self.rows: Dict[Tuple[str, str], PublisherHealth] = {}
         self.said: List[events.Command] = []
         self.written: Dict[str, Record] = {}

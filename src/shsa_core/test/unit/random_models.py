@@ -1,11 +1,12 @@
 """Small ontologies and SOMs of all kinds, for random robots."""
-from typing import Any
+from typing import Any, Sequence
 
 from hypothesis import strategies as st
 
 from core_robot import function
 from shsa_core.healing.settings import Settings
-from shsa_core.model.kinds import Contain, Policy, Standby
+from shsa_core.model.host import Host, Placement
+from shsa_core.model.kinds import Contain, OnPartition, Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Provision, Service
 from shsa_core.model.som import Som
@@ -34,8 +35,10 @@ SETTINGS = (
 
 
 @st.composite
-def services(draw: Any, name: str) -> Service:
-    """A service of the property of its name."""
+def services(draw: Any, name: str, hosts: Sequence[str] = ()) -> Service:
+    """A service of the property of its name, on one of some computers."""
+    chosen = st.lists(st.sampled_from(hosts or ("",)), max_size=2, unique=True)
+    places = (draw(chosen), draw(chosen)) if hosts else ((), ())
     return Service(
         name=name,
         topic=draw(st.sampled_from(("/" + name, "/" + name, "/shared"))),
@@ -48,15 +51,22 @@ def services(draw: Any, name: str) -> Service:
         policy=draw(st.sampled_from(list(Policy))),
         last_resort=draw(st.sampled_from(LAST_RESORTS)),
         contain=draw(st.sampled_from((None, None, *Contain))),
+        host=draw(st.sampled_from(("", *hosts))),
+        placement=Placement(tuple(places[0]), tuple(places[1])),
+        on_partition=draw(st.sampled_from(list(OnPartition))) if hosts else OnPartition.HEAL,
     )
 
 
 @st.composite
-def soms(draw: Any) -> Som:
-    """A SOM whose pairs of topic and node differ."""
+def soms(draw: Any, hosts: Sequence[str] = ()) -> Som:
+    """A SOM whose pairs of topic and node differ, with some computers."""
     names = draw(st.lists(st.sampled_from(NAMES), min_size=1, unique=True))
-    found = [draw(services(name)) for name in names]
-    return Som({(each.topic, each.node): each for each in found}.values())
+    found = [draw(services(name, hosts)) for name in names]
+    cores = st.sampled_from((None, 0.1, 4.0))
+    return Som(
+        {(each.topic, each.node): each for each in found}.values(),
+        [Host(host, draw(cores)) for host in hosts],
+    )
 
 
 @st.composite

@@ -1,11 +1,12 @@
 """Which derivation is best where errors are known."""
 from dataclasses import replace
 from itertools import islice
-from typing import List, Sequence, Tuple
+from typing import Any, List, Sequence, Tuple
 
 import pytest
 from test_prediction import law, models, sensor
 
+from shsa_core.codegen import choice
 from shsa_core.codegen.choice import MOST, joined
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.codegen.prediction import Predictor, predictor
@@ -14,6 +15,7 @@ from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.search.derivation import SourceTable
+from shsa_core.search.ranking import Ranking
 
 LOST = sensor("y", None, "/lost")
 X, Z = sensor("x", None), sensor("z", None)
@@ -125,6 +127,24 @@ def test_every_relation_has_its_turn_whatever_its_quality() -> None:
     found = plans(ontology, X, *(sensor(name, None) for name in names))
     assert found[0].relations == ("low",) and not found[0].proven_best
     assert len(found) == MOST + 11
+
+
+def test_what_relations_share_is_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    ontology = models(*(law("y", f"{i}*x", Error(1.0), name=f"by_{i}") for i in range(20)))
+    made: List[Ranking] = []
+
+    def counted(*arguments: Any) -> Ranking:
+        made.append(Ranking(*arguments))
+        return made[-1]
+
+    monkeypatch.setattr(choice, "Ranking", counted)
+    table = SourceTable(ontology.network, [X])
+    knows = predictor(ontology, [X])
+    assert knows is not None
+    number = ontology.network.number("y")
+    found = choice.choose(ontology.network, table, lambda function: True, number, knows)
+    assert len(found.rated) == 20 and found.complete
+    assert len(made) == 1
 
 
 def test_the_paper_s_method_stays_as_it_is() -> None:

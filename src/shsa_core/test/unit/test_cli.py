@@ -327,6 +327,21 @@ def test_find_says_what_shares_a_cause(cart: Any, tmp_path: pathlib.Path) -> Non
     assert "/wheel/data" in out and status == 1
 
 
+def test_find_says_what_is_on_the_same_host(cart: Any) -> None:
+    fast = "  fast: {topic: /fast, type: p/T, node: /f, period: 0.1, needed: true,\n"
+    fast += "         host: pi, provides: {wheel: {field: v}}}\n"
+    two = fast + fast.replace("fast", "slow").replace("/f,", "/s,") + "hosts: {pi: {}, board: {}}\n"
+    answer = json.loads(cart(two, "find", "--service", "fast", "--json")[1])
+    assert answer["inputs"] == ["/wheel/data"] and "shares" not in answer
+    status, out = cart(two, "find", "--service", "fast", "--without", "/encoder")
+    assert "It reads what fails with pi too; nothing else would do" in out
+    assert json.loads(cart(two, "find", "wheel", "--without", "/encoder", "--json")[1])["inputs"]
+    status, out = cart(two, "find", "--service", "fast", "--without", "/encoder", "--without", "pi")
+    assert status == 1
+    status, out = cart(two, "report")
+    assert status == 0 and "pi" in out
+
+
 @pytest.mark.parametrize("law, told", [("2*integral(v)", True), ("integral(v)", False)])
 def test_find_says_what_starts_at_zero(
     tmp_path: pathlib.Path, capsys: Any, law: str, told: bool

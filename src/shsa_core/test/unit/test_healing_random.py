@@ -38,6 +38,9 @@ class AnyRobot(RuleBasedStateMachine):
         left=st.sets(st.sampled_from(("/substitute_a_7", "/substitute_standby_3"))),
     )
     def start(self, ontology: Ontology, som: Som, chosen: Settings, left: Set[str]) -> None:
+        self.begin(ontology, som, chosen, left)
+
+    def begin(self, ontology: Ontology, som: Som, chosen: Settings, left: Set[str]) -> None:
         self.core = Reconfigurator(ontology, som, chosen)
         self.ontology, self.som, self.settings = ontology, som, chosen
         self.written: Dict[str, Record] = {}
@@ -158,7 +161,10 @@ class AnyRobot(RuleBasedStateMachine):
         core = self.core
         availability, planner, pool = core._availability, core._planner, core._pool
         assert self.states == {each.name: availability._state(self.som, each) for each in self.som}
-        rows = {name: Substitution(name, "", (), "", ()) for name in pool.nodes}
+        rows = {
+            name: Substitution(name, "", (), "", (), host=pool.record(name).host)
+            for name in pool.nodes
+        }
         rows.update(pool.plans)
         for name, healing in core._healings.items():
             assert self.incidents.get(name) == healing.incident
@@ -174,11 +180,16 @@ class AnyRobot(RuleBasedStateMachine):
                     plan.quality if isinstance(plan, Plan) else 0.0,
                     healing.publishes,
                     healing.original,
+                    host=healing.substitute.host,
                 )
         assert self.shown == rows
         assert set(core.substitutes) <= self.running
         if self.taken_up:
-            assert self.running <= {node for node in self.shown if node in self.used}
+            assert self.reached() <= {node for node in self.shown if node in self.used}
+
+    def reached(self) -> Set[str]:
+        """The processes that run where they can be told to end."""
+        return self.running
 
     def check_publishing(self) -> None:
         publish = [row for row in self.shown.values() if row.publishing]
@@ -349,7 +360,8 @@ class AnyRobot(RuleBasedStateMachine):
     def another_som(self, som: Som) -> None:
         """One service more, or another one."""
         services = {each.name: each for each in (*self.som, next(iter(som)))}
-        self.som = Som({(each.topic, each.node): each for each in services.values()}.values())
+        found = {(each.topic, each.node): each for each in services.values()}
+        self.som = self.som.with_services(found.values())
         self.hear(events.SomChanged(self.now, self.som))
 
     @rule(
@@ -370,7 +382,8 @@ class AnyRobot(RuleBasedStateMachine):
         """One service is a little different."""
         changed = data.draw(st.sampled_from(list(self.som)))
         new = [replace(each, **changes) if each is changed else each for each in self.som]
-        self.som = Som({(each.topic, each.node): each for each in new}.values())
+        found = {(each.topic, each.node): each for each in new}
+        self.som = self.som.with_services(found.values())
         self.hear(events.SomChanged(self.now, self.som))
 
     @rule(ontology=ontologies())
@@ -425,7 +438,7 @@ class AnyRobot(RuleBasedStateMachine):
         if self.sound:
             commands = self.core.handle(events.ShuttingDown(self.now))
             stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
-            assert stopped >= self.running, "a process is left behind"
+            assert stopped >= self.reached(), "a process is left behind"
 
 
 TestAnyRobot = AnyRobot.TestCase

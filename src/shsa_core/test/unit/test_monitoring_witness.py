@@ -1,4 +1,5 @@
 """A value in its range that is wrong: others tell, where the SOM says how far off it may be."""
+from dataclasses import replace
 from random import Random
 from typing import Any, Dict, List, Optional, Set
 
@@ -87,6 +88,13 @@ def test_what_is_wrong_within_its_range_is_found_in_five_seconds(ontology: Ontol
 
 def test_0_is_found(ontology: Ontology) -> None:
     robot = Robot(ontology, *usual())
+    robot.run(10.0)
+    robot.run(5.0, current=0.0)
+    assert robot.kinds() == {"current": "witness"}
+
+
+def test_who_is_on_the_same_host_may_still_be_a_witness(ontology: Ontology) -> None:
+    robot = Robot(ontology, *(replace(each, host="pi") for each in usual()))
     robot.run(10.0)
     robot.run(5.0, current=0.0)
     assert robot.kinds() == {"current": "witness"}

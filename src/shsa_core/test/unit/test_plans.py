@@ -1,6 +1,6 @@
 """Plans for services: all values by one substitute, nothing of what failed."""
 import dataclasses
-from typing import Collection, Iterable, List
+from typing import Collection, Iterable, List, Sequence
 
 import pytest
 from search_models import law, ontology, service, som_of, source
@@ -207,6 +207,35 @@ def test_what_shares_a_cause_is_used_only_if_nothing_else_will_do() -> None:
         plan_odometry(ROBOT, sharing("usb_hub"), excluded=["usb_hub"], service=lost)
     with pytest.raises(NoSubstitute):
         plan_odometry(ROBOT, sharing("/drive"), excluded=["/drive"])
+
+
+def hosted(*off: Source, fails_with: Sequence[str] = ()) -> Iterable[Source]:
+    """The robot on the computer `pi`, save some sources, which are on none of that name."""
+    for each in SOM:
+        host = "board" if set(each.sources) & set(off) else "pi"
+        yield from dataclasses.replace(each, host=host, fails_with=tuple(fails_with)).sources
+
+
+def test_what_is_on_the_same_host_is_used_only_if_nothing_else_will_do() -> None:
+    robot = ontology(*ROBOT.functions, law("slip", "speed", "gyration", quality=0.1))
+    lost = dataclasses.replace(ODOM, host="pi")
+    assert plan_odometry(robot, hosted(GYRATION), service=lost).relations == ("slip", "gyro")
+    assert plan_odometry(robot, hosted(LEFT, RIGHT), service=lost).relations[0] == "wheels"
+    for available in (hosted(), hosted(LEFT)):  # one host, or too little elsewhere: the best of all
+        assert plan_odometry(robot, available, service=lost).relations == ("wheels", "turning")
+
+
+def test_where_all_is_on_one_host_the_other_causes_are_avoided_as_ever() -> None:
+    robot = ontology(*ROBOT.functions, law("slip", "speed", "gyration", quality=0.1))
+    lost = dataclasses.replace(ODOM, host="pi", fails_with=("usb_hub",))
+    available = [
+        source
+        for each in SOM
+        for source in dataclasses.replace(
+            each, host="pi", fails_with=("usb_hub",) if each is LEFT.service else ()
+        ).sources
+    ]
+    assert plan_odometry(robot, available, service=lost).relations == ("slip", "gyro")
 
 
 def test_unknown_methods_are_named() -> None:

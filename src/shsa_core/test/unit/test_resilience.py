@@ -3,7 +3,7 @@ import dataclasses
 from itertools import combinations
 from math import comb
 from random import Random
-from typing import Iterable, List, Tuple
+from typing import Any, Dict, Iterable, List, Tuple
 
 import pytest
 from hypothesis import given, settings
@@ -33,7 +33,12 @@ def random_robot(seed: int) -> Tuple[Ontology, Som]:
     needed = {service.topic: random.random() < 0.6 for service in som}
     causes: List[List[str]] = [[], [], ["hub"], ["hub", "mast"], ["/m"]]
     return robot, Som(
-        dataclasses.replace(s, needed=needed[s.topic], fails_with=tuple(random.choice(causes)))
+        dataclasses.replace(
+            s,
+            needed=needed[s.topic],
+            fails_with=tuple(random.choice(causes)),
+            host=random.choice(["", "", "pi", "hub"]),
+        )
         for s in som
     )
 
@@ -270,9 +275,10 @@ def test_a_second_sensor_of_an_input_is_found() -> None:
     assert report.sensor == Suggestion("wheel", None, Survival(1.0, 1.0))
 
 
-def test_what_services_fail_with_is_a_cut() -> None:
+@pytest.mark.parametrize("shared", [{"fails_with": ("usb_hub",)}, {"host": "usb_hub"}])
+def test_what_services_fail_with_is_a_cut(shared: Dict[str, Any]) -> None:
     som = Som(
-        dataclasses.replace(s, fails_with=("usb_hub",) if s.topic != "/right" else ())
+        dataclasses.replace(s, **(shared if s.topic != "/right" else {}))
         for s in som_of([SPEED, LEFT, RIGHT])
     )
     report = analyse(ROBOT, som)
@@ -285,6 +291,13 @@ def test_what_services_fail_with_is_a_cut() -> None:
     assert hub.lost == (SPEED.service.name,) and hub.leaned_on == hub.lost
     (warning,) = [f for f in check_model(ROBOT, som) if "usb_hub" in f.what]
     assert "so does left_of_left_wheel, which its substitute reads" in warning.what
+
+
+def test_a_robot_of_one_host_is_not_told_to_do_without_it() -> None:
+    services = som_of([SPEED, LEFT, RIGHT])
+    som = Som(dataclasses.replace(s, host="pi") for s in services)
+    assert [f for f in check_model(ROBOT, som) if "pi" in f.what] == []
+    assert [cut.nodes for cut in analyse(ROBOT, som).cuts][0] == ("pi",)
 
 
 def test_what_is_too_large_for_code_is_lost() -> None:

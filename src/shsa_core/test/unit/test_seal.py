@@ -10,13 +10,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shsa_msgs.msg import Failure, Health, PublisherHealth, Substitution, Substitutions
 
-from shsa_core.ros.graph import signing as module
+from shsa_core.ros.graph import places
 from shsa_core.ros.graph.refusals import SENDERS, Refusals
-from shsa_core.ros.graph.seal import AHEAD_NS, REMEMBERED, TRAILER, TWICE, Gate, Seal
+from shsa_core.ros.graph.computers import Computer
+from shsa_core.ros.graph.seal import (
+    AHEAD_NS,
+    FOREIGN,
+    REMEMBERED,
+    TRAILER,
+    TWICE,
+    UNPROVEN,
+    WRONG,
+    Gate,
+    Seal,
+)
 from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.wire.rows import only_rows_of
 
 KEY = bytes(range(32))
+BOOT = b"the boot of ours"
 HOUR_NS = 3600 * 10**9
 
 
@@ -25,12 +37,15 @@ class Bench:
 
     def __init__(self) -> None:
         self.now = 10**15
-        self.gate = Gate(Seal(KEY, "/topic"), lambda: self.now)
+        self.gate = self.reader()
+
+    def reader(self) -> Gate:
+        return Gate(KEY, "/topic", {BOOT: Computer(BOOT)}.get, lambda: self.now)
 
     def message(self, text: bytes = b"text", key: bytes = KEY, topic: str = "/topic") -> bytes:
         self.now += 1000
-        signed = text + self.now.to_bytes(8, "little")
-        return signed + Seal(key, topic).signature(signed)
+        signed = text + BOOT + self.now.to_bytes(8, "little")
+        return signed + Seal(key, BOOT, topic).signature(signed)
 
 
 def test_what_is_signed_now_is_believed_once() -> None:
@@ -55,7 +70,7 @@ def test_what_was_sent_before_the_reader_began_is_not_meant_for_it() -> None:
     bench = Bench()
     old = bench.message()
     bench.now += HOUR_NS
-    later = Gate(Seal(KEY, "/topic"), lambda: bench.now)
+    later = bench.reader()
     assert later.refusal(old) == "it was sent before, and is repeated"
 
 
@@ -80,7 +95,8 @@ def test_no_more_is_remembered_than_is_bounded_and_nothing_is_believed_again() -
     bench = Bench()
     messages = [bench.message() for _ in range(REMEMBERED + 100)]
     assert {bench.gate.refusal(each) for each in messages} == {""}
-    assert len(bench.gate._known) == len(bench.gate._order) == REMEMBERED
+    (sender,) = bench.gate._senders.values()
+    assert len(sender._known) == len(sender._order) == REMEMBERED
     bench.now += HOUR_NS
     assert "" not in {bench.gate.refusal(each) for each in messages}
 
@@ -94,7 +110,7 @@ def test_whatever_was_changed_is_refused(cut: int, flip: int, junk: bytes) -> No
         assert bench.gate.refusal(message[cut:])
     flipped = bytearray(message)
     flipped[flip // 8] ^= 1 << flip % 8
-    assert bench.gate.refusal(bytes(flipped)) == "its signature is wrong"
+    assert bench.gate.refusal(bytes(flipped)).startswith(WRONG)
     assert bench.gate.refusal(junk)
     assert bench.gate.refusal(message) == ""
 
@@ -151,29 +167,35 @@ def test_who_signs_nothing_is_believed_only_where_that_is_allowed(own: Signing) 
     assert (read.refusal, read.topic, read.sent) == ("", "/odom", 0)
     forged = Failure(topic="/odom", sent=1, signature=b"\1" * 32)
     read = own.checked("failures", Failure, unsigned=True)().deserialize(sent(forged))
-    assert read.refusal == "its signature is wrong"
+    assert read.refusal == FOREIGN
 
 
 def test_another_boot_another_master_and_another_secret_are_others(
     own: Signing, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = sent(own.signer("failures", Failure)(Failure()))
-    rows = [("boot", lambda: "another"), ("master_place", lambda: "localhost:11312")]
+    kernel: Any = {"time": "time:[2]", "net": "net:[2]"}.get
+    rows = [
+        ("boot", lambda: "another"),
+        ("master_place", lambda: "localhost:11312"),
+        ("_namespace", lambda name: kernel(name) if name == "time" else "net:[1]"),
+        ("_namespace", lambda name: kernel(name) if name == "net" else "time:[1]"),
+    ]
     for name, value in rows:
         with monkeypatch.context() as patch:
-            patch.setattr(module, name, value)
+            patch.setattr(places, name, value)
             other = Signing(own.path)
         read: Any = other.checked("failures", Failure)().deserialize(data)
-        assert read.refusal == "its signature is wrong"
+        assert read.refusal == UNPROVEN and read.topic == ""
     other = Signing(str(tmp_path / "shsa" / "other"))
     read = other.checked("failures", Failure)().deserialize(data)
-    assert read.refusal == "its signature is wrong"
+    assert read.refusal == WRONG
 
 
 @pytest.mark.parametrize("spelled", ("http://localhost:11311", "http://127.0.0.1:11311/"))
 def test_a_master_may_be_spelled_otherwise(spelled: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_MASTER_URI", spelled)
-    assert module.master_place() == "localhost:11311"
+    assert places.master_place() == "localhost:11311"
 
 
 def test_a_substitute_reads_of_other_rows_no_more_than_where_the_table_is(own: Signing) -> None:
@@ -191,9 +213,9 @@ def test_a_substitute_reads_of_other_rows_no_more_than_where_the_table_is(own: S
 
 def test_the_signature_is_the_end_of_every_signed_type() -> None:
     for kind in (Failure, Health, Substitutions):
-        assert kind.__slots__[-2:] == ["sent", "signature"]
-        data = sent(kind(sent=3, signature=b"s" * 32))
-        assert TRAILER.unpack(data[-TRAILER.size :]) == (3, b"s" * 32)
+        assert kind.__slots__[-3:] == ["boot", "sent", "signature"]
+        data = sent(kind(boot=b"b" * 16, sent=3, signature=b"s" * 32))
+        assert TRAILER.unpack(data[-TRAILER.size :]) == (b"b" * 16, 3, b"s" * 32)
 
 
 def test_many_rows_of_a_stranger_cost_no_more_than_their_signature(own: Signing) -> None:

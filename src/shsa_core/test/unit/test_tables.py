@@ -14,8 +14,16 @@ class Trusting:
     def checked(self, topic: str, kind: Any) -> Any:
         return kind
 
-    def subscribe(self, topic: str, kind: Any, heard: Callable[[Any], None]) -> None:
+    def subscribe(
+        self, topic: str, kind: Any, heard: Callable[[Any], None], lost: Callable[[], None]
+    ) -> None:
         """Nobody is connected."""
+
+
+class Checked(Health):  # type: ignore[misc]
+    """A message that is not refused."""
+
+    sent_here = 0
 
 
 class Bench:
@@ -27,10 +35,12 @@ class Bench:
     def note(self, message: Health) -> None:
         self.heard.append((message.began, message.sequence, message.whole))
 
-    def send(self, began: int, sequence: int, whole: bool, sent: int = 0) -> bool:
-        """Whether a message is heard."""
+    def send(self, began: int, sequence: int, whole: bool, sent: int = 0, ahead: int = 0) -> bool:
+        """Whether a message is heard. `ahead`: how far its computer's clock is ahead of ours."""
         before = len(self.heard)
-        message = Health(began=began, sequence=sequence, whole=whole, sent=sent)
+        boot = bytes([ahead % 256] * 16)
+        message = Checked(began=began, sequence=sequence, whole=whole, sent=sent + ahead, boot=boot)
+        message.sent_here = sent
         self.subscriber._received(message)
         return len(self.heard) > before
 
@@ -85,6 +95,24 @@ def test_of_two_senders_the_one_counts_that_still_sends() -> None:
     assert bench.send(200, 0, True, 210)
     assert not bench.send(100, 6, False, 220) and bench.asks_again
     assert bench.send(100, 6, True, 221) and bench.send(100, 7, False, 222)
+
+
+def test_of_two_computers_the_table_counts_that_was_sent_last_by_our_clock() -> None:
+    bench = Bench()
+    assert bench.send(5, 3, True, 100, ahead=9999) and bench.send(5, 4, False, 110, ahead=9999)
+    assert bench.send(7, 0, True, 120, ahead=0), "its clock alone is behind"
+    assert not bench.send(5, 4, True, 115, ahead=9999), "it was kept back"
+    assert bench.send(7, 1, False, 130, ahead=0)
+
+
+def test_a_whole_that_may_have_been_right_is_asked_for_again() -> None:
+    bench = Bench()
+    bench.subscriber._lost()
+    assert bench.asks_again
+    bench = Bench()
+    assert bench.send(1, 5, True, 10)
+    bench.subscriber._lost()
+    assert not bench.asks_again, "nothing is missing"
 
 
 def test_for_show_whoever_sends_the_whole_is_believed_after_a_reboot_too() -> None:

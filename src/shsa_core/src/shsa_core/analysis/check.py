@@ -4,6 +4,7 @@ from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.finding import Finding
+from shsa_core.analysis.schedulability import check_placements
 from shsa_core.analysis.takeover import Takeover, Takeovers
 from shsa_core.analysis.type_check import MessageTypes, check_healable, check_types
 from shsa_core.codegen.generator import generate
@@ -63,6 +64,7 @@ def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
         findings += _check_needed(ontology, som)
         findings += check_healable(som)
         findings += check_budgets(som)
+        findings += check_placements(ontology, som)
     return findings
 
 
@@ -235,7 +237,8 @@ def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
             todo = "Write the relation as an expression, or add another one"
             yield Finding("warning", service.where, f"{what} no substitute for it: {error}", todo)
         else:
-            yield from _check_takeover(service, takeover, service.shared if apart else service.fails_with)
+            causes = service.shared if apart else service.fails_with
+            yield from _check_takeover(service, takeover, causes)
 
 
 def _check_takeover(

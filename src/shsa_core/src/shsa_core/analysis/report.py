@@ -97,7 +97,7 @@ class Report:
 
     `exact` names what was looked for among all that there is: `sensor`, `relation`. The other is
     the best of those that seemed worth a look. `late`: the services that are healed later than they
-    tolerate, each with the sums.
+    tolerate, each with the sums; `unfit`: those whose substitutes do not fit where they would run.
     """
 
     services: Tuple[ServiceReport, ...]
@@ -108,6 +108,7 @@ class Report:
     relation: Optional[Suggestion]
     exact: Tuple[str, ...]
     late: Tuple[str, ...] = ()
+    unfit: Tuple[str, ...] = ()
 
 
 def survival(causes: int, alone: int, pairs: Optional[int]) -> Survival:

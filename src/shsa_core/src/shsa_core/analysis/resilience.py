@@ -9,6 +9,7 @@ from shsa_core.analysis.fragility import Fragility
 from shsa_core.analysis.remedies import Remedies
 from shsa_core.analysis.report import Alternative, Cut, NodeReport, Report, ServiceReport
 from shsa_core.analysis.report import Survival, survival
+from shsa_core.analysis.schedulability import check_placements
 from shsa_core.analysis.takeover import Takeovers
 from shsa_core.codegen.choice import ordered
 from shsa_core.errors import GenerationError, NoSubstitute
@@ -71,6 +72,7 @@ class _Analysis:
             relations.best,
             tuple(kind for kind, found in kinds.items() if found.exact),
             tuple(finding.what for finding in check_budgets(self._som)),
+            tuple(finding.what for finding in check_placements(self._ontology, self._som)),
         )
 
     def _service(self, service: Service) -> ServiceReport:

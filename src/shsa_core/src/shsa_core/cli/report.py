@@ -62,7 +62,8 @@ def summary(report: Report) -> List[str]:
     ]
     for kind, suggestion in (("sensor", report.sensor), ("relation", report.relation)):
         lines.append(_suggestion(kind, suggestion, kind in report.exact))
-    return lines + [f"{late}." for late in report.late]
+    lines += [f"{late}." for late in report.late]
+    return lines + [f"{why[0].upper()}{why[1:]}." for why in report.unfit]
 
 
 def _kind(report: Report) -> str:

@@ -41,9 +41,8 @@ def choose(
     Those that are compared come by turns from all relations that yield the property: which of them
     errs least is not to hang on their qualities.
     """
-    ways: List[Iterator[Rated]] = [map(rate_source, table.of(number))]
-    for function in filter(usable, network.functions_of(number)):
-        ways.append(_by(network, table, usable, function))
+    ranking = Ranking(network, table, usable)
+    ways = [map(rate_source, table.of(number)), *ranking.by_function(number)]
     parts: List[Rated] = []
     used: Set[Derivation] = set()
     complete = True
@@ -57,19 +56,6 @@ def choose(
     derivations = [part.derivation for part in parts]
     order = ordered(derivations, predictor.of(derivations), predictor)
     return Choice([parts[i] for i in order], complete)
-
-
-def _by(network: Network, table: SourceTable, usable: Usable, function: int) -> Iterator[Rated]:
-    """The derivations of a property by one of its functions, those of the highest quality first."""
-    number = network.outputs[function]
-
-    def allowed(other: int) -> bool:
-        return usable(other) and (other == function or network.outputs[other] != number)
-
-    for rated in Ranking(network, table, allowed).joint([number]):
-        (derivation,) = rated.derivation.inputs
-        if derivation.function is not None:
-            yield rated._replace(derivation=derivation)
 
 
 def substitutes(

@@ -47,4 +47,3 @@ def _host(name: str, value: Value, services: Collection[str]) -> Host:
     if errors:
         raise ModelErrors(errors)
     return Host(name, **given)
-

@@ -57,7 +57,9 @@ def service_parameters(service: Service) -> Dict[str, Any]:
         "latched": service.latched,
         "host": service.host,
         "placement": _placement_parameters(service.placement),
-        "on_partition": str(service.on_partition) if service.on_partition is not OnPartition.HEAL else "",
+        "on_partition": str(service.on_partition)
+        if service.on_partition is not OnPartition.HEAL
+        else "",
     }
     if not service.last_resort.values:
         del optional["last_resort"]

@@ -13,14 +13,17 @@ class Availability:
     """The running SOM, kept up service by service.
 
     `services` has those that are available, each with the node that publishes it. `states` has a
-    row for each.
+    row for each. `lost`: why a computer is lost, empty: it is not.
     """
 
-    def __init__(self, nodes: Nodes, open_: Callable[[str], bool]) -> None:
+    def __init__(
+        self, nodes: Nodes, open_: Callable[[str], bool], lost: Callable[[str], str]
+    ) -> None:
         self.services: Dict[str, Service] = {}
         self.states: Dict[str, ServiceState] = {}
         self._nodes = nodes
         self._open = open_
+        self._lost = lost
 
     def update(self, som: Som, names: Mapping[str, bool]) -> Tuple[List[Service], List[Service]]:
         """Look at some services again: those that are available no more, and those that are now.
@@ -64,6 +67,9 @@ class Availability:
         well = tuple(row.publisher for row in rows if row.state is PublisherState.HEALTHY)
         if self._open(service.name):
             return ServiceState(service, service.node, False, "failed", well)
+        lost = self._lost(service.host) if service.host and service.event_driven else ""
+        if lost:  # no silence tells of one whose messages are due at no time
+            return ServiceState(service, service.node, False, f"{service.host} is lost: {lost}", well)
         if well:
             verified = tuple(node for node in well if node in self._nodes.verified)
             return ServiceState(service, well[0], True, "", well, verified)

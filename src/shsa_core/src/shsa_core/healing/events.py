@@ -96,6 +96,7 @@ class HealthSeen:
     """What has changed in the monitor's table; `whole`: this is all of it.
 
     `removed`: topics and publishers. `anew`: another monitor tells it, that has just started.
+    `host`: the computer whose monitor tells it; empty: the monitor of all others.
     """
 
     time: float
@@ -103,6 +104,7 @@ class HealthSeen:
     removed: Tuple[Tuple[str, str], ...] = ()
     whole: bool = False
     anew: bool = False
+    host: str = ""
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,10 @@ class Judgement:
             if self._limit.reached(now.time):
                 most = self._limit.most
                 raise ShsaError(f"it was healed {most} times within a minute, and must be released")
-            return self.substitute.find(now, self.incident.faulty_node), NOT_MISSED
+            plan = self.substitute.find(now, self.incident.faulty_node)
+            if policy.substitutes:
+                self.substitute.place(now, plan)  # is there a computer for it?
+            return plan, NOT_MISSED
         except ShsaError as none:
             return None, none
 

@@ -67,7 +67,16 @@ class NodeSpared:
     detail: str = ""
 
 
-Over = Union[NodeKilled, NodeSpared]
+@dataclass(frozen=True)
+class NodeUnreached:
+    """Nothing can be said of a node that was to be killed: its computer was lost."""
+
+    time: float
+    node: str
+    detail: str
+
+
+Over = Union[NodeKilled, NodeSpared, NodeUnreached]
 
 
 @dataclass
@@ -150,8 +159,7 @@ class Kills:
         if kill.if_dead:
             return [], self._spare(time, node)
         if event.where is Where.UNREACHABLE:
-            why = event.detail or "it may still run on a computer that cannot be reached"
-            return [], self._over(time, node, False, why)
+            return [], self.unreached(time, node, event.detail or "its computer cannot be reached")
         if event.where is Where.UNKNOWN:
             why = event.detail or "it cannot be verified which process it is"
             return [], self._over(time, node, False, why)
@@ -182,6 +190,13 @@ class Kills:
             return self._spare(event.time, event.node)
         why = event.detail or "it does not leave, and its process belongs to somebody else"
         return self._over(event.time, event.node, False, why)
+
+    def unreached(self, time: float, node: str, detail: str) -> Over:
+        """The computer of a node that is being killed was lost."""
+        if self._kills[node].if_dead:
+            return self._spare(time, node)
+        self._end(node)
+        return NodeUnreached(time, node, detail)
 
     def tick(self, time: float) -> Tuple[List[Command], List[Over]]:
         """Time passed: who was asked in vain is forced, who was forced in vain is given up."""

@@ -15,10 +15,10 @@ from shsa_core.healing import events
 from shsa_core.healing.events import Command, Event, FailureSeen, Level, Log
 from shsa_core.healing.host_events import HostLost, HostSeen
 from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.kills import KillNode, NodeKilled, NodeSpared, Over
+from shsa_core.healing.kills import KillNode, NodeKilled, NodeSpared, NodeUnreached, Over
+from shsa_core.healing.reach import Reach
 from shsa_core.healing.records import RestartedNode
 from shsa_core.healing.settings import Settings
-from shsa_core.healing.succession import Succession
 from shsa_core.healing.upkeep import is_shared
 from shsa_core.model.kinds import Kind
 from shsa_core.model.names import full_name
@@ -35,7 +35,7 @@ TELLING = (events.Log, events.ShowIncident, events.ShowSom)
 """What only tells people comes after what acts: a line of the log takes as long as a takeover."""
 
 
-class Reconfigurator(Succession):
+class Reconfigurator(Reach):
     """Heals every needed service of a SOM.
 
     Args:
@@ -46,6 +46,7 @@ class Reconfigurator(Succession):
             which are never used twice.
         dry_run: whether every service's policy counts as `advise`: nothing is killed or started.
         restarts: whether nodes may be started again; else their policy counts as the rest of it.
+        host: the name in the SOM of the computer that we run on; empty: not known.
     """
 
     def __init__(
@@ -56,8 +57,9 @@ class Reconfigurator(Succession):
         namespace: str = "/",
         dry_run: bool = False,
         restarts: bool = True,
+        host: str = "",
     ) -> None:
-        super().__init__(ontology, som, settings, namespace, dry_run, restarts)
+        super().__init__(ontology, som, settings, namespace, dry_run, restarts, host)
         self._ending = False
         self._untold: Agenda[str] = Agenda()  # failures in the table, by their service
         self._orphans: Dict[str, int] = {}  # what was left behind, and how often to try yet
@@ -103,6 +105,7 @@ class Reconfigurator(Succession):
         commands += self._settle()
         commands += self._refill()
         commands += self._watch()
+        commands = self._strays.passed(self._time, commands)
         shown = self._substitutions.change()
         if shown is not None:
             commands.insert(0, shown)  # first: it decides who publishes
@@ -127,6 +130,7 @@ class Reconfigurator(Succession):
             self._acquaintance.deadline,
             self._untold.next(),
             self._nodes.deadline,
+            self._hosts.deadline,
         )
         return min((due for due in dues if due is not None), default=None)
 
@@ -208,6 +212,7 @@ class Reconfigurator(Succession):
             return [Log(Level.WARN, text)]
         # Whoever is asked about does well, and so does a substitute that tells of its law.
         if event.kind not in (Kind.REQUESTED, Kind.NO_VALUE):
+            self._doubt(service, event)
             self._nodes.note(event)
             self._note_health(event.topic, event.publisher)
         self._unsettle([service.name, *self._concerned(event.topic, event.publisher)])
@@ -289,7 +294,7 @@ class Reconfigurator(Succession):
                 commands += self._change(service)
         for name in list(self._concern.kept):
             commands += self._ask(name, lambda healing, now: healing.reconsider(now))
-        return commands
+        return commands + (self._rehost() if old.hosts or som.hosts else [])
 
     def _models_reloaded(self, event: events.ModelsReloaded) -> List[Command]:
         """Plans follow the new models; what runs goes on."""
@@ -333,8 +338,12 @@ class Reconfigurator(Succession):
         for kill in kills:
             if isinstance(kill, NodeSpared):
                 commands += self._spared(kill)
-                continue
-            commands += self._gone(kill)
+            elif isinstance(kill, NodeUnreached) and self._host_of(kill.node):
+                commands += self._unreached(kill)
+            elif isinstance(kill, NodeUnreached):
+                commands += self._gone(NodeKilled(kill.time, kill.node, False, kill.detail))
+            else:
+                commands += self._gone(kill)
         return commands
 
     def _spared(self, kill: NodeSpared) -> List[Command]:
@@ -366,19 +375,12 @@ class Reconfigurator(Succession):
             commands += self._ask(name, lambda healing, now: healing.changed(now))
         return commands
 
-    def _kill_again(self, node: str) -> List[Command]:
-        """Kill a node that is still blamed, and has not returned."""
-        blaming = [self._healings[name] for name in self._concern.blaming(node)]
-        if not any(each.state not in (State.WELL, State.RETURNING, State.KEPT) for each in blaming):
-            return []
-        topics = [self._som.services[each.service].topic for each in blaming]
-        return self._absorb([KillNode(node, urgent=True, topic=topic) for topic in topics])
-
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
         name = self._concern.by_process.get(event.node, "")
         return self._ask(name, lambda healing, now: healing.started(event))
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
+        self._strays.ended(event.node)
         if event.node in self._pool.nodes:
             commands = self._pool.died(event.time, event.node, event.detail)
             self._substitutions.set(event.node, None)
@@ -462,12 +464,6 @@ class Reconfigurator(Succession):
                 commands += self._ask(name, lambda healing, now: [])
         return commands
 
-    def _host_seen(self, event: HostSeen) -> List[Command]:
-        return []
-
-    def _host_lost(self, event: HostLost) -> List[Command]:
-        return []
-
     def _idle(self, event: events.Idle) -> List[Command]:
         """Make one plan ahead; who follows it follows the new one."""
         name = self._planner.plans.step()
@@ -475,8 +471,7 @@ class Reconfigurator(Succession):
             return []
         service = self._som.services[name]
         if self._pool.serves(service):
-            self._pool.serve(service, self._planner, self._planner.plans.plan(name))
-            self._substitutions.set(name, self._pool.plans[name])
+            self._stand_by(service, self._planner.plans.plan(name))
         return self._ask(name, lambda healing, now: healing.replan(now))
 
     def _tick(self, event: events.Tick) -> List[Command]:
@@ -484,7 +479,7 @@ class Reconfigurator(Succession):
         commands += self._killed(over)
         for node in self._kills.again(event.time):
             commands += self._kill_again(node)
-        commands += self._acquaintance.tick(event.time)
+        commands += self._acquaintance.tick(event.time) + self._hosts_settled(event.time)
         for name in self._untold.pop_due(event.time):
             missed = self._missed_failure(event.time, name)
             commands += [] if missed is None else self._failure_seen(missed)

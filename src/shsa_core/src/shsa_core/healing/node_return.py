@@ -16,7 +16,8 @@ class NodeReturn:
 
     By its policy it is started again, after pauses that double, and no more when it failed too
     often. Whoever starts it, its hold-off doubles each time that it relapses; then it is kept out.
-    `refusals`: how often it was killed since as it came back.
+    `refusals`: how often it was killed since as it came back. `failed_at`: when it failed last, in
+    s.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -32,6 +33,8 @@ class NodeReturn:
         self._told = 0
         self._soon = False  # its last relapse was after its hold-off
         self._tell_at = -math.inf
+        self.failed_at = -math.inf
+        self._before = 0, False  # relapses before that, and whether soon
 
     @property
     def deadline(self) -> Optional[float]:
@@ -58,12 +61,13 @@ class NodeReturn:
 
     def failed(self, time: float) -> None:
         """The node failed after it had outlived its hold-off."""
+        self._note_failure(time)
         if self._well_since is not None and time - self._well_since > self._settings.stable:
             self.restarts = 0
         self.exhausted = False
         within = self._settings.relapse * self._settings.hold_off
         if time - self._returned <= within:
-            self.relapsed()
+            self._relapses += 1
             self._soon = True
         else:
             self.trust()
@@ -72,10 +76,18 @@ class NodeReturn:
         """The node is back, since `time`."""
         self._returned = time
 
-    def relapsed(self) -> None:
-        """The node failed within its hold-off, or soon after it."""
+    def relapsed(self, time: float) -> None:
+        """The node failed within its hold-off."""
+        self._note_failure(time)
         self._relapses += 1
         self._soon = False
+
+    def excuse(self) -> None:
+        """Its last failure was not its own."""
+        self._relapses, self._soon = self._before
+
+    def _note_failure(self, time: float) -> None:
+        self.failed_at, self._before = time, (self._relapses, self._soon)
 
     def left_in_order(self) -> None:
         """It was no failure: after its hold-off somebody has told the node to leave."""

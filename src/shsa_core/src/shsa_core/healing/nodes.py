@@ -21,7 +21,7 @@ NOBODY: Dict[str, PublisherHealth] = {}
 
 
 class Nodes:
-    """The monitor's table, and which nodes were killed or started again since.
+    """The monitors' tables, and which nodes were killed or started again since.
 
     `substitutes`: the names of substitutes that run, or did not long ago. `excluded`: the nodes
     that were killed and have not been well since. `protected`: those that are never killed unless
@@ -34,6 +34,7 @@ class Nodes:
         self.protected: Dict[str, str] = {}
         self.verified: Set[str] = set()
         self._health: Dict[str, Dict[str, PublisherHealth]] = {}
+        self._told_at: Dict[Tuple[str, str], str] = {}  # the host of the monitor that tells
         self._topics: Dict[str, Set[str]] = {}
         self._good: Set[Tuple[str, str]] = set()
         self._killed: Dict[str, float] = {}
@@ -55,30 +56,36 @@ class Nodes:
         return HealthSeen(time, rows, tuple(key for key, row in told.items() if row is None))
 
     def heed(self, change: HealthSeen) -> List[Tuple[str, str]]:
-        """Take over what has changed in the monitor's table.
+        """Take over what has changed in a monitor's table; the rows of other monitors stay.
 
         Returns the topics and publishers that it concerns. Who was well when the monitor ended is
         so until the next one has heard it, or should have.
         """
         if change.anew:
             self._unheard_until = change.time + MONITOR_START_S
-            for row in [row for rows in self._health.values() for row in rows.values()]:
-                if row.state is PublisherState.HEALTHY:
-                    self._unheard[row.topic, row.publisher] = None
+            for key in self._told(change.host):
+                if self._health[key[0]][key[1]].state is PublisherState.HEALTHY:
+                    self._unheard[key] = None
         change = self._heard(change)
         concerned = [(row.topic, row.publisher) for row in change.rows]
         gone = list(change.removed)
         if change.whole:
             told = set(concerned)
-            known = [(t, p) for t, publishers in self._health.items() for p in publishers]
+            known = self._told(change.host)
             gone = [key for key in known if key not in told and key not in self._unheard]
         for topic, publisher in gone:
             self._forget(topic, publisher)
         for row in change.rows:
             self._put(row)
+            self._told_at[row.topic, row.publisher] = change.host
             if row.state is PublisherState.HEALTHY and self._has_recovered(row):
                 concerned += [(topic, row.publisher) for topic in self.topics(row.publisher)]
         return concerned + gone
+
+    def _told(self, host: str) -> List[Tuple[str, str]]:
+        """The topics and publishers of which a monitor tells; what was only recalled is any's."""
+        known = [(t, p) for t, publishers in self._health.items() for p in publishers]
+        return [key for key in known if self._told_at.get(key, host) == host]
 
     def _heard(self, change: HealthSeen) -> HealthSeen:
         """A change without those of whom a new monitor knows nothing yet."""
@@ -167,6 +174,7 @@ class Nodes:
 
     def _forget(self, topic: str, publisher: str) -> None:
         self._health.get(topic, {}).pop(publisher, None)
+        self._told_at.pop((topic, publisher), None)
         topics = self._topics.get(publisher, set())
         topics.discard(topic)
         if not topics:

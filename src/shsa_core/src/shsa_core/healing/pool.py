@@ -1,4 +1,5 @@
 """The pool of idle processes that the warm services share."""
+from dataclasses import dataclass
 from math import inf
 from typing import Dict, List, Optional, Set
 
@@ -6,6 +7,7 @@ from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
 from shsa_core.healing.events import Command, Level, Log, StartSubstitute, StopSubstitute
 from shsa_core.healing.planner import Planner
+from shsa_core.healing.records import IdleProcess
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import Standby
 from shsa_core.model.service import Service
@@ -19,8 +21,20 @@ START_PAUSE_S = 1.0
 """Nor beside another one: each connects to whatever the warm services read and give."""
 
 
+@dataclass(frozen=True)
+class Spare:
+    """An idle process to set to work: when it was started, in s, and whether it was heard.
+
+    Empty: there is none.
+    """
+
+    node: str = ""
+    started: float = -inf
+    heard: bool = False
+
+
 class Pool:
-    """Idle processes, as many as the settings say, while there are warm services.
+    """Idle processes, as many as the settings say on each computer that warm services are placed on.
 
     They prepare for `plans`, one row a warm service: they listen to its inputs and have advertised
     its outputs, so that the consumers are connected; a roscpp consumer takes 0.2 s for that.
@@ -32,9 +46,10 @@ class Pool:
         self._heard: Set[str] = set()  # those that have given a sign of life
         self._silent: Set[str] = set()  # those that gave one, and give none now
         self._settings = settings
-        self._refill_at = -inf
         self._started: Dict[str, float] = {}
-        self._deaths = 0  # one after the other, soon after their starts
+        self._hosts: Dict[str, str] = {}  # where each process runs
+        self._refill_at: Dict[str, float] = {}  # by computer
+        self._deaths: Dict[str, int] = {}  # one after the other, soon after their starts
 
     @staticmethod
     def serves(service: Service) -> bool:
@@ -44,32 +59,45 @@ class Pool:
     @property
     def deadline(self) -> Optional[float]:
         """When one more process is due, in s; None: none is."""
-        lacking = bool(self.plans) and len(self.nodes) < self._settings.pool
-        return self._refill_at if lacking else None
+        return min((self._refill_at.get(host, -inf) for host in self._lacking()), default=None)
 
-    @property
-    def spare(self) -> str:
-        """A process to set to work, rather one that was heard already; empty if there is none."""
-        ready = [node for node in self.nodes if node not in self._silent]
-        return next((node for node in ready if node in self._heard), ready[0] if ready else "")
+    def due(self, time: float) -> Optional[str]:
+        """A computer on which one more process is due; None: on none."""
+        lacking = self._lacking()
+        return next((host for host in lacking if self._refill_at.get(host, -inf) <= time), None)
 
-    @property
-    def spare_heard(self) -> bool:
-        """Whether `spare` has given a sign of life: it is up."""
-        return self.spare in self._heard
+    def _lacking(self) -> List[str]:
+        """The computers that warm services are placed on, and that have too few processes."""
+        running = list(self._hosts.values())
+        wanted = sorted({plan.host for plan in self.plans.values()})
+        return [host for host in wanted if running.count(host) < self._settings.pool]
 
-    @property
-    def spare_started(self) -> float:
-        """When `spare` was started, in s; it may still be on its way up."""
-        return self._started.get(self.spare, -inf)
+    def surplus(self) -> List[str]:
+        """The processes on computers that no warm service is placed on any more."""
+        wanted = {plan.host for plan in self.plans.values()}
+        return [node for node, host in self._hosts.items() if wanted and host not in wanted]
 
-    def serve(self, service: Service, planner: Planner, plan: Optional[Plan]) -> None:
-        """Be ready for a warm service, as far as its plan is known."""
+    def on(self, host: str) -> List[str]:
+        """The processes on a computer."""
+        return [node for node, of in self._hosts.items() if of == host]
+
+    def spare(self, host: str) -> Spare:
+        """A process on a computer to set to work, rather one that was heard already."""
+        ready = [node for node in self.on(host) if node not in self._silent]
+        if not ready:
+            return Spare()
+        node = next((node for node in ready if node in self._heard), ready[0])
+        return Spare(node, self._started[node], node in self._heard)
+
+    def serve(
+        self, service: Service, planner: Planner, plan: Optional[Plan], host: str = ""
+    ) -> None:
+        """Be ready on a computer for a warm service, as far as its plan is known."""
         outputs = tuple(
             planner.som.signal(source, self._settings.deadlines) for source in service.sources
         )
         if plan is None:
-            self.plans[service.name] = Substitution("", service.name, (), "", outputs)
+            self.plans[service.name] = Substitution("", service.name, (), "", outputs, host=host)
             return
         self.plans[service.name] = Substitution(
             "",
@@ -79,37 +107,41 @@ class Pool:
             planner.outputs(plan),
             plan.relations,
             plan.quality,
+            host=host,
         )
 
     def forget(self, name: str) -> None:
         """A service is not warm any more."""
         self.plans.pop(name, None)
 
-    def start(self, time: float, name: str) -> List[Command]:
-        """Start the process `name`."""
-        self.nodes.append(name)
-        self._started[name] = time
-        self._refill_at = time + START_PAUSE_S
-        return [StartSubstitute(name, None)]
+    def start(self, time: float, name: str, host: str) -> List[Command]:
+        """Start the process `name` on a computer."""
+        self.take_up(name, time, host)
+        self._refill_at[host] = time + START_PAUSE_S
+        return [StartSubstitute(name, None, host=host)]
 
-    def take_up(self, node: str, started: float) -> None:
+    def take_up(self, node: str, started: float, host: str) -> None:
         """An idle process of a former reconfigurator is still there."""
         self.nodes.append(node)
         self._started[node] = started
+        self._hosts[node] = host
 
     def take(self, time: float, node: str) -> None:
         """An idle process has been set to work."""
-        self._refill_at = time + REFILL_DELAY_S
-        self._deaths = 0
+        host = self._hosts[node]
+        self._refill_at[host] = time + REFILL_DELAY_S
+        self._deaths[host] = 0
         self._remove(node)
 
     def died(self, time: float, node: str, detail: str) -> List[Command]:
         """An idle process has ended by itself; it is replaced after a pause, which doubles."""
-        self._deaths = 0 if time - self._started[node] > LIVED_S else self._deaths + 1
+        host = self._hosts[node]
+        early = time - self._started[node] <= LIVED_S
+        self._deaths[host] = deaths = self._deaths.get(host, 0) + 1 if early else 0
         self._remove(node)
         settings = self._settings
         longest = max(settings.retry, settings.retry_limit)
-        self._refill_at = time + doubled(settings.retry, max(0, self._deaths - 1), longest)
+        self._refill_at[host] = time + doubled(settings.retry, max(0, deaths - 1), longest)
         return [Log(Level.WARN, f"An idle substitute's process died ({detail}).")]
 
     def heard(self, node: str) -> None:
@@ -124,16 +156,21 @@ class Pool:
 
     def hung(self, time: float, node: str) -> List[Command]:
         """An idle process hangs: it is ended and replaced."""
-        self._remove(node)
-        self._refill_at = min(self._refill_at, time)
-        return [StopSubstitute(node), Log(Level.WARN, f"{node} hangs. It is ended and replaced.")]
+        host = self._hosts[node]
+        self._refill_at[host] = min(self._refill_at.get(host, -inf), time)
+        return [*self.drop(node), Log(Level.WARN, f"{node} hangs. It is ended and replaced.")]
 
-    def started(self, node: str) -> float:
-        """When an idle process was started, in s."""
-        return self._started[node]
+    def drop(self, node: str) -> List[Command]:
+        """End an idle process."""
+        self._remove(node)
+        return [StopSubstitute(node)]
+
+    def record(self, node: str) -> IdleProcess:
+        """What is to be known of an idle process after a death."""
+        return IdleProcess(node, self._started[node], self._hosts[node])
 
     def _remove(self, node: str) -> None:
         self.nodes.remove(node)
         self._silent.discard(node)
         self._heard.discard(node)
-        del self._started[node]
+        del self._started[node], self._hosts[node]

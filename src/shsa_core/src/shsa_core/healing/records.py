@@ -79,10 +79,11 @@ class HealingRecord:
 
 @dataclass(frozen=True)
 class IdleProcess:
-    """An idle process of the pool, and when it was started."""
+    """An idle process of the pool, when it was started, and on which computer."""
 
     node: str
     started: float
+    host: str = ""
 
     @property
     def key(self) -> str:
@@ -122,12 +123,30 @@ class RestartedNode:
         return f"restarted {self.node}"
 
 
-Record = Union[Counters, HealingRecord, IdleProcess, Healthy, RestartedNode]
+@dataclass(frozen=True)
+class Stray:
+    """A substitute that must not run any more, on a computer that may not have been told so."""
+
+    node: str
+    host: str
+
+    @property
+    def key(self) -> str:
+        """One for each process."""
+        return stray_key(self.node)
+
+
+Record = Union[Counters, HealingRecord, IdleProcess, Healthy, RestartedNode, Stray]
 
 
 def service_key(service: str) -> str:
     """The key of the record of a service's healing."""
     return f"service {service}"
+
+
+def stray_key(node: str) -> str:
+    """The key of the record of a substitute that must not run any more."""
+    return f"stray {node}"
 
 
 def healthy_key(topic: str, publisher: str) -> str:

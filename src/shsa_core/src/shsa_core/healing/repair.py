@@ -81,7 +81,7 @@ class Repair(Judgement):
         text = f"{now.service.topic}: {event.publisher} failed again: {event.detail}."
         self._faulty.failed(event.publisher, event.kind)
         self._timers.clear()
-        self._return.relapsed()
+        self._return.relapsed(event.time)
         plan, none = self._search(now)
         requests = [Log(Level.WARN, text), *self._judge(now, plan is not None)]
         detail = f"{event.publisher} failed again: {event.detail}"
@@ -123,7 +123,7 @@ class Repair(Judgement):
         The next best plan is taken if the plan is to blame.
         """
         starting = self.node not in now.publishers and self.substitute.starting(now.time)
-        if starting and not (now.spare and now.spare_heard):
+        if starting and not now.spare(self.substitute.host).heard:
             # It is not up yet: a new process would only make the machine busier.
             self._timers[Trigger.LATE] = now.time + self.substitute.patience
             return []
@@ -179,9 +179,11 @@ class Repair(Judgement):
             self.substitute.begin(now.time)
         publishes = bool(self.node) and self.incident.state in (State.HEALED, State.SAFE)
         text = f"{now.service.topic}: found a substitute of {told(plan)}."
+        place = self.substitute.place(now, plan)
         requests: List[Request] = [*self.substitute.use(now, plan, publishes)]
         if now.service.standby is Standby.WARM and isinstance(requests[0], StartSubstitute):
             text += " No idle process is left: this is a cold start."
+        text += place.words
         requests.append(Log(Level.INFO, text))
         self._timers.clear()
         state, first_message = State.HEALED, self.incident.first_message

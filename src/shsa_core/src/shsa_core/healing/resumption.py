@@ -48,7 +48,7 @@ class Resumption(Repair):
             self.last_message = row.last_message
             if plan is not None:
                 since = now.time if incident is None else incident.detected
-                self.substitute.take_up(now.time, row.node, plan, since)
+                self.substitute.take_up(now.time, row.node, row.host, plan, since)
         self._set_timer(now)
         requests: List[Request] = [] if incident is None else [ShowIncident(incident)]
         if row is None:

@@ -6,7 +6,9 @@ from typing import Callable, FrozenSet, Mapping, Tuple, Union
 from shsa_core.healing.events import Command
 from shsa_core.healing.containment import Verdict
 from shsa_core.healing.kills import KillNode
-from shsa_core.healing.planner import Planner
+from shsa_core.healing.placement import Place
+from shsa_core.healing.planner import AnyPlan, Planner
+from shsa_core.healing.pool import Spare
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import Kind, Standby
 from shsa_core.model.service import Service
@@ -22,9 +24,9 @@ class Snapshot:
 
     `publishers` of its topic, by name; `originals` are those of the service that are no
     substitutes. `killing`: the nodes whose kill is under way. `incident`: the number of a new
-    incident. `spare`: an idle process, empty if there is none for this service, when it was
-    started, and whether it has given a sign of life; `fresh`: the name of a new one. At most one of
-    the two is taken each time. `verdict` decides about a faulty node: its name, the kind of
+    incident. `place`: the computer for a plan, `spare`: an idle process there, if there is one for
+    this service; `fresh`: the name of a new one. At most one of the two is taken each time.
+    `verdict` decides about a faulty node: its name, the kind of
     failure, whether something takes the service over, and whether the node would be started again.
     `awaited`: whether a node that comes back may bring another service that nothing else gives.
     """
@@ -37,9 +39,8 @@ class Snapshot:
     originals: Tuple[PublisherHealth, ...]
     killing: FrozenSet[str]
     incident: int
-    spare: str
-    spare_started: float
-    spare_heard: bool
+    place: Callable[[AnyPlan], Place]
+    spare: Callable[[str], Spare]
     fresh: str
     verdict: Callable[[str, Kind, bool, bool], Verdict]
     awaited: Callable[[str], bool]

@@ -40,12 +40,16 @@ class Stakes:
         self,
         planner: Planner,
         service: Service,
+        waiting: str,
         node: str,
         kind: Kind,
         replaced: bool,
         restarted: bool,
     ) -> Verdict:
-        """What is to be done about a node that failed on the topic of a service."""
+        """What is to be done about a node that failed on the topic of a service.
+
+        `waiting`: why nothing is done for the time being; empty: the policy decides that.
+        """
         case = Case(
             node,
             service.topic,
@@ -61,7 +65,8 @@ class Stakes:
         )
         verdict = decide(case)
         if service.policy is Policy.ADVISE:
-            return Verdict(False, f"nothing is done, as the policy is advise; else {verdict.why}")
+            why = waiting or "the policy is advise"
+            return Verdict(False, f"nothing is done, as {why}; else {verdict.why}")
         return verdict
 
     def _never(self, planner: Planner, failed: Service, node: str) -> str:

@@ -1,9 +1,10 @@
 """The substitute of one service: its process, its plan, and which plans were tried in vain."""
-from typing import List, Optional, Set, Tuple
+from typing import List, Optional, Set
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import AssignSubstitute, Command, StartSubstitute, StopSubstitute
+from shsa_core.healing.placement import Place
 from shsa_core.healing.planner import AnyPlan
 from shsa_core.healing.snapshot import Snapshot
 
@@ -16,18 +17,19 @@ LONGEST_START_S = 20.0
 class SubstituteProcess:
     """At most one process that substitutes a service, and its plan.
 
-    `node` is its name, empty without a process. `working_since` is when it was set to work: what it
+    `node` is its name, empty without a process; `host`: its computer, empty: the reconfigurator's
+    own. `changed`: when it was given its program. `working_since` is when it was set to work: what it
     has published since counts. `patience` is how long its first message may take, in s; if that
     does not come, `plan_to_blame`, or else the process is.
     """
 
     def __init__(self) -> None:
-        self.node = ""
+        self.node = self.host = ""
         self.plan: Optional[AnyPlan] = None
         self.working_since = 0.0
         self.patience = 0.0
         self.plan_to_blame = True
-        self._changed = 0.0
+        self.changed = 0.0
         self._started = 0.0
         self._tried: Set[AnyPlan] = set()
         self._deaths = 0
@@ -44,7 +46,7 @@ class SubstituteProcess:
 
     def changing(self, time: float) -> bool:
         """Whether it may be silent, as it has changed its program."""
-        return time < self._changed + CHANGEOVER_S
+        return time < self.changed + CHANGEOVER_S
 
     def starting(self, time: float) -> bool:
         """Whether its process may still be on its way up, as on a busy machine."""
@@ -81,15 +83,25 @@ class SubstituteProcess:
         if self.plan is not None:
             self._tried.add(self.plan)
 
+    def place(self, now: Snapshot, plan: AnyPlan) -> Place:
+        """Where a plan is carried out: by the process at hand, or on the computer chosen for it.
+
+        Raises ShsaError if there is none.
+        """
+        return Place(self.host) if self.node else now.place(plan)
+
     def use(self, now: Snapshot, plan: AnyPlan, publishes: bool = False) -> List[Command]:
-        """Set the process at hand, which may publish already, or another to work on a plan."""
+        """Set the process at hand, which may publish already, or another to work on a plan.
+
+        Raises ShsaError if there is no computer for another.
+        """
+        place = self.place(now, plan)
         self.plan = plan
-        self._changed = now.time
+        self.changed = now.time
         command: Command = AssignSubstitute(self.node)
         if not self.node:
-            self.working_since = now.time
-            self._started = now.spare_started if now.spare else now.time
-            self.node, command = self._process(now, plan)
+            self.working_since, self.host = now.time, place.host
+            command = self._process(now, plan)
         settings = now.settings
         # One that was started a moment ago is on its way: another one would come up no sooner.
         starting = self._started + settings.start_timeout - now.time
@@ -97,11 +109,13 @@ class SubstituteProcess:
         self.plan_to_blame = isinstance(command, StartSubstitute) or publishes
         return [command]
 
-    def take_up(self, time: float, node: str, plan: AnyPlan, working_since: float) -> None:
+    def take_up(
+        self, time: float, node: str, host: str, plan: AnyPlan, working_since: float
+    ) -> None:
         """A process of a former reconfigurator works on a plan."""
-        self.node, self.plan = node, plan
+        self.node, self.host, self.plan = node, host, plan
         self.working_since = self._started = working_since
-        self._changed = time
+        self.changed = time
         self.plan_to_blame = False
 
     def begin(self, time: float) -> None:
@@ -113,20 +127,23 @@ class SubstituteProcess:
         plan = now.planner.safe_values(now.service)
         if plan is None or plan in self._tried:
             return self.drop()
-        return [] if plan == self.plan else self.use(now, plan)
+        try:
+            return [] if plan == self.plan else self.use(now, plan)
+        except ShsaError:
+            return self.drop()
 
     def prepare(self, now: Snapshot) -> List[Command]:
         """Follow the best plan for the case that the service's node fails."""
         try:
             plan = now.planner.ahead(now.service)
+            return [] if plan == self.plan else self.use(now, plan)
         except ShsaError:
             return self.drop()
-        return [] if plan == self.plan else self.use(now, plan)
 
     def drop(self) -> List[Command]:
         """End the process."""
         commands: List[Command] = [StopSubstitute(self.node)] if self.node else []
-        self.node = ""
+        self.node = self.host = ""
         self.plan = None
         return commands
 
@@ -146,8 +163,12 @@ class SubstituteProcess:
         self._tried.clear()
         self._deaths = 0
 
-    def _process(self, now: Snapshot, plan: AnyPlan) -> Tuple[str, Command]:
-        if now.spare:
-            return now.spare, AssignSubstitute(now.spare)
+    def _process(self, now: Snapshot, plan: AnyPlan) -> Command:
+        """Take an idle process on its computer, or start another there."""
+        spare = now.spare(self.host)
+        if spare.node:
+            self.node, self._started = spare.node, spare.started
+            return AssignSubstitute(self.node)
+        self.node, self._started = now.fresh, now.time
         inputs, outputs = now.planner.inputs(plan), now.planner.outputs(plan)
-        return now.fresh, StartSubstitute(now.fresh, plan.program, inputs, outputs)
+        return StartSubstitute(self.node, plan.program, inputs, outputs, self.host)

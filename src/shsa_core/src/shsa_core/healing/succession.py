@@ -12,6 +12,7 @@ from shsa_core.healing.records import (
     Healthy,
     IdleProcess,
     RestartedNode,
+    Stray,
     healthy_key,
 )
 from shsa_core.healing.upkeep import Upkeep
@@ -36,20 +37,27 @@ class Succession(Upkeep):
                 self._incidents = max(self._incidents, record.incidents)
                 self.names.go_on(record.names)
             elif isinstance(record, HealingRecord) and record.substitution is not None:
-                self._nodes.substitutes.add(record.substitution.node)
+                row = record.substitution
+                self._nodes.substitutes.add(row.node)
+                self._strays.runs_on(row.node, row.host)
+            elif isinstance(record, Stray):
+                self._strays.take_up(record)
+            elif isinstance(record, IdleProcess) and record.host:
+                self._strays.take_up(Stray(record.node, record.host))
             elif isinstance(record, RestartedNode) and record.node in running:
                 self._with_us[record.node] = record.with_us
                 self._records.put(record)
         healthy = [each for each in event.records if isinstance(each, Healthy)]
         commands = self._recall(event.time, healthy) + self._settle()
         for record in event.records:
-            if isinstance(record, IdleProcess) and record.node in running:
+            if isinstance(record, IdleProcess) and record.node in running and not record.host:
                 self._take_up_idle(record)
         for record in event.records:
             if isinstance(record, HealingRecord):
                 commands += self._take_up_healing(event.time, record, running)
         stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
-        ours = {*self.substitutes, *self._with_us, *stopped}
+        strays = {each.node for each in event.records if isinstance(each, Stray)}
+        ours = {*self.substitutes, *self._with_us, *stopped, *strays}
         for node in running:
             if node not in ours:
                 commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
@@ -77,7 +85,7 @@ class Succession(Upkeep):
     def _take_up_idle(self, record: IdleProcess) -> None:
         if self._pool.deadline is not None:  # it lacks one
             self._nodes.substitutes.add(record.node)
-            self._pool.take_up(record.node, record.started)
+            self._pool.take_up(record.node, record.started, "")
             self._substitutions.set(record.node, Substitution(record.node, "", (), "", ()))
 
     def _take_up_healing(
@@ -126,7 +134,7 @@ class Succession(Upkeep):
         for node in self._idle_written - idle:
             self._records.set(f"idle {node}", None)
         for node in idle - self._idle_written:
-            self._records.put(IdleProcess(node, self._pool.started(node)))
+            self._records.put(self._pool.record(node))
         self._idle_written = idle
         records, removed = self._records.change()
         return [events.WriteDown(records, removed)] if records or removed else []

@@ -7,8 +7,8 @@ from shsa_core.healing.events import FailureSeen, Level, Log, SubstituteStarted
 from shsa_core.healing.incident import State
 from shsa_core.healing.kills import KillNode, NodeKilled
 from shsa_core.healing.judgement import STUCK, WAITING
-from shsa_core.healing.resumption import Resumption
 from shsa_core.healing.snapshot import Request, Snapshot
+from shsa_core.healing.stranding import Stranding
 from shsa_core.healing.transitions import Trigger
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.events import PublisherState
@@ -17,7 +17,7 @@ SUBSTITUTED = (State.HEALING, State.HEALED)
 PUBLISHED = (*SUBSTITUTED, State.SAFE)
 
 
-class TopicHealing(Resumption):
+class TopicHealing(Stranding):
     """The healing of one service: makes triggers of what happens.
 
     A hot service has its substitute before the incident and keeps it after: muted, and computing.
@@ -259,7 +259,9 @@ class TopicHealing(Resumption):
             self.incident = replace(self.incident, last_good=event.last_good)
         if changing:
             return self._fire(now, Trigger.SILENT, event) + self._notice_first_message(now)
-        return self._substitute_failed(now, event.detail, event.kind is not Kind.NODE_GONE)
+        elsewhere = event.kind is Kind.SILENT and bool(self.substitute.host)  # or cut off
+        tried = event.kind is not Kind.NODE_GONE and not elsewhere
+        return self._substitute_failed(now, event.detail, tried)
 
     def _substitute_failed(self, now: Snapshot, why: str, tried: bool) -> List[Request]:
         """Stop the substitute; its plan is not tried again if `tried`."""

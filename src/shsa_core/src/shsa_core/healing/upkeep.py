@@ -1,29 +1,34 @@
 """What the reconfigurator knows of the robot, kept up by what happens and by what is decided."""
 from dataclasses import replace
 from functools import partial
-from typing import Callable, Dict, Iterable, List, Optional, Sequence, Set, Tuple
+from typing import Callable, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.agenda import Agenda
 from shsa_core.healing.availability import Availability
+from shsa_core.healing.awaited_kills import AwaitedKills
 from shsa_core.healing.calibrations import Calibrations
 from shsa_core.healing.concern import Concern
 from shsa_core.healing.events import Command
+from shsa_core.healing.hosts import Hosts
 from shsa_core.healing.incident import State
 from shsa_core.healing.kills import KillNode, Kills
 from shsa_core.healing.naming import Names
 from shsa_core.healing.nodes import Acquaintance, Nodes
-from shsa_core.healing.planner import Planner
-from shsa_core.healing.pool import Pool
+from shsa_core.healing.placement import Place, Placement
+from shsa_core.healing.planner import AnyPlan, Planner
+from shsa_core.healing.pool import Pool, Spare
 from shsa_core.healing.records import HealingRecord, Records, service_key
 from shsa_core.healing.settings import Settings
 from shsa_core.healing.snapshot import Request, Snapshot
 from shsa_core.healing.stakes import Stakes
+from shsa_core.healing.strays import Strays
 from shsa_core.healing.tables import SomTable, SubstitutionTable
 from shsa_core.healing.topic import TopicHealing
-from shsa_core.model.kinds import Kind, Policy
+from shsa_core.model.cost import Cost, cost
+from shsa_core.model.kinds import Kind, OnPartition, Policy
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
@@ -48,6 +53,7 @@ class Upkeep:
         namespace: str,
         dry_run: bool,
         restarts: bool,
+        host: str,
     ) -> None:
         self.settings = settings
         self.names = Names(namespace)
@@ -59,7 +65,8 @@ class Upkeep:
         self._nodes = Nodes()
         self._acquaintance = Acquaintance()
         self._kills = Kills(settings.kill_patience)
-        self._availability = Availability(self._nodes, self._open)
+        self._hosts = Hosts(settings, host)
+        self._availability = Availability(self._nodes, self._open, self._lost)
         self._calibrations = Calibrations(self._open)
         self._planner = self._planner_of(ontology)
         self._pool = Pool(settings)
@@ -73,6 +80,10 @@ class Upkeep:
         self._incidents = 0
         self._watched: Tuple[str, ...] = ()
         self._records = Records()
+        self._placement = Placement(self._hosts, self._placed, lambda: self._som)
+        self._strays = Strays(self._hosts, self._records)
+        self._awaited = AwaitedKills(self._hosts)
+        self._doubted: Dict[str, float] = {}  # services that wait until their computer is heard
         self._ended: List[str] = []  # services whose incident has ended with the last event
         self._with_us: Dict[str, bool] = {}  # nodes that were started again
         self._idle_written: Set[str] = set()
@@ -142,10 +153,59 @@ class Upkeep:
         else:
             self._planner.plans.forget(service.name)
         if self._pool.serves(service):
-            self._pool.serve(service, self._planner, None)
+            self._stand_by(service, None)
         else:
             self._pool.forget(service.name)
-        self._substitutions.set(service.name, self._pool.plans.get(service.name))
+            self._substitutions.set(service.name, None)
+
+    def _stand_by(self, service: Service, plan: Optional[Plan]) -> None:
+        """Let the pool serve a warm service, on the computer that its plan is placed on."""
+        known = self._pool.plans.get(service.name)
+        host = known.host if known else ""
+        if plan is not None:
+            try:
+                host = self._placement.place(self._time, service, plan, None).host
+            except ShsaError:
+                host = ""  # the failure will tell why there is none
+        self._pool.serve(service, self._planner, plan, host)
+        self._substitutions.set(service.name, self._pool.plans[service.name])
+
+    def _place(self, service: Service, plan: AnyPlan) -> Place:
+        """The computer for a plan; rather where an idle process is. Raises ShsaError."""
+        ready = self._pool.plans.get(service.name)
+        rather = ready.host if ready and self._pool.spare(ready.host).node else None
+        return self._placement.place(self._time, service, plan, rather)
+
+    def _spare(self, service: Service, host: str) -> Spare:
+        return self._pool.spare(host) if self._pool.serves(service) else Spare()
+
+    def _placed(self, host: str, since: float) -> Iterator[Cost]:
+        """What the substitutes cost that were set to work on a computer since a moment."""
+        here = {host, self._hosts.in_som(host)}
+        for name in self._concern.by_process.values():
+            process, service = self._healings[name].substitute, self._som.services.get(name)
+            if service and process.host == host and process.changed > since:
+                inputs = process.plan.inputs if isinstance(process.plan, Plan) else ()
+                yield cost([source.service for source in inputs], service, here)
+
+    def _host_of(self, node: str) -> str:
+        """The computer that a node runs on, as far as is known; empty: the reconfigurator's own."""
+        if not self._som.hosts:
+            return ""
+        named = next((each.host for each in self._som if each.node == node and each.host), "")
+        return self._strays.host(node) or self._hosts.name(named)
+
+    def _lost(self, host: str) -> str:
+        return self._hosts.lost(self._hosts.name(host))
+
+    def _waiting(self, service: Service) -> str:
+        """Why nothing is done for a service while its computer is cut off; empty: it is not so."""
+        if service.on_partition is not OnPartition.WAIT or not service.host:
+            return ""
+        if self._lost(service.host):
+            return f"{service.host} cannot be reached, and on_partition is wait"
+        doubted = service.name in self._doubted
+        return f"{service.host} was not heard since, and on_partition is wait" if doubted else ""
 
     def _rows(self, service: Service) -> List[PublisherHealth]:
         """How the originals of a service do, with the row that says that nobody was ever seen."""
@@ -186,12 +246,15 @@ class Upkeep:
     def _refill(self) -> List[Command]:
         """Start the idle processes that are due."""
         commands: List[Command] = []
-        due = self._pool.deadline
-        while due is not None and self._time >= due:
+        for node in self._pool.surplus():
+            commands += self._absorb(self._pool.drop(node))
+            self._substitutions.set(node, None)
+        host = self._pool.due(self._time)
+        while host is not None:
             name = self.names.fresh("standby")
-            commands += self._absorb(self._pool.start(self._time, name))
-            self._substitutions.set(name, Substitution(name, "", (), "", ()))
-            due = self._pool.deadline
+            commands += self._absorb(self._pool.start(self._time, name, host))
+            self._substitutions.set(name, Substitution(name, "", (), "", (), host=host))
+            host = self._pool.due(self._time)
         return commands
 
     def _watch(self) -> List[Command]:
@@ -248,20 +311,21 @@ class Upkeep:
                 self._records.set(service_key(name), None)
 
     def _snapshot(self, service: Service) -> Snapshot:
+        waiting = self._waiting(service)
+        advised = replace(service, policy=Policy.ADVISE) if waiting else service
         return Snapshot(
             time=self._time,
-            service=service,
+            service=advised,
             settings=self.settings,
             planner=self._planner,
             publishers=self._nodes.health(service.topic),
             originals=self._availability.originals(self._som, service),
             killing=self._kills.nodes,
             incident=self._incidents + 1,
-            spare=self._pool.spare if self._pool.serves(service) else "",
-            spare_started=self._pool.spare_started,
-            spare_heard=self._pool.spare_heard,
+            place=partial(self._place, service),
+            spare=partial(self._spare, service),
             fresh=self.names.fresh(service.topic.strip("/").replace("/", "_")),
-            verdict=partial(self._stakes.verdict, self._planner, service),
+            verdict=partial(self._stakes.verdict, self._planner, advised, waiting),
             awaited=partial(self._stakes.awaited, service),
         )
 
@@ -270,6 +334,11 @@ class Upkeep:
         commands: List[Command] = []
         for request in requests:
             if isinstance(request, KillNode):
+                host = self._host_of(request.node)
+                if host and request.only_here and self._hosts.reachable(host):
+                    self._awaited.add(self._time, request.node, host, True)
+                    continue
+                self._awaited.forget(request.node)
                 commands += self._kills.begin(self._time, request)
                 self._unsettle_node(request.node)
                 continue
@@ -302,6 +371,7 @@ class Upkeep:
             healing.original,
             service.others,
             healing.last_message,
+            healing.substitute.host,
         )
         self._substitutions.set(healing.node, row)
         return row
@@ -328,7 +398,8 @@ class Upkeep:
                 owners[healing.node] = name
             waits = healing.state is State.HEALING and healing.deadline is None
             incident = healing.incident
-            if waits and incident and incident.faulty_node not in self._kills.nodes:
+            busy = incident and incident.faulty_node in self._kills.nodes
+            if waits and incident and not busy and incident.faulty_node not in self._awaited:
                 raise ShsaError(f"{name} is being healed, and nothing will ever happen")
             state = self._availability.states[name]
             if healing.state is not State.WELL and state.available:

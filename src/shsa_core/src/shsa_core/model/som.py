@@ -91,8 +91,7 @@ class Som:
         return services[0] if named is None and len(services) == 1 else named
 
     def known_name(self, name: str, namespace: str) -> str:
-        """What a user means by a name: a service, host or common cause, or a topic or node in full.
-        """
+        """What a user means by a name: a service, host or common cause, or a topic or node in full."""
         known = name in self.hosts or any(name in (each.name, *each.shared) for each in self)
         return name if known else full_name(name, namespace)
 

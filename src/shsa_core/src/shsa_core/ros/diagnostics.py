@@ -18,12 +18,15 @@ from shsa_core.monitoring.events import Key, PublisherHealth
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.companion import Companion
+from shsa_core.ros.graph.computers import Seen
 from shsa_core.ros.graph.master_watch import Told
-from shsa_core.ros.graph.refusals import Refusals
+from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.host.remote import Told as HostTold
 from shsa_core.text import shown
 
 PERIOD_S = 1.0
+CLOCK_OFF_S = 0.1
+"""With more between two clocks, stamps of one tell little on the other."""
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 CONDITIONS = {
     Condition.HEALTHY: OK,
@@ -40,18 +43,18 @@ HEALINGS = {State.WELL: OK, State.RETURNING: OK, State.HEALING: WARN, State.HEAL
 class Diagnostics:
     """Shows what it is given from a thread of its own: whoever gives something never waits.
 
-    `rows` makes statuses of it, named after services. One more row counts the `refusals`, and one
-    tells of the other healer.
+    `rows` makes statuses of it, named after services. More rows count what `signing` refused,
+    and tell of the other healer and of each other computer that has proved itself.
     """
 
     def __init__(
         self,
         rows: Callable[[Any], List[DiagnosticStatus]],
-        refusals: Refusals,
+        signing: Signing,
         companion: Companion,
     ) -> None:
         self._rows = rows
-        self._refusals = refusals
+        self._signing = signing
         self._companion = companion
         self._given: "queue.Queue[Any]" = queue.Queue()
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=2)
@@ -63,13 +66,34 @@ class Diagnostics:
 
     def _run(self) -> None:
         while not rospy.is_shutdown():
-            rows = [*self._rows(self._given.get()), refused_row(self._refusals.counts())]
+            rows = self._rows(self._given.get())
+            rows.append(refused_row(self._signing.refusals.counts()))
             rows.append(_companion_row(self._companion))
+            rows += map(computer_row, self._signing.computers.seen())
             for row in rows:
                 row.name = f"{rospy.get_name()[1:]}: {row.name}"
             self._publisher.publish(
                 DiagnosticArray(header=Header(stamp=rospy.Time.now()), status=rows)
             )
+
+
+def computer_row(seen: Seen) -> DiagnosticStatus:
+    """Another computer, and how its wall clock differs from ours."""
+    text = f"its clock is {abs(seen.offset):.4f} s {'ahead' if seen.offset > 0.0 else 'behind'}"
+    values = {
+        "clock offset (s)": f"{seen.offset:+.6f}",
+        "known within (s)": f"{seen.bound:.6f}",
+        "round trip (s)": f"{seen.round_trip:.6f}",
+        "measured (s ago)": f"{seen.age:.0f}",
+    }
+    is_off = abs(seen.offset) - seen.bound > CLOCK_OFF_S
+    return DiagnosticStatus(
+        level=WARN if is_off else OK,
+        name=f"computer {seen.host} at {seen.address}",
+        message=f"{text}, known within {seen.bound:.4f} s",
+        hardware_id=seen.host,
+        values=[KeyValue(key, value) for key, value in values.items()],
+    )
 
 
 def _companion_row(companion: Companion) -> DiagnosticStatus:

@@ -14,7 +14,7 @@ class FailurePublisher:
     """Publishes signed failures on shsa/failures, in the namespace of this node.
 
     `secret`: the file with healing's secret, if that is not the default one. Only the user whom
-    healing runs as can read it, and what is signed counts on the same computer alone. Raises
+    healing runs as can read it. It may be a copy, on another computer of the robot. Raises
     ShsaError if it cannot be read.
     """
 

@@ -8,6 +8,7 @@ socket.
 import argparse
 import sys
 from collections import deque
+from functools import partial
 from typing import Any, Callable, Deque, Dict, NamedTuple, Optional, Set
 
 import rospy
@@ -26,6 +27,7 @@ from shsa_core.monitoring import events
 from shsa_core.monitoring.lasting import LastingFailures
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
+from shsa_core.monitoring.share import watched_at, watched_beside
 from shsa_core.ros import diagnostics
 from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.alone import await_turn
@@ -41,7 +43,7 @@ from shsa_core.ros.graph.connections import (
 from shsa_core.ros.graph.greeter import Greeter, Tell
 from shsa_core.ros.graph.identities import Identified
 from shsa_core.ros.graph.companion import Companion
-from shsa_core.ros.graph.heartbeats import MONITOR, RECONFIGURATOR, Signs
+from shsa_core.ros.graph.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.graph.inbox import Inbox
 from shsa_core.ros.graph.launch import Launch, Launches
 from shsa_core.ros.graph.reader import Reader
@@ -95,7 +97,7 @@ class MonitorNode:
     """
 
     def __init__(self, arguments: argparse.Namespace) -> None:
-        som = _read(arguments.som)
+        som, self._share = _read(arguments), partial(_share, arguments)
         signing = Signing(arguments.secret)
         settings, errors = read_settings(Settings, rospy.get_param("~", {}), rospy.get_name())
         for error in errors:
@@ -110,7 +112,8 @@ class MonitorNode:
         self._launch, self._launches = Launch(), Launches()
         self._inbox = Inbox()
         refused = signing.refusals.note
-        self._companion = Companion(RECONFIGURATOR, Signs(MONITOR))
+        # Only the monitor that the reconfigurator watches may hear, and so end, it in turn.
+        self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
         self._connections = Connections(self._inbox, settings.reconnect, refused)
         self._parameters = Worker("parameters")
         self._reader = Reader()
@@ -128,17 +131,21 @@ class MonitorNode:
             names.FAILURES, msg.Failure, greeter, queue_size=1000, tcp_nodelay=True
         )
         self._health = TablePublisher(
-            names.HEALTH, msg.Health, "publishers", wire.health_row_key, signing
+            names.told_at(names.HEALTH, arguments.host),
+            msg.Health,
+            "publishers",
+            wire.health_row_key,
+            signing,
         )
         self._calibrations = TablePublisher(
-            names.CALIBRATIONS,
+            names.told_at(names.CALIBRATIONS, arguments.host),
             msg.Calibrations,
             "calibrations",
             wire.calibration_row_key,
             signing,
         )
         self._diagnostics = diagnostics.Diagnostics(
-            diagnostics.MonitorRows(), signing.refusals, self._companion
+            diagnostics.MonitorRows(), signing, self._companion
         )
         self._carry_out: dispatch.Table[None] = dispatch.table(
             events.Command,
@@ -316,6 +323,7 @@ class MonitorNode:
 
     def _som_changed(self, som: Som) -> None:
         """Subscribe new topics by and by, end the subscriptions of those that left."""
+        som = self._share(som)
         self._feed(events.SomChanged(clock.now(), som))
         topics = list(som.topics())
         for topic in self._watched - set(topics):
@@ -347,14 +355,29 @@ class MonitorNode:
         self._diagnostics.show((self._core.overview(), self._core.messages()))
 
 
-def _read(path: str) -> Som:
-    """The valid services of a SOM file; errors of the others are logged. Raises ModelError."""
+def _read(arguments: argparse.Namespace) -> Som:
+    """The valid services of a SOM file; errors of the others are logged.
+
+    Raises ModelError if there is nothing to watch, or a host is not in the file.
+    """
+    path = arguments.som
     som, errors = load_som(path, rospy.get_namespace())
     for error in errors:
         rospy.logerr("Refused: %s", error)
-    if not som.services:
+    for host in filter(None, (arguments.host, *arguments.beside)):
+        if host not in som.hosts:
+            there = ", ".join(som.hosts) or "none"
+            raise ModelError(f"{path}/hosts", f"there is no host {host!r}; there are: {there}")
+    if not _share(arguments, som).services:
         raise ModelError(path, "there is no valid service to watch")
     return som
+
+
+def _share(arguments: argparse.Namespace, som: Som) -> Som:
+    """What of a SOM this monitor watches."""
+    if arguments.host:
+        return watched_at(som, arguments.host)
+    return watched_beside(som, arguments.beside)
 
 
 def _read_ontology(path: str) -> Optional[Ontology]:
@@ -377,11 +400,17 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--ontology", default="", help="the ontology file, for checks by witnesses")
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
+    whose = parser.add_mutually_exclusive_group()
+    whose.add_argument("--host", default="", help="watch the services of this computer alone")
+    whose.add_argument(
+        "--beside", nargs="*", default=(), help="computers whose services others watch"
+    )
     return parser.parse_args(rospy.myargv(sys.argv)[1:])
 
 
 def main() -> None:
     """Run the node `monitor`."""
     arguments = _arguments()
-    await_turn("monitor")
-    run("monitor", lambda: MonitorNode(arguments).spin())
+    name = names.monitor_of(arguments.host)
+    await_turn(name)
+    run(name, lambda: MonitorNode(arguments).spin())

@@ -5,6 +5,7 @@ import queue
 import shlex
 import sys
 from dataclasses import replace
+from functools import partial
 from typing import Callable, Dict, List, Optional, Tuple, get_args
 
 import rospy
@@ -12,6 +13,7 @@ from shsa_msgs import msg
 
 from shsa_core import dispatch
 from shsa_core.analysis.budget import check_budgets
+from shsa_core.analysis.schedulability import check_placements
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.parameters import read_settings
@@ -30,8 +32,9 @@ from shsa_core.ros import diagnostics
 from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.alone import await_turn
 from shsa_core.ros.graph.companion import Companion
+from shsa_core.ros.graph.ending import Ending
 from shsa_core.ros.graph.heartbeats import MONITOR, RECONFIGURATOR, Signs
-from shsa_core.ros.graph.launch import Launch, is_followed
+from shsa_core.ros.graph.launch import Launch
 from shsa_core.ros.graph.master_watch import MasterWatch
 from shsa_core.ros.graph.processes import run_command
 from shsa_core.ros.graph.restarts import may_restart
@@ -70,7 +73,7 @@ class ReconfiguratorNode:
     Parameters: those of shsa_core.healing.settings. Raises ModelError if a file is not valid.
     """
 
-    def __init__(self, arguments: argparse.Namespace) -> None:
+    def __init__(self, arguments: argparse.Namespace, ending: Ending) -> None:
         self._files = arguments
         self._said: List[Problem] = []
         signing = Signing(arguments.secret)
@@ -90,7 +93,8 @@ class ReconfiguratorNode:
             for service in (each for each in som if each.policy.restarts):
                 text = "%s is not started again: that would be as root (restart_as_root:=true)."
                 rospy.logerr(text, service.node)
-        for finding in check_budgets(som, settings):
+        unfit = check_placements(ontology, som, settings)
+        for finding in (*check_budgets(som, settings), *unfit):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
         self._journal: Optional[JournalWriter] = None
@@ -99,8 +103,7 @@ class ReconfiguratorNode:
             self._journal = JournalWriter(journal, "healing", setup, rospy.logwarn)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
-        self._ends = self._is_followed = False
-        rospy.core.add_preshutdown_hook(self._asked_to_end)
+        self._ending, self._ends = ending, False
         signs = Signs(RECONFIGURATOR)
         self._companion = Companion(MONITOR, signs)
         prefix = self._core.names.prefix
@@ -139,7 +142,7 @@ class ReconfiguratorNode:
             },
         )
         self._diagnostics = diagnostics.Diagnostics(
-            diagnostics.healing_rows, signing.refusals, self._companion
+            diagnostics.healing_rows, signing, self._companion
         )
         diagnostics.every_period(lambda: self._queue.put(self._report))
         self._decided = clock.now()
@@ -157,13 +160,13 @@ class ReconfiguratorNode:
         self._som_watch = SomWatch(
             som, lambda s: self._put(events.SomChanged(clock.now(), self._usable(s)))
         )
-        tables = (names.HEALTH, names.CALIBRATIONS, names.SUBSTITUTIONS, names.SOM_STATE)
-        self._master.introduce(*map(rospy.resolve_name, (names.FAILURES, *tables)))
+        tables = (names.FAILURES, names.SUBSTITUTIONS, names.SOM_STATE)
+        self._master.introduce(*map(rospy.resolve_name, tables))
         failures = signing.checked(names.FAILURES, msg.Failure, arguments.unsigned_failures)
         signing.subscribe(names.FAILURES, failures, self._failure)
-        self._health_began = 0
-        TableSubscriber(names.HEALTH, msg.Health, self._health, signing)
-        TableSubscriber(names.CALIBRATIONS, msg.Calibrations, self._calibrated, signing)
+        self._health_began: Dict[str, int] = {}
+        for host in ("", *som.hosts):
+            self._hear_monitor(host, signing)
         self._services = Services(
             self._core,
             self._queue.put,
@@ -189,7 +192,7 @@ class ReconfiguratorNode:
             except Exception as error:  # whatever it is, healing goes on
                 if not rospy.core.is_shutdown_requested():
                     rospy.logerr("The reconfigurator could not handle an event: %r", error)
-        if not self._is_followed:
+        if not self._ending.followed:
             self._stop_all()
         self._incidents.close()
         if self._records is not None:
@@ -203,9 +206,6 @@ class ReconfiguratorNode:
         self._handle(events.ShuttingDown(clock.now()))
         self._local.await_stops()
         self._agents.await_quiet()
-
-    def _asked_to_end(self, reason: str) -> None:
-        self._is_followed = is_followed(reason)
 
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
@@ -317,11 +317,21 @@ class ReconfiguratorNode:
         except ShsaError as error:
             rospy.logerr("Refused a message on %s: %s.", names.FAILURES, error)
 
-    def _health(self, message: msg.Health) -> None:
-        anew = self._health_began not in (0, message.began)  # another monitor
-        self._health_began = message.began
+    def _hear_monitor(self, host: str, signing: Signing) -> None:
+        """Hear the monitor of a computer, if it has one; no host: the monitor of all others."""
+        health, calibrations = (
+            names.told_at(table, host) for table in (names.HEALTH, names.CALIBRATIONS)
+        )
+        self._master.introduce(*map(rospy.resolve_name, (health, calibrations)))
+        TableSubscriber(health, msg.Health, partial(self._health, host), signing)
+        TableSubscriber(calibrations, msg.Calibrations, self._calibrated, signing)
+
+    def _health(self, host: str, message: msg.Health) -> None:
+        before = self._health_began.get(host, 0)
+        anew = before not in (0, message.began)  # another monitor
+        self._health_began[host] = message.began
         try:
-            self._put(wire.health_seen(message, anew))
+            self._put(wire.health_seen(message, anew, host))
         except ShsaError as error:
             rospy.logerr("Refused a message on %s: %s.", names.HEALTH, error)
 
@@ -375,4 +385,5 @@ def main() -> None:
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     await_turn("reconfigurator")
-    run("reconfigurator", lambda: ReconfiguratorNode(arguments).spin())
+    ending = Ending()
+    run("reconfigurator", lambda: ReconfiguratorNode(arguments, ending).spin())

@@ -17,7 +17,7 @@ from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.fence import Fence, Known
 from shsa_core.ros.graph.kernel import same_process
 from shsa_core.ros.graph.node_api import FAILURES, master_api
-from shsa_core.ros.graph.signing import boot
+from shsa_core.ros.graph.places import boot
 from shsa_core.ros.host.local import LocalHost
 
 CODEC = Codec(Record, FORMS)

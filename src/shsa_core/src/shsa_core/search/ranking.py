@@ -120,14 +120,26 @@ class Ranking:
         candidate = self._candidate(rate_joint, targets, self._best.ratings)
         if candidate is None:
             return
-        root = Ranked(ROOT, EVERYWHERE, candidate.rated)
-        root.candidates = [candidate]
-        root.take()
+        yield from self._from(Ranked(ROOT, EVERYWHERE, candidate.rated), candidate)
+
+    def by_function(self, target: int) -> List[Iterator[Rated]]:
+        """Every way to derive the target by each of its functions, best first; no sources.
+
+        All of them share what is below the target.
+        """
+        self._best.settle(target)
+        found = self._candidates(target, EVERYWHERE)
+        return [self._from(Ranked(target, EVERYWHERE, each.rated), each) for each in found]
+
+    def _from(self, ranked: Ranked, candidate: Candidate) -> Iterator[Rated]:
+        """The items of a list that begins with its only candidate, best first."""
+        ranked.candidates = [candidate]
+        ranked.take()
         place = 0
-        while place < len(root.items):
-            yield root.items[place]
+        while place < len(ranked.items):
+            yield ranked.items[place]
             place += 1
-            self._find(root, place)
+            self._find(ranked, place)
 
     def _find(self, ranked: Ranked, place: int) -> None:
         """Extends the list up to the item at `place`, if there is one."""
@@ -145,26 +157,30 @@ class Ranking:
 
     def _begin(self, ranked: Ranked) -> None:
         """Looks for the candidates of a list whose first item is known, and takes that one."""
-        number, best = ranked.number, self._best
+        by_source = [Candidate(rate_source(each)) for each in self._sources.of(ranked.number)]
+        ranked.candidates = by_source + self._candidates(ranked.number, ranked.path)
+        heapify(ranked.candidates)
+        ranked.take()
+
+    def _candidates(self, number: int, path: FrozenSet[int]) -> List[Candidate]:
+        """The best derivation of a property by each of its functions that keeps off `path`."""
+        best = self._best
         ratings = best.ratings
-        path = EVERYWHERE
         cycle = best.cycles.get(number)
+        path = EVERYWHERE if cycle is None else path | {number}
         if cycle is not None:
-            path = ranked.path | {number}
             ratings = Ratings(self._network, self._sources, best.ratings)
             for blocked in path:
                 ratings[blocked] = LOST
             best.settle_cycle(dependents(self._users_within(cycle), path) - path, ratings)
-        candidates = [Candidate(rate_source(source)) for source in self._sources.of(number)]
+        candidates = []
         for f in best.functions(number):
             inputs = self._network.inputs_of(f)
             rate = partial(rate_function, self._network.functions[f], self._network.costs[f])
             candidate = self._candidate(rate, inputs, ratings, cycle, path)
             if candidate is not None:
                 candidates.append(candidate)
-        heapify(candidates)
-        ranked.candidates = candidates
-        ranked.take()
+        return candidates
 
     def _users_within(self, cycle: Sequence[int]) -> Mapping[int, Sequence[int]]:
         """Which properties of a cycle use which, at once, in their best derivations."""

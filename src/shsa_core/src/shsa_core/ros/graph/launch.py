@@ -17,24 +17,13 @@ from typing import BinaryIO, Dict, Iterable, Iterator, Optional, Set, Tuple
 import psutil
 import rospy
 
-from shsa_core.ros.graph.kernel import started_by_launch
-from shsa_core.ros.graph.signing import master_place
+from shsa_core.ros.graph.places import master_place
 from shsa_core.ros.graph.worker import Worker
 
 SHUTDOWN = re.compile(rb"\[roslaunch\.pmon\].*ProcessMonitor\.(_post_run|shutdown) ")
 LONGEST_LINE = 1000
 NAME = "__name:="
 LOOK_PAUSE_S = 0.5
-ASKED_BY_API = "external shutdown request"
-"""What rospy's reason begins with then."""
-
-
-def is_followed(reason: str) -> bool:
-    """Whether another one follows this node, which ends for this reason.
-
-    Anybody may ask it by its API, or by taking its name; then a launch starts it again.
-    """
-    return reason.startswith(ASKED_BY_API) and started_by_launch(psutil.Process())
 
 
 class _Log:

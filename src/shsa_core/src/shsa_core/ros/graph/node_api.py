@@ -56,15 +56,31 @@ def address(uri: object) -> Address:
     return Address(found.group(1).strip("[]"), int(found.group(2)))
 
 
+class Answer(NamedTuple):
+    """What a node answers, and when it was asked and had answered: ns on the monotonic clock."""
+
+    value: Any
+    asked: int
+    answered: int
+
+
 def ask(uri: str, method: str, *arguments: Any) -> Any:
     """The value that the node at `uri` answers. Raises one of FAILURES."""
+    return ask_timed(uri, method, *arguments).value
+
+
+def ask_timed(uri: str, method: str, *arguments: Any) -> Answer:
+    """The same, with its times: the connection was made before. Raises one of FAILURES."""
     address(uri)
-    answer = getattr(node_api(uri), method)(rospy.get_name(), *arguments)
+    transport = _Transport(NODE)
+    api = xmlrpc.client.ServerProxy(uri, transport=transport)
+    answer = getattr(api, method)(rospy.get_name(), *arguments)
+    answered = time.monotonic_ns()
     if not isinstance(answer, (list, tuple)) or len(answer) != 3 or not _is_int(answer[0]):
         raise BadAnswer(f"{uri} answers {method} with {_short(answer)}")
     if answer[0] != 1:
         raise BadAnswer(f"{uri} refuses {method}: {_short(answer[1])}")
-    return answer[2]
+    return Answer(answer[2], transport.connected, answered)
 
 
 def pid(uri: str) -> int:
@@ -104,6 +120,8 @@ class _Transport(xmlrpc.client.Transport):
         super().__init__()
         self._limits = limits
         self._end = 0.0
+        self.connected = 0
+        """When the connection was made."""
 
     def request(self, host, handler, request_body, verbose=False):  # type: ignore[no-untyped-def]
         self._end = time.monotonic() + self._limits.timeout
@@ -117,7 +135,10 @@ class _Transport(xmlrpc.client.Transport):
             self.close()
 
     def make_connection(self, host):  # type: ignore[no-untyped-def]
-        return _Connection(host, self._end, self._limits.largest)
+        connection = _Connection(host, self._end, self._limits.largest)
+        connection.connect()
+        self.connected = time.monotonic_ns()
+        return connection
 
     def parse_response(self, response):  # type: ignore[no-untyped-def]
         text = response.read()

@@ -117,7 +117,8 @@ class TableSubscriber:
         self._lock = threading.Lock()
         self._at = (0, 0)
         """The table that was heard last, and its sequence."""
-        self._sent = 0
+        self._sent = b"", 0, 0
+        """Of the newest message: whose clock, when by that clock, and by ours."""
         self._follows = False
         self._retry: Optional[threading.Timer] = None
         self._ended = False
@@ -138,7 +139,9 @@ class TableSubscriber:
         if self._signing is None:
             self._subscriber = subscribe(self._topic, self._class, self._received, LARGEST_B)
         else:
-            self._subscriber = self._signing.subscribe(self._topic, self._class, self._received)
+            self._subscriber = self._signing.subscribe(
+                self._topic, self._class, self._received, self._lost
+            )
 
     def _received(self, message: Any) -> None:
         with self._lock:
@@ -159,11 +162,20 @@ class TableSubscriber:
         Of two who send the table, the one counts that is heard last, as long as it can be followed.
         """
         if self._signing is not None:
-            late = bool(message.sent <= self._sent)
-            self._sent = max(self._sent, message.sent)
-            return late
+            boot, sent, here = self._sent
+            same = message.boot == boot
+            late = message.sent <= sent if same else message.sent_here <= here
+            if not late:
+                self._sent = message.boot, message.sent, message.sent_here
+            return bool(late)
         began, sequence = self._at
         return bool(not message.whole and message.began == began and message.sequence <= sequence)
+
+    def _lost(self) -> None:
+        """What was refused may have been right: a whole that is missed must come again."""
+        with self._lock:
+            if not self._follows:
+                self._miss()
 
     def _miss(self) -> None:
         """Subscribe again soon, unless a whole table comes before."""

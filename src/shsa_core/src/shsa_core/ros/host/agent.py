@@ -19,8 +19,8 @@ from shsa_core.healing import events
 from shsa_core.healing.naming import Names
 from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.alone import await_turn
+from shsa_core.ros.graph.ending import Ending
 from shsa_core.ros.graph.heartbeats import Signs, hearer
-from shsa_core.ros.graph.launch import is_followed
 from shsa_core.ros.graph.load import Load
 from shsa_core.ros.graph.restarts import may_restart
 from shsa_core.ros.graph.signing import Signing
@@ -72,7 +72,7 @@ class AgentEnd:
 class AgentNode:
     """Takes commands from the reconfigurator alone, by their signature."""
 
-    def __init__(self, arguments: argparse.Namespace) -> None:
+    def __init__(self, arguments: argparse.Namespace, ending: Ending) -> None:
         self._name = arguments.name
         if not NAME.fullmatch(self._name):
             raise ShsaError(f"--name is {self._name!a}: letters, digits and _ are allowed")
@@ -98,8 +98,7 @@ class AgentNode:
         left = self._host.take_up_left()
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
-        self._is_followed = False
-        rospy.core.add_preshutdown_hook(self._asked_to_end)
+        self._ending = ending
         self._publisher = rospy.Publisher(topic, msg.HostEvent, queue_size=QUEUE, tcp_nodelay=True)
         topic = names.host_commands(self._name)
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
@@ -121,11 +120,8 @@ class AgentNode:
             except queue.Empty:
                 continue
             self._carry_out(command)
-        if not self._is_followed:
+        if not self._ending.followed:
             self._host.stop_all(self._with_us)
-
-    def _asked_to_end(self, reason: str) -> None:
-        self._is_followed = is_followed(reason)
 
     def _carry_out(self, command: HostCommand) -> None:
         if isinstance(command, events.RestartNode) and not self._restarts:
@@ -200,4 +196,5 @@ def main() -> None:
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     node = f"agent_{arguments.name}"
     await_turn(node)
-    run(node, lambda: AgentNode(arguments).spin())
+    ending = Ending()
+    run(node, lambda: AgentNode(arguments, ending).spin())

@@ -58,8 +58,11 @@ def last_message(message: bytes) -> bytes:
     return message if len(message) <= LARGEST_MESSAGE_B else b""
 
 
-def health_seen(health: msg.Health, anew: bool = False) -> events.HealthSeen:
-    """The event that a message on /shsa/health tells of. Raises ShsaError if it is none."""
+def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> events.HealthSeen:
+    """The event that a message on /shsa/health tells of. Raises ShsaError if it is none.
+
+    `host`: the computer whose monitor sent it.
+    """
     now = clock.now()
     return events.HealthSeen(
         time=now,
@@ -67,6 +70,7 @@ def health_seen(health: msg.Health, anew: bool = False) -> events.HealthSeen:
         removed=tuple(_key(key) for key in health.removed),
         whole=health.whole,
         anew=anew,
+        host=host,
     )
 
 

@@ -21,3 +21,13 @@ def host_commands(host: str) -> str:
 def host_events(host: str) -> str:
     """The topic on which the agent of a computer tells what has happened."""
     return f"{HOSTS}/{host}/events"
+
+
+def monitor_of(host: str) -> str:
+    """The name of the monitor of a computer; no host: that of all others."""
+    return f"monitor_{host}" if host else "monitor"
+
+
+def told_at(table: str, host: str) -> str:
+    """The topic on which the monitor of a computer tells a table; no host: that of all others."""
+    return f"{table}/{host}" if host else table

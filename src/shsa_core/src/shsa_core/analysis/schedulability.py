@@ -1,0 +1,116 @@
+"""Whether substitutes fit where they would be placed: CPU and link of each host (Section IV-A).
+
+By the rule by which healing places them, and by measured costs (docs/experiments.md). What else a
+host has to do is known while it runs alone: here every host is idle but for substitutes.
+"""
+from typing import Dict, Iterable, Iterator, List, Sequence, Set, Tuple
+
+from shsa_core.analysis.finding import Finding
+from shsa_core.analysis.takeover import Takeovers
+from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
+from shsa_core.healing.host_events import HostSeen
+from shsa_core.healing.hosts import Hosts
+from shsa_core.healing.placement import OWN, Placement
+from shsa_core.healing.settings import Settings
+from shsa_core.model.cost import Cost, cost, idle_cost
+from shsa_core.model.kinds import Standby
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+
+
+def check_placements(
+    ontology: Ontology, som: Som, settings: Settings = Settings(), own: str = ""
+) -> Iterator[Finding]:
+    """The needed services whose substitutes do not fit where they would be, with the sums.
+
+    For each node that fails: the substitutes of all that it provides, beside what stands by. `own`:
+    the host on which the reconfigurator runs, empty: none of the SOM's.
+    """
+    if not som.hosts:
+        return
+    schedule = _Schedule(som, Takeovers(ontology, som.sources), settings, own)
+    schedule.stand_by()
+    for services in _by_node(som):
+        yield from schedule.after(services)
+
+
+class _Schedule:
+    """Where the substitutes of a SOM would run, and what they take there."""
+
+    def __init__(self, som: Som, takeovers: Takeovers, settings: Settings, own: str) -> None:
+        self._som, self._settings = som, settings
+        self._reads: Dict[str, List[Service]] = {}  # by whoever has a substitute
+        for service in som.needed():
+            if service.policy.substitutes:
+                try:
+                    reads = takeovers.of(service).reads
+                except (NoSubstitute, GenerationError):
+                    continue  # `check` says why
+                self._reads[service.name] = list(dict.fromkeys(each.service for each in reads))
+        self._hosts = Hosts(settings, own)
+        for host in som.hosts.values():
+            self._hosts.seen(HostSeen(0.0, host.name, 0.0, host.cores or 0.0))
+        self._placed: Dict[str, List[Cost]] = {}
+        self._placement = Placement(
+            self._hosts, lambda host, _since: self._placed.get(host, []), lambda: som
+        )
+        self._full: Dict[str, str] = {}  # why what stands by fits nowhere
+
+    def stand_by(self) -> None:
+        """Place what runs while nothing has failed: hot substitutes, and the pools of warm ones."""
+        pools: Dict[str, Dict[str, Service]] = {}
+        for service in self._of(Standby.HOT):
+            self._full.update((service.name, why) for why in self._place(service))
+        for service in self._of(Standby.WARM):
+            try:
+                place = self._placement.beside(0.0, service, self._reads[service.name])
+            except ShsaError:
+                continue  # said when it is to be placed
+            inputs = {each.name: each for each in self._reads[service.name]}
+            pools.setdefault(place.host, {}).update(inputs)
+        for host, inputs in pools.items():
+            idle = idle_cost(inputs.values(), self._names(host))
+            self._placed.setdefault(host, []).extend([idle] * self._settings.pool)
+
+    def after(self, services: Sequence[Service]) -> Iterator[Finding]:
+        """What does not fit once some services have failed together."""
+        before = {host: list(costs) for host, costs in self._placed.items()}
+        for service in services:
+            if service.name not in self._reads:
+                continue
+            hot = service.standby is Standby.HOT  # it runs already
+            why = self._full.get(service.name, "") if hot else "; ".join(self._place(service))
+            if why:
+                what = f"the substitute of {service.name} does not fit: {why}"
+                todo = "Give it another placement or a colder standby, or its host more room"
+                yield Finding("warning", service.where, what, todo)
+        self._placed = before
+
+    def _of(self, standby: Standby) -> List[Service]:
+        return [s for s in self._som.needed() if s.standby is standby and s.name in self._reads]
+
+    def _place(self, service: Service) -> Iterator[str]:
+        """Place a substitute; why it is not where it should be, if it is not."""
+        inputs = self._reads[service.name]
+        try:
+            place = self._placement.beside(0.0, service, inputs)
+        except ShsaError as none:
+            yield str(none)
+            return
+        takes = cost(inputs, service, self._names(place.host))
+        self._placed.setdefault(place.host, []).append(takes)
+        if place.passed_over:
+            yield "; ".join([*place.passed_over, f"it would run on {place.host or OWN}"])
+
+    def _names(self, host: str) -> Set[str]:
+        """What services call a host."""
+        return {host, self._hosts.in_som(host)}
+
+
+def _by_node(som: Som) -> Iterable[Tuple[Service, ...]]:
+    """The needed services of each node."""
+    nodes: Dict[str, List[Service]] = {}
+    for service in som.needed():
+        nodes.setdefault(service.node, []).append(service)
+    return map(tuple, nodes.values())

@@ -1,0 +1,166 @@
+"""Where a substitute runs: the computer that it is placed on, and whether it fits there.
+
+Section IV-A of the paper: a substitute may run on dedicated hardware.
+"""
+from dataclasses import dataclass
+from typing import Callable, Dict, Iterable, List, Optional, Tuple
+
+from shsa_core.codegen.plans import Plan
+from shsa_core.errors import ShsaError
+from shsa_core.healing.hosts import Hosts
+from shsa_core.healing.planner import AnyPlan
+from shsa_core.model.cost import Cost, cost, traffic
+from shsa_core.model.host import Host
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+
+OWN = "the reconfigurator's computer"
+
+
+@dataclass(frozen=True)
+class Place:
+    """A computer, empty: the reconfigurator's own; `passed_over`: which had no room, with the sum."""
+
+    host: str = ""
+    passed_over: Tuple[str, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """Where a substitute runs and why not elsewhere; empty: there is nothing to be said."""
+        said = f" It runs on {self.host}." if self.host else ""
+        if self.passed_over:
+            said = said or f" It runs on {OWN}."
+            said += "".join(f" {each}." for each in self.passed_over)
+        return said
+
+
+HERE = Place()
+
+
+class Placement:
+    """Chooses the computer of a substitute.
+
+    Never one that the service forbids, or that is not heard. Rather one that it prefers, in order;
+    else the one beside its inputs: whose services give the most bytes/s of them, and of equal ones
+    the one with the smallest share of its cores busy; else the reconfigurator's own. Nearness comes
+    before load, as each input that crosses a link is late by it and lost with it, while load is no
+    harm as long as there is room: whoever has none is passed over, with the sum in words.
+
+    `lately`: what was placed on a computer since a moment, which its load does not show yet.
+    """
+
+    def __init__(
+        self, hosts: Hosts, lately: Callable[[str, float], Iterable[Cost]], som: Callable[[], Som]
+    ) -> None:
+        self._hosts = hosts
+        self._lately = lately
+        self._som = som
+
+    def place(self, time: float, service: Service, plan: AnyPlan, rather: Optional[str]) -> Place:
+        """The computer for a plan; `rather`: the one where a process stands by, if it may be used.
+
+        Raises ShsaError if there is none.
+        """
+        return self.beside(time, service, self._inputs(plan), rather)
+
+    def beside(
+        self, time: float, service: Service, inputs: List[Service], rather: Optional[str] = None
+    ) -> Place:
+        """The same for a substitute that reads `inputs`, services that differ."""
+        if not self._som().hosts:
+            return HERE
+        passed_over: List[str] = []
+        order = self._order(time, service, inputs)
+        if rather in order:
+            order.remove(rather)
+            order.insert(0, rather)
+        for host in order:
+            why = self._no_room(host, self._cost(inputs, service, host))
+            if not why:
+                return Place(host, tuple(passed_over))
+            passed_over.append(f"{host or OWN} has no room: {why}")
+        reasons = "; ".join(passed_over) or self._none_there(time, service)
+        raise ShsaError(f"no computer can run the substitute: {reasons}")
+
+    def allowed(self, service: Service, host: str) -> bool:
+        """Whether a substitute of a service may be on a computer, as the SOM is now."""
+        hosts = [self._hosts.name(each) for each in self._som().hosts]
+        forbidden = [self._hosts.name(each) for each in service.placement.forbid]
+        return host not in forbidden and (host == "" or host in hosts)
+
+    def _order(self, time: float, service: Service, inputs: List[Service]) -> List[str]:
+        """The computers that may be used, best first."""
+        names = dict.fromkeys(("", *map(self._hosts.name, self._som().hosts)))
+        there = [
+            host for host in names if self._hosts.counts(host, time) and self.allowed(service, host)
+        ]
+        preferred = [self._hosts.name(each) for each in service.placement.prefer]
+        near: Dict[str, float] = {}
+        for each in inputs:
+            host = self._hosts.name(each.host)
+            near[host] = near.get(host, 0.0) + traffic(each)
+
+        def rank(host: str) -> Tuple[int, float, bool, float, str]:
+            place = preferred.index(host) if host in preferred else len(preferred)
+            beside = near.get(host, 0.0)
+            return place, -beside, host != "" and not beside, self._busy(host), host
+
+        return sorted(there, key=rank)
+
+    def _inputs(self, plan: AnyPlan) -> List[Service]:
+        """The services that a plan reads, each once, where they are as the SOM is now."""
+        services = self._som().services
+        read = plan.inputs if isinstance(plan, Plan) else ()
+        named = {each.service.name: each.service for each in read}
+        return [services.get(name, each) for name, each in named.items()]
+
+    def _cost(self, inputs: List[Service], service: Service, host: str) -> Cost:
+        return cost(inputs, service, {host, self._hosts.in_som(host)})
+
+    def _limits(self, host: str) -> Host:
+        """The computer's cores, as the SOM says or else it itself, and its link."""
+        known = self._som().hosts.get(self._hosts.in_som(host), Host(host))
+        word = self._hosts.word(host)
+        told = word.cores if word is not None and word.cores > 0.0 else None
+        return Host(host, told if known.cores is None else known.cores, known.link)
+
+    def _busy(self, host: str) -> float:
+        """The share of a computer's cores that is busy; 0: not known."""
+        word, cores = self._hosts.word(host), self._limits(host).cores
+        return 0.0 if word is None or cores is None else word.load / cores
+
+    def _no_room(self, host: str, takes: Cost) -> str:
+        """Why a substitute does not fit; empty: it does, or nothing is known against it."""
+        word, limits = self._hosts.word(host), self._limits(host)
+        if word is None:
+            return ""
+        lately = list(self._lately(host, word.time))
+        for what, limit, busy, more, needed in (
+            ("cores", limits.cores, word.load, [each.cores for each in lately], takes.cores),
+            (
+                "bytes/s",
+                limits.link,
+                word.sent + word.received,
+                [each.link for each in lately],
+                takes.link,
+            ),
+        ):
+            total = busy + sum(more) + needed
+            if limit is not None and needed > 0.0 and total > limit:
+                placed = f" + {sum(more):.4g} placed lately" if more else ""
+                return (
+                    f"{busy:.4g} busy{placed} + {needed:.4g} for it = {total:.4g} {what}"
+                    f" of {limit:.4g}"
+                )
+        return ""
+
+    def _none_there(self, time: float, service: Service) -> str:
+        """Why no computer may be used at all."""
+        reasons = []
+        for name in self._som().hosts:
+            host = self._hosts.name(name)
+            if not self.allowed(service, host):
+                reasons.append(f"{name} is forbidden")
+            elif not self._hosts.counts(host, time):
+                reasons.append(f"{name} is {self._hosts.lost(host) or 'not heard'}")
+        return "; ".join(reasons)

@@ -1,0 +1,77 @@
+"""What a substitute costs: its share of a core, and the bytes that its messages are on a link.
+
+Estimates by measured figures, which docs/placement.md has with their measurement.
+"""
+from dataclasses import dataclass
+from typing import Collection, Dict, Iterable
+
+from shsa_core.model.service import Service
+
+PROCESS_CORES = 0.02
+"""A substitute's process, before anything comes or goes: its heartbeat, and threads that wait."""
+MESSAGE_CORE_S = 0.0002
+"""For each message that is read, or computed and published, in s of a core."""
+EVENT_RATE_HZ = 10.0
+"""An event-driven topic is taken to publish so often."""
+FRAME_BYTES = 70
+"""What a link carries beside a message: its length, and headers of TCP, IP and Ethernet."""
+MESSAGE_BYTES: Dict[str, int] = {
+    "std_msgs/Float64": 8,
+    "std_msgs/Float32": 4,
+    "shsa_msgs/Float64Stamped": 24,
+    "nav_msgs/Odometry": 712,
+    "sensor_msgs/Imu": 328,
+    "sensor_msgs/BatteryState": 100,
+    "sensor_msgs/JointState": 150,
+    "sensor_msgs/LaserScan": 6000,
+    "geometry_msgs/Twist": 48,
+    "geometry_msgs/TwistStamped": 72,
+    "geometry_msgs/AccelStamped": 72,
+    "geometry_msgs/PoseStamped": 80,
+}
+"""A message of each type in bytes, serialized, with a frame's name of 8 letters."""
+OTHER_BYTES = 256
+"""A message of any other type."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What something takes: `cores` of a computer, `link` bytes/s of its network."""
+
+    cores: float
+    link: float = 0.0
+
+
+def rate(service: Service) -> float:
+    """How often a service publishes, in Hz."""
+    return 1.0 / service.period if service.period else EVENT_RATE_HZ
+
+
+def traffic(service: Service) -> float:
+    """What a service is on a link, in bytes/s, each time that it crosses it."""
+    return rate(service) * (MESSAGE_BYTES.get(service.type, OTHER_BYTES) + FRAME_BYTES)
+
+
+def cores(inputs: Iterable[Service], output: Service) -> float:
+    """The share of a core that a substitute takes which computes `output` from `inputs`."""
+    messages = rate(output) + sum(rate(each) for each in inputs)
+    return PROCESS_CORES + MESSAGE_CORE_S * messages
+
+
+def cost(inputs: Iterable[Service], output: Service, here: Collection[str]) -> Cost:
+    """What a substitute takes of a computer, which services call one of `here`.
+
+    Inputs of other computers cross its link, and so does the output, as its consumers may be
+    anywhere. A service counts once, however many of its values are read.
+    """
+    read = {each.name: each for each in inputs}.values()
+    crossing = sum(traffic(each) for each in read if each.host not in here)
+    return Cost(cores(read, output), crossing + traffic(output))
+
+
+def idle_cost(inputs: Iterable[Service], here: Collection[str]) -> Cost:
+    """What an idle process takes that is prepared for plans which read `inputs`."""
+    read = {each.name: each for each in inputs}.values()
+    messages = sum(rate(each) for each in read)
+    crossing = sum(traffic(each) for each in read if each.host not in here)
+    return Cost(PROCESS_CORES + MESSAGE_CORE_S * messages, crossing)

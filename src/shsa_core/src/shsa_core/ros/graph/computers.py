@@ -1,0 +1,226 @@
+"""The computers whose messages are believed, and their clocks.
+
+Ours is one. Another one is believed once a node on it has proved that it holds our secret, uses
+our master and runs in that very boot. The round trip of that proof bounds how far its clock can
+be from ours; no clock needs to be right.
+"""
+import threading
+import time
+from collections import OrderedDict
+from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
+
+from shsa_core.errors import ShsaError
+
+DRIFT = 500e-6
+"""More than two clocks drift apart: quartzes have up to 100e-6, what corrects them adds as much."""
+TRIES = 3
+PAUSE_NS = 1_000_000_000
+"""Between two times that somebody who did not prove anything is asked."""
+RENEW_NS = 60_000_000_000
+OLD_NS = RENEW_NS // 2
+SAMPLES = 3
+"""So often a clock is asked each time it is renewed: the fastest answer tells most."""
+FIRST_RENEWAL_NS = 1_000_000_000
+MOST = 64
+"""So many computers, with each boot counted, are known at the same time."""
+MOST_FAILED = 100
+
+Clock = Callable[[], int]
+
+
+class NoAnswer(ShsaError):
+    """A node does not answer: it may the next time."""
+
+
+class Met(NamedTuple):
+    """A computer has proved itself, in answer to a question of ours."""
+
+    boot: bytes
+    host: str
+    address: str
+    clock: int
+    """Its monotonic clock as it answered, in ns."""
+    ahead: int
+    """How far its wall clock is ahead of ours, in ns, give or take half the round trip."""
+    asked: int
+    answered: int
+    """When we asked and had the answer, on our monotonic clock in ns."""
+
+
+Ask = Callable[[str], Met]
+"""Asks the node of a name; raises NoAnswer, or ShsaError if what it answers is no proof."""
+
+
+class Seen(NamedTuple):
+    """A computer as people want to see it; times in s."""
+
+    host: str
+    address: str
+    offset: float
+    """How far its wall clock is ahead of ours."""
+    bound: float
+    """The offset is known this well."""
+    round_trip: float
+    age: float
+    """Since when that is not measured anew."""
+
+
+class Computer:
+    """One boot of a computer, and what its monotonic clock can show. From any thread."""
+
+    def __init__(self, boot: bytes, since: int = 0) -> None:
+        self.boot = boot
+        self.since = since
+        """What was sent before is refused: ns on our clock."""
+        self.is_doubted = False
+        """Its clock is not where it can be: it must be asked again."""
+        self.sender = self.speaker = ""
+        """Who has proved it, and whose message was the last."""
+        self.due = 0
+        self.met: Optional[Met] = None
+        """How it proved itself; None: it is ours."""
+        self._span = (0, 0, 0)
+        """How far its clock is ahead of ours: at least, at most, and when that was so, in ns."""
+
+    def was_compared(self, since: int) -> bool:
+        """Whether its clock was compared with ours since then, by ours."""
+        return self.met is None or self._span[2] >= since
+
+    def latest(self, ours: int) -> int:
+        """What its clock shows at most when ours shows `ours`."""
+        if self.met is None:
+            return ours
+        _, most, measured = self._span
+        return ours + most + int(abs(ours - measured) * DRIFT)
+
+    def ours(self, theirs: int) -> int:
+        """What our clock shows, about, when its shows `theirs`."""
+        least, most, _ = self._span
+        return theirs - (least + most) // 2
+
+    def measured(self, met: Met) -> None:
+        """Learn from an answer: its clock was read between question and answer."""
+        least, most = met.clock - met.answered, met.clock - met.asked
+        if self.met is not None:
+            was_least, was_most, at = self._span
+            drift = int((met.answered - at) * DRIFT)
+            both = max(least, was_least - drift), min(most, was_most + drift)
+            if both[0] <= both[1]:  # else a clock has stood, as in a suspended computer
+                least, most = both
+        self._span = least, most, met.answered
+        old = self.met
+        if old is None or _round_trip(met) <= _round_trip(old) or old.answered < met.asked - OLD_NS:
+            self.met = met
+        self.is_doubted = False
+
+
+class Computers:
+    """Those that are known, by what their messages name as `boot`. From any thread.
+
+    Who asks a node waits for it, in the thread that reads that node's connection: what comes after
+    it waits in the socket, so that nothing is lost, nothing is overtaken, and nothing piles up.
+    """
+
+    def __init__(self, own: bytes, ask: Ask, clock: Clock = time.monotonic_ns) -> None:
+        self._ask, self._clock = ask, clock
+        self.own = Computer(own)
+        self._known: Dict[bytes, Computer] = {own: self.own}
+        self._failed: "OrderedDict[Tuple[bytes, str], Tuple[int, str]]" = OrderedDict()
+        self._forgotten = 0
+        self._lock = threading.Lock()
+
+    def find(self, boot: bytes) -> Optional[Computer]:
+        """The computer that a message names; None: it must prove itself, or prove itself again."""
+        computer = self._known.get(boot)
+        return None if computer is None or computer.is_doubted else computer
+
+    def refusal(self, boot: bytes, sender: str) -> str:
+        """Have the node `sender` prove that it runs in that boot. Waits for the answer.
+
+        Why it is not believed; empty: it is. Who does not answer is asked again, once in PAUSE_NS
+        at most.
+        """
+        if self.find(boot) is not None:
+            return ""
+        key, now = (boot, sender), self._clock()
+        with self._lock:
+            until, why = self._failed.get(key, (0, ""))
+        if why and now < until:
+            return why
+        why = self._meet(boot, sender)
+        with self._lock:
+            self._failed.pop(key, None)
+            if why:
+                self._failed[key] = self._clock() + PAUSE_NS, why
+            if len(self._failed) > MOST_FAILED:
+                self._failed.popitem(last=False)
+        return why
+
+    def ours(self, boot: bytes, sent: int, sender: str) -> int:
+        """What our clock showed, about, when `sender` sent what is believed. No call waits."""
+        computer = self._known.get(boot, self.own)
+        computer.speaker = sender
+        return computer.ours(sent)
+
+    def seen(self) -> List[Seen]:
+        """Every other computer that is known: of each address the newest boot."""
+        now = self._clock()
+        with self._lock:
+            found = [each.met for each in self._known.values() if each.met is not None]
+        newest = {(met.host, met.address): met for met in sorted(found, key=lambda m: m.answered)}
+        return [_seen(met, now) for _, met in sorted(newest.items())]
+
+    def renew(self) -> float:
+        """Measure the clocks that are due; for how long in s none will be. Waits for answers."""
+        with self._lock:
+            others = [each for each in self._known.values() if each is not self.own]
+        for computer in others:
+            if self._clock() >= computer.due:
+                for _ in range(SAMPLES):
+                    if self._meet(computer.boot, computer.sender, 1):
+                        computer.sender = computer.speaker or computer.sender
+                computer.due = self._clock() + RENEW_NS
+        due = min((each.due for each in others), default=self._clock() + RENEW_NS)
+        return max(0.0, (due - self._clock()) / 1e9)
+
+    def _meet(self, boot: bytes, sender: str, tries: int = TRIES) -> str:
+        for _ in range(tries):
+            try:
+                met = self._ask(sender)
+            except NoAnswer as error:
+                why = str(error)
+                continue
+            except ShsaError as error:
+                return str(error)
+            if met.boot != boot:
+                return "it is of another boot or computer than its sender"
+            self._learn(met, sender)
+            return ""
+        return why
+
+    def _learn(self, met: Met, sender: str) -> None:
+        with self._lock:
+            computer = self._known.get(met.boot)
+            if computer is None:
+                computer = Computer(met.boot, self._forgotten)
+                computer.due = met.answered + FIRST_RENEWAL_NS
+            computer.measured(met)
+            computer.sender = sender
+            self._known[met.boot] = computer
+            if len(self._known) > MOST + 1:
+                self._forget_one()
+
+    def _forget_one(self) -> None:
+        """What was remembered of its messages goes too: none sent until now is believed again."""
+        mets = [each.met for each in self._known.values() if each.met is not None]
+        del self._known[min(mets, key=lambda met: met.answered).boot]
+        self._forgotten = self._clock()
+
+
+def _round_trip(met: Met) -> int:
+    return met.answered - met.asked
+
+
+def _seen(met: Met, now: int) -> Seen:
+    trip = _round_trip(met) / 1e9
+    return Seen(met.host, met.address, met.ahead / 1e9, trip / 2, trip, (now - met.answered) / 1e9)

@@ -1,0 +1,108 @@
+"""Where a process is: which boot of which computer it runs in, and which ROS master it uses.
+
+A computer is here what shares a monotonic clock and a network. So a container with a network or
+a clock of its own is one, and nobody can choose which: the kernel says it.
+"""
+import hashlib
+import os
+import socket
+from typing import FrozenSet, Mapping, NamedTuple, Optional, Tuple
+from urllib.parse import urlparse
+
+import psutil
+import rosgraph
+import rosgraph.network
+
+from shsa_core.errors import ShsaError
+
+BOOT_ID = "/proc/sys/kernel/random/boot_id"
+NAMESPACES = "/proc/self/ns"
+BOOT_B = 16
+FAMILIES = (socket.AF_INET, socket.AF_INET6)
+ELSEWHERE = ("127.", "::1", "fe80:")
+"""What the addresses begin with that are another computer's elsewhere."""
+
+
+class Place(NamedTuple):
+    """A ROS master as one computer sees it."""
+
+    network: str
+    """Of that computer, if the master is on it; else empty."""
+    addresses: FrozenSet[str]
+    """By which others can reach it: all of that computer's, if the master is on it."""
+    port: int
+
+    def is_same(self, other: "Place") -> bool:
+        """Whether this can only be the master that the other sees."""
+        if self.port != other.port:
+            return False
+        if self.network and other.network:
+            return self.network == other.network
+        return bool(self.addresses & other.addresses)
+
+    def __str__(self) -> str:
+        return f"{' or '.join(sorted(self.addresses)) or 'localhost'}, port {self.port}"
+
+
+def boot() -> str:
+    """The present boot of the computer. Raises ShsaError if it cannot be told."""
+    try:
+        with open(BOOT_ID, encoding="ascii") as file:
+            return file.read().strip()
+    except OSError as error:
+        raise ShsaError(f"{BOOT_ID} cannot be read: {error.strerror}") from error
+
+
+def origin() -> bytes:
+    """What our signed messages name as their `boot`: BOOT_B bytes.
+
+    It differs if boot, clock, network or master do. Raises ShsaError if it cannot be told.
+    """
+    parts = boot(), _namespace("time"), _namespace("net"), master_place()
+    return hashlib.sha256(" ".join(parts).encode()).digest()[:BOOT_B]
+
+
+def master_place(environment: Optional[Mapping[str, str]] = None) -> str:
+    """The master of a process on this computer, however it is spelled there.
+
+    Without an environment: of ours.
+    """
+    host, port = _master(environment)
+    if rosgraph.network.is_local_address(host):
+        return f"localhost:{port}"
+    return f"{min(_resolved(host), default=host)}:{port}"
+
+
+def master_seen() -> Place:
+    """Our master, as it can be compared with what another computer sees."""
+    host, port = _master()
+    if not rosgraph.network.is_local_address(host):
+        return Place("", _resolved(host), port)
+    rows = (row for each in psutil.net_if_addrs().values() for row in each)
+    found = (row.address for row in rows if row.family in FAMILIES)
+    addresses = frozenset(each for each in found if not each.startswith(ELSEWHERE))
+    network = hashlib.sha256(f"{boot()} {_namespace('net')}".encode()).hexdigest()
+    return Place(network, addresses, port)
+
+
+def _master(environment: Optional[Mapping[str, str]] = None) -> Tuple[str, int]:
+    parts = urlparse(rosgraph.get_master_uri(environment))
+    return parts.hostname or "", parts.port or 0
+
+
+def _resolved(host: str) -> FrozenSet[str]:
+    try:
+        found = socket.getaddrinfo(host, None, proto=socket.IPPROTO_TCP)
+    except (OSError, UnicodeError):
+        return frozenset()
+    return frozenset(str(each[4][0]) for each in found)
+
+
+def _namespace(name: str) -> str:
+    """Which namespace of a kind we are in; empty: the kernel has none of that kind."""
+    try:
+        return os.readlink(f"{NAMESPACES}/{name}")
+    except FileNotFoundError:
+        return ""
+    except OSError as error:
+        raise ShsaError(f"{NAMESPACES}/{name} cannot be read: {error.strerror}") from error

@@ -1,0 +1,132 @@
+"""Any story of a robot of several computers that come and go."""
+from dataclasses import replace
+from typing import Any, Dict, List, Set
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import initialize, rule
+
+from random_models import SETTINGS, ontologies, soms
+from shsa_core.healing import events
+from shsa_core.healing.incident import State
+from shsa_core.healing.settings import Settings
+from shsa_core.model.kinds import OnPartition
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.som import Som
+from test_healing_random import AnyRobot
+
+HOSTS = ("pi", "board")
+CALM_STEPS = 400
+"""So many half seconds of calm heal whatever can be healed."""
+
+
+class AnyDistributedRobot(AnyRobot):
+    """Computers that are cut off, are lost then, and come back; some have no room.
+
+    What is said to one that is cut off is heard when it is back, unless it was lost meanwhile.
+    """
+
+    @initialize(
+        ontology=ontologies(),
+        som=soms(HOSTS),
+        chosen=st.sampled_from(SETTINGS),
+        left=st.just(frozenset()),
+    )
+    def start(self, ontology: Ontology, som: Som, chosen: Settings, left: Set[str]) -> None:
+        self.runs_on: Dict[str, str] = {}
+        self.there: Set[str] = set()  # heard, and not lost since
+        self.cut: Set[str] = set()
+        self.unheard: List[str] = []  # who was told to end, and could not hear it yet
+        self.begin(ontology, som, chosen, left)
+
+    def reached(self) -> Set[str]:
+        return {n for n in self.running if self.runs_on.get(n, "") in {"", *self.there}}
+
+    def die(self, survivors: str) -> None:
+        self.there.clear()  # the next one has heard none of them yet
+        self.unheard.clear()
+        super().die(survivors)
+
+    def on_StartSubstitute(self, command: events.StartSubstitute) -> None:
+        super().on_StartSubstitute(command)
+        assert command.host in {"", *self.there}, "it is placed on a computer that is lost"
+        self.runs_on[command.node] = command.host
+
+    def on_StopSubstitute(self, command: events.StopSubstitute) -> None:
+        host = self.runs_on.get(command.node, "")
+        assert host in {"", *self.there}, "nobody hears that"
+        if host in self.cut:
+            self.unheard.append(command.node)
+        super().on_StopSubstitute(command)
+
+    def on_ShowSubstitutions(self, command: events.ShowSubstitutions) -> None:
+        for row in command.rows:
+            service = self.som.services.get(row.service)
+            if row.node and row.node not in self.shown and service is not None:
+                assert row.host not in service.placement.forbid
+        super().on_ShowSubstitutions(command)
+
+    @rule(host=st.sampled_from(HOSTS), load=st.sampled_from((0.0, 0.05, 0.5, 3.99)))
+    def host_seen(self, host: str, load: float) -> None:
+        known = host in self.there
+        self.cut.discard(host)
+        self.there.add(host)
+        if not known:
+            self.running |= {n for n in self.unheard if self.runs_on[n] == host}
+        self.unheard = [n for n in self.unheard if self.runs_on[n] != host]
+        self.hear(events.HostSeen(self.now, host, load, 4.0))
+        assert self.reached() <= set(self.shown)
+
+    @rule(host=st.sampled_from(HOSTS))
+    def host_cut(self, host: str) -> None:
+        self.cut.add(host)
+
+    @rule(host=st.sampled_from(HOSTS))
+    def host_lost(self, host: str) -> None:
+        self.cut.add(host)
+        self.there.discard(host)
+        self.hear(events.HostLost(self.now, host, "as told"))
+        for row in self.working():
+            if row.host == host:
+                assert row.publishing and self.health[row.topics[0], row.node]
+
+    @rule(host=st.sampled_from(HOSTS), other=st.sampled_from(HOSTS))
+    def services_move(self, host: str, other: str) -> None:
+        """The services of one computer are on another one."""
+        moved = {"host": other, "on_partition": OnPartition.HEAL}
+        changed = [replace(each, **moved) if each.host == host else each for each in self.som]
+        self.som = self.som.with_services(changed)
+        self.hear(events.SomChanged(self.now, self.som))
+
+    def working(self) -> List[Any]:
+        return [row for row in self.shown.values() if row.node and row.service]
+
+    def teardown(self) -> None:
+        """All computers are there, and everybody answers: what can be healed is."""
+        if self.sound and not self.ending:
+            self.lives_for = None
+            for _ in range(CALM_STEPS):
+                self.now += 0.5
+                for host in HOSTS:
+                    self.host_seen_calm(host)
+                self.hear(events.Tick(self.now))
+                for node in sorted(self.core._kills.nodes):
+                    self.hear(events.NodeFound(self.now, node, events.Where.DEAD))
+                self.first_messages()
+            for name, healing in self.core._healings.items():
+                service = self.som.services[name]
+                if service.needed and service.policy.substitutes:
+                    assert healing.state is not State.HEALING
+            assert not self.core._strays._told, "somebody was never told to end"
+        super().teardown()
+
+    def host_seen_calm(self, host: str) -> None:
+        self.cut.discard(host)
+        self.there.add(host)
+        self.hear(events.HostSeen(self.now, host, 0.0, 4.0))
+
+
+TestAnyDistributedRobot = AnyDistributedRobot.TestCase
+TestAnyDistributedRobot.settings = settings(
+    max_examples=60, stateful_step_count=50, deadline=None, derandomize=True
+)

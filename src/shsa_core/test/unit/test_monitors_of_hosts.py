@@ -1,0 +1,96 @@
+"""Several monitors share a robot: each computer's watches its own services."""
+from typing import List, Tuple
+
+from shsa_core.healing.events import HealthSeen
+from shsa_core.healing.nodes import MONITOR_START_S, Nodes
+from shsa_core.model.host import Host
+from shsa_core.model.service import Provision, Service
+from shsa_core.model.som import Som
+from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_core.monitoring.share import watched_at, watched_beside
+
+PI, BOARD = "pi", "board"
+
+
+def service(name: str, host: str, topic: str = "") -> Service:
+    provides = (Provision(name, "data"),)
+    topic, node = topic or f"/{name}", f"/{name}_node"
+    return Service(name, topic, "std_msgs/Float64", node, 0.1, provides, host=host)
+
+
+SOM = Som(
+    [
+        service("current", PI),
+        service("speed", BOARD),
+        service("steering", ""),
+        service("left", PI, "/joints"),
+        service("right", BOARD, "/joints"),
+    ],
+    [Host(PI), Host(BOARD)],
+)
+
+
+def row(topic: str, time: float = 1.0) -> PublisherHealth:
+    return PublisherHealth(topic, f"{topic}_node", PublisherState.HEALTHY, time, time, time)
+
+
+def told(host: str, *topics: str, anew: bool = False, time: float = 1.0) -> HealthSeen:
+    rows = tuple(row(topic, time) for topic in topics)
+    return HealthSeen(time, rows, whole=True, anew=anew, host=host)
+
+
+def healthy(nodes: Nodes, *topics: str) -> List[str]:
+    return [topic for topic in topics if nodes.healthy(topic, f"{topic}_node")]
+
+
+def names(som: Som) -> Tuple[str, ...]:
+    return tuple(each.name for each in som)
+
+
+def test_each_service_is_watched_by_one_monitor() -> None:
+    assert names(watched_at(SOM, BOARD)) == ("speed",)
+    assert names(watched_beside(SOM, [BOARD])) == ("current", "steering", "left", "right")
+    assert names(watched_beside(SOM, [PI, BOARD])) == ("steering",)
+    assert watched_beside(SOM, []) == SOM
+
+
+def test_one_monitor_hears_all_publishers_of_a_topic() -> None:
+    assert names(watched_at(SOM, PI)) == ("current", "left", "right")
+
+
+def test_the_hosts_stay() -> None:
+    assert watched_at(SOM, PI).hosts == SOM.hosts
+
+
+def test_the_whole_table_of_one_monitor_leaves_the_rows_of_the_others() -> None:
+    nodes = Nodes()
+    nodes.heed(told("", "/steering"))
+    nodes.heed(told(PI, "/current", "/left"))
+    assert nodes.heed(told(PI, "/current")) == [
+        ("/current", "/current_node"),
+        ("/left", "/left_node"),
+    ]
+    assert healthy(nodes, "/steering", "/current", "/left") == ["/steering", "/current"]
+    nodes.heed(told(""))
+    assert healthy(nodes, "/steering", "/current") == ["/current"]
+
+
+def test_a_monitor_that_starts_anew_puts_nobody_in_doubt_whom_another_one_watches() -> None:
+    nodes = Nodes()
+    nodes.heed(told("", "/steering"))
+    nodes.heed(told(PI, "/current"))
+    nodes.heed(told(PI, anew=True, time=2.0))
+    assert healthy(nodes, "/steering", "/current") == ["/steering", "/current"]
+    missed = nodes.unheard(2.0 + MONITOR_START_S)
+    assert missed is not None and missed.removed == (("/current", "/current_node"),)
+    nodes.heed(missed)
+    assert healthy(nodes, "/steering", "/current") == ["/steering"]
+
+
+def test_what_a_former_reconfigurator_knew_is_taken_over_by_whoever_tells_of_it() -> None:
+    nodes = Nodes()
+    nodes.recall(0.0, [row("/current"), row("/steering")])
+    nodes.heed(told(PI, "/current"))
+    nodes.heed(told("", "/steering"))
+    assert nodes.unheard(MONITOR_START_S).removed == ()  # type: ignore[union-attr]
+    assert healthy(nodes, "/steering", "/current") == ["/steering", "/current"]

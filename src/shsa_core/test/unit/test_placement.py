@@ -1,0 +1,196 @@
+"""Where a substitute is placed, and what it costs there."""
+from typing import Any, Dict, Iterable, List, Optional, Tuple
+
+import pytest
+
+from core_robot import A, B, C, ONTOLOGY, service
+from shsa_core.codegen.plans import Plan, plan_service
+from shsa_core.errors import ShsaError
+from shsa_core.healing.host_events import HostLost, HostSeen
+from shsa_core.healing.hosts import SETTLE_S, Hosts
+from shsa_core.healing.placement import HERE, Place, Placement
+from shsa_core.healing.settings import Settings
+from shsa_core.model.cost import EVENT_RATE_HZ, Cost, cores, cost, rate, traffic
+from shsa_core.model.host import Host
+from shsa_core.model.host import Placement as Wanted
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+from shsa_core.search.derivation import SourceTable
+
+PI, BOARD, BOOK = "pi", "board", "book"
+HOSTS = (Host(PI, 4.0, 1e6), Host(BOARD), Host(BOOK))
+
+
+def placed(
+    a: Optional[Service] = None,
+    b: str = PI,
+    hosts: Tuple[Host, ...] = HOSTS,
+    seen: Iterable[HostSeen] = tuple(HostSeen(0.0, each.name, 0.5, 4.0) for each in HOSTS),
+    lately: Dict[str, List[Cost]] = {},
+    rather: Optional[str] = None,
+    own: str = "",
+    lost: str = "",
+    time: float = 1.0,
+) -> Place:
+    """Where the substitute of a service is placed that reads `b`, which runs on a computer."""
+    a = a or service("a", A, needed=True)
+    som = Som([a, service("b", B, host=b), service("c", C, host=BOARD)], hosts)
+    known = Hosts(Settings(), own)
+    for each in seen:
+        known.seen(each)
+    if lost:
+        known.lose(HostLost(0.5, lost, "silent"))
+    placement = Placement(known, lambda host, _: lately.get(host, []), lambda: som)
+    return placement.place(time, a, plan(som), rather)
+
+
+def plan(som: Som) -> Plan:
+    table = SourceTable(ONTOLOGY.network)
+    for source in som.sources:
+        table.add(source)
+    return plan_service(ONTOLOGY, som.services["a"], table, [A])
+
+
+def wanting(**wanted: Tuple[str, ...]) -> Service:
+    return service("a", A, needed=True, placement=Wanted(**wanted))
+
+
+def test_with_one_computer_there_is_nothing_to_be_said() -> None:
+    assert placed(hosts=()) is HERE and HERE.words == ""
+
+
+def test_a_substitute_runs_beside_its_inputs() -> None:
+    assert placed().host == PI
+    assert placed(b=BOARD).host == BOARD
+    assert placed().words == " It runs on pi."
+
+
+def test_what_has_no_inputs_on_a_known_computer_runs_on_our_own() -> None:
+    assert placed(b="") == Place("")
+
+
+def test_of_equally_near_computers_the_least_loaded_is_taken() -> None:
+    seen = tuple(HostSeen(0.0, n, b, 4.0) for n, b in ((PI, 3.0), (BOARD, 1.0), (BOOK, 2.0)))
+    wanted, hosts = wanting(forbid=(PI, "own")), (*HOSTS, Host("own"))
+    assert placed(wanted, hosts=hosts, own="own", seen=seen).host == BOARD
+
+
+def test_a_preferred_computer_comes_first_in_order() -> None:
+    assert placed(wanting(prefer=(BOOK, BOARD))).host == BOOK
+    assert placed(wanting(prefer=(BOOK, BOARD)), lost=BOOK).host == BOARD
+
+
+@pytest.mark.parametrize("prefer", [(), (PI,)])
+def test_a_forbidden_computer_is_never_used(prefer: Tuple[str, ...]) -> None:
+    assert placed(wanting(forbid=(PI,), prefer=prefer)).host == ""
+
+
+def test_a_computer_counts_only_while_it_is_heard() -> None:
+    assert placed(lost=PI).host == ""
+    assert placed(seen=[HostSeen(0.0, BOARD, 0.0, 4.0)]).host == ""
+
+
+def test_our_own_computer_goes_by_its_name_as_well() -> None:
+    assert placed(own=PI, seen=[]).host == ""
+    assert placed(wanting(prefer=(PI,)), own=PI, b=BOARD, seen=[]).host == ""
+    assert placed(wanting(forbid=(PI,)), own=PI, b=BOARD).host == BOARD
+    with pytest.raises(ShsaError, match="pi is forbidden; board is not heard; book is not heard"):
+        placed(wanting(forbid=(PI,)), own=PI, seen=[])
+
+
+def test_where_a_process_stands_by_is_taken_rather_if_it_may_be() -> None:
+    assert placed(rather=BOOK).host == BOOK
+    assert placed(wanting(forbid=(BOOK,)), rather=BOOK).host == PI
+
+
+def test_who_has_no_cores_left_is_passed_over_with_the_sum() -> None:
+    full = [HostSeen(0.0, PI, 3.99, 4.0)]
+    place = placed(seen=full)
+    assert place.host == ""
+    (why,) = place.passed_over
+    assert "pi has no room: 3.99 busy + " in why and "cores of 4" in why
+    assert place.words.startswith(" It runs on the reconfigurator's computer. pi has no room")
+
+
+def test_what_was_placed_lately_counts_beside_the_load() -> None:
+    seen = [HostSeen(0.0, PI, 3.5, 4.0)]
+    assert placed(seen=seen).host == PI
+    place = placed(seen=seen, lately={PI: [Cost(0.3), Cost(0.19)]})
+    assert place.host == "" and "3.5 busy + 0.49 placed lately + " in place.passed_over[0]
+
+
+def test_the_som_says_how_many_cores_count_and_else_the_computer_itself() -> None:
+    seen = [HostSeen(0.0, BOARD, 1.99, 2.0)]
+    assert placed(b=BOARD, seen=seen).host == ""
+    few = (Host(BOARD, 1.0),)
+    assert placed(b=BOARD, hosts=few, seen=[HostSeen(0.0, BOARD, 0.99, 8.0)]).host == ""
+    unknown = [HostSeen(0.0, BOARD, 50.0, 0.0)]
+    assert placed(b=BOARD, seen=unknown).host == BOARD
+
+
+def test_who_has_no_link_left_is_passed_over_with_the_sum() -> None:
+    busy = [HostSeen(0.0, PI, 0.0, 4.0, sent=0.5e6, received=0.499e6)]
+    (why,) = placed(seen=busy).passed_over
+    assert "pi has no room: 9.99e+05 busy + 3900 for it" in why and "bytes/s of 1e+06" in why
+
+
+def test_where_nothing_fits_is_told_with_every_sum() -> None:
+    full = [HostSeen(0.0, "", 4.0, 4.0), HostSeen(0.0, PI, 4.0, 4.0)]
+    with pytest.raises(ShsaError, match="no computer can run the substitute: pi has no room: 4 "):
+        placed(seen=full)
+
+
+def test_a_computer_that_comes_back_counts_after_a_hold_off_that_doubles() -> None:
+    hosts = Hosts(Settings(hold_off=2.0))
+    hosts.seen(HostSeen(0.0, PI, 0.0, 4.0))
+    assert hosts.counts(PI, 0.0) and hosts.settled(SETTLE_S) == [PI]
+    for time, hold_off in ((10.0, 2.0), (20.0, 4.0), (30.0, 8.0)):
+        assert hosts.lose(HostLost(time - 1.0, PI, "silent"))
+        assert not hosts.lose(HostLost(time - 1.0, PI, "silent"))
+        assert hosts.lost(PI) == "silent" and not hosts.reachable(PI)
+        assert hosts.seen(HostSeen(time, PI, 0.0, 4.0)) and hosts.reachable(PI)
+        assert not hosts.counts(PI, time + hold_off - 0.1)
+        assert hosts.counts(PI, time + hold_off)
+        assert hosts.deadline == time + max(hold_off, SETTLE_S)
+    assert hosts.lose(HostLost(200.0, PI, "silent"))
+    hosts.seen(HostSeen(210.0, PI, 0.0, 4.0))
+    assert hosts.counts(PI, 212.0)
+
+
+def test_a_gap_is_noticed_though_nobody_tells_of_a_loss() -> None:
+    hosts = Hosts(Settings())
+    assert hosts.seen(HostSeen(0.0, PI, 0.0, 4.0))
+    assert not hosts.seen(HostSeen(1.0, PI, 0.0, 4.0))
+    assert hosts.steady_since(PI) == 0.0
+    assert hosts.seen(HostSeen(3.0, PI, 0.0, 4.0))
+    assert hosts.steady_since(PI) == 3.0 and hosts.counts(PI, 3.0)
+
+
+def test_a_computer_that_was_never_heard_can_be_lost() -> None:
+    hosts = Hosts(Settings())
+    assert hosts.lose(HostLost(1.0, PI, "")) and hosts.lost(PI) == "nothing is heard of it"
+    assert not hosts.lose(HostLost(1.0, "", "silent")) and hosts.reachable("")
+    assert not hosts.reachable(BOARD) and hosts.lost(BOARD) == ""
+
+
+def of(name: str, period: Optional[float] = 0.02, type_: str = "std_msgs/Float64",
+       **more: Any) -> Service:
+    return Service(name, "/" + name, type_, A, period, (), **more)
+
+
+def test_what_a_service_is_on_a_link() -> None:
+    assert traffic(of("a")) == 50.0 * 78
+    assert traffic(of("a", 0.1, "nav_msgs/Odometry")) == pytest.approx(10.0 * 782)
+    assert traffic(of("a", 1.0, "own_msgs/Any")) == 326.0
+    assert rate(of("a", None)) == EVENT_RATE_HZ
+
+
+def test_only_what_crosses_the_link_is_on_it_and_each_service_once() -> None:
+    far, near = of("far", host=BOARD), of("near", host=PI)
+    own = cost([far, near, far], of("a"), [PI])
+    assert own == Cost(cores([far, near], of("a")), 2 * 50.0 * 78)
+    assert cost([far, near], of("a"), [PI, BOARD]).link == 50.0 * 78
+
+
+def test_a_substitute_costs_more_the_more_it_reads() -> None:
+    assert cores([], of("a", 1.0)) < cores([], of("a")) < cores([of("b")], of("a"))
