@@ -103,7 +103,7 @@ GROUPS = {
 }
 
 
-def test_each_group_runs_on_its_computer_and_healing_on_the_notebook_with_agents_elsewhere() -> None:
+def test_groups_run_on_their_computers_and_agents_where_healing_does_not() -> None:
     healing = {"monitor", "reconfigurator"}
     beside = {name: nodes | {f"agent_{name}"} for name, nodes in GROUPS.items()}
     assert machines() == {**beside, "notebook": GROUPS["notebook"] | healing}
