@@ -101,9 +101,7 @@ def substitutes(ontology: Ontology, som: Som, data: Dataset) -> List[Accuracy]:
     return results
 
 
-def usual_ranges(
-    ontology: Ontology, drives: Sequence[Dataset]
-) -> Dict[str, Tuple[float, float]]:
+def usual_ranges(ontology: Ontology, drives: Sequence[Dataset]) -> Dict[str, Tuple[float, float]]:
     """What 5 to 95 % of the true values of each property are within, in its unit, by its name."""
     found = {}
     for name in ontology.properties:
