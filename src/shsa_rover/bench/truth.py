@@ -102,7 +102,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--drives", type=int, default=30, help="in each world")
     parser.add_argument("--minutes", type=float, default=10.0, help="of each drive")
-    parser.add_argument("--ranked", type=int, default=3, help="drives for every derivation")
+    parser.add_argument("--ranked", type=int, default=3, help="of them for every derivation")
     parser.add_argument("--worlds", nargs="+", default=list(WORLDS), choices=list(WORLDS))
     parser.add_argument("--ontology", type=Path, default=MODELS / "rover.yaml")
     parser.add_argument("--som", type=Path, default=MODELS / "rover_som.yaml")

@@ -101,6 +101,16 @@ def substitutes(ontology: Ontology, som: Som, data: Dataset) -> List[Accuracy]:
     return results
 
 
+def usual_ranges(ontology: Ontology, drives: Sequence[Dataset]) -> Dict[str, Tuple[float, float]]:
+    """What 5 to 95 % of the true values of each property are within, in its unit, by its name."""
+    found = {}
+    for name in ontology.properties:
+        columns = [data.truth[name][data.time >= WARM_UP_S] for data in drives]
+        lowest, highest = np.percentile(np.concatenate(columns), (5.0, 95.0))
+        found[name] = (float(lowest), float(highest))
+    return found
+
+
 def _accuracy(name: str, prop: str, stated: float, values: np.ndarray, data: Dataset) -> Accuracy:
     truth = data.truth[prop]
     settled = (data.time >= WARM_UP_S) & np.isfinite(values)

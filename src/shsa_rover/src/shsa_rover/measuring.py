@@ -10,7 +10,14 @@ from tabulate import tabulate
 from shsa_core.errors import ShsaError
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
-from shsa_rover.accuracy import Accuracy, errors, relations, services, substitutes
+from shsa_rover.accuracy import (
+    Accuracy,
+    errors,
+    relations,
+    services,
+    substitutes,
+    usual_ranges,
+)
 from shsa_rover.dataset import Dataset, random_drive, simulate
 
 TEST_SEED = 2
@@ -49,7 +56,8 @@ def accuracy_main(arguments: Optional[Sequence[str]] = None) -> int:
         data = test_data()
         parts = [services(som, data), relations(ontology, data)]
         healed = substitutes(ontology, som, data)
-        stated = errors(ontology, som, error_data())
+        drives = error_data()
+        stated, usual = errors(ontology, som, drives), usual_ranges(ontology, drives)
     except ShsaError as error:
         print(error, file=sys.stderr)
         return 2
@@ -65,6 +73,8 @@ def accuracy_main(arguments: Optional[Sequence[str]] = None) -> int:
         for (relation, output), e in stated.items()
     ]
     print(_table(rows, "relation, with usual inputs", "rms", "bias", "p95", "baseline"))
+    rows = [(name, *(f"{x:.3g}" for x in limits)) for name, limits in usual.items()]
+    print(_table(rows, "property, 5 to 95 % of its values", "lowest", "highest"))
     wrong = [item for part in parts for item in part if item.stated != item.quality]
     for item in wrong:
         print(f"{item.name}: its file says {item.stated:g}, measured is {item.quality:g}")

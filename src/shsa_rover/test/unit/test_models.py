@@ -13,9 +13,10 @@ from shsa_core.codegen.prediction import predictor
 from shsa_core.codegen.program import compile_program
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
+from shsa_core.learning.evaluation import evaluate_derivation
 from shsa_core.model.service import Provision, Service
 from shsa_core.search.substitutes import Substitute, find_substitute
-from shsa_rover.accuracy import errors, relations, services, substitutes
+from shsa_rover.accuracy import errors, relations, services, substitutes, usual_ranges
 from shsa_rover.dataset import Dataset, random_drive, simulate
 from shsa_rover.drive import Drive
 from shsa_rover.measuring import accuracy_main, error_data, test_data as unseen_data
@@ -77,6 +78,31 @@ def test_every_stated_error_is_the_measured_one() -> None:
         assert stated.p95 == pytest.approx(found.p95, rel=0.03), name
         assert stated.bias == pytest.approx(found.bias, abs=0.1 * found.rms), name
         assert stated.baseline in (None, pytest.approx(found.baseline, rel=0.03)), name
+
+
+def test_the_usual_values_are_the_measured_ones() -> None:
+    for name, limits in usual_ranges(ONTOLOGY, error_data()).items():
+        stated = ONTOLOGY.properties[name].usual
+        assert stated is not None, name
+        width = limits[1] - limits[0]
+        assert stated == (
+            pytest.approx(limits[0], abs=0.02 * width),
+            pytest.approx(limits[1], abs=0.02 * width),
+        ), name
+
+
+def test_what_is_predicted_of_a_chain_is_of_the_size_of_its_error(unseen: Dataset) -> None:
+    """By the commands, whose error goes on with the acceleration that is usual."""
+    sources = [each for each in SOM.sources if each.service.name != "odometry"]
+    errors_of = predictor(ONTOLOGY, SOM.sources)
+    assert errors_of is not None
+    derivation = find_substitute(ONTOLOGY, sources, "drive_power").derivation
+    assert "steering" in derivation.relations()
+    (predicted,) = errors_of.of([derivation])
+    values = evaluate_derivation(derivation, ONTOLOGY.constants, unseen.time, unseen.measured)
+    off = (values - unseen.truth["drive_power"])[unseen.time >= 60.0]
+    real = float(np.sqrt(np.nanmean(off**2)))
+    assert predicted is not None and 0.5 * real < predicted.rms < 2.0 * real
 
 
 def test_every_needed_service_has_a_substitute_that_follows_the_truth(unseen: Dataset) -> None:
