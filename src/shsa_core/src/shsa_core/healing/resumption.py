@@ -49,6 +49,7 @@ class Resumption(Repair):
             if plan is not None:
                 since = now.time if incident is None else incident.detected
                 self.substitute.take_up(now.time, row.node, row.host, plan, since)
+                self.substitute.patience = now.settings.takeover_timeout
         self._set_timer(now)
         requests: List[Request] = [] if incident is None else [ShowIncident(incident)]
         if row is None:
