@@ -9,17 +9,8 @@ PAGE = ROOT / "docs" / "architecture.md"
 PARTS = (
     "",
     *("language", "model", "files", "search", "codegen", "journal", "monitoring"),
-    *(
-        "substitution",
-        "healing",
-        "analysis",
-        "learning",
-        "cli",
-        "ros/graph",
-        "ros/wire",
-        "ros/host",
-        "ros",
-    ),
+    *("substitution", "healing", "analysis", "learning", "cli"),
+    *("ros/graph", "ros/wire", "ros/host", "ros"),
 )
 
 
