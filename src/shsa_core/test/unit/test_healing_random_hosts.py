@@ -43,7 +43,7 @@ class AnyDistributedRobot(AnyRobot):
         while self.core.plans_ahead:
             self.hear(events.Idle(self.now))
 
-    launch_ending = None  # nothing would be healed from then on
+    launch_ending = None  # type: ignore[assignment]  # nothing would be healed from then on
 
     def reached(self) -> Set[str]:
         return {n for n in self.running if self.runs_on.get(n, "") in {"", *self.there}}

@@ -384,6 +384,8 @@ class Reconfigurator(Reach):
         return self._failure_seen(failure)
 
     def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
+        if event.node in self._nodes.substitutes:
+            return []  # none of ours is ever started again
         self._with_us[event.node] = event.with_us
         told = event.node, event.with_us, event.process, event.starter
         self._records.put(RestartedNode(*told))

@@ -14,9 +14,19 @@ from shsa_core.healing.transitions import Trigger
 from shsa_core.model.kinds import QUIET, Kind
 from shsa_core.monitoring.events import PublisherState
 
+PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
+
 
 class Stranding(Resumption):
     """The substitute's computer is lost, or the faulty node's."""
+
+    @property
+    def publishes(self) -> bool:
+        """Whether the substitute publishes.
+
+        It does only when the faulty node is gone and the original is not back.
+        """
+        return self.state in PUBLISHED and not self._faulty.heard
 
     def host_lost(self, now: Snapshot, why: str) -> List[Request]:
         """The substitute's computer is not heard any more: another process takes its place.

@@ -14,7 +14,6 @@ from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.events import PublisherState
 
 SUBSTITUTED = (State.HEALING, State.HEALED)
-PUBLISHED = (*SUBSTITUTED, State.SAFE)
 
 
 class TopicHealing(Stranding):
@@ -35,14 +34,6 @@ class TopicHealing(Stranding):
     def original(self) -> str:
         """The node that the substitute stands in for, once that is gone; empty before."""
         return self.incident.faulty_node if self.incident and self.incident.killed else ""
-
-    @property
-    def publishes(self) -> bool:
-        """Whether the substitute publishes.
-
-        It does only when the faulty node is gone and the original is not back.
-        """
-        return self.state in PUBLISHED and not self._faulty.heard
 
     @property
     def refuses(self) -> bool:
