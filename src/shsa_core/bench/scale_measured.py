@@ -24,9 +24,9 @@ from scipy.optimize import nnls
 from shsa_msgs.msg import Failure, Health, Incident
 
 from graph import BENCH, MONITOR, Graph, ask_to_leave, write_som
-from partition import Namespace
 from report import summary
 from scale_model import Flow, message_bytes, turns_per_s
+from shsa_testing.computers import Computer, Computers
 from shsa_testing.waiting import wait_until
 
 STARTUP_S = 120.0
@@ -289,11 +289,12 @@ def master_costs(count: int) -> Dict[str, float]:
 
 def link_bytes(flow: Flow, seconds: float) -> Tuple[float, float]:
     """Bytes on a link for each message from another computer: there, and back."""
-    with Namespace() as far:
-        os.environ["ROS_IP"] = far.here
+    with Computers("far") as network:
+        far = network["far"]
+        os.environ["ROS_IP"] = network.here
         with Graph() as graph:
             port = os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]
-            os.environ["ROS_MASTER_URI"] = f"http://{far.here}:{port}"
+            os.environ["ROS_MASTER_URI"] = f"http://{network.here}:{port}"
             ear = Ear()
             script = str(BENCH / "scale_source.py")
             words = (0, flow.topics, 1.0 / flow.rate, flow.numbers)
@@ -306,13 +307,18 @@ def link_bytes(flow: Flow, seconds: float) -> Tuple[float, float]:
             well = lambda: sum(ear.healthy.values()) >= flow.topics
             wait_until(well, STARTUP_S, "the topics are well")
             rospy.rostime.wallsleep(SETTLING_S)
-            folder = Path("/sys/class/net") / far._ends[0] / "statistics"
-            counters = [folder / name for name in ("rx_bytes", "tx_bytes")]
-            before = [int(each.read_text()) for each in counters]
+            before = _counters(far)
             rospy.rostime.wallsleep(seconds)
-            there, back = (int(c.read_text()) - b for c, b in zip(counters, before))
+            there, back = (after - b for after, b in zip(_counters(far), before))
             messages = ear.rate * seconds
             return there / messages, back / messages
+
+
+def _counters(computer: Computer) -> Tuple[int, int]:
+    """The bytes that a computer has sent and received."""
+    lines = computer.run("cat", "/proc/net/dev").splitlines()
+    words = next(line for line in lines if "eth0:" in line).split(":")[1].split()
+    return int(words[8]), int(words[0])
 
 
 class Healed(NamedTuple):

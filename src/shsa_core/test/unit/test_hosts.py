@@ -26,7 +26,8 @@ class Robot:
 
     def carry_out(self, *what: Any) -> None:
         """As the local Host, and as the agents."""
-        self.sent.append(what if len(what) == 2 else ("", *what))
+        host, command = what if len(what) == 2 else ("", *what)
+        self.sent.append((host, command))
 
     def home(self, uri: str) -> str:
         return {"10.0.0.2": "pi", "10.0.0.3": "board"}.get(uri[7:-3], "")

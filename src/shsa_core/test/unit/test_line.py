@@ -35,7 +35,8 @@ def test_nothing_is_lost_over_a_line_that_loses_doubles_and_delays(seed: int) ->
     chance = random.Random(seed)
     here, there = Line(), Line()
     wires: Tuple[List[Tuple[int, int, str]], List[Tuple[int, int, str]]] = [], []
-    said, heard = [str(number) for number in range(50)], []
+    said = [str(number) for number in range(50)]
+    heard: List[str] = []
     rest, now = list(said), 0.0
     while len(heard) < len(said):
         now += 0.01

@@ -1,7 +1,7 @@
 """Processes that a test starts: found by the mark that they inherit, and ended with it."""
 import atexit
 import subprocess
-from typing import List
+from typing import Any, List
 
 import psutil
 
@@ -33,7 +33,7 @@ def rosrun(package: str, executable: str, *arguments: str) -> "subprocess.Popen[
     return process
 
 
-def end_process(process: "subprocess.Popen[bytes]") -> None:
+def end_process(process: "subprocess.Popen[Any]") -> None:
     """End a process that a test started."""
     process.kill()
     process.wait()

@@ -9,7 +9,7 @@ import argparse
 import sys
 from collections import deque
 from functools import partial
-from typing import Any, Callable, Deque, Dict, NamedTuple, Optional, Set
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Set
 
 import rospy
 from shsa_msgs import msg
@@ -364,7 +364,8 @@ def _read(arguments: argparse.Namespace) -> Som:
     som, errors = load_som(path, rospy.get_namespace())
     for error in errors:
         rospy.logerr("Refused: %s", error)
-    for host in filter(None, (arguments.host, *arguments.beside)):
+    named: List[str] = [each for each in (arguments.host, *arguments.beside) if each]
+    for host in named:
         if host not in som.hosts:
             there = ", ".join(som.hosts) or "none"
             raise ModelError(f"{path}/hosts", f"there is no host {host!r}; there are: {there}")
