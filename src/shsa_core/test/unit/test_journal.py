@@ -295,7 +295,7 @@ def test_closing_ends_the_thread_and_closes_the_file(opened: Open) -> None:
     assert not writer._waiting
 
 
-HEADER = '{"journal":1,"machine":"adder","setup":{"som":[]}}'
+HEADER = '{"journal":1,"machine":"adder","setup":{"som":[[],[]]}}'
 TICK = '{"class":"Tick","time":1}'
 BAD = [
     ("", 1, "is no journal"),
@@ -305,8 +305,8 @@ BAD = [
     ('{"journal":2}\n', 1, "is no journal of version 1"),
     ('{"journal":1,"machine":"adder"}\n', 1, "the setup must be an object"),
     ('{"journal":1,"machine":"adder","setup":{}}\n', 1, "lacks som"),
-    ('{"journal":1,"machine":"adder","setup":{"som":[],"x":1}}\n', 1, "has no 'x'"),
-    ('{"journal":1,"machine":"adder","setup":{"som":[],"step":"x"}}\n', 1, "setup.step must be"),
+    ('{"journal":1,"machine":"adder","setup":{"som":[[],[]],"x":1}}\n', 1, "has no 'x'"),
+    ('{"journal":1,"machine":"adder","setup":{"som":[[],[]],"step":"x"}}\n', 1, "setup.step must be"),
     (HEADER + "\n\xff\n", 2, "is not a line"),
     (HEADER + '\n{"class":"Tick","time":NaN}\n', 2, "NaN is not JSON"),
     (HEADER + '\n{"class":"Tock","time":1}\n', 2, "no class 'Tock'"),

@@ -1,7 +1,7 @@
 """The pool of idle processes that the warm services share."""
 from dataclasses import dataclass
 from math import inf
-from typing import Dict, List, Optional, Set
+from typing import Counter, Dict, List, Optional, Set
 
 from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
@@ -48,6 +48,7 @@ class Pool:
         self._settings = settings
         self._started: Dict[str, float] = {}
         self._hosts: Dict[str, str] = {}  # where each process runs
+        self._wanted: Counter[str] = Counter()  # how many plans each computer has
         self._refill_at: Dict[str, float] = {}  # by computer
         self._deaths: Dict[str, int] = {}  # one after the other, soon after their starts
 
@@ -69,12 +70,11 @@ class Pool:
     def _lacking(self) -> List[str]:
         """The computers that warm services are placed on, and that have too few processes."""
         running = list(self._hosts.values())
-        wanted = sorted({plan.host for plan in self.plans.values()})
-        return [host for host in wanted if running.count(host) < self._settings.pool]
+        return [host for host in sorted(self._wanted) if running.count(host) < self._settings.pool]
 
     def surplus(self) -> List[str]:
         """The processes on computers that no warm service is placed on any more."""
-        wanted = {plan.host for plan in self.plans.values()}
+        wanted = self._wanted
         return [node for node, host in self._hosts.items() if wanted and host not in wanted]
 
     def on(self, host: str) -> List[str]:
@@ -93,6 +93,8 @@ class Pool:
         self, service: Service, planner: Planner, plan: Optional[Plan], host: str = ""
     ) -> None:
         """Be ready on a computer for a warm service, as far as its plan is known."""
+        self.forget(service.name)
+        self._wanted[host] += 1
         outputs = tuple(
             planner.som.signal(source, self._settings.deadlines) for source in service.sources
         )
@@ -112,7 +114,10 @@ class Pool:
 
     def forget(self, name: str) -> None:
         """A service is not warm any more."""
-        self.plans.pop(name, None)
+        former = self.plans.pop(name, None)
+        if former is not None:
+            self._wanted[former.host] -= 1
+            self._wanted = +self._wanted  # without those that have none left
 
     def start(self, time: float, name: str, host: str) -> List[Command]:
         """Start the process `name` on a computer."""
