@@ -1,7 +1,8 @@
 """The rover on three computers made of namespaces, healed; a consumer listens on the mainboard.
 
 Master and healing are on the notebook, an agent is on each other computer. Their nodes are started
-there as at boot, so that a computer that was powered off can come back.
+there as at boot, so that a computer that was powered off can come back. The simulated world is on
+none of them.
 """
 import contextlib
 import os
@@ -32,7 +33,6 @@ HOLD_OFF_S = 1.0
 RELAPSE_S = 5.0 * HOLD_OFF_S + 1.0
 """An original that fails sooner after its return has relapsed: no two failures are so near."""
 PATIENCE_S = 60.0
-BEGINS = "/tmp/shsa_hosts_uart"
 CONSUMER = Path(__file__).with_name("hosts_consumer.py")
 
 
@@ -53,12 +53,14 @@ class DistributedRover:
         self.heard: List[Heard] = []
         self._output = network.folder / "output"
         self._started: Dict[str, List["subprocess.Popen[bytes]"]] = {name: [] for name in NAMES}
+        self._port = network.folder / "uart"
         self._som = _som(network.folder, standby)
         self._share_secret()
         self._boot(NOTEBOOK)
         wait_until(rosgraph.is_master_online, PATIENCE_S, "the master")
         rospy.init_node("bench_hosts", anonymous=True, disable_signals=True)
         self.healing = HealedRobot()
+        self._world = self._simulate()
         for name in (MAINBOARD, PI):
             self._boot(name)
         self._consumer = subprocess.Popen(
@@ -137,7 +139,7 @@ class DistributedRover:
     def end(self) -> None:
         """Stop what needs the master; the rest goes with the computers."""
         rospy.signal_shutdown("the benchmark ends")
-        for each in [self._consumer, *(p for name in NAMES for p in self._started[name])]:
+        for each in [self._consumer, self._world, *(p for name in NAMES for p in self._started[name])]:
             each.kill()
             each.wait()
 
@@ -150,11 +152,17 @@ class DistributedRover:
 
     def _boot(self, name: str) -> None:
         groups = [f"{each}:={str(each == name).lower()}" for each in NAMES]
-        port = f"port:={BEGINS}_{os.getpid()}"
+        port = f"port:={self._port}", f"sim:={str(name != PI).lower()}"
         healing = f"host:={NOTEBOOK}", f"som:={self._som}", f"hold_off:={HOLD_OFF_S}"
-        self._run(name, "roslaunch", "shsa_rover", "rover.launch", *groups, port, *healing)
+        self._run(name, "roslaunch", "shsa_rover", "rover.launch", *groups, *port, *healing)
         if name != NOTEBOOK:
             self._run(name, "roslaunch", "shsa_core", "agent.launch", f"name:={name}", "wall_time:=true")
+
+    def _simulate(self) -> "subprocess.Popen[bytes]":
+        """The world goes on whatever happens to a computer: it is on none of them."""
+        command = ("rosrun", "shsa_rover", "rover_simulator", f"_port:={self._port}")
+        with open(str(self._output), "ab") as file:
+            return subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
 
     def _run(self, name: str, *words: str) -> None:
         with open(str(self._output), "ab") as file:
