@@ -28,7 +28,7 @@ from shsa_testing.waiting import wait_until
 
 PI, MAINBOARD, NOTEBOOK = NAMES = ("raspberry_pi", "mainboard", "notebook")
 TOPIC, NODE = "/battery_current", "/amperemeter"
-INPUTS = ("/odom", "/battery_voltage")
+TOPICS = (TOPIC, "/battery_voltage", "/odom", "/drivetrain/accel", "/imu/data", "/cmd_vel")
 HOLD_OFF_S = 1.0
 RELAPSE_S = 5.0 * HOLD_OFF_S + 1.0
 """An original that fails sooner after its return has relapsed: no two failures are so near."""
@@ -75,10 +75,10 @@ class DistributedRover:
 
     def await_well(self) -> None:
         """Wait until everything runs, and no failure is near. Raises AssertionError."""
-        self.healing.await_available(TOPIC, *INPUTS, seconds=PATIENCE_S)
+        self.healing.await_available(*TOPICS, seconds=PATIENCE_S)
         self.healing.await_verified(NODE, seconds=PATIENCE_S)
-        ended = lambda: self.latest() == 0 or self._incident().state == Incident.ENDED
-        wait_until(ended, PATIENCE_S, "the last incident has ended")
+        open_ = lambda: [e for e in self.healing.incidents.values() if e.state != Incident.ENDED]
+        wait_until(lambda: not open_(), PATIENCE_S, "all incidents have ended")
         wait_until(lambda: self.healing.substitutions, PATIENCE_S, "a substitute at hand")
         returned = (clock.from_stamp(self._incident().returned) or 0.0) if self.latest() else 0.0
         calm = lambda: time.monotonic() > returned + RELAPSE_S and self.speakers(1.0) == [NODE]
@@ -101,11 +101,6 @@ class DistributedRover:
         """Wait until a newer incident is healed. Raises AssertionError."""
         healed = lambda: any(each.state == Incident.HEALED for each in self.incidents(since))
         wait_until(healed, PATIENCE_S, "the topic is healed")
-
-    def await_ended(self, since: int) -> None:
-        """Wait until all newer incidents have ended. Raises AssertionError."""
-        ended = lambda: all(each.state == Incident.ENDED for each in self.incidents(since))
-        wait_until(ended, PATIENCE_S, "the original carries on")
 
     def speakers(self, seconds: float) -> List[str]:
         """Who was heard in the last seconds."""

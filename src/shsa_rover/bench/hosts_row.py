@@ -36,14 +36,13 @@ Failure = Callable[[DistributedRover], None]
 
 
 class Row(NamedTuple):
-    """A row of the table. `fail` does not wait for healing where `lasts` s tell when to `mend`."""
+    """A row of the table. `mend` comes after `lasts` s; 0: once healing has healed."""
 
     name: str
     fail: Failure
     mend: Failure
     lasts: float = 0.0
     standby: str = "warm"
-    must_heal: bool = True
 
 
 def cut(seconds: float) -> Row:
@@ -67,7 +66,6 @@ ROWS = (
         impair,
         lambda rover: rover.pi_or().link.repair(),
         60.0,
-        must_heal=False,
     ),
     Row("amperemeter killed, hot", KILL, RESTART, standby="hot"),
 )
@@ -81,14 +79,13 @@ def measure(rover: DistributedRover, row: Row) -> Outcome:
     time.sleep(random.random() * PERIOD_S)
     failed = time.monotonic()
     row.fail(rover)
-    if row.must_heal:
+    if row.lasts:
+        time.sleep(row.lasts - (time.monotonic() - failed))
+    else:
         rover.await_healed(before)
-    time.sleep(max(row.lasts - (time.monotonic() - failed), 0.0 if row.lasts else SETTLED_S))
+        time.sleep(SETTLED_S)
     settled = rover.speakers(LISTEN_S)
     row.mend(rover)
-    if row.lasts:
-        time.sleep(SETTLED_S)
-    rover.await_ended(before)
     rover.await_well()
     if row.lasts:
         settled = rover.speakers(LISTEN_S)

@@ -110,8 +110,10 @@ def test_a_full_computer_is_passed_over_with_the_sum_in_the_incident() -> None:
 
 
 def test_where_it_fits_nowhere_the_service_is_unhealed_and_tried_again() -> None:
-    robot = distributed(placement=Placement(forbid=(PI,)))
-    seen(robot, 9.9, BOARD, "", load=4.0)
+    services = som(placement=Placement(forbid=(PI, "own")))
+    hosts = [Host(PI), Host(BOARD, 4.0), Host("own")]
+    robot = Robot(Som(list(services), hosts), host="own")
+    seen(robot, 9.9, BOARD, load=4.0)
     incident = last_incident(robot.fail("/a", A, 10.0))
     assert incident.state is State.UNHEALED and "board has no room: 4 busy + " in incident.detail
     seen(robot, 11.0, BOARD, load=1.0)
@@ -122,7 +124,7 @@ def test_where_it_fits_nowhere_the_service_is_unhealed_and_tried_again() -> None
 
 def test_what_was_just_placed_counts_before_the_load_shows_it() -> None:
     a, b, c = som(placement=Placement(prefer=(BOARD,)))
-    hosts = [Host(PI), Host(BOARD, 0.025)]
+    hosts = [Host(PI), Host(BOARD, 0.06)]
     two = replace(a, name="a2", topic="/a2", node="/a2_node")
     robot = Robot(Som([a, two, b, c], hosts))
     seen(robot, 9.9, BOARD, load=0.0)
