@@ -84,7 +84,7 @@ def measure(rover: DistributedRover, row: Row) -> Outcome:
     else:
         rover.await_healed(before)
         time.sleep(SETTLED_S)
-    settled = rover.speakers(LISTEN_S)
+    settled, mended = rover.speakers(LISTEN_S), time.monotonic()
     row.mend(rover)
     rover.await_well()
     if row.lasts:
@@ -93,9 +93,11 @@ def measure(rover: DistributedRover, row: Row) -> Outcome:
     heard = rover.since(begun)
     late = [each for each in heard if each.age > DEADLINE_S]
     fresh = [each for each in heard if each.age <= DEADLINE_S]
+    until = float("inf") if row.lasts else mended  # a node that starts takes processor time
+    outage = [each for each in fresh if each.at < until]
     return Outcome(
-        1e3 * max(b.at - a.at for a, b in zip(fresh, fresh[1:])),
-        lost(fresh),
+        1e3 * max(b.at - a.at for a, b in zip(outage, outage[1:])),
+        lost(outage),
         len(late),
         sum(counts_as_healthy(each, incidents) for each in late),
         len(settled),
