@@ -6,13 +6,12 @@ none of them.
 """
 import contextlib
 import os
-import signal
 import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
-from typing import Dict, Iterator, List, NamedTuple, Tuple
+from typing import Dict, Iterator, List, NamedTuple
 
 import psutil
 import rosgraph
@@ -24,10 +23,13 @@ from shsa_msgs.msg import Incident
 from shsa_core.ros.graph import clock, secret
 from shsa_testing.computers import Computer, Computers
 from shsa_testing.healing import HealedRobot
+from shsa_testing.link import Link
 from shsa_testing.waiting import wait_until
 
 PI, MAINBOARD, NOTEBOOK = NAMES = ("raspberry_pi", "mainboard", "notebook")
 TOPIC, NODE = "/battery_current", "/amperemeter"
+NODES = (NODE, "/imu")
+"""On the Raspberry Pi."""
 TOPICS = (TOPIC, "/battery_voltage", "/odom", "/drivetrain/accel", "/imu/data", "/cmd_vel")
 HOLD_OFF_S = 1.0
 RELAPSE_S = 5.0 * HOLD_OFF_S + 1.0
@@ -64,14 +66,15 @@ class DistributedRover:
         for name in (MAINBOARD, PI):
             self._boot(name)
         self._consumer = subprocess.Popen(
-            self.pi_or(MAINBOARD).words(sys.executable, str(CONSUMER), **self._master()),
+            self.network[MAINBOARD].words(sys.executable, str(CONSUMER), **self._master()),
             stdout=subprocess.PIPE,
         )
         threading.Thread(target=self._listen, daemon=True).start()
 
-    def pi_or(self, name: str = PI) -> Computer:
-        """A computer, the Raspberry Pi if none is named."""
-        return self.network[name]
+    @property
+    def link(self) -> Link:
+        """The Raspberry Pi's."""
+        return self.network[PI].link
 
     def await_well(self) -> None:
         """Wait until everything runs, and no failure is near. Raises AssertionError."""
@@ -113,22 +116,25 @@ class DistributedRover:
 
     def kill_amperemeter(self) -> None:
         """`kill -9`."""
-        _process(self.pi_or(), NODE).send_signal(signal.SIGKILL)
+        _processes(self.network[PI], NODE)[0].kill()
 
-    def start_amperemeter(self) -> None:
-        """Start it again, as a person would."""
-        self._run(PI, "rosrun", "shsa_rover", NODE[1:], f"__name:={NODE[1:]}")
+    def revive(self) -> List[str]:
+        """Start the Raspberry Pi's nodes that do not run, as a person would; who they are."""
+        ended = [node for node in NODES if not _processes(self.network[PI], node)]
+        for node in ended:
+            self._run(PI, "rosrun", "shsa_rover", node[1:], f"__name:={node[1:]}")
+        return ended
 
     def power_off(self) -> None:
         """The Raspberry Pi: all its processes and its link at once."""
-        self.pi_or().power_off()
+        self.network[PI].power_off()
         for each in self._started[PI]:
             each.wait()
         self._started[PI].clear()
 
     def power_on(self) -> None:
         """The Raspberry Pi boots."""
-        self.pi_or().power_on()
+        self.network[PI].power_on()
         self._boot(PI)
 
     def end(self) -> None:
@@ -215,11 +221,7 @@ def _som(folder: Path, standby: str) -> Path:
     return path
 
 
-def _process(computer: Computer, node: str) -> psutil.Process:
-    """The process of a node on a computer."""
-    found: Tuple[psutil.Process, ...] = tuple(
-        each
-        for each in computer.processes()
-        if f"__name:={node[1:]}" in each.cmdline() and "rosrun" not in " ".join(each.cmdline()[:3])
-    )
-    return found[0]
+def _processes(computer: Computer, node: str) -> List[psutil.Process]:
+    """The processes of a node on a computer, without those that start it."""
+    named = lambda each: f"__name:={node[1:]}" in each.cmdline()
+    return [p for p in computer.processes() if named(p) and "rosrun" not in " ".join(p.cmdline())]

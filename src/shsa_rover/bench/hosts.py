@@ -5,7 +5,8 @@ Of each repetition: `outage_ms`, the longest pause between fresh messages; `lost
 consumer missed, counted by their numbers, and where the publisher changed by the pause; `late`,
 messages that were older than the deadline as they came; `taken`, how many of them came while their
 publisher counted as healthy; `publishers` that are heard once the dust has settled, and
-`two_heard_ms`, for how long two were heard with fresh messages.
+`two_heard_ms`, for how long two were heard with fresh messages; `ended`, nodes that healing had
+ended though only their link was bad.
 
 Writes hosts.csv, hosts_goals.csv and hosts.png. Needs the right to make namespaces.
 """
@@ -59,7 +60,7 @@ def show(rows: Dict[str, List[Outcome]]) -> None:
     """Print the table."""
     columns = (
         *("", "n", "outage, ms", "lost", "late"),
-        *("late, taken", "publishers", "two heard, ms", "incidents"),
+        *("late, taken", "publishers", "two heard, ms", "incidents", "ended"),
     )
     table: List[Tuple[str, ...]] = []
     for name, outcomes in rows.items():
@@ -75,6 +76,7 @@ def show(rows: Dict[str, List[Outcome]]) -> None:
                 str(max(of("publishers"), default="")),
                 in_words(of("two_heard_ms"), 0),
                 in_words(of("incidents"), 0),
+                str(sum(len(each.split()) for each in of("ended"))),
             )
         )
     print_table("At a consumer on the mainboard: median / p95 / max", columns, table)

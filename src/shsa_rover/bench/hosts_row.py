@@ -6,7 +6,7 @@ import json
 import random
 import sys
 import time
-from typing import Callable, Iterable, NamedTuple, Sequence
+from typing import Callable, Iterable, List, NamedTuple, Sequence
 
 from shsa_msgs.msg import Incident
 
@@ -30,9 +30,10 @@ class Outcome(NamedTuple):
     two_heard_ms: float
     incidents: int
     kinds: str
+    ended: str
 
 
-Failure = Callable[[DistributedRover], None]
+Failure = Callable[[DistributedRover], object]
 
 
 class Row(NamedTuple):
@@ -47,16 +48,16 @@ class Row(NamedTuple):
 
 def cut(seconds: float) -> Row:
     """The Raspberry Pi's cable is out for so long."""
-    restore = lambda rover: rover.pi_or().link.restore()
-    return Row(f"link cut, {seconds:g} s", lambda rover: rover.pi_or().link.cut(), restore, seconds)
+    restore = lambda rover: rover.link.restore()
+    return Row(f"link cut, {seconds:g} s", lambda rover: rover.link.cut(), restore, seconds)
 
 
 def impair(rover: DistributedRover) -> None:
     """A bad link."""
-    rover.pi_or().link.impair(loss=0.05, delay=0.05)
+    rover.link.impair(loss=0.05, delay=0.05)
 
 
-KILL, RESTART = DistributedRover.kill_amperemeter, DistributedRover.start_amperemeter
+KILL, RESTART = DistributedRover.kill_amperemeter, DistributedRover.revive
 ROWS = (
     Row("amperemeter killed, warm", KILL, RESTART),
     Row("Raspberry Pi off", DistributedRover.power_off, DistributedRover.power_on),
@@ -64,7 +65,7 @@ ROWS = (
     Row(
         "5 % loss, 50 ms delay, 60 s",
         impair,
-        lambda rover: rover.pi_or().link.repair(),
+        lambda rover: rover.link.repair(),
         60.0,
     ),
     Row("amperemeter killed, hot", KILL, RESTART, standby="hot"),
@@ -77,6 +78,7 @@ def measure(rover: DistributedRover, row: Row) -> Outcome:
     before = rover.latest()
     begun = time.monotonic() - LISTEN_S
     time.sleep(random.random() * PERIOD_S)
+    ended: List[str] = []
     failed = time.monotonic()
     row.fail(rover)
     if row.lasts:
@@ -86,6 +88,9 @@ def measure(rover: DistributedRover, row: Row) -> Outcome:
         time.sleep(SETTLED_S)
     settled, mended = rover.speakers(LISTEN_S), time.monotonic()
     row.mend(rover)
+    if row.lasts:
+        time.sleep(SETTLED_S)
+        ended = rover.revive()
     rover.await_well()
     if row.lasts:
         settled = rover.speakers(LISTEN_S)
@@ -104,6 +109,7 @@ def measure(rover: DistributedRover, row: Row) -> Outcome:
         1e3 * two_heard(fresh),
         len(incidents),
         " ".join(sorted({each.kind for each in incidents})),
+        " ".join(ended),
     )
 
 
