@@ -111,8 +111,10 @@ def test_a_full_computer_is_passed_over_with_the_sum_in_the_incident() -> None:
 
 
 def test_where_it_fits_nowhere_the_service_is_unhealed_and_tried_again() -> None:
-    robot = distributed(placement=Placement(forbid=(PI,)))
-    seen(robot, 9.9, BOARD, "", load=4.0)
+    services = som(placement=Placement(forbid=(PI, "own")))
+    hosts = [Host(PI), Host(BOARD, 4.0), Host("own")]
+    robot = Robot(Som(list(services), hosts), host="own")
+    seen(robot, 9.9, BOARD, load=4.0)
     incident = last_incident(robot.fail("/a", A, 10.0))
     assert incident.state is State.UNHEALED and "board has no room: 4 busy + " in incident.detail
     seen(robot, 11.0, BOARD, load=1.0)

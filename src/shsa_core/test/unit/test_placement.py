@@ -103,6 +103,25 @@ def test_where_a_process_stands_by_is_taken_rather_if_it_may_be() -> None:
     assert placed(wanting(forbid=(BOOK,)), rather=BOOK).host == PI
 
 
+def test_who_is_busy_for_a_while_keeps_the_process_that_stands_by() -> None:
+    busy = [HostSeen(0.0, BOOK, 4.0, 4.0), HostSeen(0.0, PI, 0.0, 4.0)]
+    assert placed(seen=busy, rather=BOOK) == Place(BOOK)
+    limited = (Host(PI), Host(BOARD), Host(BOOK, 4.0))
+    assert placed(seen=busy, rather=BOOK, hosts=limited).host == PI
+
+
+def test_where_a_process_stands_by_does_not_go_by_the_load() -> None:
+    som = Som([service("a", A, needed=True), service("b", B, host=BOARD)], HOSTS)
+    known = Hosts(Settings())
+    placement = Placement(known, lambda *_: [], lambda: som)
+    for load in (0.0, 4.0):
+        known.seen(HostSeen(load, BOARD, load, 4.0))
+        assert placement.stands_by(5.0, som.services["a"], plan(som)) == BOARD
+    limited = Som(list(som), (Host(BOARD, 4.0),))
+    placement = Placement(known, lambda *_: [], lambda: limited)
+    assert placement.stands_by(5.0, som.services["a"], plan(som)) == ""
+
+
 def test_who_has_no_cores_left_is_passed_over_with_the_sum() -> None:
     full = [HostSeen(0.0, PI, 3.995, 4.0)]
     place = placed(seen=full)
@@ -137,7 +156,16 @@ def test_who_has_no_link_left_is_passed_over_with_the_sum() -> None:
 def test_where_nothing_fits_is_told_with_every_sum() -> None:
     full = [HostSeen(0.0, "", 4.0, 4.0), HostSeen(0.0, PI, 4.0, 4.0)]
     with pytest.raises(ShsaError, match="no computer can run the substitute: pi has no room: 4 "):
-        placed(seen=full)
+        placed(seen=full, hosts=(*HOSTS, Host("own", 4.0)), own="own")
+
+
+def test_where_all_are_busy_only_the_limits_of_the_som_are_kept() -> None:
+    busy = [HostSeen(0.0, name, 2.0, 2.0) for name in ("", PI, BOARD)]
+    place = placed(seen=busy, hosts=(Host(PI, 2.0), Host(BOARD)))
+    assert place.host == ""
+    assert "pi has no room: 2 busy" in place.words
+    assert "the reconfigurator's computer has no room: 2 busy" in place.words
+    assert placed(b=BOARD, seen=busy, hosts=(Host(PI, 2.0), Host(BOARD))).host == BOARD
 
 
 def test_a_computer_that_comes_back_counts_after_a_hold_off_that_doubles() -> None:

@@ -44,7 +44,9 @@ class Placement:
     else the one beside its inputs: whose services give the most bytes/s of them, and of equal ones
     the one with the smallest share of its cores busy; else the reconfigurator's own. Nearness comes
     before load, as each input that crosses a link is late by it and lost with it, while load is no
-    harm as long as there is room: whoever has none is passed over, with the sum in words.
+    harm as long as there is room: whoever has none is passed over, with the sum in words. Where
+    nobody has room, only the limits that the SOM says are kept: a substitute on a computer that is
+    busy now is better than none.
 
     `lately`: what was placed on a computer since a moment, which its load does not show yet.
     """
@@ -59,6 +61,7 @@ class Placement:
     def place(self, time: float, service: Service, plan: AnyPlan, rather: Optional[str]) -> Place:
         """The computer for a plan; `rather`: the one where a process stands by, if it may be used.
 
+        That one need not have room now: it takes over at once, and any other starts beforehand.
         Raises ShsaError if there is none.
         """
         return self.beside(time, service, self._inputs(plan), rather)
@@ -71,16 +74,31 @@ class Placement:
             return HERE
         passed_over: List[str] = []
         order = self._order(time, service, inputs)
-        if rather in order:
-            order.remove(rather)
-            order.insert(0, rather)
+        costs = {host: self._cost(inputs, service, host) for host in order}
+        if rather is not None and rather in order:
+            if not self._no_room(rather, costs[rather], self._said(rather)):
+                return Place(rather)
         for host in order:
-            why = self._no_room(host, self._cost(inputs, service, host))
+            why = self._no_room(host, costs[host], self._limits(host))
             if not why:
                 return Place(host, tuple(passed_over))
             passed_over.append(f"{host or OWN} has no room: {why}")
+        for host in order:
+            if not self._no_room(host, costs[host], self._said(host)):
+                return Place(host, tuple(passed_over))
         reasons = "; ".join(passed_over) or self._none_there(time, service)
         raise ShsaError(f"no computer can run the substitute: {reasons}")
+
+    def stands_by(self, time: float, service: Service, plan: AnyPlan) -> str:
+        """The computer where a process is to stand by for a plan; empty: the reconfigurator's own.
+
+        The first that the limits of the SOM allow: what is busy for a while moves no process.
+        """
+        inputs = self._inputs(plan)
+        for host in self._order(time, service, inputs) if self._som().hosts else ():
+            if not self._no_room(host, self._cost(inputs, service, host), self._said(host)):
+                return host
+        return ""
 
     def allowed(self, service: Service, host: str) -> bool:
         """Whether a substitute of a service may be on a computer, as the SOM is now."""
@@ -117,9 +135,13 @@ class Placement:
     def _cost(self, inputs: List[Service], service: Service, host: str) -> Cost:
         return cost(inputs, service, {host, self._hosts.in_som(host)})
 
+    def _said(self, host: str) -> Host:
+        """The limits of a computer that the SOM says."""
+        return self._som().hosts.get(self._hosts.in_som(host), Host(host))
+
     def _limits(self, host: str) -> Host:
         """The computer's cores, as the SOM says or else it itself, and its link."""
-        known = self._som().hosts.get(self._hosts.in_som(host), Host(host))
+        known = self._said(host)
         word = self._hosts.word(host)
         told = word.cores if word is not None and word.cores > 0.0 else None
         return Host(host, told if known.cores is None else known.cores, known.link)
@@ -129,9 +151,9 @@ class Placement:
         word, cores = self._hosts.word(host), self._limits(host).cores
         return 0.0 if word is None or cores is None else word.load / cores
 
-    def _no_room(self, host: str, takes: Cost) -> str:
+    def _no_room(self, host: str, takes: Cost, limits: Host) -> str:
         """Why a substitute does not fit; empty: it does, or nothing is known against it."""
-        word, limits = self._hosts.word(host), self._limits(host)
+        word = self._hosts.word(host)
         if word is None:
             return ""
         lately = list(self._lately(host, word.time))

@@ -2,7 +2,6 @@
 from typing import Callable, Dict, Iterator, Optional
 
 from shsa_core.codegen.plans import Plan
-from shsa_core.errors import ShsaError
 from shsa_core.healing.concern import Concern
 from shsa_core.healing.hosts import Hosts
 from shsa_core.healing.placement import Place, Placement
@@ -77,10 +76,7 @@ class Whereabouts:
         if plan is None:
             known = self._pool.plans.get(service.name)
             return known.host if known and self._hosts.reachable(known.host) else ""
-        try:
-            return self._placement.place(time, service, plan, None).host
-        except ShsaError:
-            return ""  # the failure will tell why there is none
+        return self._placement.stands_by(time, service, plan)
 
     def allowed(self, service: Service) -> bool:
         """Whether the substitute of a service may be where it is, as the SOM is now."""
