@@ -97,7 +97,7 @@ class ReconfiguratorNode:
             for service in (each for each in som if each.policy.restarts):
                 text = "%s is not started again: that would be as root (restart_as_root:=true)."
                 rospy.logerr(text, service.node)
-        unfit = check_placements(ontology, som, settings)
+        unfit = check_placements(ontology, som, settings, arguments.host)
         for finding in (*check_budgets(som, settings), *unfit):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
