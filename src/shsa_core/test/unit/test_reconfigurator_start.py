@@ -1,5 +1,6 @@
 """What the reconfigurator's shell tells its parts as it starts."""
 from argparse import Namespace
+from types import SimpleNamespace
 from typing import Any, List
 
 import pytest
@@ -39,3 +40,18 @@ def test_placements_are_checked_as_seen_from_the_computer_that_it_runs_on(
     with pytest.raises(Enough):
         reconfigurator.ReconfiguratorNode(arguments, None)
     assert told == [ontology, SOM, Settings(), "board"]
+
+
+def test_agents_that_the_master_cannot_tell_of_us_are_told() -> None:
+    """And we of them, though the master waits for subscribers that hang."""
+    told: List[str] = []
+    heard: List[Any] = []
+    node = SimpleNamespace(
+        _files=Namespace(host="board"),
+        _agents=SimpleNamespace(listen=lambda *arguments: heard.extend(arguments)),
+        _master=SimpleNamespace(introduce=lambda *topics: told.extend(topics)),
+    )
+    node._elsewhere = lambda som: reconfigurator.ReconfiguratorNode._elsewhere(node, som)
+    reconfigurator.ReconfiguratorNode._listen(node, SOM, True)
+    assert heard == [["pi"], True]
+    assert told == ["/shsa/hosts/pi/commands", "/shsa/hosts/pi/events"]
