@@ -83,6 +83,8 @@ def test_what_was_left_behind_is_found_and_ended_as_our_own(
         ("substitute_a_8", "/other", "http://localhost:1"),
         ("substitute_a_9", "/robot", "http://localhost:2"),
         ("user_a_7", "/robot", "http://localhost:1"),
+        ("substitute_a_6", "/robot", "http://127.0.0.1:1/"),
+        ("substitute_a_5", "/robot", "http://localhost:none"),
     ):
         words = [sys.executable, str(ours / "standby"), f"__name:={name}"]
         environment = dict(os.environ, ROS_NAMESPACE=namespace, ROS_MASTER_URI=master)
@@ -94,9 +96,11 @@ def test_what_was_left_behind_is_found_and_ended_as_our_own(
     ended: List[str] = []
     known = Processes(lambda node, detail: ended.append(node), lambda node: None, "", "")
     left = known.left_behind("/robot/substitute_")
-    assert {node: process.pid for node, process in left.items()} == {NODE: started[0].pid}
+    other = "/robot/substitute_a_6"  # of the same master, which is spelled in another way
+    found = {node: process.pid for node, process in left.items()}
+    assert found == {NODE: started[0].pid, other: started[4].pid}
     known.take_up(NODE, left[NODE])
-    assert known.left_behind("/robot/substitute_") == {}
+    assert list(known.left_behind("/robot/substitute_")) == [other]
     started[0].send_signal(signal.SIGSTOP)
     is_stopped = lambda: left[NODE].status() == psutil.STATUS_STOPPED
     wait_until(is_stopped, 5.0, "it is stopped")

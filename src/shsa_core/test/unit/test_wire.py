@@ -11,9 +11,11 @@ from std_msgs.msg import Header
 from shsa_core.healing.incident import Incident
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
+from shsa_core.monitoring.events import FailureDetected
 from shsa_core.ros.graph import clock
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire.healing import failure_seen
+from shsa_core.ros.wire.monitoring import failure_message
 
 
 @pytest.mark.parametrize("ahead", (-5.0, 0.0, 3600.0))
@@ -55,3 +57,53 @@ def test_nothing_that_is_told_lies_ahead_of_now(monkeypatch: pytest.MonkeyPatch)
     )
     for moment in (*moments, failure.time, failure.last_good):
         assert moment is not None and moment <= clock.now()
+
+
+class SignedFailure(Failure):  # type: ignore[misc]
+    """A failure as the signing layer hands it on."""
+
+    sent_here = 0
+
+
+class SignedHealth(Health):  # type: ignore[misc]
+    """A table of health as the signing layer hands it on."""
+
+    sent_here = 0
+
+
+@pytest.mark.parametrize("ahead", (-60.0, 0.0, 60.0))
+def test_the_wall_clock_of_another_computer_does_not_count(
+    ahead: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was 3, 2 and 1 s before a message was sent was so by our clock too."""
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    sent = clock.now() - 0.5
+    theirs = rospy.get_time() + ahead
+    told, once, later, last = (rospy.Time.from_sec(theirs - ago) for ago in (0.0, 3.0, 2.0, 1.0))
+    health = SignedHealth(
+        header=Header(stamp=told),
+        publishers=[PublisherHealth("/odom", "/base", "healthy", "", "", once, later, last)],
+    )
+    health.sent_here = int(sent * 1e9)
+    (row,) = wire.health_seen(health).rows
+    moments = row.since, row.first_message, row.last_good
+    assert moments == pytest.approx((sent - 3.0, sent - 2.0, sent - 1.0), abs=1e-3)
+
+    failure = SignedFailure(
+        header=Header(stamp=later), topic="/odom", kind="silent", told=told, last_good=once
+    )
+    failure.sent_here = int(sent * 1e9)
+    seen = failure_seen(failure)
+    assert (seen.time, seen.last_good) == pytest.approx((sent - 2.0, sent - 3.0), abs=1e-3)
+    failure.told = rospy.Time()  # as somebody's own monitor: sent as soon as it was detected
+    seen = failure_seen(failure)
+    assert (seen.time, seen.last_good) == pytest.approx((sent, sent - 1.0), abs=1e-3)
+
+
+def test_a_failure_says_when_it_was_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A monitor tells whoever comes later of what it has seen before."""
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    before = clock.now() - 100.0
+    failure = FailureDetected(before, "odom", "/odom", "/base", Kind.SILENT, "x", before - 1.0)
+    message = failure_message(failure, b"")
+    assert (message.told - message.header.stamp).to_sec() == pytest.approx(100.0, abs=1.0)

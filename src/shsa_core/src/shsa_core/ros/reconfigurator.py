@@ -97,7 +97,7 @@ class ReconfiguratorNode:
             for service in (each for each in som if each.policy.restarts):
                 text = "%s is not started again: that would be as root (restart_as_root:=true)."
                 rospy.logerr(text, service.node)
-        unfit = check_placements(ontology, som, settings)
+        unfit = check_placements(ontology, som, settings, arguments.host)
         for finding in (*check_budgets(som, settings), *unfit):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
@@ -154,7 +154,7 @@ class ReconfiguratorNode:
         self._decided = clock.now()
         # First of all: what runs goes on, and no substitute may take a name that was used.
         self._master = MasterWatch(lambda node: node.startswith(prefix), not arguments.dry_run)
-        self._agents.listen(self._elsewhere(som), taking_up=True)
+        self._listen(som, taking_up=True)
         homes = self._agents.take_up()
         self._hosts.settle(homes)
         heritage = take_over(self._local, list(homes))
@@ -228,7 +228,7 @@ class ReconfiguratorNode:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
         ontology, som = read_models(self._files.ontology, self._files.som)
         self._som_watch.replace(som)
-        self._agents.listen(self._elsewhere(som))
+        self._listen(som)
         put_som(som)
         self._put(events.ModelsReloaded(clock.now(), ontology, self._usable(som)))
         relations = len({function.relation for function in ontology.functions})
@@ -290,6 +290,14 @@ class ReconfiguratorNode:
         if isinstance(event, events.SubstituteStarted):
             event = replace(event, found=self._asked.pop(event.node, event.found))
         self._put(event)
+
+    def _listen(self, som: Som, taking_up: bool = False) -> None:
+        """Hear the agents, and see to it that both ends hear of each other."""
+        hosts = self._elsewhere(som)
+        self._agents.listen(hosts, taking_up)
+        ends = names.host_commands, names.host_events
+        topics = (topic(host) for host in hosts for topic in ends)
+        self._master.introduce(*map(rospy.resolve_name, topics))
 
     def _elsewhere(self, som: Som) -> List[str]:
         """The computers whose agents carry out what is wanted there."""

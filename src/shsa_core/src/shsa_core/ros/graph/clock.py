@@ -2,7 +2,7 @@
 import os
 import threading
 import time
-from typing import Optional, Tuple
+from typing import NamedTuple, Optional, Tuple
 
 import rospy
 import rospy.impl.simtime
@@ -80,11 +80,34 @@ def to_stamp(moment: Optional[float], ahead: Optional[float] = None) -> rospy.Ti
     return rospy.Time.from_sec(max(0.0, moment + (offset() if ahead is None else ahead)))
 
 
-def from_stamp(stamp: rospy.Time) -> Optional[float]:
-    """The monotonic moment of a ROS time; None for zero."""
-    if stamp.is_zero():
-        return None
-    return now() - (rospy.get_time() - stamp.to_sec())
+class Stamps(NamedTuple):
+    """The stamps of one message, by the wall clock of its sender, which may be anywhere.
+
+    That clock showed `ros` s when ours showed `moment` s.
+    """
+
+    ros: float
+    moment: float
+
+    def at(self, stamp: rospy.Time) -> Optional[float]:
+        """The moment of a stamp on our monotonic clock in s; None for zero.
+
+        What is stamped ahead of now would count for good: it has happened by now.
+        """
+        if stamp.is_zero():
+            return None
+        return min(now(), self.moment - (self.ros - stamp.to_sec()))
+
+
+def stamps(told: rospy.Time, sent_here: int) -> Stamps:
+    """The stamps of a message that was sent at `told`, by its sender's wall clock.
+
+    `sent_here`: by our monotonic clock in ns; 0: not known, and the sender's clock counts as ours.
+    """
+    if sent_here and not told.is_zero():
+        return Stamps(told.to_sec(), sent_here / 1e9)
+    moment, ros = both()
+    return Stamps(ros, moment)
 
 
 def ros_ns() -> int:

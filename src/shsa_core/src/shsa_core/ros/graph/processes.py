@@ -16,6 +16,7 @@ from shsa_core.ros.graph.children import Children, Status
 from shsa_core.ros.graph.confinement import environment, wrapper
 from shsa_core.ros.graph.heartbeats import HOST
 from shsa_core.ros.graph.kernel import gone, is_ours
+from shsa_core.ros.graph.places import master_place
 from shsa_core.substitution import signals
 
 PACKAGE = "shsa_core"
@@ -106,6 +107,7 @@ class Processes:
         """
         namespace, start = prefix.rsplit("/", 1)
         found: Dict[str, psutil.Process] = {}
+        master = master_place()
         for process in psutil.process_iter():
             try:
                 words = process.cmdline()
@@ -113,9 +115,9 @@ class Processes:
                 if not name:
                     continue
                 node, variables = f"{namespace}/{name}", process.environ()
-            except psutil.Error:
-                continue  # it has ended, or is somebody else's
-            here = os.environ.get("ROS_MASTER_URI") == variables.get("ROS_MASTER_URI")
+                here = master_place(variables) == master
+            except (psutil.Error, ValueError):
+                continue  # it has ended, is somebody else's, or of no master at all
             same = variables.get("ROS_NAMESPACE", "/").rstrip("/") == namespace
             same = same and variables.get(HOST, "") == self._host
             if here and same and node not in self._running and self.runs_ours(node, process):

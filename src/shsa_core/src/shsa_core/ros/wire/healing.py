@@ -1,7 +1,7 @@
 """Between the reconfigurator's events and commands and the messages of shsa_msgs."""
 import json
 from math import isfinite
-from typing import Dict, Optional, Tuple
+from typing import Any, Dict, Optional, Tuple
 
 import rospy
 from shsa_msgs import msg, srv
@@ -36,19 +36,18 @@ LARGEST_MESSAGE_B = 65536
 
 
 def failure_seen(failure: msg.Failure) -> events.FailureSeen:
-    """The event that a message on /shsa/failures tells of. Raises ShsaError if it is none.
-
-    A sender whose clock is ahead must not set ours: what it tells of has happened by now.
-    """
-    now = clock.now()
+    """The event that a message on /shsa/failures tells of. Raises ShsaError if it is none."""
+    detected = failure.header.stamp
+    told = detected if failure.told.is_zero() else failure.told
+    stamps = _stamps_of(failure, told)
     return events.FailureSeen(
-        time=_by_now(clock.from_stamp(failure.header.stamp), now) or now,
+        time=stamps.at(detected) or clock.now(),
         service=failure.service,
         topic=failure.topic,
         publisher=failure.publisher,
         kind=_kind(failure.kind) or Kind.OTHER,
         detail=shown(failure.detail),
-        last_good=_by_now(clock.from_stamp(failure.last_good), now),
+        last_good=stamps.at(failure.last_good),
         last_message=last_message(bytes(failure.last_message)),
     )
 
@@ -63,10 +62,10 @@ def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> event
 
     `host`: the computer whose monitor sent it.
     """
-    now = clock.now()
+    stamps = _stamps_of(health, health.header.stamp)
     return events.HealthSeen(
-        time=now,
-        rows=tuple(_publisher_health(row, now) for row in health.publishers),
+        time=clock.now(),
+        rows=tuple(_publisher_health(row, stamps) for row in health.publishers),
         removed=tuple(_key(key) for key in health.removed),
         whole=health.whole,
         anew=anew,
@@ -105,7 +104,7 @@ def _calibration_key(text: str) -> Tuple[str, Program]:
         raise ShsaError(f"{text!a} names no calibration: {error}") from error
 
 
-def _publisher_health(row: msg.PublisherHealth, now: float) -> PublisherHealth:
+def _publisher_health(row: msg.PublisherHealth, stamps: clock.Stamps) -> PublisherHealth:
     try:
         state = PublisherState(row.state)
     except ValueError as error:
@@ -116,17 +115,17 @@ def _publisher_health(row: msg.PublisherHealth, now: float) -> PublisherHealth:
         topic=row.topic,
         publisher=row.publisher,
         state=state,
-        since=_by_now(clock.from_stamp(row.since), now) or 0.0,
-        first_message=_by_now(clock.from_stamp(row.first_message), now),
-        last_good=_by_now(clock.from_stamp(row.last_good), now),
+        since=stamps.at(row.since) or 0.0,
+        first_message=stamps.at(row.first_message),
+        last_good=stamps.at(row.last_good),
         kind=_kind(row.kind),
         detail=shown(row.detail),
     )
 
 
-def _by_now(moment: Optional[float], now: float) -> Optional[float]:
-    """A moment that has been: what is stamped ahead of us would count for good."""
-    return None if moment is None else min(moment, now)
+def _stamps_of(message: Any, told: rospy.Time) -> clock.Stamps:
+    """The stamps of a message that was sent at `told` by them; signed ones know when that was."""
+    return clock.stamps(told, getattr(message, "sent_here", 0))
 
 
 def _key(text: str) -> Tuple[str, str]:

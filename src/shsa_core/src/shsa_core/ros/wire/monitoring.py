@@ -2,6 +2,7 @@
 import json
 from typing import Tuple
 
+import rospy
 from shsa_msgs import msg
 from std_msgs.msg import Header
 
@@ -28,6 +29,7 @@ def failure_message(failure: FailureDetected, last_message: bytes) -> msg.Failur
         publisher=failure.publisher,
         kind=failure.kind.value,
         detail=failure.detail,
+        told=rospy.Time.now(),
         last_good=clock.to_stamp(failure.last_good),
         last_message=last_message,
     )
