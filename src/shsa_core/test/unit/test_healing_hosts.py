@@ -542,3 +542,85 @@ def test_a_broken_invariant_of_computers_is_told() -> None:
     robot.core._hosts._known[BOARD].detail = "silent"
     with pytest.raises(ShsaError, match="stands by on a computer that is lost"):
         robot.core.validate()
+
+
+# A monitor on each computer
+
+
+def watched_at_home(robot: Robot, time: float, *hosts: str) -> List[events.Command]:
+    """The monitors of these computers tell of the services there."""
+    commands: List[events.Command] = []
+    for host in hosts:
+        own = {each.topic for each in robot.som if each.host == host}
+        rows = tuple(row for row in robot.rows.values() if row.topic in own)
+        commands += robot.handle(events.HealthSeen(time, rows, whole=True, host=host))
+    return commands
+
+
+@pytest.mark.parametrize("standby", [Standby.COLD, Standby.HOT])
+def test_what_only_a_lost_monitor_watched_is_healed_and_its_substitute_is_not_replaced(
+    standby: Standby,
+) -> None:
+    robot = distributed(standby=standby)
+    watched_at_home(robot, 4.0, PI, BOARD)
+    commands = lost(robot, 10.0, PI)
+    incident = last_incident(commands)
+    assert incident.faulty_node == A and incident.detected == 10.0
+    told = [text for text in map(str, commands) if "pi is lost, and its monitor" in text]
+    assert told and publishing(robot) == (True,)
+    (row,) = robot.working()
+    for time in (12.0, 20.0, 40.0, 90.0):  # nobody can say that it publishes
+        seen(robot, time, BOARD)
+        assert not stopped(robot.handle(events.Tick(time)))
+    assert [each.node for each in robot.working()] == [row.node]
+    assert not has(robot.said, events.FindNode)
+
+
+def test_who_did_well_all_the_time_is_back_once_its_monitor_is() -> None:
+    robot = distributed(standby=Standby.HOT)
+    watched_at_home(robot, 4.0, PI)
+    lost(robot, 10.0, PI)
+    seen(robot, 18.0, PI)
+    assert publishing(robot) == (True,)  # nobody was heard yet
+    assert last_incident(watched_at_home(robot, 18.2, PI)).state is State.RETURNING
+    assert publishing(robot) == (False,)
+    robot.handle(events.Tick(20.4))
+    assert robot.core.incident("a") is None and not has(robot.said, events.FindNode)
+
+
+def test_where_the_som_says_wait_a_lost_monitor_changes_nothing() -> None:
+    robot = distributed(on_partition=WAIT)
+    watched_at_home(robot, 4.0, PI)
+    assert last_incident(lost(robot, 10.0, PI)).state is State.KEPT
+    assert not robot.working()
+
+
+def test_a_substitute_that_only_a_lost_monitor_heard_has_a_successor() -> None:
+    """It ran on the computer that was lost, with its monitor."""
+    robot = distributed(standby=Standby.HOT, placement=Placement(prefer=(PI,)))
+    robot.fail("/a", A, 5.0)
+    node = takes_over(robot, 5.1)
+    robot.killed(5.2, A)
+    watched_at_home(robot, 5.3, PI)
+    lost(robot, 10.0, PI)
+    (row,) = robot.working()
+    assert row.node != node and row.host != PI and row.publishing
+
+
+def test_what_a_lost_monitor_told_is_no_input_of_a_plan() -> None:
+    b = service("b", B, host=PI)
+    robot = Robot(Som([service("a", A, needed=True), b, service("c", C)], [Host(PI), Host(BOARD)]))
+    seen(robot, 1.0, PI, BOARD)
+    watched_at_home(robot, 4.0, PI)
+    lost(robot, 10.0, PI)
+    start = only(robot.fail("/a", A, 11.0), events.StartSubstitute)
+    assert start.program is not None and start.program.inputs == ("/c/data",)
+
+
+def test_one_monitor_for_all_goes_on_when_a_computer_is_lost() -> None:
+    robot = distributed(standby=Standby.HOT)
+    lost(robot, 10.0, PI)
+    assert robot.core.incident("a") is None  # it is heard, and only its agent is not
+    silent(robot, 10.2)
+    takes_over(robot, 10.3)
+    assert last_incident(robot.said).state is State.HEALED
