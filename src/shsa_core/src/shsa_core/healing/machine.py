@@ -5,7 +5,7 @@ substitutes read what it changes. What is known of the rest stays as it is, so t
 the same on a large robot.
 """
 from dataclasses import replace
-from typing import Any, Callable, Collection, Dict, Iterable, List, Optional, Tuple, Type
+from typing import Any, Callable, Collection, Dict, List, Optional, Tuple, Type
 
 from shsa_core import dispatch
 from shsa_core.agenda import Agenda
@@ -221,29 +221,10 @@ class Reconfigurator(Reach):
         return known and self._concern.by_process.get(publisher) != service
 
     def _health_seen(self, event: events.HealthSeen) -> List[Command]:
-        return self._health_changed(event.time, self._nodes.heed(event))
-
-    def _host_lost(self, event: HostLost) -> List[Command]:
-        """With a computer its monitor is lost, if it has one, and nobody tells of its services."""
-        host, changed = self._hosts.name(event.host), []
-        if host in self._som.hosts and not self._hosts.lost(host):
-            why = f"{host} is lost, and its monitor: {event.detail}"
-            processes = self._concern.by_process
-            elsewhere = [node for node in processes if self._where.host_of(node) != host]
-            changed = self._nodes.lose_monitor(event.time, host, why, elsewhere)
-        commands = super()._host_lost(event)
-        commands += self._health_changed(event.time, changed)
-        for name in dict.fromkeys(name for key in changed for name in self._concerned(*key)):
-            missed = self._missed_failure(event.time, name)  # no trigger will come
-            commands += [] if missed is None else self._failure_seen(missed)
-        return commands
-
-    def _health_changed(self, time: float, keys: Iterable[Tuple[str, str]]) -> List[Command]:
-        """Tell whom the health of some publishers of topics concerns."""
         commands: List[Command] = []
         concerned: Dict[str, None] = {}
         judged: Dict[str, None] = {}
-        for topic, publisher in keys:
+        for topic, publisher in self._nodes.heed(event):
             row = self._nodes.health(topic).get(publisher)
             self._note_health(topic, publisher)
             if publisher in self._concern.by_process:
@@ -256,7 +237,7 @@ class Reconfigurator(Reach):
                 judged.update(dict.fromkeys(name for name in blaming if name in self._concern.kept))
                 commands += self._acquaint(publisher, row)
         for name in concerned:
-            self._expect_trigger(time, name)
+            self._expect_trigger(event.time, name)
             commands += self._ask(name, lambda healing, now: healing.changed(now))
         for name in judged:
             commands += self._ask(name, lambda healing, now: healing.reconsider(now))

@@ -278,7 +278,6 @@ class Upkeep:
             settings=self.settings,
             planner=self._planner,
             publishers=self._nodes.health(service.topic),
-            watched=self._nodes.watched(service.topic),
             originals=self._availability.originals(self._som, service),
             killing=self._kills.nodes,
             incident=self._incidents + 1,
