@@ -17,7 +17,7 @@ import psutil
 import rosgraph
 import rospkg
 import rospy
-import yaml
+import yaml  # type: ignore[import]
 from shsa_msgs.msg import Incident
 
 from shsa_core.ros.graph import clock, secret

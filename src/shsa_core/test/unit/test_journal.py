@@ -306,7 +306,11 @@ BAD = [
     ('{"journal":1,"machine":"adder"}\n', 1, "the setup must be an object"),
     ('{"journal":1,"machine":"adder","setup":{}}\n', 1, "lacks som"),
     ('{"journal":1,"machine":"adder","setup":{"som":[[],[]],"x":1}}\n', 1, "has no 'x'"),
-    ('{"journal":1,"machine":"adder","setup":{"som":[[],[]],"step":"x"}}\n', 1, "setup.step must be"),
+    (
+        '{"journal":1,"machine":"adder","setup":{"som":[[],[]],"step":"x"}}\n',
+        1,
+        "setup.step must be",
+    ),
     (HEADER + "\n\xff\n", 2, "is not a line"),
     (HEADER + '\n{"class":"Tick","time":NaN}\n', 2, "NaN is not JSON"),
     (HEADER + '\n{"class":"Tock","time":1}\n', 2, "no class 'Tock'"),

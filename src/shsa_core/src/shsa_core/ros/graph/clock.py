@@ -110,6 +110,11 @@ def stamps(told: rospy.Time, sent_here: int) -> Stamps:
     return Stamps(ros, moment)
 
 
+def from_stamp(stamp: rospy.Time) -> Optional[float]:
+    """The moment of a stamp by the clock of this computer, in s; None for zero."""
+    return stamps(rospy.Time(), 0).at(stamp)
+
+
 def ros_ns() -> int:
     """ROS time in ns."""
     return int(rospy.Time.now().to_nsec())
