@@ -140,7 +140,11 @@ class DistributedRover:
     def end(self) -> None:
         """Stop what needs the master; the rest goes with the computers."""
         rospy.signal_shutdown("the benchmark ends")
-        for each in [self._consumer, self._world, *(p for name in NAMES for p in self._started[name])]:
+        for each in [
+            self._consumer,
+            self._world,
+            *(p for name in NAMES for p in self._started[name]),
+        ]:
             each.kill()
             each.wait()
 
@@ -157,7 +161,9 @@ class DistributedRover:
         healing = f"host:={NOTEBOOK}", f"som:={self._som}", f"hold_off:={HOLD_OFF_S}"
         self._run(name, "roslaunch", "shsa_rover", "rover.launch", *groups, *port, *healing)
         if name != NOTEBOOK:
-            self._run(name, "roslaunch", "shsa_core", "agent.launch", f"name:={name}", "wall_time:=true")
+            self._run(
+                name, "roslaunch", "shsa_core", "agent.launch", f"name:={name}", "wall_time:=true"
+            )
 
     def _simulate(self) -> "subprocess.Popen[bytes]":
         """The world goes on whatever happens to a computer: it is on none of them."""

@@ -4,6 +4,7 @@ Usage: hosts_row.py ROW COUNT. Exit status 1 if a failure was not healed, or nob
 """
 import json
 import random
+import signal
 import sys
 import time
 from typing import Callable, Iterable, List, NamedTuple, Sequence
@@ -145,6 +146,7 @@ def two_heard(fresh: Sequence[Heard]) -> float:
 
 def main(name: str, count: int) -> int:
     """Measure until there are so many."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # what was started ends
     row = next(each for each in ROWS if each.name == name)
     with distributed_rover(row.standby) as rover:
         for _ in range(count):
