@@ -205,6 +205,6 @@ LINES = (
         "no innocent node killed, nothing executed",
         strangers,
         full=60,
-        short=3,
+        short=2,
     ),
 )

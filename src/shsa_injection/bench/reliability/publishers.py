@@ -145,7 +145,7 @@ LINES = (
         "outage p95 within 1.5 periods at 50 Hz (hot); stale registration gone",
         crashes,
         full=200,
-        short=3,
+        short=2,
         marks=(Mark("outage", 30.0, "ms"),),
     ),
     Line(
@@ -154,7 +154,7 @@ LINES = (
         "found at its deadline, killed within 100 ms of the decision, and never heard again",
         hangs,
         full=100,
-        short=2,
+        short=1,
         marks=(
             Mark("found after its deadline", 20.0, "ms"),
             Mark("killed after the decision", 100.0, "ms"),
@@ -166,7 +166,7 @@ LINES = (
         "at most 3 switches back, no overlap above one period; orderly returns stay incidents",
         flapping,
         full=20,
-        short=2,
+        short=1,
         marks=(Mark("overlap", 20.0, "ms"), Mark("overlap of a return", 20.0, "ms")),
     ),
     Line(
@@ -175,6 +175,6 @@ LINES = (
         "each healed, or ended as stated",
         several,
         full=90,
-        short=3,
+        short=2,
     ),
 )
