@@ -97,7 +97,7 @@ class Robot:
     def killed(self, time: float, node: str, certain: bool = True) -> List[events.Command]:
         """The kill of a node is over."""
         if certain:
-            commands = self.handle(events.NodeFound(time, node, events.Where.HERE))
+            commands = self.handle(events.NodeFound(time, node, events.Where.HERE, rate=0.0))
             return commands + self.handle(events.NodeLeft(time, node))
         commands = self.handle(events.NodeFound(time, node, events.Where.STOPPED))
         return commands + self.handle(events.ProcessUntouchable(time, node))

@@ -3,7 +3,14 @@ from typing import Any, Dict, Iterable, List
 
 from shsa_core.healing.events import Command, Level, Log
 from shsa_core.healing.incident import State
-from shsa_core.healing.kills import KillNode, NodeKilled, NodeSpared, NodeUnreached, Over
+from shsa_core.healing.kills import (
+    KillNode,
+    NodeKilled,
+    NodeSends,
+    NodeSpared,
+    NodeUnreached,
+    Over,
+)
 from shsa_core.healing.succession import Succession
 
 ORPHAN_KILLS = 5
@@ -22,6 +29,8 @@ class Aftermath(Succession):
         for kill in kills:
             if isinstance(kill, NodeSpared):
                 commands += self._spared(kill)
+            elif isinstance(kill, NodeSends):
+                commands += self._sends(kill)
             elif isinstance(kill, NodeUnreached) and self._where.host_of(kill.node):
                 commands += self._unreached(kill)
             elif isinstance(kill, NodeUnreached):
@@ -69,13 +78,23 @@ class Aftermath(Succession):
             commands += self._ask(name, lambda healing, now: healing.unreached(now, over.detail))
         return commands
 
+    def _sends(self, over: NodeSends) -> List[Command]:
+        """A node does well on its own computer; that is asked again while it is missed here."""
+        commands: List[Command] = []
+        self._awaited.add(over.time, over.node, self._where.host_of(over.node), True)
+        for name in self._concern.blaming(over.node):
+            commands += self._ask(name, lambda healing, now: healing.sends(now, over.detail))
+        return commands
+
     def _kill_again(self, node: str) -> List[Command]:
         """Kill a node that is still blamed, and has not returned."""
         blaming = [self._healings[name] for name in self._concern.blaming(node)]
         if not any(each.state not in (State.WELL, State.RETURNING, State.KEPT) for each in blaming):
             return []
-        topics = [self._som.services[each.service].topic for each in blaming]
-        return self._absorb([KillNode(node, urgent=True, topic=topic) for topic in topics])
+        commands: List[Command] = []
+        for each in blaming:
+            commands += self._ask(each.service, lambda healing, now: healing.kill(now))
+        return commands
 
     def _end_orphan(self, node: str) -> List[Command]:
         self._orphans[node] = ORPHAN_KILLS

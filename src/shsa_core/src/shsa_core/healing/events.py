@@ -133,7 +133,8 @@ class NodeFound:
     """Where the process of a node runs that is to be killed.
 
     `detail`: why it is not touched. `starter`: the process that has started it, in words; empty:
-    not known.
+    not known. `rate`: messages/s that it has sent since to those who are connected to it, 0 as well
+    if it does not answer; None: nobody is connected, or it was not to be counted.
     """
 
     time: float
@@ -141,6 +142,7 @@ class NodeFound:
     where: Where
     detail: str = ""
     starter: str = ""
+    rate: Optional[float] = None
 
 
 @dataclass(frozen=True)
@@ -344,11 +346,13 @@ class FindNode:
 
     `successor`: if the process that was learned is dead, the one that has its name now is meant.
     `topic`: what it failed on, so that it must be a publisher of that; empty: a substitute of ours.
+    `listen`: for how many s it is counted on its own computer what it sends of that.
     """
 
     node: str
     successor: bool = True
     topic: str = ""
+    listen: float = 0.0
 
 
 @dataclass(frozen=True)

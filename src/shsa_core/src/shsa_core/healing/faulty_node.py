@@ -5,13 +5,15 @@ from shsa_core.healing.incident import Incident
 from shsa_core.healing.kills import KillNode
 from shsa_core.healing.records import Blame, Fate
 from shsa_core.healing.snapshot import Request, Snapshot
-from shsa_core.model.kinds import QUIET, Contain, Kind, Policy
+from shsa_core.model.kinds import BY_LINK, QUIET, Contain, Kind, Policy
+from shsa_core.model.service import Service
 
 
 class FaultyNode:
     """What is decided about a faulty node, and what it may do meanwhile.
 
-    `decision` says it in words. `heard`: it may publish, so that nobody else should.
+    `decision` says it in words. `heard`: it may publish, so that nobody else should. `cut_off`: it
+    does well on its own computer.
     """
 
     def __init__(self) -> None:
@@ -19,6 +21,7 @@ class FaultyNode:
         self.kind = Kind.OTHER
         self.decision = ""
         self.heard = False
+        self.cut_off = False
         self._fate = Fate.NONE
 
     @property
@@ -41,6 +44,7 @@ class FaultyNode:
         self.name, self.kind = name, kind
         self._fate = Fate.OPEN
         self.heard = kind is not Kind.NODE_GONE
+        self.cut_off = False
 
     def judge(
         self, now: Snapshot, replaced: bool, restarted: bool, taken_over: bool
@@ -61,13 +65,19 @@ class FaultyNode:
             return []
         self._fate = Fate.KILLED if verdict.kill else Fate.KEPT
         if verdict.kill:
-            silent = self.kind in QUIET and not gone and now.service.contain is not Contain.NODE
-            topic = now.service.topic
-            return [KillNode(self.name, not gone, topic=topic, only_here=silent)]
+            return [self.kill(now.service)]
         self.heard = self.kind not in QUIET
         if gone and not again and now.service.policy is not Policy.ADVISE:
             return [KillNode(self.name, False, True, now.service.topic)]
         return []
+
+    def kill(self, service: Service) -> KillNode:
+        """Its kill; if it is not forced, by the word of its own computer alone."""
+        gone, forced = self.kind is Kind.NODE_GONE, service.contain is Contain.NODE
+        silent = self.kind in QUIET and not gone and not forced
+        period = service.period if self.kind in BY_LINK and not forced else None
+        topic = service.topic
+        return KillNode(self.name, not gone, topic=topic, only_here=silent, period=period or 0.0)
 
     def _forced(self, now: Snapshot) -> bool:
         """Whether its kill does not wait for anything: only one that is silent can wait."""
@@ -90,6 +100,11 @@ class FaultyNode:
     def spared(self) -> None:
         """Its connection was lost, but it still runs: it is as good as silent."""
         self.kind = Kind.SILENT
+
+    def sends(self, why: str) -> None:
+        """It does well on its own computer, and is as good as silent here."""
+        self.decision = f"{self.name} is not killed: {why}, so it is its link that fails"
+        self._fate, self.heard, self.cut_off = Fate.NONE, False, True
 
     def gone(self) -> None:
         """It is gone, or cannot be reached to make sure."""

@@ -3,6 +3,7 @@ from dataclasses import dataclass, field
 from typing import Dict, FrozenSet, List, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda, doubled
+from shsa_core.model.checks import RateHigh, RateLow
 from shsa_core.healing.events import (
     AskToLeave,
     ClearNode,
@@ -20,6 +21,11 @@ EXIT_TIMEOUT_S = 1.0
 AGAIN_S = 2.0
 """The pause before a kill that failed here is tried again; it doubles."""
 LONGEST_AGAIN_S = 60.0
+LISTEN_S = 0.5
+LISTEN_PERIODS = 3.0
+"""What a node sends on its own computer is counted for so long, whichever is more."""
+USUAL = RateLow.usual, RateHigh.usual
+"""Of its usual rate: who sends about that much on its own computer does well there."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +35,8 @@ class KillNode:
     `urgent`: it may still publish. `if_dead`: only clear what it left if it is dead, else spare it.
     `topic`: what it failed on; who does not publish that is spared. Empty: a substitute of ours.
     `at_once`: it is not asked to leave first, as it has only just come up. `only_here`: one on
-    another computer is left alone.
+    another computer is left alone. `period`: its failure may be one of the link to its computer, so
+    that it is spared if it sends `topic` about every so many s there; 0: its failure is its own.
     """
 
     node: str
@@ -38,6 +45,7 @@ class KillNode:
     topic: str = ""
     at_once: bool = False
     only_here: bool = False
+    period: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -76,7 +84,16 @@ class NodeUnreached:
     detail: str
 
 
-Over = Union[NodeKilled, NodeSpared, NodeUnreached]
+@dataclass(frozen=True)
+class NodeSends:
+    """A node that was to be killed does well on its own computer: what failed is the link."""
+
+    time: float
+    node: str
+    detail: str
+
+
+Over = Union[NodeKilled, NodeSpared, NodeUnreached, NodeSends]
 
 
 @dataclass
@@ -86,10 +103,16 @@ class _Kill:
     if_dead: bool = False
     at_once: bool = False
     only_here: bool = False
+    period: float = 0.0
     where: Optional[Where] = None
     forced: bool = False
     topics: Dict[str, bool] = field(default_factory=dict)  # what it failed on, and if looked at
     starter: str = ""
+
+    @property
+    def listen(self) -> float:
+        """For how long its node is listened to on its own computer, in s."""
+        return max(LISTEN_S, LISTEN_PERIODS * self.period) if self.period else 0.0
 
 
 class Kills:
@@ -124,17 +147,17 @@ class Kills:
         if under_way is not None:
             under_way.if_dead = under_way.if_dead and kill.if_dead
             under_way.only_here = under_way.only_here and kill.only_here
+            under_way.period = under_way.period if kill.period else 0.0
             under_way.topics.setdefault(kill.topic, False)
         if not kill.node or under_way is not None:
             return []
         self._kills[kill.node] = _Kill(
-            *(time, kill.urgent, kill.if_dead, kill.at_once, kill.only_here),
+            *(time, kill.urgent, kill.if_dead, kill.at_once, kill.only_here, kill.period),
             topics={kill.topic: True},
         )
         self.nodes = frozenset(self._kills)
         self._again.set(kill.node, None)
-        self._agenda.set(kill.node, time + FIND_TIMEOUT_S)
-        return [FindNode(kill.node, kill.urgent, kill.topic)]
+        return [self._find(time, kill.node, kill.topic)]
 
     def found(self, event: NodeFound) -> Tuple[List[Command], Optional[Over]]:
         """It is known where the process of a node runs."""
@@ -144,8 +167,7 @@ class Kills:
         untold = [topic for topic, looked in kill.topics.items() if not looked]
         if event.where is Where.ANOTHER and untold:
             kill.topics[untold[0]] = True
-            self._agenda.set(node, time + FIND_TIMEOUT_S)
-            return [FindNode(node, kill.urgent, untold[0])], None
+            return [self._find(time, node, untold[0])], None
         kill.where, kill.starter = event.where, event.starter
         if event.where in (Where.NOWHERE, Where.DEAD):
             time = kill.begun  # whoever is well since then is another process
@@ -163,8 +185,13 @@ class Kills:
         if event.where is Where.UNKNOWN:
             why = event.detail or "it cannot be verified which process it is"
             return [], self._over(time, node, False, why)
+        if kill.period and event.where is Where.HERE and not _fails(event.rate, kill.period):
+            self._end(node)
+            return [], NodeSends(time, node, _told(event.rate))
         if event.where is Where.STOPPED or (kill.at_once and event.where is Where.HERE):
             return self._force(time, node, kill), None
+        if kill.period and event.where is Where.ELSEWHERE and not kill.only_here:
+            return [], self.unreached(time, node, "no agent says how it does on its computer")
         if kill.only_here and event.where is Where.ELSEWHERE:
             # The link may be down: a hung node would not answer, and a sound one must not hear it.
             why = "it is silent on another computer, and left alone there"
@@ -192,7 +219,7 @@ class Kills:
         return self._over(event.time, event.node, False, why)
 
     def unreached(self, time: float, node: str, detail: str) -> Over:
-        """The computer of a node that is being killed was lost."""
+        """The computer of a node that is being killed was lost, or does not answer in time."""
         if self._kills[node].if_dead:
             return self._spare(time, node)
         self._end(node)
@@ -210,6 +237,9 @@ class Kills:
             if kill.if_dead:
                 over.append(self._spare(time, node))
                 continue
+            if kill.where is None and kill.period:
+                over.append(self.unreached(time, node, "its computer does not say how it does"))
+                continue
             why = "its process does not end"
             if kill.where is None:
                 why = "it could not be found in time"
@@ -221,6 +251,11 @@ class Kills:
                 self._again.set(node, time + doubled(AGAIN_S, tries, LONGEST_AGAIN_S))
             over.append(self._over(time, node, False, why))
         return commands, over
+
+    def _find(self, time: float, node: str, topic: str) -> FindNode:
+        kill = self._kills[node]
+        self._agenda.set(node, time + FIND_TIMEOUT_S + kill.listen)
+        return FindNode(node, kill.urgent, topic, kill.listen)
 
     def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:
         kill.forced = True
@@ -242,3 +277,14 @@ class Kills:
         del self._kills[node]
         self.nodes = frozenset(self._kills)
         self._agenda.set(node, None)
+
+
+def _fails(rate: Optional[float], period: float) -> bool:
+    """Whether a node fails by itself that sends so many messages/s on its own computer."""
+    return rate is not None and not USUAL[0] <= rate * period <= USUAL[1]
+
+
+def _told(rate: Optional[float]) -> str:
+    if rate is None:
+        return "nobody is connected to it on its own computer"
+    return f"on its own computer it sends {rate:.0f} messages/s"

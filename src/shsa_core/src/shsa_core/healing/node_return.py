@@ -16,6 +16,7 @@ class NodeReturn:
 
     By its policy it is started again, after pauses that double, and no more when it failed too
     often. Whoever starts it, its hold-off doubles each time that it relapses; then it is kept out.
+    A relapse that may be its link's makes the hold-off longer, and keeps nobody out.
     `refusals`: how often it was killed since as it came back. `failed_at`: when it failed last, in
     s.
     """
@@ -28,13 +29,14 @@ class NodeReturn:
         self._awaited_by: Optional[float] = None
         self.refusals = 0
         self._relapses = 0
+        self._doubtful = 0  # of these
         self._returned = -math.inf
         self._well_since: Optional[float] = None
         self._told = 0
         self._soon = False  # its last relapse was after its hold-off
         self._tell_at = -math.inf
         self.failed_at = -math.inf
-        self._before = 0, False  # relapses before that, and whether soon
+        self._before = 0, 0, False  # relapses before that, doubtful ones, and whether soon
 
     @property
     def deadline(self) -> Optional[float]:
@@ -51,7 +53,7 @@ class NodeReturn:
     @property
     def kept_out(self) -> bool:
         """Whether it relapsed too often in a row to return."""
-        return 0 < self._settings.switches <= self._relapses
+        return 0 < self._settings.switches <= self._relapses - self._doubtful
 
     @property
     def may_restart(self) -> bool:
@@ -59,15 +61,15 @@ class NodeReturn:
         used_up = self.exhausted or self.restarts >= self._settings.node_restarts
         return not used_up and not self.kept_out
 
-    def failed(self, time: float) -> None:
-        """The node failed after it had outlived its hold-off."""
+    def failed(self, time: float, own: bool = True) -> None:
+        """The node failed after it had outlived its hold-off; `own`: not its link, for certain."""
         self._note_failure(time)
         if self._well_since is not None and time - self._well_since > self._settings.stable:
             self.restarts = 0
         self.exhausted = False
         within = self._settings.relapse * self._settings.hold_off
         if time - self._returned <= within:
-            self._relapses += 1
+            self._relapse(own)
             self._soon = True
         else:
             self.trust()
@@ -76,18 +78,27 @@ class NodeReturn:
         """The node is back, since `time`."""
         self._returned = time
 
-    def relapsed(self, time: float) -> None:
-        """The node failed within its hold-off."""
+    def relapsed(self, time: float, own: bool = True) -> None:
+        """The node failed within its hold-off; `own`: not its link, for certain."""
         self._note_failure(time)
-        self._relapses += 1
+        self._relapse(own)
         self._soon = False
+
+    def confirm(self) -> None:
+        """Its last failure was its own: its computer says so."""
+        self._doubtful = min(self._doubtful, self._before[1])
 
     def excuse(self) -> None:
         """Its last failure was not its own."""
-        self._relapses, self._soon = self._before
+        self._relapses, self._doubtful, self._soon = self._before
 
     def _note_failure(self, time: float) -> None:
-        self.failed_at, self._before = time, (self._relapses, self._soon)
+        self.failed_at = time
+        self._before = self._relapses, self._doubtful, self._soon
+
+    def _relapse(self, own: bool) -> None:
+        self._relapses += 1
+        self._doubtful += not own
 
     def left_in_order(self) -> None:
         """It was no failure: after its hold-off somebody has told the node to leave."""
@@ -146,7 +157,7 @@ class NodeReturn:
 
     def trust(self) -> None:
         """Forget its relapses."""
-        self._relapses = self.refusals = self._told = 0
+        self._relapses = self._doubtful = self.refusals = self._told = 0
         self._returned = self._tell_at = -math.inf
         self._soon = False
 
@@ -155,12 +166,14 @@ class NodeReturn:
         due = self._start_at, self._awaited_by
         returned = None if self._returned == -math.inf else self._returned
         trust = self._relapses, returned, self._soon
-        return Trust(self.restarts, self.exhausted, *trust, self._well_since, *due)
+        well = self._well_since
+        return Trust(self.restarts, self.exhausted, *trust, well, *due, self._doubtful)
 
     def take_up(self, trust: Trust) -> None:
         """Go on as a former reconfigurator has left it."""
         self.restarts, self.exhausted = trust.restarts, trust.exhausted
         self._relapses, self._soon = trust.relapses, trust.soon
+        self._doubtful = trust.doubtful
         self._returned = -math.inf if trust.returned is None else trust.returned
         self._well_since = trust.well_since
         self._start_at, self._awaited_by = trust.start_at, trust.awaited_by

@@ -35,6 +35,7 @@ class Trust:
     well_since: Optional[float] = None
     start_at: Optional[float] = None
     awaited_by: Optional[float] = None
+    doubtful: int = 0
 
 
 class Fate(Word):

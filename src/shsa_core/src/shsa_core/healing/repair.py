@@ -32,7 +32,7 @@ class Repair(Judgement):
         self.substitute.begin(now.time)
         self._pauses = 0
         if event.kind is not Kind.REQUESTED:
-            self._return.failed(event.time)
+            self._return.failed(event.time, not now.by_link(event.kind))
         self._faulty.failed(event.publisher, event.kind)
         self.incident = Incident(
             id=now.incident,
@@ -81,7 +81,7 @@ class Repair(Judgement):
         text = f"{now.service.topic}: {event.publisher} failed again: {event.detail}."
         self._faulty.failed(event.publisher, event.kind)
         self._timers.clear()
-        self._return.relapsed(event.time)
+        self._return.relapsed(event.time, not now.by_link(event.kind))
         plan, none = self._search(now)
         requests = [Log(Level.WARN, text), *self._judge(now, plan is not None)]
         detail = f"{event.publisher} failed again: {event.detail}"
@@ -174,7 +174,8 @@ class Repair(Judgement):
     def _follow(self, now: Snapshot, plan: Plan) -> List[Request]:
         """Set a process to work on a plan."""
         assert self.incident is not None
-        self._limit.healed(now.time)
+        if not now.by_link(self._faulty.kind):
+            self._limit.healed(now.time)
         if self.incident.state is State.KEPT:
             self.substitute.begin(now.time)
         publishes = bool(self.node) and self.incident.state in (State.HEALED, State.SAFE)

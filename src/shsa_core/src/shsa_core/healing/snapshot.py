@@ -10,7 +10,7 @@ from shsa_core.healing.placement import Place
 from shsa_core.healing.planner import AnyPlan, Planner
 from shsa_core.healing.pool import Spare
 from shsa_core.healing.settings import Settings
-from shsa_core.model.kinds import Kind, Standby
+from shsa_core.model.kinds import BY_LINK, Kind, Standby
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import PublisherHealth
 
@@ -29,6 +29,7 @@ class Snapshot:
     `verdict` decides about a faulty node: its name, the kind of
     failure, whether something takes the service over, and whether the node would be started again.
     `awaited`: whether a node that comes back may bring another service that nothing else gives.
+    `far`: the service's node is on another computer, behind a link.
     """
 
     time: float
@@ -44,6 +45,11 @@ class Snapshot:
     fresh: str
     verdict: Callable[[str, Kind, bool, bool], Verdict]
     awaited: Callable[[str], bool]
+    far: bool = False
+
+    def by_link(self, kind: Kind) -> bool:
+        """Whether a failure of the service's node may be one of its link."""
+        return self.far and kind in BY_LINK
 
     @property
     def hot(self) -> bool:

@@ -3,6 +3,7 @@
 A node that was silent while its computer was not heard has not failed again: the network had. It
 is not punished for that by a longer hold-off, and is not kept out.
 """
+from dataclasses import replace
 from typing import List
 
 from shsa_core.errors import ShsaError
@@ -73,6 +74,20 @@ class Stranding(Resumption):
         self._faulty.gone()
         text = f"{self.incident.topic}: {self.incident.faulty_node} may still run: {why}."
         return [Log(Level.WARN, text), *self._step(detail=text)]
+
+    def sends(self, now: Snapshot, why: str) -> List[Request]:
+        """The faulty node does well on its own computer: its substitute bridges the bad link."""
+        assert self.incident is not None
+        known = self._faulty.cut_off
+        self._faulty.sends(why)
+        if known:
+            return []
+        text = f"{self.incident.topic}: {self._faulty.decision}."
+        return [Log(Level.WARN, text), *self._step(detail=text)]
+
+    def kill(self, now: Snapshot) -> List[Request]:
+        """The kill of the faulty node that has waited for its computer."""
+        return [replace(self._faulty.kill(now.service), urgent=True, only_here=False)]
 
     @property
     def silent(self) -> bool:

@@ -88,6 +88,7 @@ class TopicHealing(Stranding):
         if not event.certain:
             return self._left_alone(now, f"{event.node} may still be running: {event.detail}")
         self._faulty.gone()
+        self._return.confirm()
         if event.node != now.service.node:
             self._return.give_up()  # how a stranger was started is not known
         elif self.incident.state is not State.RETURNING and not self._kept_out:

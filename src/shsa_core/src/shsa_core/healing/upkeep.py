@@ -286,6 +286,7 @@ class Upkeep:
             fresh=self.names.fresh(service.topic.strip("/").replace("/", "_")),
             verdict=partial(self._stakes.verdict, self._planner, advised, waiting),
             awaited=partial(self._stakes.awaited, service),
+            far=bool(self._where.host_of(service.node)),
         )
 
     def _absorb(self, requests: Iterable[Request]) -> List[Command]:
@@ -297,6 +298,8 @@ class Upkeep:
                 if host and request.only_here and self._hosts.reachable(host):
                     self._awaited.add(self._time, request.node, host, True)
                     continue
+                if not host:
+                    request = replace(request, period=0.0)  # there is no link
                 self._awaited.forget(request.node)
                 commands += self._kills.begin(self._time, request)
                 self._unsettle_node(request.node)

@@ -39,6 +39,9 @@ class Kind(Word):
 QUIET = (Kind.NODE_GONE, Kind.SILENT, Kind.NEVER_PUBLISHED)
 """The failures of a publisher that says nothing; any other one may still be heard."""
 
+BY_LINK = (Kind.SILENT, Kind.NEVER_PUBLISHED, Kind.RATE_LOW, Kind.RATE_HIGH)
+"""The failures that a bad link shows of a node on another computer that does well."""
+
 
 class Contain(Word):
     """Whether the node of a failed service is killed, where the SOM decides that."""

@@ -15,7 +15,7 @@ import rosgraph
 import rospy
 
 from shsa_core.healing.events import Where
-from shsa_core.ros.graph import kernel
+from shsa_core.ros.graph import kernel, sending
 from shsa_core.ros.graph.listing import Listing, unregister
 from shsa_core.ros.graph.node_api import FAILURES, ask, master_api, pid, publications
 
@@ -148,6 +148,15 @@ class Fence:
             return doubt
         return Found(self._put(node, known).where)
 
+    def sends(self, node: str, topic: str, seconds: float) -> Optional[float]:
+        """How many messages/s a node that was found sends on a topic; see `sending.rate`."""
+        known = self._get(node)
+        try:
+            uri = self._uri(node, known) if known is not None else ""
+        except FAILURES:
+            return None
+        return sending.rate(uri, topic, seconds) if uri else None
+
     def ask_to_leave(
         self, node: str, left: Callable[[], None], failed: Callable[[str], None]
     ) -> None:
@@ -264,14 +273,18 @@ class Fence:
     def _ask(self, node: str, known: Known) -> None:
         """Ask a node here to leave; whether it does, its process tells."""
         try:
-            uri = known.uri
-            if not uri:  # it was not up yet when we started it
-                current = self.look(node)
-                uri = current.uri if current and current.process == known.process else ""
+            uri = self._uri(node, known)
             if uri:
                 ask(uri, "shutdown", WHY)
         except FAILURES as error:
             rospy.logdebug("%s was asked to leave: %s", node, error)
+
+    def _uri(self, node: str, known: Known) -> str:
+        """The address of a node; empty: it has none now. Raises one of FAILURES."""
+        if known.uri:
+            return known.uri
+        current = self.look(node)  # it was not up yet when we started it
+        return current.uri if current and current.process == known.process else ""
 
     def _ask_elsewhere(
         self, node: str, uri: str, left: Callable[[], None], failed: Callable[[str], None]

@@ -8,6 +8,7 @@ import rospy
 from shsa_core import dispatch
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
+from shsa_core.healing.events import Where
 from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.coming_up import ComingUp
 from shsa_core.ros.graph.fence import Fence, Known
@@ -169,7 +170,10 @@ class LocalHost:
     def _find(self, command: events.FindNode) -> None:
         found = self.fence.find(command.node, command.topic, command.successor)
         starter = self.fence.starter(command.node)
-        self._tell(events.NodeFound(clock.now(), command.node, *found, starter))
+        rate = None
+        if command.listen and found.where is Where.HERE:
+            rate = self.fence.sends(command.node, command.topic, command.listen)
+        self._tell(events.NodeFound(clock.now(), command.node, *found, starter, rate))
 
     def _ask_to_leave(self, command: events.AskToLeave) -> None:
         node = command.node
