@@ -92,6 +92,27 @@ def test_the_topics_of_one_node_are_one_node() -> None:
     assert bench.failures[0].time == pytest.approx(last + DEADLINE)
 
 
+def slow_stream(bench: Bench, slow: Iterable[str], seconds: float) -> None:
+    """Some nodes publish at half their rate, the others as ever."""
+    for _ in range(round(seconds / PERIOD / 2)):
+        stream(bench, NODES, PERIOD)
+        stream(bench, [node for node in NODES if node not in slow], PERIOD)
+
+
+def test_nodes_that_are_slow_together_are_not_blamed_as_long_as_that_lasts() -> None:
+    bench = robot()
+    slow_stream(bench, NODES[1:], 5.0)
+    assert bench.failures == []
+    slow_stream(bench, NODES[3:], 5.0)
+    assert bench.kinds() == [(NODES[3], "rate_low")]
+
+
+def test_one_or_two_that_are_slow_are_found() -> None:
+    bench = robot()
+    slow_stream(bench, NODES[2:], 5.0)
+    assert sorted(bench.kinds()) == [(NODES[3], "rate_low"), (NODES[2], "rate_low")]
+
+
 def test_slow_and_event_driven_topics_do_not_count_as_late() -> None:
     slow = [service(name=f"s{n}", topic=f"/s{n}", node=f"/s{n}", period=0.5) for n in range(4)]
     event = service(name="event", topic="/event", node="/event", period=None)

@@ -182,6 +182,8 @@ class Kills:
             return [], self._spare(time, node)
         if event.where is Where.UNREACHABLE:
             return [], self.unreached(time, node, event.detail or "its computer cannot be reached")
+        if event.where is Where.UNKNOWN and kill.period:
+            return [], self.unreached(time, node, event.detail or "nothing can be verified there")
         if event.where is Where.UNKNOWN:
             why = event.detail or "it cannot be verified which process it is"
             return [], self._over(time, node, False, why)

@@ -118,6 +118,14 @@ class Evidence:
         return not self._rate_checks or len(self._times) >= self._enough
 
     @property
+    def pace(self) -> Optional[float]:
+        """How often messages came lately, of what the period gives; None: not known yet."""
+        if not self._rate_checks or len(self._times) < self._enough:
+            return None
+        passed = self._times[-1][1] - self._times[0][1]
+        return (len(self._times) - 1) * self._period / passed if passed > 0.0 else None
+
+    @property
     def recovery(self) -> int:
         """So many good messages in a row end a failure."""
         return self._verdict.recovery

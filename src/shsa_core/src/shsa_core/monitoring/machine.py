@@ -296,6 +296,8 @@ class Monitor:
         seen = probation.for_kept(event) if probation else event
         if publisher.evidence is not None:
             good, failure = publisher.evidence.weigh(seen, publisher.state is FAILED)
+            if failure is not None and self._is_excused(publisher, failure, event.time):
+                good, failure = True, None
         if probation is not None:
             good = self._trials.weigh(topic, publisher, probation, event, good)
         witnessed = self._witnessed(publisher, seen, good)
@@ -309,6 +311,12 @@ class Monitor:
             self._board.fail(topic, publisher, event.time, failure.kind, failure.detail)
         self._calibrate(publisher, seen, good)
         return good
+
+    def _is_excused(self, publisher: Publisher, failure: Finding, time: float) -> bool:
+        """Whether a publisher is slow as others are that have nothing to do with it."""
+        if failure.kind is not Kind.RATE_LOW or not publisher.is_healthy:
+            return False
+        return self._excuses.slow_together((each for _, each in self._board.all()), time)
 
     def _calibrate(self, publisher: Publisher, event: Message, good: bool) -> None:
         """Learn from the values of a service's own node, as long as nothing is held against it."""

@@ -1,8 +1,10 @@
-"""Whether a silence is the publisher's own, or has another cause that passes.
+"""Whether a silence or a low rate is the publisher's own, or has another cause that passes.
 
 There are three: the monitor itself was not scheduled; healing connects to the node, which then has
 its threads to share; nodes that have nothing to do with each other fall silent together, as where
 the computer is short of time. Each grants more time, all of them together one deadline at most.
+
+Nodes that are all slow are slow for one reason too: none of them is blamed as long as that lasts.
 """
 from math import inf
 from typing import Dict, Iterable
@@ -17,6 +19,10 @@ TOGETHER_NODES = 3
 """So many nodes that are late at the same time are late for one reason."""
 MISSED_PERIODS = 1.5
 LEAST_GRANT_S = 1e-4
+SLOW_PACE = 0.8
+"""Of its rate: half way to what counts as too low where the SOM says nothing."""
+LOOK_S = 0.1
+"""Who is slow is looked at so often: every message of a slow node asks for it."""
 EVERYBODY = ""
 
 
@@ -25,6 +31,7 @@ class Excuses:
 
     def __init__(self) -> None:
         self._connected: Dict[str, float] = {}
+        self._slow, self._looked = 0, -inf
 
     def connected(self, node: str, time: float) -> None:
         """A connection to a node was made; `EVERYBODY`: a substitute came up, and may listen to
@@ -48,6 +55,13 @@ class Excuses:
             return max(0.0, 2 * allowed - publisher.silence(now.time))
         return 0.0
 
+    def slow_together(self, publishers: Iterable[Publisher], time: float) -> bool:
+        """Whether so many nodes are slow that it is for one reason."""
+        if not 0.0 <= time - self._looked < LOOK_S:
+            self._looked = time
+            self._slow = len({each.name for each in publishers if _is_slow(each)})
+        return self._slow >= TOGETHER_NODES
+
     def _disturbed(self, publisher: Publisher, time: float) -> bool:
         """Whether healing connected since shortly before the last message."""
         began = time - publisher.silence(time) - CONNECT_S
@@ -65,3 +79,8 @@ def _is_late(publisher: Publisher, time: float) -> bool:
         return False
     least = max(publisher.allowed / 2, MISSED_PERIODS * service.period)
     return publisher.is_healthy and publisher.silence(time) >= least
+
+
+def _is_slow(publisher: Publisher) -> bool:
+    pace = publisher.evidence.pace if publisher.evidence is not None else None
+    return publisher.is_healthy and pace is not None and pace < SLOW_PACE
