@@ -68,6 +68,30 @@ def test_a_value_counts_up_to_its_deadline() -> None:
     assert inputs.values([], 0.0) == ()
 
 
+def test_what_comes_after_a_silence_and_is_late_is_no_value() -> None:
+    offset, cut_s = 5_000_000_000, 8.0
+    inputs = Freshness()
+    inputs.listen([IN])
+    inputs.take(1.0, "/in", "/sensor", [("data", 1.0)], age=offset)
+    back = 1.0 + cut_s
+    for age in (cut_s, cut_s / 2, 1.1 * DEADLINE):
+        inputs.take(back, "/in", "/sensor", [("data", 2.0)], age=offset + int(1e9 * age))
+        assert inputs.values([IN], back) is None
+    inputs.take(back, "/in", "/other", [("data", 4.0)], age=int(1e9 * cut_s))
+    assert inputs.values([IN], back) == (4.0,)
+    inputs.take(back + 0.1, "/in", "/sensor", [("data", 3.0)], age=offset)
+    assert inputs.values([IN], back + 0.1) == (3.0,)
+
+
+def test_a_clock_that_was_set_during_a_silence_holds_nothing_up_for_longer_than_that() -> None:
+    inputs = Freshness()
+    inputs.listen([IN])
+    inputs.take(1.0, "/in", "/sensor", [("data", 1.0)])
+    for step in range(21):
+        inputs.take(3.0 + 0.1 * step, "/in", "/sensor", [("data", 2.0)], age=10**10)
+    assert inputs.values([IN], 5.0) == (2.0,)
+
+
 def test_a_signal_of_one_node_takes_its_messages_alone() -> None:
     inputs = Freshness()
     named, anybody = signal("/in", node="/left"), signal("/in")

@@ -1,4 +1,9 @@
-"""The newest value of each signal that a substitute listens to, and whether it counts."""
+"""The newest value of each signal that a substitute listens to, and whether it counts.
+
+What comes after a silence may be a backlog, as after a cut of a link: its stamps are older than
+usual, and it tells of the past.
+"""
+from math import inf
 from typing import Dict, Iterable, Optional, Sequence, Tuple
 
 from shsa_core.model.service import Signal
@@ -9,6 +14,29 @@ Reading = Tuple[float, float, int]
 """When a value came, the value, and the stamp of its message in ns."""
 
 
+class _Stream:
+    """The messages of one publisher of a topic. Times in s."""
+
+    def __init__(self) -> None:
+        self._came = inf
+        self._usual = 0  # ns by which a message's stamp is older than the message here
+        self._catches_up_until = -inf
+
+    def is_backlog(self, time: float, age: int, allowed: float) -> bool:
+        """Whether a message tells of the past; `age`: of its stamp, in ns.
+
+        So it is after a silence of more than `allowed` s, for no longer than that lasted: then it
+        is the clock over there that was set.
+        """
+        silence, self._came = time - self._came, time
+        if silence > allowed:
+            self._catches_up_until = time + silence
+        if time < self._catches_up_until and age - self._usual > 1e9 * allowed:
+            return True
+        self._usual, self._catches_up_until = age, -inf
+        return False
+
+
 class Freshness:
     """Values and how old each is.
 
@@ -17,12 +45,17 @@ class Freshness:
 
     def __init__(self) -> None:
         self._readings: Dict[str, Dict[Key, Optional[Reading]]] = {}
+        self._allowed: Dict[str, float] = {}  # by topic: the shortest deadline
+        self._streams: Dict[Tuple[str, str], _Stream] = {}
 
     def listen(self, signals: Iterable[Signal]) -> Tuple[Signal, ...]:
         """Keep the values of `signals` from now on; those of them that are new."""
         new = []
         for signal in signals:
             readings = self._readings.setdefault(signal.topic, {})
+            if signal.deadline is not None:
+                known = self._allowed.get(signal.topic, inf)
+                self._allowed[signal.topic] = min(known, signal.deadline)
             key = signal.field, signal.node
             if key not in readings:
                 readings[key] = None
@@ -36,8 +69,15 @@ class Freshness:
         publisher: str,
         values: Iterable[Tuple[str, float]],
         stamp: int = 0,
+        age: int = 0,
     ) -> None:
-        """Keep the values of a message."""
+        """Keep the values of a message, unless it tells of the past.
+
+        `stamp`, and its `age` on arrival, in ns.
+        """
+        stream = self._streams.setdefault((topic, publisher), _Stream())
+        if stream.is_backlog(time, age, self._allowed.get(topic, inf)):
+            return
         readings = self._readings.get(topic, {})
         for field, value in values:
             for key in ((field, ""), (field, publisher)):

@@ -295,7 +295,8 @@ class Substitute:
     def _input_arrived(self, event: events.InputArrived) -> List[Command]:
         self._stamps.clock(event.time, event.ros_time)
         stamp = min(event.stamp or event.ros_time, event.ros_time)
-        self._freshness.take(event.time, event.topic, event.publisher, event.values, stamp)
+        age = event.ros_time - stamp
+        self._freshness.take(event.time, event.topic, event.publisher, event.values, stamp, age)
         job = self._job
         if job is not None and job.period is None:
             if any(signal.topic == event.topic for signal in job.inputs):
