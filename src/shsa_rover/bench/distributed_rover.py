@@ -31,10 +31,11 @@ TOPIC, NODE = "/battery_current", "/amperemeter"
 NODES = (NODE, "/imu")
 """On the Raspberry Pi."""
 TOPICS = (TOPIC, "/battery_voltage", "/odom", "/drivetrain/accel", "/imu/data", "/cmd_vel")
-HOLD_OFF_S = 1.0
+HOLD_OFF_S = 0.5
 RELAPSE_S = 5.0 * HOLD_OFF_S + 1.0
 """An original that fails sooner after its return has relapsed: no two failures are so near."""
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
+"""A way back over a bad link takes up to a minute."""
 CONSUMER = Path(__file__).with_name("hosts_consumer.py")
 
 
@@ -62,6 +63,8 @@ class DistributedRover:
         wait_until(rosgraph.is_master_online, PATIENCE_S, "the master")
         rospy.init_node("bench_hosts", anonymous=True, disable_signals=True)
         self.healing = HealedRobot()
+        self._steps: List[Incident] = []
+        rospy.Subscriber("/shsa/incidents", Incident, self._steps.append)
         self._world = self._simulate()
         for name in (MAINBOARD, PI):
             self._boot(name)
@@ -99,6 +102,10 @@ class DistributedRover:
             (each for each in found if each.topic == TOPIC and each.id > since),
             key=lambda each: int(each.id),
         )
+
+    def steps(self, since: int) -> List[Incident]:
+        """The steps of the topic's incidents after one, in order."""
+        return [each for each in list(self._steps) if each.topic == TOPIC and each.id > since]
 
     def await_healed(self, since: int) -> None:
         """Wait until a newer incident is healed. Raises AssertionError."""

@@ -3,10 +3,11 @@
 The rover runs on three computers made of namespaces, healed from the notebook; deadline: the SOM's.
 Of each repetition: `outage_ms`, the longest pause between fresh messages; `lost`, messages that the
 consumer missed, counted by their numbers, and where the publisher changed by the pause; `late`,
-messages that were older than the deadline as they came; `taken`, how many of them came while their
-publisher counted as healthy; `publishers` that are heard once the dust has settled, and
-`two_heard_ms`, for how long two were heard with fresh messages; `ended`, nodes that healing had
-ended though only their link was bad.
+messages of the amperemeter that were older than the deadline as they came; `taken`, how many of
+them came while it was the publisher by healing's word; `delayed`, messages of substitutes that were
+as old, as where the computer has too much to do; `publishers` that are heard once the dust has
+settled, and `two_heard_ms`, for how long two were heard with fresh messages; `ended`, nodes that
+healing had ended though only their link was bad.
 
 Writes hosts.csv, hosts_goals.csv and hosts.png. Needs the right to make namespaces.
 """
@@ -50,6 +51,8 @@ def judge(rows: Dict[str, List[Outcome]]) -> Goals:
             of = lambda field: [getattr(each, field) for each in outcomes]
             goals.at_most(f"{name}: stale messages accepted", "rospy", 0, max(of("taken")), "")
             goals.at_most(f"{name}: publishers", "rospy", 1, max(of("publishers")), "")
+            ended = sum(len(each.split()) for each in of("ended"))
+            goals.at_most(f"{name}: nodes ended that were well", "rospy", 0, ended, "")
             if "hot" in name:
                 p95 = summary(of("outage_ms"))[1]
                 goals.at_most(f"{name}: p95, 2 periods", "rospy", 2e3 * PERIOD_S, p95, "ms")
@@ -60,7 +63,7 @@ def show(rows: Dict[str, List[Outcome]]) -> None:
     """Print the table."""
     columns = (
         *("", "n", "outage, ms", "lost", "late"),
-        *("late, taken", "publishers", "two heard, ms", "incidents", "ended"),
+        *("late, taken", "delayed", "publishers", "two heard, ms", "incidents", "ended"),
     )
     table: List[Tuple[str, ...]] = []
     for name, outcomes in rows.items():
@@ -73,6 +76,7 @@ def show(rows: Dict[str, List[Outcome]]) -> None:
                 in_words(of("lost"), 0),
                 in_words(of("late"), 0),
                 str(max(of("taken"), default="")),
+                str(max(of("delayed"), default="")),
                 str(max(of("publishers"), default="")),
                 in_words(of("two_heard_ms"), 0),
                 in_words(of("incidents"), 0),

@@ -17,6 +17,8 @@ from shsa_core.ros.graph import clock
 PERIOD_S = 0.02
 DEADLINE_S = 0.25
 SETTLED_S = 3.0
+SETTLED_HERE_S = 1.5
+"""Where no link is mended."""
 LISTEN_S = 1.0
 
 
@@ -27,6 +29,7 @@ class Outcome(NamedTuple):
     lost: int
     late: int
     taken: int
+    delayed: int
     publishers: int
     two_heard_ms: float
     incidents: int
@@ -86,7 +89,7 @@ def measure(rover: DistributedRover, row: Row) -> Outcome:
         time.sleep(row.lasts - (time.monotonic() - failed))
     else:
         rover.await_healed(before)
-        time.sleep(SETTLED_S)
+        time.sleep(SETTLED_HERE_S)
     settled, mended = rover.speakers(LISTEN_S), time.monotonic()
     row.mend(rover)
     if row.lasts:
@@ -96,8 +99,9 @@ def measure(rover: DistributedRover, row: Row) -> Outcome:
     if row.lasts:
         settled = rover.speakers(LISTEN_S)
     incidents = rover.incidents(before)
-    heard = rover.since(begun)
-    late = [each for each in heard if each.age > DEADLINE_S]
+    heard, steps = rover.since(begun), rover.steps(before)
+    stale = [each for each in heard if each.age > DEADLINE_S]
+    late = [each for each in stale if each.node == NODE]
     fresh = [each for each in heard if each.age <= DEADLINE_S]
     until = float("inf") if row.lasts else mended  # a node that starts takes processor time
     outage = [each for each in fresh if each.at < until]
@@ -105,7 +109,8 @@ def measure(rover: DistributedRover, row: Row) -> Outcome:
         1e3 * max(b.at - a.at for a, b in zip(outage, outage[1:])),
         lost(outage),
         len(late),
-        sum(counts_as_healthy(each, incidents) for each in late),
+        sum(counts(each.at, steps) for each in late),
+        len(stale) - len(late),
         len(settled),
         1e3 * two_heard(fresh),
         len(incidents),
@@ -123,16 +128,21 @@ def lost(fresh: Sequence[Heard]) -> int:
     return count
 
 
-def counts_as_healthy(message: Heard, incidents: Iterable[Incident]) -> bool:
-    """Whether its publisher was not known to have failed as it came."""
-    if message.node != NODE:
-        return True
-    for each in incidents:
-        detected = clock.from_stamp(each.detected) or 0.0
-        returned = clock.from_stamp(each.returned) or float("inf")
-        if detected <= message.at < returned:
-            return False
-    return True
+def counts(time: float, steps: Iterable[Incident]) -> bool:
+    """Whether the amperemeter counted as the publisher at a moment in s, by what healing has said.
+
+    It does up to `detected` and from `returned` on, until it fails again.
+    """
+    counted, incident = True, 0
+    for step in steps:
+        back = step.state in (Incident.RETURNING, Incident.ENDED)
+        if back is not counted:
+            fails = step.detected if step.id != incident else step.header.stamp
+            if (clock.from_stamp(step.returned if back else fails) or 0.0) > time:
+                break
+            counted = back
+        incident = step.id
+    return counted
 
 
 def two_heard(fresh: Sequence[Heard]) -> float:
