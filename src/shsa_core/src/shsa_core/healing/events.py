@@ -339,6 +339,13 @@ class WatchNodes:
 
 
 @dataclass(frozen=True)
+class AskMonitor:
+    """Have the monitor of a computer tell its whole table once more (HealthSeen)."""
+
+    host: str
+
+
+@dataclass(frozen=True)
 class FindNode:
     """Find out where the process of a node runs that is to be killed; answered by NodeFound.
 
@@ -499,6 +506,7 @@ Command = Union[
     WriteDown,
     LearnNode,
     WatchNodes,
+    AskMonitor,
     FindNode,
     AskToLeave,
     EndProcess,

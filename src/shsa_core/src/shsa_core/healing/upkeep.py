@@ -278,6 +278,7 @@ class Upkeep:
             settings=self.settings,
             planner=self._planner,
             publishers=self._nodes.health(service.topic),
+            watched=self._nodes.watched(service.topic),
             originals=self._availability.originals(self._som, service),
             killing=self._kills.nodes,
             incident=self._incidents + 1,
