@@ -27,7 +27,7 @@ from shsa_core.healing.strays import Strays
 from shsa_core.healing.tables import SomTable, SubstitutionTable
 from shsa_core.healing.topic import TopicHealing
 from shsa_core.healing.whereabouts import Whereabouts
-from shsa_core.model.kinds import Kind, Policy
+from shsa_core.model.kinds import Kind, OnPartition, Policy
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
@@ -332,6 +332,7 @@ class Upkeep:
             service.others,
             healing.last_message,
             healing.substitute.host,
+            service.on_partition if healing.substitute.host else OnPartition.WAIT,
         )
         self._substitutions.set(healing.node, row)
         return row
