@@ -3,8 +3,8 @@
 /first comes from there, and is needed here; only the monitor there watches it. /near comes from
 here, and is needed there; a hot substitute stands by there. Prints one JSON object: for each topic,
 as its consumer hears it, the longest `gap` in s during the cut, and `overlap`, from the first
-message of the original after the cut, backlog or not, to the substitute's last one; `near_here`,
-the same for the consumer of /near on our side, to which the substitute's backlog comes; `late`,
+message of the original that is heard after the cut, backlog or not, to the departure of the last
+one of the substitute; `near_here`, the same for the consumer of /near on our side; `late`,
 messages older than 0.25 s of both, that the cut had kept back; `after`, who publishes each topic
 for a second after all; `spared`: whether the originals run. With --restart, the reconfigurator is
 killed during the cut. Needs the right to make namespaces.
@@ -14,11 +14,13 @@ import json
 import os
 import signal
 import socket
+import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Dict, List, NamedTuple
+from typing import Dict, List, NamedTuple, Tuple
 
+import rosgraph
 import rospy
 from shsa_msgs.msg import Float64Stamped
 
@@ -92,20 +94,25 @@ def models(folder: Path) -> Dict[str, str]:
     """The files of ontology and SOM, as arguments of the launch file."""
     ontology, som = folder / "ontology.yaml", folder / "som.yaml"
     ontology.write_text(ONTOLOGY)
-    hot = {"needed": True, "standby": "hot"}
-    here, there = {"prefer": ["own"]}, {"prefer": ["far"]}
+
+    def hot(topic: str, host: str, other: str) -> Dict[str, object]:
+        """What comes from one computer, and has a substitute on the other."""
+        more = {"needed": True, "standby": "hot", "placement": {"prefer": [other]}}
+        return {**service(topic, ORIGINALS[topic], 0.02, host=host), **more}
+
     services = {
         "source": service("/source", "/source_node", 0.02, host="own"),
         "far_source": service("/far_source", "/far_source_node", 0.02, host="far"),
-        "first": service(FIRST, ORIGINALS[FIRST], 0.02, host="far", placement=here, **hot),
-        "near": service(NEAR, ORIGINALS[NEAR], 0.02, host="own", placement=there, **hot),
+        "first": hot(FIRST, "far", "own"),
+        "near": hot(NEAR, "own", "far"),
     }
     som.write_text(json.dumps({"hosts": {"own": {}, "far": {}}, "services": services}))
     return {"ontology": str(ontology), "som": str(som), "secret": str(folder / "secret")}
 
 
-def start(graph: Graph, far: Computer) -> None:
-    """Start the robot and its healing on both computers."""
+def start(graph: Graph, far: Computer) -> "List[subprocess.Popen[str]]":
+    """Start the robot and its healing on both computers; the processes of the originals."""
+    originals = []
     python = (sys.executable, str(FAULTY_PUBLISHER))
     for computer, topic, value in (
         (None, "/source", 1.0),
@@ -114,7 +121,9 @@ def start(graph: Graph, far: Computer) -> None:
         (None, NEAR, 10.0),
     ):
         words = (*python, f"_topic:={topic}", f"_value:={value}", f"__name:={topic[1:]}_node")
-        graph.start(*(far.words(*words) if computer else words))
+        process = graph.start(*(far.words(*words) if computer else words))
+        if topic in ORIGINALS:
+            originals.append(process)
     files = models(graph.folder)
     given = [f"{name}:={file}" for name, file in files.items()]
     launch = ("roslaunch", "shsa_core", "shsa.launch", "host:=own", "monitors_on:=far")
@@ -125,13 +134,14 @@ def start(graph: Graph, far: Computer) -> None:
     signed = ("--secret", str(secret))
     graph.start(*far.words(*node("agent", "--name", "far", *signed)))
     graph.start(*far.words(*node("monitor", "--som", files["som"], "--host", "far", *signed)))
+    return originals
 
 
 def figures(heard: List[Heard], original: str, down: float, up: float) -> Dict[str, float]:
     """What a consumer heard of a cut."""
     times = [down, *(each.at for each in heard if down < each.at < up), up]
     back = [each.at for each in heard if each.node == original and each.at > up]
-    others = [each.at for each in heard if each.node != original and each.at > up]
+    others = [each.at - each.age for each in heard if each.node != original and each.at > up]
     overlap = max(others, default=0.0) - min(back) if back else -1.0
     return {
         "gap": round(max(b - a for a, b in zip(times, times[1:])), 3),
@@ -139,17 +149,25 @@ def figures(heard: List[Heard], original: str, down: float, up: float) -> Dict[s
     }
 
 
+def overheard() -> bool:
+    """Whether a substitute listens for others who publish what it may have to."""
+    _, subscribers, _ = rosgraph.Master(rospy.get_name()).getSystemState()
+    return any(
+        "/substitute_near" in " ".join(nodes) for topic, nodes in subscribers if topic == NEAR
+    )
+
+
 def measure(graph: Graph, far: Computer, seconds: float, restart: bool) -> object:
     """Cut the link for so long, and look what comes of it."""
-    start(graph, far)
+    originals = start(graph, far)
     there, here, beside = Consumer(graph, far, NEAR), Listener(FIRST), Listener(NEAR)
     healing = graph.healing
     healing.await_available(FIRST, NEAR, "/source", "/far_source", seconds=HEALED_S)
     placed = lambda: {row.service: row.host for row in healing.substitutions if row.service}
     wait_until(lambda: placed() == {"first": "", "near": "far"}, HEALED_S, "hot substitutes")
     wait_until(lambda: there.heard, PATIENCE_S, "the consumer there")
+    wait_until(overheard, HEALED_S, "the substitute there listens for others")
     time.sleep(SETTLED_S)
-    originals = [node_process(node) for node in ORIGINALS.values()]
     down = time.monotonic()
     far.link.cut()
     if restart:
@@ -165,8 +183,8 @@ def measure(graph: Graph, far: Computer, seconds: float, restart: bool) -> objec
         """Whether each consumer hears the original alone."""
         since = time.monotonic() - QUIET_S
         alone = True
-        for consumer, topic in ((there, NEAR), (here, FIRST), (beside, NEAR)):
-            names = {each.node for each in consumer.heard if each.at > since}
+        for heard, topic in ((there.heard, NEAR), (here.heard, FIRST), (beside.heard, NEAR)):
+            names = {each.node for each in heard if each.at > since}
             alone = alone and names == {ORIGINALS[topic]}
         return alone and all(not row.publishing for row in healing.substitutions)
 
@@ -176,16 +194,17 @@ def measure(graph: Graph, far: Computer, seconds: float, restart: bool) -> objec
     found: Dict[str, object] = {"seconds": seconds}
     after: Dict[str, List[str]] = {}
     late = 0
-    for name, heard, topic in (
+    consumers: Tuple[Tuple[str, List[Heard], str], ...] = (
         ("near", there.heard, NEAR),
         ("first", here.heard, FIRST),
         ("near_here", beside.heard, NEAR),
-    ):
+    )
+    for name, heard, topic in consumers:
         found[name] = figures(heard, ORIGINALS[topic], down, up)
         after[name] = sorted({each.node for each in heard if each.at > end - QUIET_S})
         late += sum(each.age > LATE_S for each in heard if each.at > up)
     found.update(after=after, late=late)
-    found["spared"] = all(each is not None and each.is_running() for each in originals)
+    found["spared"] = all(each.poll() is None for each in originals)
     return found
 
 

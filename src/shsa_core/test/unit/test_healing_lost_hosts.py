@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from core_robot import A, Robot, has, last_incident, only, publishing
+from core_robot import A, B, Robot, has, last_incident, only, publishing, service
 from hosts_robot import (
     BOARD,
     PI,
@@ -24,7 +24,8 @@ from shsa_core.healing import events
 from shsa_core.healing.awaited_kills import CERTAIN_S
 from shsa_core.healing.incident import State
 from shsa_core.healing.strays import HEARD_S
-from shsa_core.model.kinds import Policy, Standby
+from shsa_core.model.kinds import OnPartition, Policy, Standby
+from shsa_core.model.som import Som
 
 # A computer is lost
 
@@ -341,3 +342,36 @@ def test_a_broken_invariant_of_computers_is_told() -> None:
     robot.core._hosts._known[BOARD].detail = "silent"
     with pytest.raises(ShsaError, match="stands by on a computer that is lost"):
         robot.core.validate()
+
+
+# Who yields at the reunion
+
+
+def test_a_substitute_yields_to_an_original_that_was_only_silent_on_another_computer() -> None:
+    robot = distributed(standby=Standby.HOT)
+    (row,) = robot.working()
+    assert row.on_partition is OnPartition.HEAL and not row.yields
+    cut(robot, 10.0)
+    (row,) = robot.working()
+    assert row.publishing and row.yields
+    commands = robot.failure("/a", row.node, 18.0, "silent", "no message", 17.7)
+    assert not stopped(commands)  # it may have heard the original before we do
+    assert last_incident(back(robot, 18.1)).state is State.RETURNING
+    (row,) = robot.working()
+    assert not row.publishing and not row.yields
+
+
+def test_a_substitute_yields_to_nobody_where_the_original_is_wrong_or_gone() -> None:
+    robot = distributed(standby=Standby.HOT)
+    robot.fail("/a", A, 10.0)
+    node = takes_over(robot, 10.1)
+    robot.killed(10.2, A)
+    assert [row.yields for row in robot.working()] == [False]
+    assert stopped(robot.failure("/a", node, 12.0, "silent", "no message", 11.7)) == [node]
+
+
+def test_where_all_is_on_one_computer_nobody_listens_for_others() -> None:
+    robot = Robot(Som([service("a", A, needed=True, standby=Standby.HOT), service("b", B)]))
+    assert [row.on_partition for row in robot.working()] == [OnPartition.WAIT]
+    robot.failure("/a", A, 10.0, "silent", "no message", 9.7)
+    assert [row.yields for row in robot.working()] == [False]

@@ -153,3 +153,11 @@ def test_where_the_som_says_wait_a_cut_changes_nothing() -> None:
     driver = running(publishing=True)
     cut(driver)
     assert side(driver, 1.0, other=True)
+
+
+def test_one_whose_original_was_only_silent_yields_to_it_and_goes_on_when_it_is_silent() -> None:
+    driver = hot(publishing=True)
+    driver.change(replace(heals(publishing=True), yields=True))
+    assert side(driver, 1.0)
+    assert side(driver, 2.0, other=True) == []
+    assert side(driver, 3.0)[0][0] >= 2.0 + DEADLINE - 2 * PERIOD

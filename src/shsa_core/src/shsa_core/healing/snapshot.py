@@ -28,6 +28,7 @@ class Snapshot:
     process there, if there is one for this service; `fresh`: the name of a new one. At most one of
     the two is taken each time. `verdict` decides about a faulty node: its name, the kind of
     failure, whether something takes the service over, and whether the node would be started again.
+    `parted`: whether a cut may part the substitute from us or from the original.
     `awaited`: whether a node that comes back may bring another service that nothing else gives.
     """
 
@@ -45,6 +46,7 @@ class Snapshot:
     fresh: str
     verdict: Callable[[str, Kind, bool, bool], Verdict]
     awaited: Callable[[str], bool]
+    parted: bool
 
     @property
     def hot(self) -> bool:

@@ -75,6 +75,15 @@ class Stranding(Resumption):
         return [Log(Level.WARN, text), *self._step(detail=text)]
 
     @property
+    def yields(self) -> bool:
+        """Whether the substitute is to be still once the faulty node is heard again.
+
+        It is if that was only silent, and nobody has made sure that it is gone.
+        """
+        waits = self.incident is not None and self.incident.killed is None
+        return waits and self.publishes and self.silent
+
+    @property
     def silent(self) -> bool:
         """Whether the faulty node is silent, as one is whose computer is cut off."""
         return self._faulty.kind in QUIET and self._faulty.kind is not Kind.NODE_GONE

@@ -287,6 +287,7 @@ class Upkeep:
             fresh=self.names.fresh(service.topic.strip("/").replace("/", "_")),
             verdict=partial(self._stakes.verdict, self._planner, advised, waiting),
             awaited=partial(self._stakes.awaited, service),
+            parted=self._where.parted(service),
         )
 
     def _absorb(self, requests: Iterable[Request]) -> List[Command]:
@@ -319,6 +320,7 @@ class Upkeep:
         plan = healing.substitute.plan
         if plan is None or not healing.node:
             return None
+        parted = self._where.parted(service)
         row = Substitution(
             healing.node,
             service.name,
@@ -332,7 +334,8 @@ class Upkeep:
             service.others,
             healing.last_message,
             healing.substitute.host,
-            service.on_partition if healing.substitute.host else OnPartition.WAIT,
+            service.on_partition if parted else OnPartition.WAIT,
+            parted and healing.yields,
         )
         self._substitutions.set(healing.node, row)
         return row

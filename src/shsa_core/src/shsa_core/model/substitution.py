@@ -15,7 +15,8 @@ class Substitution:
     `last_message`: the last good message of the service, serialized; empty: not known. An idle
     process has neither `service` nor `code`. `host`: the computer that it runs on, empty: the
     reconfigurator's own. `on_partition`: what it does by itself while that cannot reach the
-    reconfigurator.
+    reconfigurator. `yields`: it is still once another one is heard, as the node that it stands in
+    for was only silent, on another computer.
     """
 
     node: str
@@ -31,6 +32,7 @@ class Substitution:
     last_message: bytes = b""
     host: str = ""
     on_partition: OnPartition = OnPartition.WAIT
+    yields: bool = False
 
     @property
     def idle(self) -> bool:

@@ -1,8 +1,9 @@
-"""What a substitute does by itself while its computer cannot reach the reconfigurator.
+"""What a substitute does by itself: while its computer cannot reach the reconfigurator, and after.
 
 It publishes while nobody else does, as far as is heard on its side: so each side of a cut has one
 publisher. Whoever publishes as well when the sides meet again is heard, and it yields at once: it
-is the one that is spare. In reach of the reconfigurator it does as its row says.
+is the one that is spare. In reach of the reconfigurator it does as its row says, and yields if that
+says so: then it is the original that was cut off.
 """
 import math
 from typing import Optional
@@ -19,7 +20,7 @@ class CutOff:
 
     def __init__(self) -> None:
         self.topic = ""  # on which others are listened for; empty: on none
-        self._says = False
+        self._says = self._yields = False
         self._deadline: Optional[float] = None
         self._cut = False
         self._heard = False  # somebody else was, so that silence tells something
@@ -30,6 +31,7 @@ class CutOff:
     def follow(self, row: Substitution, topic: str) -> None:
         """The row is another one; `topic`: that of its program."""
         listens = row.on_partition is OnPartition.HEAL and topic != ""
+        self._yields = row.yields
         if topic != self.topic:
             self._heard = self._yielded = False
         if row.publishing is not self._says:
@@ -45,7 +47,7 @@ class CutOff:
         """Somebody else has published."""
         if topic == self.topic:
             self._heard, self._silence = True, 0.0
-            self._yielded = self._yielded or self._cut
+            self._yielded = self._yielded or self._cut or self._yields
 
     def pass_time(self, now: float) -> None:
         """Time passes."""

@@ -11,11 +11,12 @@ import socket
 import struct
 import threading
 import time
-from typing import Callable, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
 
-import rosgraph
 import rospkg
 import rospy
+
+from shsa_core.ros.graph.places import master_place
 
 PERIOD_S = 0.1
 """At least between two heartbeats of a process."""
@@ -155,12 +156,12 @@ class Signs:
                 self._heard(told)
                 self._answer(address)
 
-    def _answer(self, address: object) -> None:
+    def _answer(self, address: Any) -> None:
         """Tell a process whether the reconfigurator is in reach; nobody is waited for."""
         assert self._socket is not None
         answer = CUT_OFF if self._cut_off() else IN_REACH
         try:
-            self._socket.sendto(answer, socket.MSG_DONTWAIT, address)  # type: ignore[arg-type]
+            self._socket.sendto(answer, socket.MSG_DONTWAIT, address)
         except OSError:
             return  # it has ended, or does not listen
 
@@ -232,7 +233,7 @@ def _address(role: str) -> str:
     In the system's own space, without a folder, anybody could take its name, or fill its queue.
     Raises OSError.
     """
-    place = f"{rosgraph.get_master_uri()} {rospy.get_namespace()} {role}"
+    place = f"{master_place()} {rospy.get_namespace()} {role}"
     name = hashlib.sha256(place.encode()).hexdigest()[:32] + ".socket"
     folder = os.path.join(rospkg.get_ros_home(), "shsa")
     os.makedirs(folder, 0o700, exist_ok=True)

@@ -66,6 +66,7 @@ def substitution_message(row: Substitution) -> msg.Substitution:
         last_message=row.last_message,
         host=row.host,
         on_partition=str(row.on_partition),
+        yields=row.yields,
     )
 
 
@@ -93,6 +94,7 @@ def substitution_row(message: msg.Substitution) -> Substitution:
         last_message=bytes(message.last_message),
         host=message.host,
         on_partition=OnPartition(on_partition),
+        yields=message.yields,
     )
 
 
