@@ -55,6 +55,7 @@ class Robot:
     ) -> None:
         values: Dict[str, Any] = {"hold_off": 2.0, "start_timeout": 5.0, "pool": 1, **settings}
         self.core = Reconfigurator(ontology, som, Settings(**values), host=host)
+        self.som = som
         self.rows: Dict[Tuple[str, str], PublisherHealth] = {}
         self.said: List[events.Command] = []
         self.written: Dict[str, Record] = {}

@@ -88,6 +88,28 @@ def test_who_is_heard_by_nobody_knows_it(role: str) -> None:
     wait_until(heard, 5.0, "somebody hears it")
 
 
+def test_who_is_heard_is_told_whether_the_reconfigurator_is_in_reach(
+    role: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    away = [True]
+    heart = Heart(role)
+
+    def told(cut_off: bool) -> bool:
+        heart.beat()
+        return heart.cut_off is cut_off
+
+    heart.beat()
+    assert not heart.cut_off  # nobody says so
+    signs = Signs(role, cut_off=lambda: away[0])
+    wait_until(lambda: told(True), 5.0, "it is cut off")
+    away[0] = False
+    wait_until(lambda: told(False), 5.0, "it is in reach")
+    away[0] = True
+    wait_until(lambda: told(True), 5.0, "it is cut off again")
+    monkeypatch.setattr(heartbeats, "ANSWER_S", 0.0)
+    assert not heart.cut_off and signs.of("/test")  # an answer does not hold for ever
+
+
 def test_a_second_one_hears_nothing_and_says_so(role: str) -> None:
     first, second = Signs(role), Signs(role)
     Heart(role).beat()

@@ -120,3 +120,11 @@ def test_for_show_whoever_sends_the_whole_is_believed_after_a_reboot_too() -> No
     assert bench.send(10**15, 5, True) and bench.send(10**15, 6, False)
     assert not bench.send(10**15, 6, False) and not bench.asks_again
     assert bench.send(10**9, 0, True) and bench.send(10**9, 1, False)
+
+
+def test_a_whole_that_is_asked_for_is_awaited_before_anything_else_counts() -> None:
+    bench = Bench()
+    assert bench.send(7, 1, whole=True, sent=1)
+    bench.subscriber.ask_again()
+    assert not bench.send(7, 2, whole=False, sent=2)
+    assert bench.send(7, 2, whole=True, sent=3) and bench.send(7, 3, whole=False, sent=4)

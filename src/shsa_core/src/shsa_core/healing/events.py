@@ -341,6 +341,13 @@ class WatchNodes:
 
 
 @dataclass(frozen=True)
+class AskMonitor:
+    """Have the monitor of a computer tell its whole table once more (HealthSeen)."""
+
+    host: str
+
+
+@dataclass(frozen=True)
 class FindNode:
     """Find out where the process of a node runs that is to be killed; answered by NodeFound.
 
@@ -503,6 +510,7 @@ Command = Union[
     WriteDown,
     LearnNode,
     WatchNodes,
+    AskMonitor,
     FindNode,
     AskToLeave,
     EndProcess,

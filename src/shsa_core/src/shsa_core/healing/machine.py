@@ -8,14 +8,13 @@ from dataclasses import replace
 from typing import Any, Callable, Collection, Dict, List, Optional, Tuple, Type
 
 from shsa_core import dispatch
-from shsa_core.agenda import Agenda
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Event, FailureSeen, Level, Log
 from shsa_core.healing.host_events import HostLost, HostSeen
+from shsa_core.healing.hearing import Hearing
 from shsa_core.healing.incident import Incident
-from shsa_core.healing.reach import Reach
 from shsa_core.healing.records import RestartedNode
 from shsa_core.healing.settings import Settings
 from shsa_core.healing.upkeep import is_shared
@@ -26,13 +25,11 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import PublisherState
 
-TRIGGER_S = 0.1
-"""So long after the table a trigger may come: they travel on two connections."""
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
 """What only tells people comes after what acts: a line of the log takes as long as a takeover."""
 
 
-class Reconfigurator(Reach):
+class Reconfigurator(Hearing):
     """Heals every needed service of a SOM.
 
     Args:
@@ -57,8 +54,6 @@ class Reconfigurator(Reach):
         host: str = "",
     ) -> None:
         super().__init__(ontology, som, settings, namespace, dry_run, restarts, host)
-        self._ending = False
-        self._untold: Agenda[str] = Agenda()  # failures in the table, by their service
         self._handlers: Dict[Type[Event], Callable[[Any], List[Command]]] = dispatch.table(
             Event,
             {
@@ -125,6 +120,7 @@ class Reconfigurator(Reach):
             self._kills.deadline,
             self._acquaintance.deadline,
             self._untold.next(),
+            self._asked.next(),
             self._nodes.deadline,
             self._hosts.deadline,
         )
@@ -184,89 +180,6 @@ class Reconfigurator(Reach):
         """What stops on purpose is not healed."""
         self._ending = True
         return []
-
-    def _failure_seen(self, event: FailureSeen) -> List[Command]:
-        if self._ending:
-            return []
-        service = self._service_of(event)
-        if service is None or self._is_old_substitute(event.publisher, service.name):
-            return []
-        if event.kind is Kind.NO_VALUE and event.publisher not in self._concern.by_process:
-            return []  # only a substitute of ours can tell that of itself
-        if not event.detail:
-            who = event.publisher or "nobody"
-            text = f"{event.topic}: a failure of {who} is told without saying what was seen."
-            return [Log(Level.WARN, f"{text} Nothing is healed without evidence.")]
-        if not service.needed:
-            why = event.detail.rstrip(".")
-            text = f"{event.topic} failed: {why}. It is not marked `needed`, ignored."
-            return [Log(Level.WARN, text)]
-        # Whoever is asked about does well, and so does a substitute that tells of its law.
-        if event.kind not in (Kind.REQUESTED, Kind.NO_VALUE):
-            self._doubt(service, event)
-            self._nodes.note(event)
-            self._note_health(event.topic, event.publisher)
-        self._unsettle([service.name, *self._concerned(event.topic, event.publisher)])
-        return self._ask(service.name, lambda healing, now: healing.failed(now, event))
-
-    def _service_of(self, event: FailureSeen) -> Optional[Service]:
-        if event.service:
-            return self._som.services.get(event.service)
-        if event.publisher in self._concern.by_process:
-            return self._som.services.get(self._concern.by_process[event.publisher])
-        return self._som.service_of(event.topic, event.publisher)
-
-    def _is_old_substitute(self, publisher: str, service: str) -> bool:
-        known = publisher in self._nodes.substitutes
-        return known and self._concern.by_process.get(publisher) != service
-
-    def _health_seen(self, event: events.HealthSeen) -> List[Command]:
-        commands: List[Command] = []
-        concerned: Dict[str, None] = {}
-        judged: Dict[str, None] = {}
-        for topic, publisher in self._nodes.heed(event):
-            row = self._nodes.health(topic).get(publisher)
-            self._note_health(topic, publisher)
-            if publisher in self._concern.by_process:
-                concerned[self._concern.by_process[publisher]] = None
-            elif publisher not in self._nodes.substitutes:
-                services = self._concerned(topic, publisher)
-                concerned.update(dict.fromkeys(services))
-                self._unsettle(services)
-                blaming = self._concern.blaming(publisher)
-                judged.update(dict.fromkeys(name for name in blaming if name in self._concern.kept))
-                commands += self._acquaint(publisher, row)
-        for name in concerned:
-            self._expect_trigger(event.time, name)
-            commands += self._ask(name, lambda healing, now: healing.changed(now))
-        for name in judged:
-            commands += self._ask(name, lambda healing, now: healing.reconsider(now))
-        return commands
-
-    def _expect_trigger(self, time: float, name: str) -> None:
-        """A trigger tells more than the table, and may come a moment after it."""
-        if self._missed_failure(time, name) is None:
-            self._untold.set(name, None)
-        else:
-            self._untold.bring_forward(name, time + TRIGGER_S)
-
-    def _missed_failure(self, time: float, name: str) -> Optional[FailureSeen]:
-        """The failure that the table tells of, and no trigger, as when we start late."""
-        service = self._som.services.get(name)
-        if self._ending or service is None or not service.needed or self._open(name):
-            return None
-        rows = self._rows(service)
-        if any(row.state is PublisherState.HEALTHY for row in rows):
-            return None
-        for row in rows:
-            excluded = row.publisher in self._nodes.excluded or row.publisher in self._kills.nodes
-            if row.state is PublisherState.FAILED and not excluded:
-                kind = row.kind or Kind.OTHER
-                detail = row.detail or f"the monitor's table says {kind}"
-                return FailureSeen(
-                    time, name, row.topic, row.publisher, kind, detail, row.last_good
-                )
-        return None
 
     def _som_changed(self, event: events.SomChanged) -> List[Command]:
         old, self._som = self._som, self._as_told(event.som)
@@ -437,6 +350,7 @@ class Reconfigurator(Reach):
         for name in self._untold.pop_due(event.time):
             missed = self._missed_failure(event.time, name)
             commands += [] if missed is None else self._failure_seen(missed)
+        commands += self._monitors_lost(event.time)
         unheard = self._nodes.unheard(event.time)
         commands += self._health_seen(unheard) if unheard else []
         for name in self._agenda.pop_due(event.time):

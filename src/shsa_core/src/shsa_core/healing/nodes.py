@@ -1,6 +1,6 @@
 """What the reconfigurator knows of the nodes: their health, and what it has done to them."""
 from dataclasses import replace
-from typing import Dict, FrozenSet, Iterable, List, Optional, Set, Tuple
+from typing import Collection, Dict, FrozenSet, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.agenda import Agenda
 from shsa_core.healing.events import Command, FailureSeen, HealthSeen, LearnNode, NodeLearned
@@ -35,6 +35,8 @@ class Nodes:
         self.verified: Set[str] = set()
         self._health: Dict[str, Dict[str, PublisherHealth]] = {}
         self._told_at: Dict[Tuple[str, str], str] = {}  # the host of the monitor that tells
+        self._lost: Set[str] = set()  # the hosts whose monitors are not heard
+        self._stranded: Set[Tuple[str, str]] = set()  # who did well when its monitor was lost
         self._topics: Dict[str, Set[str]] = {}
         self._good: Set[Tuple[str, str]] = set()
         self._killed: Dict[str, float] = {}
@@ -61,12 +63,13 @@ class Nodes:
         Returns the topics and publishers that it concerns. Who was well when the monitor ended is
         so until the next one has heard it, or should have.
         """
+        self._lost.discard(change.host)
         if change.anew:
             self._unheard_until = change.time + MONITOR_START_S
             for key in self._told(change.host):
                 if self._health[key[0]][key[1]].state is PublisherState.HEALTHY:
                     self._unheard[key] = None
-        change = self._heard(change)
+        change = self._returned(self._heard(change))
         concerned = [(row.topic, row.publisher) for row in change.rows]
         gone = list(change.removed)
         if change.whole:
@@ -101,6 +104,55 @@ class Nodes:
                 rows.append(row)
         for key in change.removed:
             self._unheard.pop(key, None)
+        return replace(change, rows=tuple(rows))
+
+    def has_monitor(self, host: str) -> bool:
+        """Whether a monitor of a computer has told of anybody."""
+        return host in self._told_at.values()
+
+    def lose_monitor(
+        self, time: float, host: str, why: str, elsewhere: Collection[str]
+    ) -> List[Tuple[str, str]]:
+        """The monitor of a computer is lost: nobody says any more that those do well it watched.
+
+        They count as silent, but for substitutes that run `elsewhere`. Returns the topics and
+        publishers that it concerns.
+        """
+        self._lost.add(host)
+        lost = [
+            key
+            for key, told in self._told_at.items()
+            if told == host and key[1] not in elsewhere and self.healthy(*key)
+        ]
+        self.strand(time, lost, why)
+        return lost
+
+    def strand(self, time: float, keys: Iterable[Tuple[str, str]], why: str) -> None:
+        """Nobody can say whether some do well; they count as silent."""
+        for topic, publisher in keys:
+            row = self._health[topic][publisher]
+            failed, kind = PublisherState.FAILED, Kind.SILENT
+            self._put(replace(row, state=failed, since=time, kind=kind, detail=why))
+            self._stranded.add((topic, publisher))
+
+    def watched(self, topic: str) -> bool:
+        """Whether the monitors of a topic are heard, as far as is known."""
+        if not self._lost:
+            return True
+        told = {self._told_at.get((topic, publisher), "") for publisher in self.health(topic)}
+        return not told & self._lost
+
+    def _returned(self, change: HealthSeen) -> HealthSeen:
+        """A change in which those who do well are back whose monitor was lost: since now."""
+        if not self._stranded:
+            return change
+        rows = []
+        for row in change.rows:
+            if row.key in self._stranded and row.state is PublisherState.HEALTHY:
+                failed = self._health[row.topic][row.publisher].since
+                row = row if row.since > failed else replace(row, since=change.time)
+            rows.append(row)
+        self._stranded.difference_update(row.key for row in rows)
         return replace(change, rows=tuple(rows))
 
     def healthy(self, topic: str, publisher: str) -> Optional[PublisherHealth]:
@@ -175,6 +227,7 @@ class Nodes:
     def _forget(self, topic: str, publisher: str) -> None:
         self._health.get(topic, {}).pop(publisher, None)
         self._told_at.pop((topic, publisher), None)
+        self._stranded.discard((topic, publisher))
         topics = self._topics.get(publisher, set())
         topics.discard(topic)
         if not topics:

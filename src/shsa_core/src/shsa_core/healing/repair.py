@@ -123,8 +123,9 @@ class Repair(Judgement):
         The next best plan is taken if the plan is to blame.
         """
         starting = self.node not in now.publishers and self.substitute.starting(now.time)
-        if starting and not now.spare(self.substitute.host).heard:
-            # It is not up yet: a new process would only make the machine busier.
+        starting = starting and not now.spare(self.substitute.host).heard
+        if starting or not now.watched:
+            # It is not up yet: a new process would only make the machine busier. Or nobody can say.
             self._timers[Trigger.LATE] = now.time + self.substitute.patience
             return []
         why = f"no message within {self.substitute.patience:.1f} s"

@@ -22,12 +22,13 @@ Request = Union[Command, KillNode]
 class Snapshot:
     """The robot at `time`, as far as `service` is concerned.
 
-    `publishers` of its topic, by name; `originals` are those of the service that are no
-    substitutes. `killing`: the nodes whose kill is under way. `incident`: the number of a new
-    incident. `place`: the computer for a plan, `spare`: an idle process there, if there is one for
-    this service; `fresh`: the name of a new one. At most one of the two is taken each time.
-    `verdict` decides about a faulty node: its name, the kind of
+    `publishers` of its topic, by name; `watched`: whether a monitor tells of them. `originals` are
+    those of the service that are no substitutes. `killing`: the nodes whose kill is under way.
+    `incident`: the number of a new incident. `place`: the computer for a plan, `spare`: an idle
+    process there, if there is one for this service; `fresh`: the name of a new one. At most one of
+    the two is taken each time. `verdict` decides about a faulty node: its name, the kind of
     failure, whether something takes the service over, and whether the node would be started again.
+    `parted`: whether a cut may part the substitute from us or from the original.
     `awaited`: whether a node that comes back may bring another service that nothing else gives.
     `far`: the service's node is on another computer, behind a link.
     """
@@ -37,6 +38,7 @@ class Snapshot:
     settings: Settings
     planner: Planner
     publishers: Mapping[str, PublisherHealth]
+    watched: bool
     originals: Tuple[PublisherHealth, ...]
     killing: FrozenSet[str]
     incident: int
@@ -45,6 +47,7 @@ class Snapshot:
     fresh: str
     verdict: Callable[[str, Kind, bool, bool], Verdict]
     awaited: Callable[[str], bool]
+    parted: bool
     far: bool = False
 
     def by_link(self, kind: Kind) -> bool:

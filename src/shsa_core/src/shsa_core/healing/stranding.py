@@ -90,6 +90,15 @@ class Stranding(Resumption):
         return [replace(self._faulty.kill(now.service), urgent=True, only_here=False)]
 
     @property
+    def yields(self) -> bool:
+        """Whether the substitute is to be still once the faulty node is heard again.
+
+        It is if that was only silent, and nobody has made sure that it is gone.
+        """
+        waits = self.incident is not None and self.incident.killed is None
+        return waits and self.publishes and self.silent
+
+    @property
     def silent(self) -> bool:
         """Whether the faulty node is silent, as one is whose computer is cut off."""
         return self._faulty.kind in QUIET and self._faulty.kind is not Kind.NODE_GONE

@@ -247,6 +247,8 @@ class TopicHealing(Stranding):
         changing = event.kind is Kind.SILENT and self.substitute.changing(event.time)
         if changing and self.state not in SUBSTITUTED:
             return []
+        yielded = event.kind is Kind.SILENT and now.parted and self.yields
+        changing = changing or yielded  # the original is heard again, or may be
         if self.incident is not None and event.last_good is not None:
             self.incident = replace(self.incident, last_good=event.last_good)
         if changing:

@@ -27,7 +27,7 @@ from shsa_core.healing.strays import Strays
 from shsa_core.healing.tables import SomTable, SubstitutionTable
 from shsa_core.healing.topic import TopicHealing
 from shsa_core.healing.whereabouts import Whereabouts
-from shsa_core.model.kinds import Kind, Policy
+from shsa_core.model.kinds import Kind, OnPartition, Policy
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
@@ -278,6 +278,7 @@ class Upkeep:
             settings=self.settings,
             planner=self._planner,
             publishers=self._nodes.health(service.topic),
+            watched=self._nodes.watched(service.topic),
             originals=self._availability.originals(self._som, service),
             killing=self._kills.nodes,
             incident=self._incidents + 1,
@@ -287,6 +288,7 @@ class Upkeep:
             verdict=partial(self._stakes.verdict, self._planner, advised, waiting),
             awaited=partial(self._stakes.awaited, service),
             far=bool(self._where.host_of(service.node)),
+            parted=self._where.parted(service),
         )
 
     def _absorb(self, requests: Iterable[Request]) -> List[Command]:
@@ -321,6 +323,7 @@ class Upkeep:
         plan = healing.substitute.plan
         if plan is None or not healing.node:
             return None
+        parted = self._where.parted(service)
         row = Substitution(
             healing.node,
             service.name,
@@ -334,6 +337,8 @@ class Upkeep:
             service.others,
             healing.last_message,
             healing.substitute.host,
+            service.on_partition if parted else OnPartition.WAIT,
+            parted and healing.yields,
         )
         self._substitutions.set(healing.node, row)
         return row

@@ -82,6 +82,12 @@ class Whereabouts:
         """Whether the substitute of a service may be where it is, as the SOM is now."""
         return self._placement.allowed(service, self._healings[service.name].substitute.host)
 
+    def parted(self, service: Service) -> bool:
+        """Whether a cut may part the substitute of a service from us, or from the original."""
+        healing = self._healings.get(service.name)
+        host = "" if healing is None else healing.substitute.host
+        return bool(host or (service.host and self._hosts.name(service.host)))
+
     def working_on(self, host: str) -> Iterator[str]:
         """The services whose substitute runs on a computer."""
         for name in sorted(self._concern.by_process.values()):

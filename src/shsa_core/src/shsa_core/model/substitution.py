@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 from typing import Tuple
 
-from shsa_core.model.kinds import Others
+from shsa_core.model.kinds import OnPartition, Others
 from shsa_core.model.service import Signal
 
 
@@ -14,7 +14,9 @@ class Substitution:
     for, once that is gone. `others`: what it writes into the fields that it does not compute;
     `last_message`: the last good message of the service, serialized; empty: not known. An idle
     process has neither `service` nor `code`. `host`: the computer that it runs on, empty: the
-    reconfigurator's own.
+    reconfigurator's own. `on_partition`: what it does by itself while that cannot reach the
+    reconfigurator. `yields`: it is still once another one is heard, as the node that it stands in
+    for was only silent, on another computer.
     """
 
     node: str
@@ -29,6 +31,8 @@ class Substitution:
     others: Others = Others.UNKNOWN
     last_message: bytes = b""
     host: str = ""
+    on_partition: OnPartition = OnPartition.WAIT
+    yields: bool = False
 
     @property
     def idle(self) -> bool:

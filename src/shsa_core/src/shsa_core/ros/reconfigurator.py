@@ -139,6 +139,7 @@ class ReconfiguratorNode:
             {
                 **dict.fromkeys(get_args(HostCommand), self._on_host),
                 events.WriteDown: self._write_down,
+                events.AskMonitor: lambda command: self._monitors[command.host].ask_again(),
                 events.AssignSubstitute: self._assigned,
                 events.RunCommand: lambda c: self._commands.put(lambda: self._run_command(c)),
                 events.ShowSubstitutions: self._show_substitutions,
@@ -171,8 +172,9 @@ class ReconfiguratorNode:
         failures = signing.checked(names.FAILURES, msg.Failure, arguments.unsigned_failures)
         signing.subscribe(names.FAILURES, failures, self._failure)
         self._health_began: Dict[str, int] = {}
-        for host in ("", *som.hosts):
-            self._hear_monitor(host, signing)
+        self._monitors: Dict[str, TableSubscriber] = {}
+        self._signing = signing
+        self._hear_monitors(som)
         self._services = Services(
             self._core,
             self._queue.put,
@@ -229,6 +231,7 @@ class ReconfiguratorNode:
         ontology, som = read_models(self._files.ontology, self._files.som)
         self._som_watch.replace(som)
         self._listen(som)
+        self._hear_monitors(som)
         put_som(som)
         self._put(events.ModelsReloaded(clock.now(), ontology, self._usable(som)))
         relations = len({function.relation for function in ontology.functions})
@@ -342,14 +345,20 @@ class ReconfiguratorNode:
         except ShsaError as error:
             rospy.logerr("Refused a message on %s: %s.", names.FAILURES, error)
 
-    def _hear_monitor(self, host: str, signing: Signing) -> None:
-        """Hear the monitor of a computer, if it has one; no host: the monitor of all others."""
+    def _hear_monitors(self, som: Som) -> None:
+        """Hear the monitors of more computers; no host: the monitor of all others."""
+        for host in ("", *som.hosts):
+            if host not in self._monitors:
+                self._monitors[host] = self._hear_monitor(host, self._signing)
+
+    def _hear_monitor(self, host: str, signing: Signing) -> TableSubscriber:
+        """Hear the monitor of a computer, if it has one."""
         health, calibrations = (
             names.told_at(table, host) for table in (names.HEALTH, names.CALIBRATIONS)
         )
         self._master.introduce(*map(rospy.resolve_name, (health, calibrations)))
-        TableSubscriber(health, msg.Health, partial(self._health, host), signing)
         TableSubscriber(calibrations, msg.Calibrations, self._calibrated, signing)
+        return TableSubscriber(health, msg.Health, partial(self._health, host), signing)
 
     def _health(self, host: str, message: msg.Health) -> None:
         before = self._health_began.get(host, 0)

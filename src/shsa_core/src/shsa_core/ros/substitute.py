@@ -5,6 +5,7 @@ import sys
 import threading
 from typing import TYPE_CHECKING, Callable, Iterable, Iterator, Optional, Tuple
 
+import genpy
 import rospy
 from shsa_msgs import msg
 
@@ -84,6 +85,7 @@ class SubstituteNode:
             events.Command,
             {
                 events.Listen: self._listen,
+                events.Overhear: self._overhear,
                 events.Advertise: self._advertise,
                 events.Withdraw: self._withdraw,
                 events.Compose: self._outputs.compose,
@@ -117,12 +119,15 @@ class SubstituteNode:
             message_class = only_rows_of(self._name, lambda: self._idle)
             TableSubscriber(names.SUBSTITUTIONS, message_class, self._table, self._signing)
             self._telling.put(self._failures)  # known before it has something to tell
-        alone = False
+        alone = cut_off = False
         while not rospy.is_shutdown():
             deadline = self._core.next_deadline()
             wait = POLL_S if deadline is None else min(POLL_S, deadline - self._clock.now())
             self._inbox.wait(max(wait, SIMULATED_S) if clock.is_simulated() else wait)
             self._heart.beat()
+            if self._heart.cut_off is not cut_off:
+                cut_off = not cut_off
+                self._feed(events.ReachChanged(self._clock.now(), cut_off))
             if self._heart.unheard > ALONE_S and not alone:
                 self._feed(events.LeftAlone(self._clock.now()))
             alone = self._heart.unheard > ALONE_S
@@ -190,6 +195,16 @@ class SubstituteNode:
     def _listen(self, command: events.Listen) -> None:
         for signal in command.inputs:
             self._register(functools.partial(self._inputs.listen, (signal,)))
+
+    def _overhear(self, command: events.Overhear) -> None:
+        def heard(message: genpy.Message) -> None:
+            if message._connection_header["callerid"] != self._name:
+                self._inbox.put(events.OtherHeard(self._clock.now(), command.topic))
+
+        kind = message_class(command.type)
+        self._register(
+            lambda: rospy.Subscriber(command.topic, kind, heard, queue_size=1, tcp_nodelay=True)
+        )
 
     def _advertise(self, command: events.Advertise) -> None:
         self._register(

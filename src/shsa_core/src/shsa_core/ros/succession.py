@@ -3,7 +3,6 @@ import os
 import re
 from typing import Any, Collection, List, NamedTuple, Optional, Set, Tuple
 
-import rosgraph
 import rospkg
 import rospy
 
@@ -17,7 +16,7 @@ from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.fence import Fence, Known
 from shsa_core.ros.graph.kernel import same_process
 from shsa_core.ros.graph.node_api import FAILURES, master_api
-from shsa_core.ros.graph.places import boot
+from shsa_core.ros.graph.places import boot, master_place
 from shsa_core.ros.host.local import LocalHost
 
 CODEC = Codec(Record, FORMS)
@@ -101,5 +100,5 @@ def _path() -> str:
         os.makedirs(folder, 0o700, exist_ok=True)
     except OSError as error:
         rospy.logerr("%s cannot be made: %s", folder, error)
-    name = rosgraph.get_master_uri().split("//")[-1] + rospy.get_namespace()
+    name = master_place() + rospy.get_namespace()
     return os.path.join(folder, re.sub(r"[^A-Za-z0-9_.]+", "-", name).strip("-") + ".records")

@@ -156,6 +156,22 @@ class OriginalServes:
 
 
 @dataclass(frozen=True)
+class OtherHeard:
+    """Somebody else has published on a topic that is overheard."""
+
+    time: float
+    topic: str
+
+
+@dataclass(frozen=True)
+class ReachChanged:
+    """The agent of our computer tells whether the reconfigurator is out of its reach."""
+
+    time: float
+    cut_off: bool
+
+
+@dataclass(frozen=True)
 class Tick:
     """Time passes."""
 
@@ -174,6 +190,8 @@ Event = Union[
     SubscribersFound,
     CallFailed,
     OriginalServes,
+    OtherHeard,
+    ReachChanged,
     Tick,
 ]
 
@@ -192,6 +210,14 @@ class Listen:
     """Send the values of these signals from now on, beside those of before."""
 
     inputs: Tuple[Signal, ...]
+
+
+@dataclass(frozen=True)
+class Overhear:
+    """Tell from now on when somebody else publishes on a topic (OtherHeard)."""
+
+    topic: str
+    type: str
 
 
 @dataclass(frozen=True)
@@ -291,6 +317,7 @@ class Log:
 
 Command = Union[
     Listen,
+    Overhear,
     Advertise,
     Withdraw,
     Compose,

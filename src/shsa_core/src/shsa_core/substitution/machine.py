@@ -1,6 +1,6 @@
 """The substitute's core: what it computes, when it publishes, and to whom."""
 import math
-from typing import Dict, Iterable, List, Optional, Tuple
+from typing import Callable, Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
@@ -8,6 +8,7 @@ from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.advertising import Advertising
+from shsa_core.substitution.cut_off import CutOff
 from shsa_core.substitution.events import Command, Event, LastMessage, Level, Log, Unusable
 from shsa_core.substitution.freshness import Freshness
 from shsa_core.substitution.job import Job, Words, words
@@ -44,6 +45,8 @@ class Substitute:
         self._complained = False
         self._advertising = Advertising(settings)
         self._yielding = Yielding(settings)
+        self._cut_off = CutOff()
+        self._overheard: Set[str] = set()
         self._handlers: Table[List[Command]] = table(
             Event,
             {
@@ -58,6 +61,8 @@ class Substitute:
                 events.SubscribersFound: self._subscribers_found,
                 events.CallFailed: self._call_failed,
                 events.OriginalServes: self._original_serves,
+                events.OtherHeard: self._other_heard,
+                events.ReachChanged: self._reach_changed,
                 events.Tick: self._tick,
             },
         )
@@ -68,6 +73,7 @@ class Substitute:
         What has become due meanwhile is among them, messages first.
         """
         self._now = max(self._now, event.time)
+        self._at_its_own(lambda: self._cut_off.pass_time(self._now))
         commands: List[Command] = self._handlers[type(event)](event)
         commands += self._publish()
         commands += self._yielding.due(self._now)
@@ -78,14 +84,14 @@ class Substitute:
     def next_deadline(self) -> Optional[float]:
         """When the next Tick is wanted; None: not before another event."""
         due = self._schedule.due if self._values() is not None else math.inf
-        soonest = min(due, self._yielding.next(), self._advertising.next())
+        soonest = min(due, self._yielding.next(), self._advertising.next(), self._cut_off.next)
         return None if soonest == math.inf else soonest
 
     @property
     def publishing(self) -> bool:
         """Whether it publishes; it does not where its program is not for what its row names."""
-        row = self._row
-        return row.publishing and self._job is not None and self._job.topic in row.topics
+        job = self._job
+        return self._cut_off.publishes and job is not None and job.topic in self._row.topics
 
     def validate(self) -> None:
         """Raises ShsaError if what must always hold after an event does not."""
@@ -176,6 +182,8 @@ class Substitute:
         self._unusable.update(unusable)
         here = self._here(self._plans.values())
         commands = self._prepare((row, *here)) if row.idle else self._work(row, computed)
+        self._cut_off.follow(row, self._topic)
+        commands += self._overhear()
         after, stays = self.publishing, self._topic == topic and topic in row.topics
         period = None if self._job is None else self._job.period
         same = stays and row.original == self._yielding.original
@@ -195,6 +203,26 @@ class Substitute:
                 self._complained = False
                 self._stamps.begin(job.topic, last.stamp)
         return commands + self._compose(last)
+
+    def _overhear(self) -> List[Command]:
+        """Listen for others on the topic, if that is not done yet."""
+        topic = self._cut_off.topic
+        if not topic or topic in self._overheard:
+            return []
+        self._overheard.add(topic)
+        return [events.Overhear(topic, self._types[topic])]
+
+    def _at_its_own(self, change: Callable[[], None]) -> None:
+        """Take something that may have it publish, or be still, otherwise than its row says.
+
+        The original cannot be asked whom it serves: all are served, or none.
+        """
+        before = self.publishing
+        change()
+        if self.publishing is not before:
+            self._yielding.stand_in(self._topic, "", None, self._now)
+        if self.publishing and not before:
+            self._schedule.hasten(self._now)
 
     def _compose(self, last: Optional[LastMessage]) -> List[Command]:
         """Say what messages start from, if that has changed."""
@@ -395,6 +423,14 @@ class Substitute:
 
     def _original_serves(self, event: events.OriginalServes) -> List[Command]:
         self._yielding.heard(event)
+        return []
+
+    def _other_heard(self, event: events.OtherHeard) -> List[Command]:
+        self._at_its_own(lambda: self._cut_off.heard(event.topic))
+        return []
+
+    def _reach_changed(self, event: events.ReachChanged) -> List[Command]:
+        self._at_its_own(lambda: self._cut_off.reach(event.cut_off))
         return []
 
     def _tick(self, _: events.Tick) -> List[Command]:

@@ -2,7 +2,8 @@
 
 A heartbeat is a datagram, sent by the loop that does the work: a process that hangs sends none. The
 kernel says who has sent it, so nobody can speak for another; neither the ROS master nor a
-connection is needed, and whoever starts anew hears all of them at once.
+connection is needed, and whoever starts anew hears all of them at once. Each is answered by whether
+the reconfigurator is in reach.
 """
 import hashlib
 import os
@@ -10,11 +11,12 @@ import socket
 import struct
 import threading
 import time
-from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
 
-import rosgraph
 import rospkg
 import rospy
+
+from shsa_core.ros.graph.places import master_place
 
 PERIOD_S = 0.1
 """At least between two heartbeats of a process."""
@@ -23,6 +25,7 @@ SILENT_S = 0.3
 HUNG_S = 1.5
 """Silence in s. The first is three heartbeats; the second is the end of a process."""
 CREDENTIALS = struct.Struct("3i")
+SPACE = socket.CMSG_SPACE(CREDENTIALS.size)
 LONGEST = 300
 LONGEST_PATH = 100
 """Bytes of a socket's path; the system takes 107."""
@@ -36,6 +39,10 @@ def hearer(host: str) -> str:
     """Who hears the heartbeats of the substitutes of an agent; without one: the reconfigurator."""
     return f"agent {host}" if host else RECONFIGURATOR
 
+
+IN_REACH, CUT_OFF = b"in reach", b"cut off"
+ANSWER_S = 0.5
+"""So long an answer holds; without one nobody is cut off."""
 
 Told = Callable[[str], None]
 
@@ -59,8 +66,16 @@ class Heart:
             rospy.logwarn("Nobody can hear our heartbeats: %s", error)
         self._due = 0.0
         self._heard = time.monotonic()
+        self._cut_off = float("-inf")  # when that was told last
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        # The system gives it an address with this, so that it can be answered.
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
         self._socket.setblocking(False)
+
+    @property
+    def cut_off(self) -> bool:
+        """Whether who hears them says that the reconfigurator is out of reach."""
+        return time.monotonic() < self._cut_off + ANSWER_S
 
     @property
     def unheard(self) -> float:
@@ -73,6 +88,7 @@ class Heart:
         if now < self._due:
             return
         self._due = now + PERIOD_S
+        self._hear()
         try:
             self._socket.sendto(self._name, self._address)
         except BlockingIOError:
@@ -81,16 +97,33 @@ class Heart:
             return  # nobody listens
         self._heard = now
 
+    def _hear(self) -> None:
+        """Take the answers that have come."""
+        try:
+            while True:
+                answer, extra, _, _ = self._socket.recvmsg(LONGEST, SPACE)
+                if _sender(extra) is not None:
+                    cut_off = answer == CUT_OFF
+                    self._cut_off = time.monotonic() if cut_off else float("-inf")
+        except OSError:
+            return  # there is none left
+
 
 class Signs:
     """Hears the heartbeats for `role`, of processes of our own user; `of` is any thread's.
 
-    `heard(name)`, if given, is called for each, in a thread of its own.
+    `heard(name)`, if given, is called for each, in a thread of its own. `cut_off()`: whether the
+    reconfigurator is out of reach, as each is told.
     """
 
-    def __init__(self, role: str, heard: Told = lambda name: None) -> None:
+    def __init__(
+        self,
+        role: str,
+        heard: Told = lambda name: None,
+        cut_off: Callable[[], bool] = lambda: False,
+    ) -> None:
         self._last: Dict[str, Sign] = {}
-        self._heard = heard
+        self._heard, self._cut_off = heard, cut_off
         self._socket: Optional[socket.socket] = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
         try:
@@ -114,16 +147,23 @@ class Signs:
 
     def _work(self) -> None:
         assert self._socket is not None
-        space = socket.CMSG_SPACE(CREDENTIALS.size)
         while True:
-            name, extra, _, _ = self._socket.recvmsg(LONGEST, space)
-            for level, kind, data in extra:
-                if level == socket.SOL_SOCKET and kind == socket.SCM_CREDENTIALS:
-                    pid, user, _ = CREDENTIALS.unpack(data[: CREDENTIALS.size])
-                    if user == os.getuid():
-                        told = name.decode("utf-8", "replace")
-                        self._last[told] = Sign(pid, time.monotonic())
-                        self._heard(told)
+            name, extra, _, address = self._socket.recvmsg(LONGEST, SPACE)
+            pid = _sender(extra)
+            if pid is not None:
+                told = name.decode("utf-8", "replace")
+                self._last[told] = Sign(pid, time.monotonic())
+                self._heard(told)
+                self._answer(address)
+
+    def _answer(self, address: Any) -> None:
+        """Tell a process whether the reconfigurator is in reach; nobody is waited for."""
+        assert self._socket is not None
+        answer = CUT_OFF if self._cut_off() else IN_REACH
+        try:
+            self._socket.sendto(answer, socket.MSG_DONTWAIT, address)
+        except OSError:
+            return  # it has ended, or does not listen
 
 
 class Watch:
@@ -178,13 +218,22 @@ class Watch:
             self._silent(name)
 
 
+def _sender(extra: Iterable[Tuple[int, int, bytes]]) -> Optional[int]:
+    """The number of the process that has sent a datagram; None: it is not of our user."""
+    for level, kind, data in extra:
+        if level == socket.SOL_SOCKET and kind == socket.SCM_CREDENTIALS:
+            pid, user, _ = CREDENTIALS.unpack(data[: CREDENTIALS.size])
+            return int(pid) if user == os.getuid() else None
+    return None
+
+
 def _address(role: str) -> str:
     """A socket for each ROS master, namespace and role, in a folder that only our user can write.
 
     In the system's own space, without a folder, anybody could take its name, or fill its queue.
     Raises OSError.
     """
-    place = f"{rosgraph.get_master_uri()} {rospy.get_namespace()} {role}"
+    place = f"{master_place()} {rospy.get_namespace()} {role}"
     name = hashlib.sha256(place.encode()).hexdigest()[:32] + ".socket"
     folder = os.path.join(rospkg.get_ros_home(), "shsa")
     os.makedirs(folder, 0o700, exist_ok=True)

@@ -124,6 +124,11 @@ class TableSubscriber:
         self._ended = False
         self._subscribe()
 
+    def ask_again(self) -> None:
+        """Have the whole table told once more, by a connection of its own; returns at once."""
+        with self._lock:
+            self._miss()
+
     def unregister(self) -> None:
         """Hear no more."""
         with self._lock:

@@ -1,6 +1,7 @@
 """The agent of a computer: carries out there what the reconfigurator wants, and tells what happens.
 
-It decides nothing. Without a reconfigurator it does nothing, and what it has started goes on.
+It decides nothing. Without a reconfigurator it does nothing, and what it has started goes on; that
+knows then that it is cut off.
 """
 import argparse
 import queue
@@ -57,6 +58,10 @@ class AgentEnd:
         self._open = self._open and now < self._heard_at + LOST_S
         return self._open
 
+    def is_cut_off(self, now: float) -> bool:
+        """Whether a reconfigurator was heard, and is not any more."""
+        return self.session > 0 and not self.is_open(now)
+
     def hear(self, message: msg.HostCommand, now: float) -> bool:
         """Whether a message holds a command that is to be carried out now."""
         if message.agent != self.began or message.session < self.session:
@@ -88,7 +93,7 @@ class AgentNode:
         self._publisher: Optional[rospy.Publisher] = None
         self._host = LocalHost(
             self._tell,
-            Signs(hearer(self._name)),
+            Signs(hearer(self._name), cut_off=self._cut_off),
             Names(rospy.get_namespace()).prefix,
             arguments.journal,
             signing.path,
@@ -122,6 +127,10 @@ class AgentNode:
             self._carry_out(command)
         if not self._ending.followed:
             self._host.stop_all(self._with_us)
+
+    def _cut_off(self) -> bool:
+        with self._lock:
+            return self._end.is_cut_off(clock.now())
 
     def _carry_out(self, command: HostCommand) -> None:
         if isinstance(command, events.RestartNode) and not self._restarts:

@@ -10,7 +10,7 @@ from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.error import Error
-from shsa_core.model.kinds import Others
+from shsa_core.model.kinds import OnPartition, Others
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import signals
@@ -65,6 +65,8 @@ def substitution_message(row: Substitution) -> msg.Substitution:
         others=str(row.others),
         last_message=row.last_message,
         host=row.host,
+        on_partition=str(row.on_partition),
+        yields=row.yields,
     )
 
 
@@ -73,6 +75,11 @@ def substitution_row(message: msg.Substitution) -> Substitution:
     others = message.others or Others.UNKNOWN
     if others not in tuple(Others):
         raise ShsaError(f"others must be one of {', '.join(Others)}, not {others!a}")
+    on_partition = message.on_partition or OnPartition.WAIT
+    if on_partition not in tuple(OnPartition):
+        raise ShsaError(
+            f"on_partition must be one of {', '.join(OnPartition)}, not {on_partition!a}"
+        )
     return Substitution(
         node=message.node,
         service=message.service,
@@ -86,6 +93,8 @@ def substitution_row(message: msg.Substitution) -> Substitution:
         others=Others(others),
         last_message=bytes(message.last_message),
         host=message.host,
+        on_partition=OnPartition(on_partition),
+        yields=message.yields,
     )
 
 
