@@ -17,6 +17,7 @@ from shsa_core.model.names import file_name
 from shsa_core.ros.graph import secret
 from shsa_core.ros.node import run
 from shsa_view.facts import Fact, ModelsRead
+from shsa_view.ros.actions import Actions
 from shsa_view.ros.answers import RosAnswers
 from shsa_view.ros.listener import Listener
 from shsa_view.server import Settings, View, serve
@@ -77,7 +78,7 @@ class ViewNode:
         settings = Settings(arguments.address, arguments.port, token, tuple(filter(None, names)))
         self._listener = Listener(arguments.secret, self._models.first.som.hosts)
         state = State(rospy.get_namespace(), bool(token))
-        answers = RosAnswers(state)
+        answers = RosAnswers(state, Actions())
         failed = lambda text: rospy.logerr_throttle_identical(10.0, f"View: {text}")
         self._view = View(settings, state, answers, self._take, rospy.get_time, failed)
 
