@@ -261,7 +261,8 @@ class State:
 
     def _figures_told(self, told: facts.FiguresTold) -> None:
         for row in told.rows:
-            if self._figures.get(row.service) != row and row.service in self._rows:
+            known = row.service in self.som.services or row.service in self._running
+            if known and self._figures.get(row.service) != row:
                 self._figures[row.service] = row
                 self._touch({row.service})
 
