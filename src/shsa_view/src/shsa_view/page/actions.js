@@ -57,7 +57,7 @@ async function act(name, body, said) {
       headers: { Authorization: `Bearer ${token()}`, "Content-Type": "application/json" },
       limit: LIMIT_MS,
     });
-    said.textContent = answer.text || "Done.";
+    said.textContent = `${answer.success === false ? "Not done" : "Done"}: ${answer.detail || name}.`;
   } catch (error) {
     said.textContent = `Refused: ${error.message}`;
   }

@@ -17,9 +17,8 @@ const SIGNS = { well: "✓", substituted: "◆", not_healed: "✕" };
 
 /** The incident that a service is in. */
 export function incidentOf(whole, name) {
-  const { incident } = whole.services[name];
-  if (!known(incident)) return null;
-  return whole.incidents.find((each) => each.id === incident && each.service === name) || null;
+  const key = whole.services[name].incident_key;
+  return (key && whole.incidents.find((each) => each.key === key)) || null;
 }
 
 /** What the page is called: seen in the browser's tab. */
@@ -50,7 +49,8 @@ export class Glance {
   }
 
   showHealing(whole) {
-    const { text, ...parts } = whole.healing;
+    const { text: told, ...parts } = whole.healing;
+    const text = [told, doubt(whole.trust)].filter(Boolean).join("; ");
     const hosts = Object.entries(whole.hosts || {}).map(([name, host]) => [name, host.state, host.text]);
     const all = [...Object.entries(parts).map(([name, state]) => [name, state, ""]), ...hosts];
     const signature = JSON.stringify([all, text]);
@@ -109,7 +109,7 @@ class Card {
     this.facts = make("dl");
     this.left = make("dd", {}, "…");
     this.question = "";
-    const button = make("button", { type: "button", class: "name" }, name);
+    const button = make("button", { type: "button", class: "asks name" }, name);
     button.addEventListener("click", () => asked("service", name));
     const head = make("h3", {}, this.shape, button, " ", this.word, " ", this.since);
     this.element = make("li", {}, head, this.facts);
@@ -130,9 +130,11 @@ class Card {
     setText(this.word, word(service.state));
     setText(this.since, known(began) ? `since ${clock(began)}` : "");
     const rows = facts.map(([term, text]) => make("div", {}, make("dt", {}, term), make("dd", {}, text)));
-    rows.push(make("div", {}, make("dt", {}, "If this died too"), this.left));
+    if (service.substitute) {
+      rows.push(make("div", {}, make("dt", {}, "If this died too"), this.left));
+      this.look(service.substitute);
+    }
     this.facts.replaceChildren(...rows);
-    this.look(`${service.state} ${service.substitute}`);
   }
 
   /** Asks what is left then, once for each substitute. */
@@ -146,6 +148,11 @@ class Card {
       if (question === this.question) setText(this.left, `Not known: ${error.message}`);
     }
   }
+}
+
+/** Why not everything that is shown can be believed. */
+function doubt(trust) {
+  return !trust || trust.state === "checked" ? "" : trust.text;
 }
 
 function failed(service, incident) {

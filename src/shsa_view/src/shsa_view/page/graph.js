@@ -6,7 +6,9 @@ import { plusMinus, unit, word } from "./words.js";
 const KINDS = ["service", "property", "relation"];
 const ALIVE = new Set(["well", "starting", "kept"]);
 const ZOOM = 1.3;
-const READABLE = 0.75;
+const READABLE = 0.6;
+const PX_PER_PT = 4 / 3;
+const FRAME_PX = 28;
 const FORBIDDEN = "script, style, foreignObject, image, use, animate, set, iframe";
 
 export class Graph {
@@ -65,11 +67,12 @@ export class Graph {
       .filter((edge) => edge.element);
     makeStop(this.frame, ".node", this.frame.querySelector(".node"));
     this.fit(READABLE);
+    this.frame.scrollLeft = (this.frame.scrollWidth - this.frame.clientWidth) / 2;
   }
 
   /** As wide as the frame, but not smaller than `least` of its own size. */
   fit(least) {
-    if (this.picture) this.resize(Math.min(1.2, Math.max(least, this.frame.clientWidth / (this.width * 4 / 3))));
+    if (this.picture) this.resize(Math.min(1.2, Math.max(least, (this.frame.clientWidth - FRAME_PX) / (this.width * PX_PER_PT))));
   }
 
   zoom(factor) {
@@ -78,7 +81,7 @@ export class Graph {
 
   resize(scale) {
     this.scale = scale;
-    this.picture.setAttribute("width", Math.floor(this.width * (4 / 3) * scale));
+    this.picture.setAttribute("width", Math.floor(this.width * PX_PER_PT * scale));
     this.picture.removeAttribute("height");
   }
 
@@ -87,7 +90,7 @@ export class Graph {
     const { services } = whole;
     const derivations = Object.values(services).map((each) => new Set(each.derivation || []));
     const runs = new Set(derivations.flatMap((each) => [...each]));
-    const properties = judge(services, runs);
+    const properties = judge(services);
     for (const [id, node] of this.nodes) {
       const state = node.kind === "service" ? (services[node.name] || {}).state : properties.get(id);
       const about = node.kind === "property" ? properties.get(`error ${id}`) : "";
@@ -148,6 +151,7 @@ class Node {
     element.querySelectorAll("title").forEach((title) => title.remove());
     this.title = draw("title");
     element.prepend(this.title);
+    element.querySelectorAll("text").forEach((text) => setText(text, unit(text.textContent)));
     setAttribute(element, "tabindex", "-1");
     setAttribute(element, "role", this.kind === "relation" ? "img" : "button");
   }
@@ -177,16 +181,17 @@ class Node {
 }
 
 /** What each property is: measured, derived or lost; with the error where it is derived. */
-function judge(services, runs) {
+function judge(services) {
   const judged = new Map();
   for (const service of Object.values(services)) {
     for (const [name, property] of Object.entries(service.properties)) {
       const id = `property-${name}`;
       if (ALIVE.has(service.state)) judged.set(id, "measured");
       if (judged.get(id) === "measured" || service.state === "unknown") continue;
-      judged.set(id, runs.has(id) ? "derived" : "lost");
+      const derived = (service.derivation || []).includes(id);
+      judged.set(id, derived ? "derived" : "lost");
       const error = plusMinus(property.error_p95, property.error_rms);
-      if (runs.has(id) && error) judged.set(`error ${id}`, `${error} ${unit(property.unit)}`);
+      if (derived && error) judged.set(`error ${id}`, `${error} ${unit(property.unit)}`);
     }
   }
   return judged;

@@ -27,6 +27,13 @@ export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+/** The same for a name, which may be broken after a slash or an underscore. */
+export function setName(element, name) {
+  if (element.textContent === name) return;
+  const parts = name.split(/(?<=[^/_][/_])(?=[^/_])/);
+  element.replaceChildren(...parts.flatMap((part, index) => (index ? [make("wbr"), part] : [part])));
+}
+
 /** The same for an attribute; null takes it away. */
 export function setAttribute(element, name, value) {
   if (value === null) element.removeAttribute(name);

@@ -1,5 +1,5 @@
 // A row for each service; what needs attention stands first. Only what changed is touched.
-import { byId, make, makeStop, roving, setAttribute, setShape, setText, shape } from "./page.js";
+import { byId, make, makeStop, roving, setAttribute, setName, setShape, setText, shape } from "./page.js";
 import { Strip } from "./strip.js";
 import { known, measured, short, word } from "./words.js";
 
@@ -112,18 +112,22 @@ class Row {
     this.value = make("td", { role: "cell", class: "values" });
     this.rate = make("span", { class: "rate" });
     this.wanted = make("span", { class: "quiet" });
-    this.publisher = make("button", { type: "button", class: "node", tabindex: "-1" });
-    const button = make("button", { type: "button", class: "name", tabindex: "-1" }, name);
+    this.publisher = make("button", { type: "button", class: "asks", tabindex: "-1" });
+    const rate = make("span", { class: "pace" }, this.rate, this.wanted);
+    const button = make("button", { type: "button", class: "asks name", tabindex: "-1" });
+    setName(button, name);
     button.addEventListener("click", () => ask("service", name));
-    this.publisher.addEventListener("click", () => ask("node", this.publisher.textContent));
+    this.publisher.addEventListener("click", () => {
+      if (this.substituted) ask("service", name);
+      else ask("node", this.publisher.textContent);
+    });
     this.element = make(
       "tr",
       { role: "row", "data-service": name },
       make("td", { role: "cell", class: "state" }, this.shape, this.word),
       make("th", { role: "rowheader", scope: "row" }, button, this.topic, this.detail),
       this.value,
-      make("td", { role: "cell", class: "number" }, this.rate, this.wanted),
-      make("td", { role: "cell", class: "publisher" }, this.publisher),
+      make("td", { role: "cell", class: "publisher" }, this.publisher, rate),
       make("td", { role: "cell", class: "minute" }, this.strip.element),
     );
   }
@@ -136,11 +140,12 @@ class Row {
       setShape(this.shape, service.state);
       setText(this.word, word(service.state));
     }
-    setText(this.topic, service.topic);
+    this.substituted = service.publisher === service.substitute;
+    setName(this.topic, service.topic);
     setText(this.detail, service.state === "well" ? "" : service.detail || "");
     setText(this.rate, known(service.rate) ? short(service.rate, 3) : "–");
     setText(this.wanted, service.period ? ` of ${short(1 / service.period, 3)} Hz` : " Hz");
-    setText(this.publisher, service.publisher || "");
+    setName(this.publisher, service.publisher || "");
     this.publisher.hidden = !service.publisher;
     setAttribute(this.publisher, "title", service.host ? `on ${service.host}` : null);
     this.showValues(service.properties);
@@ -173,7 +178,9 @@ class Value {
     this.error = make("span", { class: "error" });
     this.unit = make("span", { class: "unit" });
     const told = make("span", { class: "told" }, this.value, " ", this.error, " ", this.unit);
-    this.element = make("div", {}, make("span", { class: "property" }, name), " ", told);
+    const property = make("span", { class: "property" });
+    setName(property, name);
+    this.element = make("div", {}, property, " ", told);
   }
 
   show(property) {

@@ -49,12 +49,11 @@ class View {
   }
 
   changed(changes) {
-    const { now, services, substitutes, incidents, ...others } = changes;
+    const { now, services, incidents, ...others } = changes;
     const whole = this.document;
     if (now) whole.now = now;
     Object.assign(whole, others);
     patch(whole.services, services);
-    patch(whole.substitutes, substitutes);
     if (incidents) whole.incidents = merged(whole.incidents, incidents);
     if (services && this.names) Object.keys(services).forEach((name) => this.names.add(name));
     this.plan([
