@@ -52,8 +52,8 @@ export class Graph {
     const parsed = new DOMParser().parseFromString(svg, "image/svg+xml");
     if (parsed.documentElement.nodeName !== "svg") throw new Error("The picture cannot be read.");
     this.source = svg;
+    clean(parsed.documentElement);
     const picture = document.importNode(parsed.documentElement, true);
-    clean(picture);
     this.picture = picture;
     this.width = picture.viewBox.baseVal.width;
     this.frame.replaceChildren(picture);
