@@ -1,0 +1,183 @@
+// The robot at a glance: how it is, what failed, what stands in, how far to trust it, what is left.
+import { ask } from "./connection.js";
+import { byId, make, setAttribute, setText, shape } from "./page.js";
+import { urgency } from "./services.js";
+import { clock, known, list, plain, plusMinus, short, unit, word } from "./words.js";
+
+const CARDS = 6;
+const AS_IT_SHOULD_BE = new Set(["well", "starting", "unknown"]);
+const TITLES = {
+  well: "All well",
+  substituted: "Substituted",
+  not_healed: "Not healed",
+  starting: "Starting",
+  unknown: "Not known",
+};
+const SIGNS = { well: "✓", substituted: "◆", not_healed: "✕" };
+
+/** The incident that a service is in. */
+export function incidentOf(whole, name) {
+  const key = whole.services[name].incident_key;
+  return (key && whole.incidents.find((each) => each.key === key)) || null;
+}
+
+/** What the page is called: seen in the browser's tab. */
+export function title(whole) {
+  const { state } = whole.robot;
+  const sign = SIGNS[state] ? `${SIGNS[state]} ` : "";
+  return `${sign}${TITLES[state] || plain(state)} – ${whole.namespace}`;
+}
+
+export class Glance {
+  constructor(asked) {
+    this.asked = asked;
+    this.cards = new Map();
+    this.state = null;
+  }
+
+  show(whole) {
+    const { state, text } = whole.robot;
+    if (state !== this.state) {
+      this.state = state;
+      byId("glance").dataset.state = state;
+      byId("robot-shape").replaceChildren(shape(state));
+      setText(byId("robot-state"), TITLES[state] || plain(state));
+    }
+    setText(byId("robot-text"), text);
+    this.showHealing(whole);
+    this.showAffected(whole);
+  }
+
+  showHealing(whole) {
+    const { text: told, ...parts } = whole.healing;
+    const text = [told, doubt(whole.trust)].filter(Boolean).join("; ");
+    const hosts = Object.entries(whole.hosts || {}).map(([name, host]) => [name, host.state, host.text]);
+    const all = [...Object.entries(parts).map(([name, state]) => [name, state, ""]), ...hosts];
+    const signature = JSON.stringify([all, text]);
+    if (signature === this.healing) return;
+    this.healing = signature;
+    const items = all.map(([name, state, more]) => {
+      const well = state === "alive" || state === "heard";
+      const mark = shape(well ? "well" : state === "lost" ? "failed" : "unknown");
+      return make("li", { title: more || null }, mark, `${plain(name)} ${plain(state)}`);
+    });
+    if (text) items.push(make("li", { class: "told" }, text));
+    byId("healing").replaceChildren(...items);
+  }
+
+  showAffected(whole) {
+    const names = Object.keys(whole.services)
+      .filter((name) => !AS_IT_SHOULD_BE.has(whole.services[name].state))
+      .sort((one, other) => {
+        const services = whole.services;
+        return urgency(services[one].state) - urgency(services[other].state) || one.localeCompare(other);
+      });
+    const shown = names.slice(0, CARDS);
+    const cards = shown.map((name) => this.card(whole, name));
+    for (const name of this.cards.keys()) if (!shown.includes(name)) this.cards.delete(name);
+    const wanted = cards.map((card) => card.element);
+    if (names.length > CARDS) wanted.push(this.more(names.length - CARDS));
+    const list = byId("affected");
+    if (wanted.length !== list.children.length || wanted.some((each, at) => each !== list.children[at])) {
+      list.replaceChildren(...wanted);
+    }
+  }
+
+  more(count) {
+    const text = `and ${count} more: see the services`;
+    if (!this.rest || this.rest.textContent !== text) this.rest = make("li", { class: "rest" }, text);
+    return this.rest;
+  }
+
+  card(whole, name) {
+    let card = this.cards.get(name);
+    if (!card) {
+      card = new Card(name, this.asked);
+      this.cards.set(name, card);
+    }
+    card.show(whole.services[name], incidentOf(whole, name), whole.substitutes);
+    return card;
+  }
+}
+
+class Card {
+  constructor(name, asked) {
+    this.name = name;
+    this.shape = make("span");
+    this.word = make("span", { class: "word" });
+    this.since = make("span", { class: "quiet" });
+    this.facts = make("dl");
+    this.left = make("dd", {}, "…");
+    this.question = "";
+    const button = make("button", { type: "button", class: "asks name" }, name);
+    button.addEventListener("click", () => asked("service", name));
+    const head = make("h3", {}, this.shape, button, " ", this.word, " ", this.since);
+    this.element = make("li", {}, head, this.facts);
+  }
+
+  show(service, incident, substitutes) {
+    setAttribute(this.element, "data-state", service.state);
+    const facts = [
+      ["What failed", failed(service, incident)],
+      ["What stands in", standsIn(service, incident, substitutes)],
+      ["How far to trust it", trust(service, incident)],
+    ];
+    const began = incident && incident.moments.detected;
+    const signature = JSON.stringify([facts, service.state, began]);
+    if (signature === this.signature) return;
+    this.signature = signature;
+    this.shape.replaceChildren(shape(service.state));
+    setText(this.word, word(service.state));
+    setText(this.since, known(began) ? `since ${clock(began)}` : "");
+    const rows = facts.map(([term, text]) => make("div", {}, make("dt", {}, term), make("dd", {}, text)));
+    if (service.substitute) {
+      rows.push(make("div", {}, make("dt", {}, "If this died too"), this.left));
+      this.look(service.substitute);
+    }
+    this.facts.replaceChildren(...rows);
+  }
+
+  /** Asks what is left then, once for each substitute. */
+  async look(question) {
+    if (question === this.question) return;
+    this.question = question;
+    try {
+      const answer = await ask(`api/what_if?service=${encodeURIComponent(this.name)}`, { limit: 15000 });
+      if (question === this.question) setText(this.left, answer.left || "Not known.");
+    } catch (error) {
+      if (question === this.question) setText(this.left, `Not known: ${error.message}`);
+    }
+  }
+}
+
+/** Why not everything that is shown can be believed. */
+function doubt(trust) {
+  return !trust || trust.state === "checked" ? "" : trust.text;
+}
+
+function failed(service, incident) {
+  if (!incident) return service.detail || `Not known: ${service.topic}`;
+  const detail = incident.detail ? `: ${incident.detail}` : "";
+  return `${incident.faulty_node || service.topic} – ${plain(incident.kind)}${detail}`;
+}
+
+function standsIn(service, incident, substitutes) {
+  if (!service.substitute) {
+    if (service.state === "healing") return "Nothing yet; a substitute is searched or started.";
+    const missing = incident && incident.missing.length ? ` Missing: ${list(incident.missing)}.` : "";
+    return `Nothing.${missing}`;
+  }
+  const row = Object.hasOwn(substitutes, service.substitute) ? substitutes[service.substitute] : incident;
+  if (!row) return service.substitute;
+  return `${service.substitute}, from ${list(row.inputs)} by ${list(row.relations)}`;
+}
+
+function trust(service, incident) {
+  if (!service.substitute) return "There is no value.";
+  const parts = Object.entries(service.properties).map(([name, property]) => {
+    const error = plusMinus(property.error_p95, property.error_rms);
+    return error ? `${name} ${error} ${unit(property.unit)}` : `${name}: error not known`;
+  });
+  const quality = incident && known(incident.quality) ? `; quality ${short(incident.quality, 2)} of 1` : "";
+  return `${parts.join(", ")}${quality}`;
+}

@@ -1,0 +1,120 @@
+// What if: what healing would do if a service or a whole node failed now, and what is left then.
+import { ask } from "./connection.js";
+import { byId, make, setText } from "./page.js";
+import { known, list, plusMinus, short, unit } from "./words.js";
+
+const LIMIT_MS = 15000;
+const MOST_SETS = 12;
+
+export class WhatIf {
+  /** `shown(ids)` gets the elements of the graph that would run; `closed()` follows. */
+  constructor({ shown, actions }) {
+    this.dialog = byId("what-if");
+    this.shown = shown;
+    this.actions = actions;
+    this.number = 0;
+    byId("close").addEventListener("click", () => this.close());
+    this.dialog.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") this.close();
+    });
+  }
+
+  async open(what, name, robot) {
+    this.number += 1;
+    const number = this.number;
+    if (!this.dialog.open) this.before = document.activeElement;
+    setText(byId("question"), what === "node" ? `What if the node ${name} died?` : `What if ${name} failed?`);
+    byId("answer").replaceChildren(make("p", { class: "quiet" }, "Searching …"));
+    if (!this.dialog.open) this.dialog.show();
+    byId("question").focus();
+    const service = what === "service" && Object.hasOwn(robot.services, name) ? robot.services[name] : null;
+    this.actions.offer(service);
+    try {
+      const answer = await ask(`api/what_if?${what}=${encodeURIComponent(name)}`, { limit: LIMIT_MS });
+      if (number !== this.number) return;
+      byId("answer").replaceChildren(...told(answer, robot));
+      this.shown(would(answer, robot));
+    } catch (error) {
+      if (number !== this.number) return;
+      byId("answer").replaceChildren(make("p", { class: "refused" }, error.message));
+      this.shown([]);
+    }
+  }
+
+  close() {
+    this.number += 1;
+    this.dialog.close();
+    this.shown([]);
+    if (this.before && this.before.isConnected) this.before.focus();
+  }
+}
+
+function told(answer, robot) {
+  const parts = answer.services.map((each) => section(each, robot));
+  if (!parts.length) parts.push(make("p", {}, "No service is lost."));
+  parts.push(make("h3", {}, "What is left then"), make("p", { class: "left" }, answer.left || "Not known."));
+  parts.push(...sets(answer.cut_sets || []));
+  return parts;
+}
+
+function section(each, robot) {
+  const service = Object.hasOwn(robot.services, each.service) ? robot.services[each.service] : null;
+  const verdict = each.found ? "would be taken over" : "nothing could stand in";
+  const facts = [
+    ["From", each.inputs && each.inputs.length ? list(each.inputs) : ""],
+    ["By", each.relations && each.relations.length ? list(each.relations) : ""],
+    ["Expected error", each.found ? errors(each, service) : ""],
+    ["Quality", each.found && known(each.quality) ? `${short(each.quality, 3)} of 1` : ""],
+    ["Missing", each.missing && each.missing.length ? list(each.missing) : ""],
+    ["", each.detail],
+  ].filter(([, text]) => text);
+  const rows = facts.map(([term, text]) => make("div", {}, make("dt", {}, term), make("dd", {}, text)));
+  const head = make("h3", { "data-found": each.found ? "yes" : "no" }, `${each.service}: ${verdict}`);
+  const parts = [head, make("dl", {}, ...rows)];
+  if (each.code) {
+    const code = make("pre", { tabindex: "0", "aria-label": "Its code" }, each.code);
+    parts.push(make("details", {}, make("summary", {}, "The code that would run"), code));
+  }
+  return make("section", {}, ...parts);
+}
+
+function errors({ error_p95: p95 = [], error_rms: rms = [] }, service) {
+  const properties = service ? Object.entries(service.properties) : [];
+  const count = Math.max(p95.length, rms.length);
+  const parts = [];
+  for (let index = 0; index < count; index += 1) {
+    const error = plusMinus(p95[index], rms[index]) || "not known";
+    const [name, property] = properties.length === count ? properties[index] : ["", { unit: "" }];
+    parts.push(`${name} ${error} ${unit(property.unit)}`.trim());
+  }
+  return parts.join(", ") || "not known";
+}
+
+function sets(cutSets) {
+  if (!cutSets.length) return [];
+  const items = cutSets.slice(0, MOST_SETS).map((causes) => make("li", {}, causes.join(" and ")));
+  const more = cutSets.length - MOST_SETS;
+  if (more > 0) items.push(make("li", { class: "quiet" }, `and ${more} more`));
+  return [
+    make("h3", {}, "Lost for good if these fail together"),
+    make("ul", { class: "sets" }, ...items),
+  ];
+}
+
+/** The elements of the graph that would run. */
+function would(answer, robot) {
+  const ids = [];
+  for (const each of answer.services.filter(({ found }) => found)) {
+    ids.push(...(each.derivation || []));
+    if (each.derivation) continue;
+    const service = robot.services[each.service];
+    const properties = service ? Object.keys(service.properties) : [];
+    for (const relation of each.relations || []) {
+      for (const element of document.querySelectorAll(`g[id^="${CSS.escape(`relation-${relation}-`)}"]`)) {
+        if (properties.some((name) => element.id === `relation-${relation}-${name}`)) ids.push(element.id);
+      }
+    }
+    ids.push(...properties.map((name) => `property-${name}`));
+  }
+  return ids;
+}

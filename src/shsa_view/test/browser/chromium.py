@@ -1,0 +1,98 @@
+"""A headless Chromium that tests drive; they are skipped where there is none."""
+from shutil import which
+from typing import Any, Dict, List
+
+import pytest
+
+from shsa_testing.waiting import wait_until
+
+BROWSER, DRIVER = which("chromium"), which("chromedriver")
+WAIT_S = 15.0
+OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage")
+WIDE = (1280, 900)
+PHONE = (360, 740)
+
+Log = List[Dict[str, Any]]
+
+
+class Browser:
+    """One page at a time."""
+
+    def __init__(self) -> None:
+        webdriver = pytest.importorskip("selenium.webdriver", reason="no python3-selenium")
+        service = pytest.importorskip("selenium.webdriver.chrome.service")
+        if not BROWSER or not DRIVER:
+            pytest.skip("no chromium and chromium-driver on this system, or only as a snap")
+        options = webdriver.ChromeOptions()
+        options.binary_location = BROWSER
+        for option in OPTIONS:
+            options.add_argument(option)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        self.driver = webdriver.Chrome(service=service.Service(DRIVER), options=options)
+        self.size(*WIDE)
+
+    def close(self) -> None:
+        """End it."""
+        self.driver.quit()
+
+    def open(self, address: str) -> None:
+        """Load a page, and wait until it shows a state."""
+        self.log()
+        self.driver.get("about:blank")
+        self.driver.get(address)
+        self.wait("document.documentElement.dataset.connection === 'live'")
+        self.wait("document.querySelector('#rows tr') !== null")
+
+    def size(self, width: int, height: int, scale: float = 1.0) -> None:
+        """The window's size in px."""
+        metrics = {"width": width, "height": height, "deviceScaleFactor": scale}
+        self.driver.execute_cdp_cmd(
+            "Emulation.setDeviceMetricsOverride", {**metrics, "mobile": width < 600}
+        )
+
+    def dark(self, dark: bool) -> None:
+        """What the user likes."""
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
+
+    def run(self, script: str, *arguments: Any) -> Any:
+        """The value of an expression."""
+        return self.driver.execute_script(f"return {script}", *arguments)
+
+    def wait(self, condition: str, seconds: float = WAIT_S) -> Any:
+        """Wait until an expression is true; its value."""
+        return wait_until(lambda: self.run(condition), seconds, condition)
+
+    def text(self, selector: str) -> str:
+        """The text of the first element of a selector."""
+        found = self.run("document.querySelector(arguments[0])?.textContent ?? null", selector)
+        assert found is not None, f"there is no {selector}"
+        return str(found)
+
+    def texts(self, selector: str) -> List[str]:
+        """The texts of all elements of a selector."""
+        script = "[...document.querySelectorAll(arguments[0])].map((each) => each.textContent)"
+        return list(self.run(script, selector))
+
+    def click(self, selector: str) -> None:
+        """Click the middle of an element."""
+        self.driver.find_element("css selector", selector).click()
+
+    def press(self, *keys: str) -> None:
+        """Press keys, wherever the focus is; the names are those of selenium's Keys."""
+        names: Any = pytest.importorskip("selenium.webdriver.common.keys").Keys
+        for key in keys:
+            self.driver.switch_to.active_element.send_keys(getattr(names, key))
+
+    def focused(self) -> str:
+        """The id, the service or the text of what has the focus."""
+        return str(
+            self.run(
+                "document.activeElement.id || document.activeElement.closest('tr')?.dataset.service"
+                " || document.activeElement.textContent"
+            )
+        )
+
+    def log(self) -> Log:
+        """What the browser has complained of since this was asked last."""
+        return list(self.driver.get_log("browser"))

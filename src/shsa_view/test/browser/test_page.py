@@ -1,0 +1,323 @@
+"""The page in a real browser, with the real server, which is fed with documents."""
+import copy
+from typing import Any, Dict, Iterator, List
+
+import pytest
+from chromium import PHONE, WIDE, Browser
+from documents import (
+    BEGAN,
+    HOSTILE,
+    HOSTILE_SVG,
+    Document,
+    drawing,
+    hostile,
+    incident,
+    large,
+    robot,
+)
+from fed import Fed
+
+ROW = "tr[data-service=amperemeter]"
+NODE = "#service-amperemeter"
+CONTRAST = 4.5
+"""WCAG 2.1 AA, of text."""
+PALE = """[...document.querySelectorAll('main *, header *, dialog *')].flatMap((element) => {
+  const own = [...element.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
+  if (!own || !element.checkVisibility({checkOpacity: true}) || element.closest('svg')) return [];
+  if (element.getBoundingClientRect().width < 2) return [];
+  const numbers = (text) => text.match(/[0-9.]+/g).map(Number);
+  const light = (color) => {
+    const [r, g, b] = numbers(color).map((part) => {
+      const value = part / 255;
+      return value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
+    });
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  let behind = element;
+  const clear = (each) => numbers(getComputedStyle(each).backgroundColor)[3] === 0;
+  while (behind.parentElement && clear(behind)) behind = behind.parentElement;
+  const [one, other] = [getComputedStyle(element).color,
+    getComputedStyle(behind).backgroundColor].map(light).sort((a, b) => b - a);
+  const contrast = (one + 0.05) / (other + 0.05);
+  return contrast < arguments[0] ? [`${element.textContent}: ${contrast.toFixed(2)}`] : [];
+})"""
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    """One browser for all."""
+    browser = Browser()
+    yield browser
+    browser.close()
+
+
+@pytest.fixture
+def browser(chromium: Browser) -> Iterator[Browser]:
+    """The browser, which must have nothing to complain of at the end."""
+    chromium.size(*WIDE)
+    chromium.dark(False)
+    yield chromium
+    assert chromium.log() == []
+
+
+@pytest.fixture
+def served() -> Iterator[List[Fed]]:
+    """Servers that end with the test."""
+    made: List[Fed] = []
+    yield made
+    for each in made:
+        each.close()
+
+
+@pytest.fixture
+def fed(served: List[Fed], browser: Browser) -> Iterator[Fed]:
+    """A robot that is well, in the browser."""
+    served.append(Fed(robot()))
+    browser.open(served[0].address)
+    browser.wait("document.querySelector('#graph svg') !== null")
+    yield served[0]
+    browser.driver.get("about:blank")
+
+
+def substituted() -> Document:
+    """What the server tells when the amperemeter's substitute publishes."""
+    row = copy.deepcopy(robot()["services"]["amperemeter"])
+    node = "/substitute_battery_current_1"
+    row.update(state="substituted", substitute=node, publisher=node, detail="its node is gone")
+    row["derivation"] = ["property-battery_current", "relation-power-battery_current"]
+    row["properties"]["battery_current"].update(error_p95=0.4, error_rms=0.2)
+    happened = incident()
+    row["incident_key"] = happened["key"]
+    return {
+        "robot": {"state": "substituted", "text": "amperemeter has a substitute."},
+        "services": {"amperemeter": row},
+        "substitutes": {node: {"inputs": ["/battery_voltage/data"], "relations": ["power"]}},
+        "incidents": [happened],
+    }
+
+
+def test_a_robot_that_is_well(browser: Browser, fed: Fed) -> None:
+    assert browser.text("#robot-state") == "All well"
+    assert browser.run("document.title") == "✓ All well – /"
+    row = browser.text(ROW)
+    for part in ("Well", "/battery_current", "3.214 ± 0.060 A", "50 of 50 Hz"):
+        assert part in row
+    assert browser.run(f"document.querySelector('{ROW} .strip').ariaLabel") == (
+        "Last minute: 57 s well, 3 s not known"
+    )
+    assert browser.run("document.querySelector('#no-incidents').hidden") is False
+    assert browser.run(f"document.querySelector('{NODE}').dataset.state") == "well"
+
+
+def test_a_failure_is_seen_everywhere(browser: Browser, fed: Fed) -> None:
+    fed.state.tell(**substituted())
+    browser.wait(f"document.querySelector('{ROW}').dataset.state === 'substituted'")
+    assert browser.texts("#rows .name") == ["amperemeter", "voltmeter"]
+    assert "± 0.40 A" in browser.text(ROW)
+    assert browser.run("document.querySelector('#glance').dataset.state") == "substituted"
+    facts = browser.texts("#affected dt, #affected dd")
+    assert facts[:2] == [
+        "What failed",
+        "/amperemeter – node gone: the connection to the node was lost",
+    ]
+    assert facts[3] == "/substitute_battery_current_1, from /battery_voltage/data by power"
+    assert facts[5] == "battery_current ± 0.40 A; quality 0.87 of 1"
+    browser.wait(f"document.querySelector('#affected').textContent.includes('{fed.answers.left}')")
+    assert browser.run("document.title").startswith("◆ Substituted")
+    classes = "document.querySelector('#{}').getAttribute('class')"
+    for id_ in ("property-battery_current", "relation-power-battery_current", "edge-2"):
+        assert "runs" in browser.run(classes.format(id_))
+    assert "gone" in browser.run(classes.format("edge-1"))
+    assert (
+        browser.run("document.querySelector('#property-battery_current').dataset.state")
+        == "derived"
+    )
+    assert "is lost; derived instead, ± 0.40 A" in browser.text("#losses")
+    browser.wait(
+        "document.querySelector('#spoken').textContent === 'amperemeter has a substitute.'"
+    )
+
+    fed.state.tell(**{key: robot()[key] for key in ("robot", "services", "substitutes")})
+    browser.wait(f"document.querySelector('{ROW}').dataset.state === 'well'")
+    assert browser.run("document.querySelectorAll('#affected li, #graph .runs').length") == 0
+
+
+def test_the_timeline_has_every_moment_and_outlives_a_reload(browser: Browser, fed: Fed) -> None:
+    fed.state.tell(incidents=[incident(1)])
+    browser.wait("document.querySelectorAll('#timeline > li').length === 1")
+    fed.state.tell(incidents=[incident(2, "voltmeter")])
+    browser.wait("document.querySelectorAll('#timeline > li').length === 2")
+    for _ in range(2):
+        heads = browser.texts("#timeline summary b")
+        assert heads == ["voltmeter: node gone", "amperemeter: node gone"]
+        assert browser.run(
+            "[...document.querySelectorAll('details')].map((each) => each.open)"
+        ) == [*(True, False)]
+        moments = browser.texts("#timeline [open] .moments li b")
+        assert moments == ["0", "+21 ms", "+34 ms", "+29 ms", "+31 ms", "+43 ms", "–", "–"]
+        browser.open(fed.address)
+    browser.run("document.querySelectorAll('.moments li')[1].focus()")
+    clock = browser.run(
+        "getComputedStyle(document.querySelectorAll('.moments .clock')[1]).position"
+    )
+    assert clock == "static"
+    over = incident(2, "voltmeter", state="ended")
+    over["moments"].update(returned=BEGAN + 132, ended=BEGAN + 134)
+    fed.state.tell(incidents=[over])
+    browser.wait("document.querySelector('.moments').textContent.includes('+14.0 s')")
+    assert browser.focused().startswith("failure seen"), "what is told anew keeps the focus"
+
+
+def test_what_if(browser: Browser, fed: Fed) -> None:
+    browser.click("#property-battery_current text")
+    browser.wait("document.querySelector('#answer h3') !== null")
+    assert browser.text("#question") == "What if amperemeter failed?"
+    answer = browser.text("#answer")
+    for part in ("would be taken over", "battery_current ± 0.40 A", fed.answers.left, "y=t0"):
+        assert part in answer
+    assert "/amperemeter and /voltmeter" in browser.text(".sets")
+    relation = "document.querySelector('#relation-power-battery_current').getAttribute('class')"
+    browser.wait(f"{relation}.includes('would')")
+    browser.press("ESCAPE")
+    assert browser.run("document.querySelector('#what-if').open") is False
+    assert "would" not in browser.run(relation)
+
+
+def test_by_the_keyboard_alone(browser: Browser, fed: Fed) -> None:
+    browser.run("document.body.focus()")
+    browser.press("TAB")
+    assert browser.focused() == "To the services"
+    browser.press("ENTER")
+    assert browser.focused() == "services"
+    browser.press("TAB", "ARROW_DOWN")
+    assert browser.focused() == "voltmeter"
+    assert browser.run("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+    browser.press("ARROW_RIGHT", "ARROW_UP")
+    browser.press("ENTER")
+    assert browser.focused() == "question"
+    assert "the node" in browser.text("#question")
+    browser.press("ESCAPE")
+    assert browser.focused() == "amperemeter"
+    browser.press("TAB", "TAB", "TAB", "TAB")
+    assert browser.focused() == "service-amperemeter"
+    browser.press("ARROW_DOWN")
+    assert browser.focused() == "property-battery_current"
+    browser.press("ARROW_RIGHT")
+    assert browser.focused() == "relation-power-battery_current"
+    assert browser.run("document.querySelectorAll('#graph [tabindex=\"0\"]').length") == 1
+
+
+def test_markup_is_shown_as_text(browser: Browser, served: List[Fed]) -> None:
+    served.append(Fed(hostile()))
+    served[0].answers.drawing = drawing(HOSTILE_SVG)
+    served[0].answers.left = HOSTILE
+    browser.open(served[0].address)
+    browser.wait("document.querySelector('#graph svg') !== null")
+    browser.wait("document.querySelector('#affected').textContent.includes('window.hurt')")
+    for place in ("#rows", "#timeline", "#affected", "#robot-text", "#healing", "#namespace"):
+        assert HOSTILE in browser.text(place)
+    browser.click("#rows .name")
+    browser.wait("document.querySelector('.left') !== null")
+    assert HOSTILE in browser.text("#answer")
+    assert browser.run("window.hurt === undefined")
+    assert (
+        browser.run("document.querySelectorAll('img, main script, foreignObject, image').length")
+        == 0
+    )
+    assert browser.run("document.querySelectorAll('[onclick], [style], a[href^=java]').length") == 0
+    browser.driver.get("about:blank")
+
+
+def test_200_services_and_only_what_changes_is_touched(browser: Browser, served: List[Fed]) -> None:
+    served.append(Fed(large(200)))
+    browser.open(served[0].address)
+    browser.wait("document.querySelectorAll('#rows tr').length === 200")
+    browser.run(
+        "(window.touched = new Set(), new MutationObserver((records) => records.forEach("
+        "(each) => touched.add(each.target.parentElement.closest('tr')?.dataset.service)))"
+        ".observe(document.querySelector('#rows'), {subtree: true, childList: true,"
+        " characterData: true}))"
+    )
+    row: Dict[str, Any] = copy.deepcopy(served[0].state.whole["services"]["sensor_150"])
+    row["properties"]["value_150"]["value"] = 7.5
+    served[0].state.tell(services={"sensor_150": row})
+    browser.wait("document.querySelector('[data-service=sensor_150] b').textContent === '7.50'")
+    assert browser.run("[...touched]") == ["sensor_150"]
+    served[0].state.tell(services={"sensor_150": {**row, "state": "not_healed"}})
+    browser.wait("document.querySelector('#rows tr').dataset.service === 'sensor_150'")
+    assert browser.text("#services-count") == "1 not healed · 199 well"
+    browser.run("document.querySelector('#filter').focus()")
+    browser.driver.switch_to.active_element.send_keys("sensor_01")
+    browser.wait("document.querySelectorAll('#rows tr:not([hidden])').length === 10")
+    served[0].state.tell(services={"sensor_150": None})
+    browser.wait("document.querySelectorAll('#rows tr').length === 199")
+    browser.driver.get("about:blank")
+
+
+def test_a_lost_connection_says_so_and_comes_back(chromium: Browser, served: List[Fed]) -> None:
+    served.append(Fed(robot()))
+    chromium.open(served[0].address)
+    served[0].close()
+    chromium.wait("!document.querySelector('#lost').hidden")
+    assert chromium.text("#lost").startswith("Connection lost since ")
+    assert "What you see is of then." in chromium.text("#lost")
+    assert chromium.text(f"{ROW} .state") == "Well", "it is still there"
+    again = robot()
+    del again["services"]["voltmeter"]
+    again["robot"]["text"] = "Started anew."
+    served.append(Fed(again, served[0].port))
+    chromium.wait("document.querySelector('#robot-text').textContent === 'Started anew.'")
+    assert chromium.run("document.querySelector('#lost').hidden") is True
+    chromium.wait("document.querySelectorAll('#rows tr').length === 1")
+    assert {each["source"] for each in chromium.log()} == {"network"}
+    chromium.driver.get("about:blank")
+
+
+@pytest.mark.parametrize("document", [robot, hostile, lambda: large(30)], ids=str)
+def test_a_phone_needs_no_sideways_scrolling(
+    browser: Browser, served: List[Fed], document: Any
+) -> None:
+    served.append(Fed({**document(), "incidents": [incident()]}))
+    browser.size(*PHONE)
+    browser.open(served[0].address)
+    browser.wait("document.querySelector('#graph svg') !== null")
+    browser.run("document.querySelector('#rows .name').click()")
+    browser.wait("document.querySelector('.left') !== null")
+    assert browser.run("document.documentElement.scrollWidth") == PHONE[0]
+    browser.driver.get("about:blank")
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_text_can_be_read(browser: Browser, fed: Fed, dark: bool) -> None:
+    browser.dark(dark)
+    told = substituted()
+    healing = {**robot()["services"]["voltmeter"], "state": "healing", "detail": "searched"}
+    lost = {**robot()["services"]["voltmeter"], "state": "not_healed", "detail": "gone"}
+    told["services"].update(voltmeter=healing, third=lost, fourth={**lost, "state": "unknown"})
+    fed.state.tell(**told)
+    browser.click(f"{ROW} .name")
+    browser.wait("document.querySelector('.left') !== null")
+    browser.wait("document.querySelectorAll('#rows tr').length === 4")
+    browser.wait("document.getAnimations().length === 0")
+    assert browser.run(PALE, CONTRAST) == []
+
+
+def test_actions_need_a_token_and_a_yes(browser: Browser, served: List[Fed]) -> None:
+    served.append(Fed({**robot(), "actions": True}, token="secret"))
+    fed = served[0]
+    for fragment, shown in (("", False), ("#token=secret", True)):
+        browser.open(fed.address + fragment)
+        browser.click(f"{ROW} .name")
+        browser.wait("document.querySelector('.left') !== null")
+        assert browser.run("!document.querySelector('#actions').hidden") is shown
+    browser.click("[data-action=release]")
+    browser.click("#confirm [value=no]")
+    browser.click("[data-action=inject]")
+    assert 'Inject the fault "crash" into /battery_current?' in browser.text("#confirm-text")
+    browser.click("#confirm [value=yes]")
+    browser.wait("document.querySelector('#actions [role=status]').textContent.startsWith('Done')")
+    assert fed.answers.acted == [("inject", {"topic": "/battery_current", "fault": "crash"})]
+    browser.press("ESCAPE")
+    browser.run("document.querySelector('.skips a').click()")
+    assert browser.run("location.hash") == "#token=secret", "a skip keeps the token"
+    browser.driver.get("about:blank")
