@@ -5,7 +5,6 @@ from typing import FrozenSet, List, Optional, Set, Tuple
 
 from shsa_core.analysis.loss import DeadBranch, Loss, dead_branches
 from shsa_core.codegen.choice import substitutes
-from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import plan_service, program_of
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
@@ -128,26 +127,22 @@ def _found(
 ) -> Found:
     sources = derivation.sources()
     why_not = [why for source in sources for why in doubts.of(source)]
-    program: Optional[Program] = None
     try:
-        program = program_of(ontology, [derivation], [output])
+        program_of(ontology, [derivation], [output])
     except GenerationError as refused:
         why_not.append(f"it cannot be executed: {refused}")
-    inputs = tuple(source.path for source in sources)
-    ran = program is not None and _is_part(program, derivation, inputs, incident)
-    return Found(derivation.relations(), inputs, quality, error, tuple(why_not), ran)
+    relations, inputs = derivation.relations(), tuple(source.path for source in sources)
+    ran = not why_not and _is_part(relations, inputs, incident)
+    return Found(relations, inputs, quality, error, tuple(why_not), ran)
 
 
-def _is_part(
-    program: Program, derivation: Derivation, inputs: Tuple[str, ...], incident: Incident
-) -> bool:
-    """Whether it is what ran; with several outputs, by what it reads and uses."""
-    if not incident.outputs:
+def _is_part(relations: Tuple[str, ...], inputs: Tuple[str, ...], incident: Incident) -> bool:
+    """Whether it is what ran, or of several outputs a part of it."""
+    if not incident.code:
         return False
     if len(incident.outputs) == 1:
-        return (program.inputs, program.code) == (incident.inputs, incident.code)
-    uses = set(derivation.relations()) <= set(incident.relations)
-    return uses and set(inputs) <= set(incident.inputs)
+        return set(relations) == set(incident.relations) and set(inputs) == set(incident.inputs)
+    return set(relations) <= set(incident.relations) and set(inputs) <= set(incident.inputs)
 
 
 def _first(found: List[Found]) -> Tuple[Found, ...]:
