@@ -1,4 +1,5 @@
 """What the pages have somebody type works, or says why no test types it."""
+import doctest
 import re
 import shlex
 import shutil
@@ -22,6 +23,7 @@ ALONE = [
 ]
 """What needs nothing but the files of the small example, and is done within seconds."""
 FOLLOWED = [page for page in PAGES if follower(page)]
+EXAMPLES = [page for page in PAGES if ">>> " in page.read_text("utf-8")]
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +108,16 @@ def _options() -> Dict[str, Set[str]]:
         name: {option for action in command._actions for option in action.option_strings}
         for name, command in dict(subparsers.choices or {}).items()
     }
+
+
+@pytest.mark.parametrize("page", EXAMPLES, ids=lambda page: page.name)
+def test_the_examples_of_a_page_are_true(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    shown = "\n\n".join(each.text for each in listings(page) if each.language == "pycon")
+    examples = doctest.DocTestParser().get_doctest(shown, {}, page.name, str(page), 0)
+    told: List[str] = []
+    assert examples.examples
+    assert doctest.DocTestRunner().run(examples, out=told.append).failed == 0, "".join(told)
 
 
 def test_a_page_that_is_not_followed_to_its_end_is_found(tmp_path: Path) -> None:
