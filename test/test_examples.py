@@ -1,24 +1,16 @@
-"""The examples are valid, and what the README shows are the examples' files."""
-import re
+"""The examples are valid, and what start.md shows are the examples' files."""
 import subprocess
 import sys
 from pathlib import Path
-from typing import List
 from xml.etree import ElementTree
 
 import pytest
+from listings import ROOT, listings
 
 from shsa_core import message_types
 from shsa_core.analysis.check import check_files
 
-ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES = sorted(path.parent for path in ROOT.glob("examples/*/README.md"))
-
-
-def blocks(text: str) -> List[str]:
-    """The indented blocks of a Markdown text, without their indent."""
-    found = re.findall(r"(?:^    .*\n|^\n)+", text, re.MULTILINE)
-    return [re.sub(r"^    ", "", block, flags=re.MULTILINE).strip("\n") for block in found]
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.name)
@@ -33,8 +25,8 @@ def test_an_example_is_valid(example: Path) -> None:
         assert all(Path(name.replace("$(dirname)", str(example))).is_file() for name in files)
 
 
-def test_the_readme_shows_the_files_of_the_example() -> None:
-    shown = blocks((ROOT / "README.md").read_text())
+def test_start_shows_the_files_of_the_example() -> None:
+    shown = [each.text for each in listings(ROOT / "docs" / "start.md")]
     for name in ("robot.yaml", "robot_som.yaml"):
         assert (ROOT / "examples" / "battery" / name).read_text().strip("\n") in shown
 

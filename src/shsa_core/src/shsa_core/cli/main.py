@@ -20,7 +20,7 @@ INTERRUPTED, CLOSED_PIPE = 128 + signal.SIGINT, 128 + signal.SIGPIPE  # as the s
 
 def main(arguments: Optional[List[str]] = None) -> int:
     """Run a command. Returns 0 if it is done, 1 if the answer is no, 2 if it was called wrongly."""
-    parser, commands = _parser()
+    parser, commands = command_line()
     if "_ARGCOMPLETE" in os.environ:  # the shell asks for completions
         import argcomplete
 
@@ -41,7 +41,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
         return _say(error, WRONG)
 
 
-def _parser() -> Tuple[argparse.ArgumentParser, Dict[str, Any]]:
+def command_line() -> Tuple[argparse.ArgumentParser, Dict[str, Any]]:
     """The parser of all commands, and their modules by the commands' names."""
     parser = argparse.ArgumentParser(
         prog="shsa", description="Self-healing by structural adaptation, from the command line."

@@ -1,0 +1,124 @@
+"""What the pages have somebody type works, or says why no test types it."""
+import re
+import shlex
+import shutil
+from pathlib import Path
+from typing import Dict, Iterator, List, Set
+from xml.etree import ElementTree
+
+import pytest
+from listings import ROOT, Listing, Page, Reader, follower, listings, new_reader
+
+from shsa_core.cli.main import command_line
+
+PAGES = sorted(
+    path for each in ("*.md", "docs/**/*.md", "examples/*/README.md") for path in ROOT.glob(each)
+)
+TYPED = [each for page in PAGES for each in listings(page) if each.commands]
+ALONE = [
+    each
+    for each in TYPED
+    if not each.not_run and not follower(each.page) and each.page.parent.name != "tutorials"
+]
+"""What needs nothing but the files of the small example, and is done within seconds."""
+FOLLOWED = [page for page in PAGES if follower(page)]
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
+    """Somebody in a folder with the small example's files, who also sees those of the workspace."""
+    folder = tmp_path_factory.mktemp("reader")
+    for name, copy in (("robot", "ontology"), ("robot_som", "som")):
+        for target in (name, copy):
+            shutil.copy(
+                str(ROOT / "examples" / "battery" / f"{name}.yaml"), str(folder / f"{target}.yaml")
+            )
+    for name in ("src", "devel", "examples", "tools"):
+        (folder / name).symlink_to(ROOT / name)
+    with new_reader(folder) as typing:
+        yield typing
+
+
+@pytest.mark.parametrize("listing", ALONE, ids=str)
+def test_a_listing_does_what_it_should(listing: Listing, reader: Reader) -> None:
+    reader.types(listing.text)
+
+
+@pytest.mark.parametrize("page", FOLLOWED, ids=lambda page: page.name)
+def test_a_page_is_followed_to_its_end(page: Path) -> None:
+    test = (ROOT / follower(page)).read_text()
+    assert page.name in test and ".finished()" in test
+
+
+@pytest.mark.parametrize("listing", TYPED, ids=str)
+def test_what_is_typed_exists(listing: Listing) -> None:
+    for line in listing.text.replace("\\\n", " ").split("\n"):
+        for words in _commands(line):
+            wrong = _wrong(words)
+            assert not wrong, f"{listing}: {wrong}"
+
+
+def _commands(line: str) -> Iterator[List[str]]:
+    """The commands of a line, each as its words; none of what is only shown."""
+    words = shlex.split(line, comments=True) if line.count("'") % 2 == 0 else []
+    if words[:2] == ["rosrun", "shsa_core"] and words[2:3] == ["shsa"]:
+        words = words[2:]
+    if words[:1] in (["shsa"], ["roslaunch"], ["make"]):
+        yield words
+
+
+def _wrong(words: List[str]) -> str:
+    """What of a command is not there; empty: nothing."""
+    if words[0] == "make":
+        targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+        return "" if words[1] in targets else f"no target {words[1]}"
+    if words[0] == "roslaunch":
+        return _wrong_launch(words[1:])
+    if words[1].startswith("-"):
+        return ""
+    if words[1] not in _options():
+        return f"no command {words[1]}"
+    given = {
+        re.split("[=|]", word.strip("[]"))[0] for word in words if word.strip("[").startswith("--")
+    }
+    unknown = given - _options()[words[1]]
+    return f"{words[1]} has no {min(unknown)}" if unknown else ""
+
+
+def _wrong_launch(words: List[str]) -> str:
+    """What a launch file lacks that its arguments name; of packages of ours, and of files."""
+    files = [word for word in words if word.endswith(".launch")]
+    found = [path for each in ("src", "examples") for path in ROOT.glob(f"{each}/*/**/*.launch")]
+    named = [path for path in found if path.name == Path(files[0]).name] if files else []
+    if not named:
+        return f"no launch file in {' '.join(words)}"
+    known = {arg.get("name") for arg in ElementTree.parse(str(named[0])).iter("arg")}
+    given = {word.split(":=")[0] for word in words if ":=" in word and not word.startswith("_")}
+    unknown = given - known
+    return f"{files[0]} has no {min(map(str, unknown))}" if unknown else ""
+
+
+def _options() -> Dict[str, Set[str]]:
+    """The commands of `shsa`, and the options of each."""
+    parser, _ = command_line()
+    (subparsers,) = (each for each in parser._actions if each.choices and not each.option_strings)
+    return {
+        name: {option for action in command._actions for option in action.option_strings}
+        for name, command in dict(subparsers.choices or {}).items()
+    }
+
+
+def test_a_page_that_is_not_followed_to_its_end_is_found(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "One:\n\n    shsa check o.yaml\n\nand\n\n<!-- not run: why -->\n    make demo\n\n"
+        "```yaml\nservices:\n```\n\n```bash\nls\n```\n"
+    )
+    assert [each.commands for each in listings(page)] == [True, True, False, True]
+    assert [each.not_run for each in listings(page)] == ["", "why", "", ""]
+    followed = Page(page)
+    assert followed.take("shsa check") == "shsa check o.yaml"
+    with pytest.raises(AssertionError, match="was expected"):
+        Page(page).take("roscore")
+    assert followed.take() == "ls"
+    followed.finished()
