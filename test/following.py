@@ -120,7 +120,8 @@ class Follower:
 
 
 def prepared(folder: Path) -> Path:
-    """A folder in which the workspace's own are found."""
+    """A new folder in which the workspace's own are found."""
+    folder.mkdir()
     for name in ("devel", "examples", "src", "tools"):
         (folder / name).symlink_to(ROOT / name)
     return folder
