@@ -71,16 +71,31 @@ def ask(uri: str, method: str, *arguments: Any) -> Any:
 
 def ask_timed(uri: str, method: str, *arguments: Any) -> Answer:
     """The same, with its times: the connection was made before. Raises one of FAILURES."""
-    address(uri)
-    transport = _Transport(NODE)
-    api = xmlrpc.client.ServerProxy(uri, transport=transport)
-    answer = getattr(api, method)(rospy.get_name(), *arguments)
-    answered = time.monotonic_ns()
+    answer, asked, answered = _call(uri, method, *arguments)
     if not isinstance(answer, (list, tuple)) or len(answer) != 3 or not _is_int(answer[0]):
         raise BadAnswer(f"{uri} answers {method} with {_short(answer)}")
     if answer[0] != 1:
         raise BadAnswer(f"{uri} refuses {method}: {_short(answer[1])}")
-    return Answer(answer[2], transport.connected, answered)
+    return Answer(answer[2], asked, answered)
+
+
+def bus_stats(uri: str) -> Answer:
+    """What a node counts of its connections. Raises one of FAILURES.
+
+    Of its answer to getBusStats; roscpp leaves out the status that other answers begin with.
+    """
+    answer, asked, answered = _call(uri, "getBusStats")
+    if not isinstance(answer, (list, tuple)) or not answer:
+        raise BadAnswer(f"{uri} answers getBusStats with {_short(answer)}")
+    return Answer(answer[2] if _is_int(answer[0]) and len(answer) == 3 else answer, asked, answered)
+
+
+def _call(uri: str, method: str, *arguments: Any) -> Answer:
+    address(uri)
+    transport = _Transport(NODE)
+    api = xmlrpc.client.ServerProxy(uri, transport=transport)
+    answer = getattr(api, method)(rospy.get_name(), *arguments)
+    return Answer(answer, transport.connected, time.monotonic_ns())
 
 
 def pid(uri: str) -> int:

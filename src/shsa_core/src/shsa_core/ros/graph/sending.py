@@ -6,7 +6,7 @@ from typing import Dict, NamedTuple, Optional, Union
 
 import rospy
 
-from shsa_core.ros.graph.node_api import FAILURES, Answer, ask_timed
+from shsa_core.ros.graph.node_api import FAILURES, Answer, bus_stats
 
 Counters = Dict[int, int]
 COUNTER = 2**32
@@ -61,7 +61,7 @@ def sent(answer: Answer, topic: str) -> Optional[Sent]:
 
 def _look(uri: str, topic: str) -> Union[Sent, OSError, None]:
     try:
-        return sent(ask_timed(uri, "getBusStats"), topic)
+        return sent(bus_stats(uri), topic)
     except OSError as error:
         return error
     except FAILURES:
