@@ -62,6 +62,8 @@ class FaultyNode:
         self._fate = Fate.KILLED if verdict.kill else Fate.KEPT
         if verdict.kill:
             silent = self.kind in QUIET and not gone and now.service.contain is not Contain.NODE
+            if silent and now.parted:
+                self.heard = False  # its kill may wait for its computer, and nobody hears it
             topic = now.service.topic
             return [KillNode(self.name, not gone, topic=topic, only_here=silent)]
         self.heard = self.kind not in QUIET
