@@ -134,12 +134,12 @@ def test_the_next_reconfigurator_hears_who_did_well_all_the_time_and_kills_nobod
     heir.handle(events.Started(12.0, (), (), tuple(robot.written.values()), (row.node,)))
     seen(heir, 12.1, BOARD)
     watched_at_home(heir, 12.1, BOARD)
-    for time in (14.0, 17.1, 18.0, 19.5):
+    for time in (14.0, 17.1, 25.0, 31.0, 35.0):
         assert not stopped(heir.handle(events.Tick(time)))  # nobody can say whether it publishes
-    seen(heir, 20.0, PI)
-    commands = watched_at_home(heir, 20.2, PI)
+    seen(heir, 40.0, PI)
+    commands = watched_at_home(heir, 40.2, PI)
     assert last_incident(commands).state is State.RETURNING
-    for time in (21.0, 22.0, 23.0, 24.0):
+    for time in (41.0, 42.0, 43.0, 44.0):
         seen(heir, time, PI, BOARD)
         heir.handle(events.Tick(time))
     assert heir.core.incident("a") is None and not has(heir.said, events.FindNode)
