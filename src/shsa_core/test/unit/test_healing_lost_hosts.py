@@ -360,3 +360,26 @@ def test_where_all_is_on_one_computer_nobody_listens_for_others() -> None:
     assert [row.on_partition for row in robot.working()] == [OnPartition.WAIT]
     robot.failure("/a", A, 10.0, "silent", "no message", 9.7)
     assert [row.yields for row in robot.working()] == [False]
+
+
+def test_an_event_driven_service_of_a_lost_computer_is_said_not_to_be_healed() -> None:
+    robot = distributed()
+    changed = [replace(each, period=None) for each in robot.core._som]
+    robot.handle(events.SomChanged(4.0, robot.core._som.with_services(changed)))
+    commands = lost(robot, 10.0, PI)
+    assert "/a cannot be told by its silence: it is not healed while pi is lost" in str(commands)
+    assert robot.core.incident("a") is None
+    assert "cannot be told" not in str(lost(distributed(), 10.0, PI))
+
+
+def test_a_gateway_of_a_lost_computer_is_healed_elsewhere_and_never_started_again() -> None:
+    """Its serial line is there: only a substitute elsewhere can stand in."""
+    robot = distributed(policy=Policy.RESTART_AND_SUBSTITUTE, standby=Standby.HOT)
+    cut(robot, 10.0)
+    (row,) = robot.working()
+    assert row.publishing and row.host != PI
+    for time in (12.0, 20.0, 40.0):
+        seen(robot, time, BOARD)
+        robot.handle(events.Tick(time))
+    assert not has(robot.said, events.RestartNode)
+    assert not has(robot.said, events.FindNode)

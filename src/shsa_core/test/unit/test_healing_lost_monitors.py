@@ -3,11 +3,13 @@ from typing import List
 
 import pytest
 
-from core_robot import A, B, C, Robot, has, last_incident, only, publishing, service
+from core_robot import A, B, C, ONTOLOGY, Robot, has, last_incident, only, publishing, service
 from hosts_robot import BOARD, PI, WAIT, distributed, lost, seen, silent, stopped, takes_over
 from shsa_core.healing import events
 from shsa_core.healing.hearing import ANSWER_S
 from shsa_core.healing.incident import State
+from shsa_core.healing.machine import Reconfigurator
+from shsa_core.healing.settings import Settings
 from shsa_core.model.host import Host, Placement
 from shsa_core.model.kinds import Standby
 from shsa_core.model.som import Som
@@ -119,3 +121,25 @@ def test_one_monitor_for_all_goes_on_when_a_computer_is_lost() -> None:
     silent(robot, 10.2)
     takes_over(robot, 10.3)
     assert last_incident(robot.said).state is State.HEALED
+
+
+def test_the_next_reconfigurator_hears_who_did_well_all_the_time_and_kills_nobody() -> None:
+    robot = distributed(standby=Standby.HOT)
+    watched_at_home(robot, 4.0, PI, BOARD)
+    unheard(robot, 10.0, PI)
+    (row,) = robot.working()
+    heir = Robot(robot.som)
+    heir.core = Reconfigurator(ONTOLOGY, robot.som, Settings())
+    heir.said.clear()
+    heir.handle(events.Started(12.0, (), (), tuple(robot.written.values()), (row.node,)))
+    seen(heir, 12.1, BOARD)
+    watched_at_home(heir, 12.1, BOARD)
+    for time in (14.0, 17.1, 25.0, 31.0, 35.0):
+        assert not stopped(heir.handle(events.Tick(time)))  # nobody can say whether it publishes
+    seen(heir, 40.0, PI)
+    commands = watched_at_home(heir, 40.2, PI)
+    assert last_incident(commands).state is State.RETURNING
+    for time in (41.0, 42.0, 43.0, 44.0):
+        seen(heir, time, PI, BOARD)
+        heir.handle(events.Tick(time))
+    assert heir.core.incident("a") is None and not has(heir.said, events.FindNode)

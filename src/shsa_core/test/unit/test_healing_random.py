@@ -16,7 +16,7 @@ from shsa_core.healing.records import HealingRecord, IdleProcess, Record
 from shsa_core.healing.settings import Settings
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import FORMS
-from shsa_core.model.kinds import Contain, Kind, Policy, Standby
+from shsa_core.model.kinds import Contain, Kind, OnPartition, Policy, Standby
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
@@ -171,6 +171,8 @@ class AnyRobot(RuleBasedStateMachine):
             assert self.incidents.get(name) == healing.incident
             plan = healing.substitute.plan
             if plan is not None:
+                service = core._som.services[name]
+                parted = core._where.parted(service)
                 rows[healing.node] = Substitution(
                     healing.node,
                     name,
@@ -182,6 +184,8 @@ class AnyRobot(RuleBasedStateMachine):
                     healing.publishes,
                     healing.original,
                     host=healing.substitute.host,
+                    on_partition=service.on_partition if parted else OnPartition.WAIT,
+                    yields=parted and healing.yields,
                 )
         assert self.shown == rows
         assert set(core.substitutes) <= self.running

@@ -8,7 +8,9 @@ from shsa_msgs.msg import Substitutions
 from std_msgs.msg import Header
 from substitute_driver import IN, OUT, row, signal
 
+from shsa_core.errors import ShsaError
 from shsa_core.model.error import Error
+from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
 from shsa_core.ros.wire.rows import only_rows_of, substitution_message, substitution_row
 
@@ -16,6 +18,7 @@ ROWS = (
     row(True, (IN, signal("/joint", None, None, "/left", "position[2]")), original="/node"),
     Substitution("/substitute_12", "s", (IN,), "y=x[0]", (OUT, OUT), ("f1", "f2"), 0.5),
     Substitution("/idle", "", (), "", ()),
+    replace(row(), host="pi", on_partition=OnPartition.HEAL, yields=True),
     row(outputs=(replace(OUT, gain=1.2, offset=-0.5, error=Error(0.3, p95=0.7)),)),
 )
 
@@ -31,6 +34,15 @@ def encoded(**of: object) -> bytes:
 @pytest.mark.parametrize("each", ROWS)
 def test_a_row_survives_the_way_as_a_message(each: Substitution) -> None:
     assert substitution_row(substitution_message(each)) == each
+
+
+def test_a_row_that_says_of_a_cut_what_nobody_knows_is_refused() -> None:
+    message = substitution_message(row())
+    message.on_partition = "flee"
+    with pytest.raises(ShsaError, match="on_partition must be one of heal, wait, not 'flee'"):
+        substitution_row(message)
+    message.on_partition = ""
+    assert substitution_row(message).on_partition is OnPartition.WAIT
 
 
 @pytest.mark.parametrize("whole", [True, False])

@@ -5,8 +5,9 @@ from typing import Any, Dict, List, Optional, Set, Tuple
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
-from substitute_driver import CODE, NAME, SETTINGS, signal
+from substitute_driver import CODE, DEADLINE, NAME, SETTINGS, signal
 
+from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
@@ -42,6 +43,8 @@ class AnySubstitute(RuleBasedStateMachine):
         self.looks: List[events.LookAtOriginal] = []
         self.last: Optional[float] = None  # message to all since the row changed
         self.stale_looks = 0  # which the core awaits no more
+        self.cut = False
+        self.heard_at: Optional[float] = None  # another one, to whom it must have yielded
         self.hear(events.Started(self.now, self.told))
 
     def hear(self, event: events.Event) -> None:
@@ -74,10 +77,12 @@ class AnySubstitute(RuleBasedStateMachine):
         topic = command.outputs[0].topic
         assert self.advertised[topic]
         yields = self.muted_at is not None and self.now < self.muted_at + SETTINGS.yield_s
-        assert self.told.publishing or (yields and self.original)
+        alone = self.cut and self.told.on_partition is OnPartition.HEAL
+        assert self.told.publishing or (yields and self.original) or alone
         assert topic in self.told.topics or not self.told.publishing
+        assert self.heard_at is None or self.now - self.heard_at >= DEADLINE - 1e-6
         if command.only:
-            assert self.told.publishing and command.only not in command.served
+            assert (self.told.publishing or alone) and command.only not in command.served
             return
         assert self.stamps.get(topic, 0) <= command.stamp <= self.ros_time()
         self.stamps[topic] = command.stamp
@@ -93,12 +98,22 @@ class AnySubstitute(RuleBasedStateMachine):
         code=st.sampled_from(CODES),
         original=st.sampled_from(NODES),
         message=st.sampled_from((b"", b"one", b"two")),
+        alone=st.sampled_from(OnPartition),
+        yields=st.booleans(),
     )
     def program(
-        self, publishing: bool, source: Any, output: Any, code: str, original: str, message: bytes
+        self,
+        publishing: bool,
+        source: Any,
+        output: Any,
+        code: str,
+        original: str,
+        message: bytes,
+        alone: OnPartition,
+        yields: bool,
     ) -> None:
         row = Substitution(NAME, "s", (source,), code, (output,), (), 1.0, publishing, original)
-        self.change(replace(row, last_message=message))
+        self.change(replace(row, last_message=message, on_partition=alone, yields=yields))
 
     @rule(publishing=st.booleans())
     def order(self, publishing: bool) -> None:
@@ -115,6 +130,8 @@ class AnySubstitute(RuleBasedStateMachine):
             self.muted_at = self.now
         if row.publishing:
             self.muted_at = None
+        if row.publishing is not self.told.publishing or row.topics != self.told.topics:
+            self.heard_at = None
         self.told, self.original = row, row.original
         self.stale_looks, self.last = len(self.looks), None
         last = None
@@ -172,6 +189,20 @@ class AnySubstitute(RuleBasedStateMachine):
     @rule(topic=st.sampled_from(("/out", "/other")), connected=st.sets(st.sampled_from(CONSUMERS)))
     def found(self, topic: str, connected: Any) -> None:
         self.hear(events.SubscribersFound(self.now, topic, CONSUMERS, frozenset(connected)))
+
+    @rule(topic=st.sampled_from(("/out", "/other")))
+    def other(self, topic: str) -> None:
+        """Somebody else publishes."""
+        told = self.told
+        listens = told.on_partition is OnPartition.HEAL and topic == self.core._cut_off.topic
+        if listens and (self.cut or told.yields) and topic in told.topics:
+            self.heard_at = self.now
+        self.hear(events.OtherHeard(self.now, topic))
+
+    @rule(cut=st.booleans())
+    def reach(self, cut: bool) -> None:
+        self.cut, self.last = cut, None
+        self.hear(events.ReachChanged(self.now, cut))
 
     @rule()
     def lost(self) -> None:

@@ -65,7 +65,10 @@ class FaultyNode:
             return []
         self._fate = Fate.KILLED if verdict.kill else Fate.KEPT
         if verdict.kill:
-            return [self.kill(now.service)]
+            kill = self.kill(now.service)
+            if kill.only_here and now.parted:
+                self.heard = False  # its kill may wait for its computer, and nobody hears it
+            return [kill]
         self.heard = self.kind not in QUIET
         if gone and not again and now.service.policy is not Policy.ADVISE:
             return [KillNode(self.name, False, True, now.service.topic)]

@@ -11,6 +11,7 @@ from shsa_core.healing.events import FailureSeen, Level, Log, RunCommand, ShowIn
 from shsa_core.healing.faulty_node import FaultyNode
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.node_return import NodeReturn
+from shsa_core.healing.placement import NoRoom
 from shsa_core.healing.rate_limit import HealingRateLimit
 from shsa_core.healing.settings import Settings
 from shsa_core.healing.snapshot import Request, Snapshot
@@ -34,6 +35,7 @@ class Judgement:
         self.service = service
         self.incident: Optional[Incident] = None
         self.substitute = SubstituteProcess()
+        self.lacks_room = False  # it has a plan, and no computer for it
         self.last_message = b""  # the last good one of the service, serialized
         self._message_came = -math.inf
         self._settings = settings
@@ -74,6 +76,7 @@ class Judgement:
         """The plan to follow now; None: there is none, and why."""
         assert self.incident is not None
         policy = now.service.policy
+        self.lacks_room = False
         try:
             if not policy.plans:
                 raise ShsaError(f"its policy is {policy}")
@@ -85,6 +88,7 @@ class Judgement:
                 self.substitute.place(now, plan)  # is there a computer for it?
             return plan, NOT_MISSED
         except ShsaError as none:
+            self.lacks_room = isinstance(none, NoRoom)
             return None, none
 
     def _judge(self, now: Snapshot, replaced: bool) -> List[Request]:

@@ -135,12 +135,18 @@ class Nodes:
             self._put(replace(row, state=failed, since=time, kind=kind, detail=why))
             self._stranded.add((topic, publisher))
 
-    def watched(self, topic: str) -> bool:
-        """Whether the monitors of a topic are heard, as far as is known."""
-        if not self._lost:
-            return True
-        told = {self._told_at.get((topic, publisher), "") for publisher in self.health(topic)}
-        return not told & self._lost
+    def watched(self, topic: str, away: bool) -> bool:
+        """Whether the monitors of a topic are heard, as far as is known.
+
+        `away`: its computer is not heard; then nobody does who has not told of it yet.
+        """
+        keys = ((topic, publisher) for publisher in self.health(topic))
+        told = {self._told_at[key] for key in keys if key in self._told_at}
+        return not told & self._lost if told else not away
+
+    def doubt(self, topic: str, publisher: str) -> None:
+        """One was silent before we started: if a monitor tells that it does well, it does now."""
+        self._stranded.add((topic, publisher))
 
     def _returned(self, change: HealthSeen) -> HealthSeen:
         """A change in which those who do well are back whose monitor was lost: since now."""
@@ -149,8 +155,9 @@ class Nodes:
         rows = []
         for row in change.rows:
             if row.key in self._stranded and row.state is PublisherState.HEALTHY:
-                failed = self._health[row.topic][row.publisher].since
-                row = row if row.since > failed else replace(row, since=change.time)
+                before = self.health(row.topic).get(row.publisher)
+                later = before is not None and row.since > before.since
+                row = row if later else replace(row, since=change.time)
             rows.append(row)
         self._stranded.difference_update(row.key for row in rows)
         return replace(change, rows=tuple(rows))

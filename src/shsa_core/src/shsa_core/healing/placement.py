@@ -17,6 +17,10 @@ from shsa_core.model.som import Som
 OWN = "the reconfigurator's computer"
 
 
+class NoRoom(ShsaError):
+    """No computer can run a substitute now."""
+
+
 @dataclass(frozen=True)
 class Place:
     """A computer, empty: the reconfigurator's own; `passed_over`: who had no room, with the sum."""
@@ -62,7 +66,7 @@ class Placement:
         """The computer for a plan; `rather`: the one where a process stands by, if it may be used.
 
         That one need not have room now: it takes over at once, and any other starts beforehand.
-        Raises ShsaError if there is none.
+        Raises NoRoom if there is none.
         """
         return self.beside(time, service, self._inputs(plan), rather)
 
@@ -87,7 +91,7 @@ class Placement:
             if not self._no_room(host, costs[host], self._said(host)):
                 return Place(host, tuple(passed_over))
         reasons = "; ".join(passed_over) or self._none_there(time, service)
-        raise ShsaError(f"no computer can run the substitute: {reasons}")
+        raise NoRoom(f"no computer can run the substitute: {reasons}")
 
     def stands_by(self, time: float, service: Service, plan: AnyPlan) -> str:
         """The computer where a process is to stand by for a plan; empty: the reconfigurator's own.

@@ -5,7 +5,7 @@ and a node's silence is found sooner: what was decided in between is looked at a
 computer is back, first the substitutes end there that have a successor, then the kills go on that
 could not be finished, and its nodes are judged as whoever returns.
 """
-from typing import List
+from typing import Any, List
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.aftermath import Aftermath
@@ -17,8 +17,16 @@ from shsa_core.model.kinds import QUIET, Kind, OnPartition
 from shsa_core.model.service import Service
 
 
+ROOM_S = 0.5
+"""At least between two looks whether there is room now."""
+
+
 class Reach(Aftermath):
     """Keeps up which computers are there, and what runs where."""
+
+    def __init__(self, *told: Any) -> None:
+        super().__init__(*told)
+        self._room_at = float("-inf")
 
     def _host_seen(self, event: HostSeen) -> List[Command]:
         host, time = self._hosts.name(event.host), event.time
@@ -37,9 +45,19 @@ class Reach(Aftermath):
             commands += self._excuse(host, before)
         for node in self._awaited.due(time, host):
             commands += self._kill_again(node)
+        commands += self._look_for_room(time)
         for name in self._cleared(time, host):
             commands += self._ask(name, lambda healing, now: healing.reconsider(now))
             commands += self._ask(name, lambda healing, now: healing.replan(now))
+        return commands
+
+    def _look_for_room(self, time: float) -> List[Command]:
+        """Try again what no computer had room for: one may have it now."""
+        commands: List[Command] = []
+        if time >= self._room_at:
+            self._room_at = time + ROOM_S
+            for name in [each for each in self._concern.stuck if self._healings[each].lacks_room]:
+                commands += self._ask(name, lambda healing, now: healing.changed(now, True))
         return commands
 
     def _host_lost(self, event: HostLost) -> List[Command]:
@@ -50,6 +68,10 @@ class Reach(Aftermath):
         why = f"{host} is lost: {event.detail.rstrip('.')}"
         commands: List[Command] = [Log(Level.WARN, f"{why}.")]
         self._unsettle(service.name for service in self._where.on(host))
+        for service in self._where.on(host):
+            if service.needed and service.event_driven:
+                text = f"Whether anybody publishes {service.topic} cannot be told by its silence"
+                commands.append(Log(Level.WARN, f"{text}: it is not healed while {host} is lost."))
         commands += self._settle() + self._excuse(host, heard)
         for node in sorted(self._kills.nodes):
             if self._where.host_of(node) == host:

@@ -5,7 +5,7 @@ from typing import Dict, List
 from shsa_core.codegen.generator import Program
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Level, Log
-from shsa_core.healing.incident import State
+from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.records import (
     Counters,
     HealingRecord,
@@ -16,6 +16,7 @@ from shsa_core.healing.records import (
     healthy_key,
 )
 from shsa_core.healing.upkeep import Upkeep
+from shsa_core.model.kinds import QUIET, Kind
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
@@ -94,6 +95,8 @@ class Succession(Upkeep):
         if record.service in self._som.services:
             if record.incident is not None and record.incident.last_good is not None:
                 self._nodes.note_good(record.incident.topic, record.incident.faulty_node)
+            if record.incident is not None and record.incident.killed is None:
+                self._doubt_silent(record.incident)
             row = record.substitution
             if row is not None:
                 paths = [tuple(each.path for each in s) for s in (row.inputs, row.outputs)]
@@ -110,6 +113,12 @@ class Succession(Upkeep):
         ended = incident.ended is not None
         last = incident if ended else replace(incident, state=State.ENDED, ended=time, detail=why)
         return [events.ShowIncident(last)]
+
+    def _doubt_silent(self, incident: Incident) -> None:
+        """Who was silent on another computer may have been cut off, and be back by now."""
+        silent = incident.kind in QUIET and incident.kind is not Kind.NODE_GONE
+        if silent and self._where.host_of(incident.faulty_node):
+            self._nodes.doubt(incident.topic, incident.faulty_node)
 
     def _told(self) -> Command:
         incidents = sum(healing.incident is not None for healing in self._healings.values())

@@ -278,7 +278,7 @@ class Upkeep:
             settings=self.settings,
             planner=self._planner,
             publishers=self._nodes.health(service.topic),
-            watched=self._nodes.watched(service.topic),
+            watched=self._nodes.watched(service.topic, self._where.unheard(service)),
             originals=self._availability.originals(self._som, service),
             killing=self._kills.nodes,
             incident=self._incidents + 1,

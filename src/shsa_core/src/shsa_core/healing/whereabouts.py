@@ -82,6 +82,10 @@ class Whereabouts:
         """Whether the substitute of a service may be where it is, as the SOM is now."""
         return self._placement.allowed(service, self._healings[service.name].substitute.host)
 
+    def unheard(self, service: Service) -> bool:
+        """Whether the computer of a service is not heard."""
+        return not self._hosts.reachable(self._hosts.name(service.host))
+
     def parted(self, service: Service) -> bool:
         """Whether a cut may part the substitute of a service from us, or from the original."""
         healing = self._healings.get(service.name)

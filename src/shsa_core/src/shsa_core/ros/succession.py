@@ -1,7 +1,7 @@
 """What a former reconfigurator has left: its records, and the processes that still run."""
 import os
 import re
-from typing import Any, Collection, List, NamedTuple, Optional, Set, Tuple
+from typing import Any, Collection, Dict, List, NamedTuple, Optional, Set, Tuple
 
 import rospkg
 import rospy
@@ -36,14 +36,13 @@ def take_over(host: LocalHost, elsewhere: Collection[str] = ()) -> Heritage:
 
     `elsewhere`: what agents on other computers have told to run there.
     """
-    path = _path()
-    owner = {"boot": boot(), "run": str(rospy.get_param(RUN, ""))}
+    path, whose = record_path(), owner()
     former = _read(path)
     left = host.take_up_left()
     records: Tuple[Any, ...] = former.records
-    if former.owner.get("boot") != owner["boot"]:
+    if former.owner.get("boot") != whose["boot"]:
         records = of_this_robot(records, False, ())  # its moments are of another clock
-    records = of_this_robot(records, former.owner.get("run") == owner["run"], {*left, *elsewhere})
+    records = of_this_robot(records, former.owner.get("run") == whose["run"], {*left, *elsewhere})
     running = [*left, *elsewhere]
     for record in records:
         if isinstance(record, RestartedNode):
@@ -53,7 +52,7 @@ def take_over(host: LocalHost, elsewhere: Collection[str] = ()) -> Heritage:
                 running.append(record.node)
     leftovers, strangers = _registered(host, {*left, *elsewhere})
     started = events.Started(clock.now(), leftovers, strangers, records, tuple(running))
-    return Heritage(started, RecordFile(path, CODEC, owner, rospy.logwarn))
+    return Heritage(started, RecordFile(path, CODEC, whose, rospy.logwarn))
 
 
 def _registered(host: LocalHost, left: Set[str]) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
@@ -93,12 +92,20 @@ def _read(path: str) -> Former:
         return Former({}, ())
 
 
-def _path() -> str:
-    """The file of this master and namespace, in a folder that is made if it is not there."""
+def owner() -> Dict[str, str]:
+    """To whom records belong that are written now: this boot, and this run of the master."""
+    return {"boot": boot(), "run": str(rospy.get_param(RUN, ""))}
+
+
+def record_path(role: str = "") -> str:
+    """The file of this master, namespace and role, in a folder that is made if it is not there.
+
+    Without a role: the reconfigurator's.
+    """
     folder = os.path.join(rospkg.get_ros_home(), "shsa")
     try:
         os.makedirs(folder, 0o700, exist_ok=True)
     except OSError as error:
         rospy.logerr("%s cannot be made: %s", folder, error)
-    name = master_place() + rospy.get_namespace()
+    name = master_place() + rospy.get_namespace() + role
     return os.path.join(folder, re.sub(r"[^A-Za-z0-9_.]+", "-", name).strip("-") + ".records")

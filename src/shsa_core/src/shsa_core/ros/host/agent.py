@@ -12,19 +12,22 @@ import threading
 import time
 from typing import Optional, Set
 
+import psutil
 import rospy
 from shsa_msgs import msg
 
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.naming import Names
-from shsa_core.ros.graph import clock
+from shsa_core.ros.graph import clock, kernel
 from shsa_core.ros.graph.alone import await_turn
 from shsa_core.ros.graph.ending import Ending
 from shsa_core.ros.graph.heartbeats import Signs, hearer
 from shsa_core.ros.graph.load import Load
+from shsa_core.ros.graph.node_api import FAILURES, master_api
 from shsa_core.ros.graph.restarts import may_restart
 from shsa_core.ros.graph.signing import Signing
+from shsa_core.ros.host.agent_records import AgentRecords
 from shsa_core.ros.host.host import HostCommand, HostEvent
 from shsa_core.ros.host.line import Line
 from shsa_core.ros.host.local import LocalHost
@@ -34,6 +37,8 @@ from shsa_core.ros.node import publish, run
 from shsa_core.ros.wire import names
 
 BEAT_S = 0.1
+KNOWN_S = 2.0
+"""Between two looks whether the master knows us."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 QUEUE = 200
 """Messages that wait for a slow reconfigurator; what is beyond is said again."""
@@ -88,6 +93,7 @@ class AgentNode:
         self._commands: "queue.Queue[HostCommand]" = queue.Queue()
         self._restarts = may_restart(arguments.restart_as_root)
         self._with_us: Set[str] = set()
+        self._forgotten = threading.Event()
         topic = names.host_events(self._name)
         self._sign = signing.signer(topic, msg.HostEvent)
         self._publisher: Optional[rospy.Publisher] = None
@@ -100,7 +106,10 @@ class AgentNode:
             arguments.sandbox,
             self._name,
         )
-        left = self._host.take_up_left()
+        self._records = AgentRecords(self._name)
+        restarted = list(self._records.take_up(self._host.restarts))
+        self._with_us.update(each.node for each in restarted if each.with_us)
+        left = [*self._host.take_up_left(), *(each.node for each in restarted)]
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
         self._ending = ending
@@ -111,11 +120,15 @@ class AgentNode:
     def spin(self) -> None:
         """Carry out commands in order until ROS shuts down; then stop what was started.
 
-        Unless another agent follows, which takes it up.
+        Unless another agent follows, which takes it up. Raises ShsaError if another must follow, as
+        the master does not know us.
         """
         rospy.loginfo("Agent of %s ready.", self._name)
         beat_at = 0.0
+        threading.Thread(target=self._watch_master, name="master", daemon=True).start()
         while not rospy.is_shutdown():
+            if self._forgotten.is_set():
+                raise ShsaError("the master was started anew, and knows us only if we are, too")
             now = clock.now()
             if now >= beat_at:
                 beat_at = now + BEAT_S
@@ -132,12 +145,32 @@ class AgentNode:
         with self._lock:
             return self._end.is_cut_off(clock.now())
 
+    def _watch_master(self) -> None:
+        """Look now and then whether the master knows us, if no reconfigurator is heard.
+
+        One that was restarted with the master does not find us, and cannot tell the master of us.
+        """
+        us, topic = rospy.get_name(), rospy.resolve_name(names.host_events(self._name))
+        while not rospy.is_shutdown() and kernel.started_by_launch(psutil.Process()):
+            rospy.rostime.wallsleep(KNOWN_S)
+            with self._lock:
+                heard = self._end.is_open(clock.now())
+            try:
+                publishers = {} if heard else dict(master_api().getSystemState()[0])
+            except FAILURES:
+                continue
+            if not heard and us not in publishers.get(topic, ()):
+                self._forgotten.set()
+                return
+
     def _carry_out(self, command: HostCommand) -> None:
         if isinstance(command, events.RestartNode) and not self._restarts:
             why = f"that would be as root on {self._name} (restart_as_root:=true)"
             self._tell(events.RestartFailed(clock.now(), command.node, why))
-        else:
-            self._host.carry_out(command)
+            return
+        if isinstance(command, events.StopNode):
+            self._records.stopped(command.node)
+        self._host.carry_out(command)
 
     def _received(self, message: msg.HostCommand) -> None:
         now = clock.now()
@@ -155,8 +188,10 @@ class AgentNode:
 
     def _tell(self, event: HostEvent) -> None:
         """Say what has happened; if nobody listens, whoever does later sees what runs."""
-        if isinstance(event, events.NodeRestarted) and event.with_us:
-            self._with_us.add(event.node)
+        if isinstance(event, events.NodeRestarted):
+            self._records.started(event)
+            if event.with_us:
+                self._with_us.add(event.node)
         now = clock.now()
         with self._lock:
             if self._end.is_open(now):
