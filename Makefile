@@ -5,12 +5,13 @@ ENV := source tools/env.bash
 
 MINUTES := 10
 
-.PHONY: help setup build sshd test fuzz coverage mutation reliability demo hosts-demo bench clean
+.PHONY: help setup build sshd test test-long fuzz coverage mutation reliability demo hosts-demo bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
 	@echo "make hosts-demo   the same on three computers, made of this machine's namespaces; see results/hosts_demo/"
 	@echo "make test    run every test"
+	@echo "make test-long   the same with five times as many random cases"
 	@echo "make bench   measure; see results/bench/"
 	@echo "make fuzz    MINUTES=10: look for inputs that break a reader; those found are tested from then on"
 	@echo "make coverage, make mutation   how well the core is tested; see docs/contributing.md"
@@ -29,18 +30,22 @@ build: setup
 sshd: setup
 	@tools/fetch_sshd || true
 
-# Two at a time; the tests of one file stay together. See conftest.py for their order.
+# Three at a time, as whole robots mostly wait. See conftest.py for their order, and what stays together.
 test: build sshd
-	@$(ENV) && $(PYTHON) -m pytest -n 2 --dist loadfile
+	@$(ENV) && $(PYTHON) -m pytest -n 3
+
+# With every random case; see shsa_testing/thorough.py.
+test-long: build sshd
+	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -n 3
 
 fuzz: build
 	@tools/fuzz $(MINUTES)
 
 coverage: build
-	@$(ENV) && $(PYTHON) -m pytest -q src/shsa_core/test/unit --cov --cov-report=term
+	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -q src/shsa_core/test/unit --cov --cov-report=term
 
 mutation: build
-	@$(ENV) && tools/mutation
+	@$(ENV) && SHSA_LONG=1 tools/mutation
 
 reliability: build
 	@$(ENV) && tools/reliability
