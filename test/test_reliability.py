@@ -56,8 +56,9 @@ def test_a_run_goes_on_where_the_last_one_ended(tmp_path: Path) -> None:
     assert record.trials[1].why == "nobody came"
 
 
-def test_the_others_are_tried_by_tests_of_their_own() -> None:
+def test_the_others_are_tried_by_tests_of_their_own(monkeypatch: Any) -> None:
     """By test_master, test_partition and test_fuzz."""
+    monkeypatch.syspath_prepend(str(ROOT / "src" / "shsa_core" / "bench"))
     from reliability.__main__ import LINES
 
     assert set(LINES) == set(range(1, 16))
