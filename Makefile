@@ -4,13 +4,14 @@ PYTHON := /usr/bin/python3
 ENV := source tools/env.bash
 
 MINUTES := 10
+JOBS := 3
 
 .PHONY: help setup build sshd test test-long fuzz coverage mutation reliability demo hosts-demo bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
 	@echo "make hosts-demo   the same on three computers, made of this machine's namespaces; see results/hosts_demo/"
-	@echo "make test    run every test"
+	@echo "make test    JOBS=3: run every test, so many at once"
 	@echo "make test-long   the same with five times as many random cases"
 	@echo "make bench   measure; see results/bench/"
 	@echo "make fuzz    MINUTES=10: look for inputs that break a reader; those found are tested from then on"
@@ -30,13 +31,13 @@ build: setup
 sshd: setup
 	@tools/fetch_sshd || true
 
-# Three at a time, as whole robots mostly wait. See conftest.py for their order, and what stays together.
+# See conftest.py for their order, and what stays together.
 test: build sshd
-	@$(ENV) && $(PYTHON) -m pytest -n 3
+	@$(ENV) && $(PYTHON) -m pytest -n $(JOBS)
 
 # With every random case; see shsa_testing/thorough.py.
 test-long: build sshd
-	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -n 3
+	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -n $(JOBS)
 
 fuzz: build
 	@tools/fuzz $(MINUTES)
