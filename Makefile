@@ -4,13 +4,15 @@ PYTHON := /usr/bin/python3
 ENV := source tools/env.bash
 
 MINUTES := 10
+JOBS := 3
 
-.PHONY: help setup build sshd test fuzz coverage mutation reliability demo hosts-demo docs bench clean
+.PHONY: help setup build sshd test test-long fuzz coverage mutation reliability demo hosts-demo docs bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
 	@echo "make hosts-demo   the same on three computers, made of this machine's namespaces; see results/hosts_demo/"
-	@echo "make test    run every test"
+	@echo "make test    JOBS=3: run every test, so many at once"
+	@echo "make test-long   the same with five times as many random cases"
 	@echo "make docs    the documentation as a site (Debian 12); see build/docs/index.html"
 	@echo "make bench   measure; see results/bench/"
 	@echo "make fuzz    MINUTES=10: look for inputs that break a reader; those found are tested from then on"
@@ -30,18 +32,22 @@ build: setup
 sshd: setup
 	@tools/fetch_sshd || true
 
-# Two at a time; the tests of one file stay together. See conftest.py for their order.
+# See conftest.py for their order, and what stays together.
 test: build sshd
-	@$(ENV) && $(PYTHON) -m pytest -n 2 --dist loadfile
+	@$(ENV) && $(PYTHON) -m pytest -n $(JOBS)
+
+# With every random case; see shsa_testing/thorough.py.
+test-long: build sshd
+	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -n $(JOBS)
 
 fuzz: build
 	@tools/fuzz $(MINUTES)
 
 coverage: build
-	@$(ENV) && $(PYTHON) -m pytest -q src/shsa_core/test/unit --cov --cov-report=term
+	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -q src/shsa_core/test/unit --cov --cov-report=term
 
 mutation: build
-	@$(ENV) && tools/mutation
+	@$(ENV) && SHSA_LONG=1 tools/mutation
 
 reliability: build
 	@$(ENV) && tools/reliability

@@ -1,27 +1,56 @@
 """Ends every test run with what runs whole robots, and closes it with `N passed, N failed`."""
+import os
 from typing import Any, List
 
+import pytest
 from hypothesis import settings
 
+FIRST = ("test_packages", "test_install", "test_learn", "test_style", "test_models")
+"""Files that compute for long: none of them is left when the robots begin."""
 ROBOTS = (
-    *("test_rostests", "test_reliability", "test_rostests_of_robots"),
-    *("test_bench", "test_three_computers", "test_master", "test_partition"),
-    *("test_tutorials", "test_start"),
+    *("test_reliability", "test_master", "test_rostests", "test_rostests_of_robots"),
+    *("test_bench", "test_three_computers", "test_tutorials", "test_partition", "test_start"),
 )
-"""Files of tests on real processes: they judge real time. The longest comes first."""
+"""Files of tests on real processes: they judge real time."""
+ALONE = ("test_reliability", "test_rostests", "test_rostests_of_robots", "test_bench")
+"""Those of them whose tests share nothing: any of them may run beside any other."""
+LONGEST = ("flapping", "heal_amperemeter", "inject", "healers_die")
+"""The rostests to begin with."""
 
+# Files run side by side: a second thread of a small matrix only spins.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 settings.register_profile("busy", deadline=None)  # the machine may be: time proves nothing
 settings.load_profile("busy")
 
 
+def module(nodeid: str) -> str:
+    """The name of a test's file."""
+    return nodeid.split("::")[0].rsplit("/", 1)[-1][: -len(".py")]
+
+
 def pytest_collection_modifyitems(items: List[Any]) -> None:
-    """Those last: where files run side by side, two of them run, and nothing that only computes."""
+    """Those last: then some of them run side by side, and nothing that only computes."""
 
     def turn(item: Any) -> int:
-        name = item.nodeid.split("::")[0].rsplit("/", 1)[-1][: -len(".py")]
-        return ROBOTS.index(name) + 1 if name in ROBOTS else 0
+        name = module(item.nodeid)
+        if name not in ROBOTS:
+            return 0 if name in FIRST else 1
+        case = item.nodeid.partition("[")[2][:-1]
+        return 2 if case in LONGEST else 3 + ROBOTS.index(name)
 
     items.sort(key=turn)
+
+
+@pytest.hookimpl(optionalhook=True)  # type: ignore[misc]
+def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
+    """Keep the tests of a file together, but for those that share nothing."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Scheduling(LoadScopeScheduling):  # type: ignore[misc]
+        def _split_scope(self, nodeid: str) -> str:
+            return nodeid if module(nodeid) in ALONE else nodeid.split("::")[0]
+
+    return Scheduling(config, log)
 
 
 def pytest_unconfigure(config: Any) -> None:

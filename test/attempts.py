@@ -14,6 +14,7 @@ from typing import Callable, Iterator
 
 ATTEMPTS = 3
 LOCK = Path(tempfile.gettempdir()) / f"shsa_tests_of_{os.getuid()}.lock"
+GATE = LOCK.with_suffix(".gate")
 LONGEST = 8000
 """The end of what a failed test has said."""
 
@@ -21,8 +22,10 @@ LONGEST = 8000
 @contextmanager
 def machine(alone: bool) -> Iterator[None]:
     """Hold the machine, together with other tests or alone."""
-    with open(LOCK, "w") as lock:
+    with open(LOCK, "w") as lock, open(GATE, "w") as gate:
+        fcntl.flock(gate, fcntl.LOCK_EX)  # who waits to be alone lets nobody else in meanwhile
         fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        fcntl.flock(gate, fcntl.LOCK_UN)
         yield
 
 

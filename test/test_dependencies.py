@@ -7,9 +7,10 @@ import csv
 import importlib.util
 import subprocess
 import sys
+from functools import lru_cache
 from pathlib import Path
 from shutil import which
-from typing import Dict, Iterator, List, Set
+from typing import Dict, FrozenSet, Iterator, List, Set
 from xml.etree import ElementTree
 
 import pytest
@@ -33,6 +34,7 @@ MODULES = {row["name"]: row for row in rows() if row["kind"] == "module"}
 STANDARD = {*sys.builtin_module_names, *getattr(sys, "stdlib_module_names", ())}
 
 
+@lru_cache(maxsize=None)
 def is_standard(name: str) -> bool:
     """Whether a module comes with Python."""
     if name in STANDARD:
@@ -51,7 +53,8 @@ def python_files(folder: Path) -> Iterator[Path]:
                 yield path
 
 
-def imported(path: Path) -> Set[str]:
+@lru_cache(maxsize=None)
+def imported(path: Path) -> FrozenSet[str]:
     """The top-level names that a file imports."""
     names: Set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -59,18 +62,28 @@ def imported(path: Path) -> Set[str]:
             names |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             names.add(node.module.split(".")[0])
-    return names
+    return frozenset(names)
 
 
-def foreign(path: Path) -> Set[str]:
-    """What a file imports that is neither Python's own nor a module of ours."""
-    beside = {other.stem for other in path.parent.glob("*.py")}
-    # Tests of benchmarks import these from their folder, and fuzzing a helper of the unit tests.
+@lru_cache(maxsize=None)
+def beside(folder: Path) -> FrozenSet[str]:
+    """The modules of a folder."""
+    return frozenset(other.stem for other in folder.glob("*.py"))
+
+
+@lru_cache(maxsize=None)
+def elsewhere() -> FrozenSet[str]:
+    """What tests of benchmarks import from these, and fuzzing of the unit tests."""
     folders = ("src/*/bench/*.py", "src/*/test/unit/audit.py")
-    elsewhere = {other.stem for folder in folders for other in ROOT.glob(folder)}
-    elsewhere |= {other.parent.name for other in ROOT.glob("src/*/bench/*/__init__.py")}
-    ours = {*PACKAGES, *beside, *elsewhere}
-    return {name for name in imported(path) if name not in ours and not is_standard(name)}
+    found = {other.stem for folder in folders for other in ROOT.glob(folder)}
+    return frozenset(found | {p.parent.name for p in ROOT.glob("src/*/bench/*/__init__.py")})
+
+
+@lru_cache(maxsize=None)
+def foreign(path: Path) -> FrozenSet[str]:
+    """What a file imports that is neither Python's own nor a module of ours."""
+    ours = {*PACKAGES, *beside(path.parent), *elsewhere()}
+    return frozenset(n for n in imported(path) if n not in ours and not is_standard(n))
 
 
 def depends(package: Path, *tags: str) -> Set[str]:
@@ -135,12 +148,15 @@ def test_set_up_installs_what_is_in_the_list(system: str, column: str) -> None:
 @pytest.mark.skipif(which("dpkg") is None, reason="no dpkg on this system")
 def test_the_list_names_the_packages_that_hold_the_modules() -> None:
     column = "ubuntu 20.04" if Path("/opt/ros/noetic").exists() else "debian 12"
-    for name, row in MODULES.items():
+    holds: Dict[str, str] = {}
+    for name in MODULES:
         spec = importlib.util.find_spec("ruamel.yaml" if name == "ruamel" else name)
         assert spec is not None, f"{name} is not installed"
-        found = subprocess.run(
-            ["dpkg", "-S", str(Path(str(spec.origin)).resolve())],
-            stdout=subprocess.PIPE,
-            universal_newlines=True,
-        ).stdout
-        assert row[column] in found.split(":")[0].split(", "), f"{name}: {found}"
+        holds[name] = str(Path(str(spec.origin)).resolve())
+    found = subprocess.run(
+        ["dpkg", "-S", *holds.values()], stdout=subprocess.PIPE, universal_newlines=True
+    ).stdout
+    packages = {file: told for told, _, file in (x.partition(": ") for x in found.splitlines())}
+    for name, row in MODULES.items():
+        told = packages.get(holds[name], "")
+        assert row[column] in told.split(", "), f"{name}: {told}"

@@ -1,4 +1,4 @@
-"""Whatever comes in is read or refused: the stored inputs, and some thousand made of them."""
+"""Whatever comes in is read or refused: the stored inputs, and many made of them."""
 from typing import List
 
 import fuzz_targets
@@ -6,7 +6,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-EXAMPLES = {name: 1500 for name in fuzz_targets.TARGETS}
+from shsa_testing.thorough import many
+
+EXAMPLES = {name: many(1500) for name in fuzz_targets.TARGETS}
 
 
 def inputs(name: str) -> "st.SearchStrategy[bytes]":

@@ -1,6 +1,5 @@
 """A link between two computers goes down and comes up again."""
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,10 +8,10 @@ import pytest
 from attempts import attempt
 
 from shsa_testing.computers import refusal
+from shsa_testing.thorough import LONG
 
 SCRIPT = Path(__file__).resolve().parent.parent / "src" / "shsa_core" / "bench" / "partition.py"
 TIMEOUT_S = 150.0
-LONG = os.environ.get("SHSA_LONG", "")
 
 
 @pytest.mark.parametrize("seconds", [2.0, 20.0] if LONG else [2.0])

@@ -3,9 +3,9 @@ import json
 import os
 import subprocess
 import sys
-import warnings
+from itertools import count
 from pathlib import Path
-from typing import Any, Iterator, List, Sequence, Tuple
+from typing import Any, Iterator, Sequence
 
 import pytest
 
@@ -14,10 +14,12 @@ sys.path.insert(0, str(ROOT / "src" / "shsa_injection" / "bench"))
 
 from reliability.scoreboard import Line, Mark, Record, Trial, fails_at_most, judge  # noqa: E402
 
-from attempts import ATTEMPTS, LONGEST, machine  # noqa: E402
+from attempts import attempt  # noqa: E402
 from shsa_testing.processes import marked  # noqa: E402
 
-TIMEOUT_S = 600.0
+TIMEOUT_S = 200.0
+SHORT = (5, 6, 7, 11, 12, 9, 2, 1, 4, 3, 15)
+"""The lines that are tried here, the longest first."""
 
 
 def none(graph: Any, seeds: Sequence[int]) -> Iterator[Trial]:
@@ -54,34 +56,39 @@ def test_a_run_goes_on_where_the_last_one_ended(tmp_path: Path) -> None:
     assert record.trials[1].why == "nobody came"
 
 
-def run(results: Path, *arguments: str) -> Tuple[List[Any], str]:
-    """The verdicts of the short form, and what it printed."""
-    mark = f"test_reliability_{os.getpid()}"
+def test_the_others_are_tried_by_tests_of_their_own(monkeypatch: Any) -> None:
+    """By test_master, test_partition and test_fuzz."""
+    monkeypatch.syspath_prepend(str(ROOT / "src" / "shsa_core" / "bench"))
+    from reliability.__main__ import LINES
+
+    assert set(LINES) == set(range(1, 16))
+    assert {number for number, line in LINES.items() if line.short} == {*SHORT}
+
+
+@pytest.mark.parametrize("line", SHORT)
+def test_short_form(line: int, tmp_path: Path) -> None:
+    """A line that does not hold is tried again by other seeds."""
+    seeds = count(step=1000)
+    attempt(lambda: failure(line, next(seeds), tmp_path))
+
+
+def failure(line: int, seed: int, results: Path) -> str:
+    """The short form of one line, from a seed on; what failed."""
+    mark = f"test_reliability_{os.getpid()}_{line}"
+    results = results / str(seed)
     done = subprocess.run(
-        [str(ROOT / "tools" / "reliability"), "--short", "--results", str(results), *arguments],
+        [
+            *(str(ROOT / "tools" / "reliability"), str(line), "--short"),
+            *("--seed", str(seed), "--results", str(results)),
+        ],
         env=dict(os.environ, SHSA_TEST=mark),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         universal_newlines=True,
         timeout=TIMEOUT_S,
     )
-    verdicts = json.loads((results / "scoreboard.json").read_text())
+    (verdict,) = json.loads((results / "scoreboard.json").read_text())
+    assert verdict["line"] == line
     assert not marked("SHSA_TEST", mark)
-    assert (done.returncode == 0) is all(each["holds"] for each in verdicts)
-    return verdicts, done.stdout
-
-
-def test_short_form(tmp_path: Path) -> None:
-    """A line that does not hold is tried again: this may be a busy machine."""
-    with machine(alone=False):
-        verdicts, said = run(tmp_path / "1")
-    missing = {8, 10, 13, 14}  # test_master, test_partition and test_fuzz try the same
-    assert {each["line"] for each in verdicts} == set(range(1, 16)) - missing
-    for number in range(2, ATTEMPTS + 1):
-        again = [str(each["line"]) for each in verdicts if not each["holds"]]
-        if not again:
-            return
-        warnings.warn(f"lines {again} did not hold: {said[-LONGEST:]}")
-        with machine(alone=True):
-            verdicts, said = run(tmp_path / str(number), *again, "--seed", str(1000 * number))
-    assert all(each["holds"] for each in verdicts), said[-LONGEST:]
+    assert (done.returncode == 0) is verdict["holds"]
+    return "" if verdict["holds"] else done.stdout

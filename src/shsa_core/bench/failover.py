@@ -6,12 +6,10 @@ An outage lasts from the last good message before a failure to the first one aft
 monotonic clock of the consumer. Two consumers listen side by side, one in rospy and one in roscpp.
 Writes failover.csv (every failure with every step), failover_goals.csv and failover.png.
 """
-import argparse
 import csv
 import random
 import sys
 import time
-from pathlib import Path
 from typing import Callable, Dict, List, NamedTuple, Sequence, Tuple
 
 from tqdm import tqdm
@@ -19,7 +17,7 @@ from tqdm import tqdm
 from contenders import FAULTS, ByHand, Contender, Healed, Respawned, repeat
 from failover_plot import plot
 from graph import Graph
-from report import Goals, in_words, print_table, summary
+from report import Goals, arguments, in_words, print_table, summary
 from robot import SILENCE_S, TOPIC, Applications, Consumers
 from takeover import STEPS, Takeover
 
@@ -114,15 +112,7 @@ def show(rows: Dict[str, List[Takeover]]) -> None:
 
 def main() -> int:
     """Measure every row; 1 if a failure was not healed in time."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--failures", type=int, default=50, help="failures of each row")
-    parser.add_argument(
-        "--only", nargs="+", default=[""], help="only rows whose name contains one of these"
-    )
-    parser.add_argument("--short", action="store_true", help="once hot and by hand, as a check")
-    parser.add_argument("--results", type=Path, default=Path("results/bench"))
-    options = parser.parse_args()
-    options.results.mkdir(parents=True, exist_ok=True)
+    options = arguments(str(__doc__), "failures", 50, short="once hot and by hand")
     failures = 2 if options.short else options.failures
     contenders: Dict[str, Callable[[], Contender]] = {}
     misses = 0

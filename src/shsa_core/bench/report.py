@@ -1,4 +1,5 @@
-"""What every benchmark says at its end: tables, and its goals with their verdicts."""
+"""What benchmarks share: arguments, and what they say at their end, tables, goals, verdicts."""
+import argparse
 import csv
 from pathlib import Path
 from typing import Iterable, List, Sequence, Tuple
@@ -10,6 +11,23 @@ from tabulate import tabulate
 matplotlib.use("Agg")
 
 COLUMNS = ("goal", "consumer", "at most", "measured", "verdict")
+
+
+def arguments(told: str, times: str, default: int, short: str) -> argparse.Namespace:
+    """The arguments of a benchmark that measures rows, each some `times`; makes its folder.
+
+    `short`: what is measured in its short form.
+    """
+    parser = argparse.ArgumentParser(description=told)
+    parser.add_argument(f"--{times}", type=int, default=default, help=f"{times} of each row")
+    parser.add_argument(
+        "--only", nargs="+", default=[""], help="only rows whose name contains one of these"
+    )
+    parser.add_argument("--short", action="store_true", help=f"{short}, as a check")
+    parser.add_argument("--results", type=Path, default=Path("results/bench"))
+    options = parser.parse_args()
+    options.results.mkdir(parents=True, exist_ok=True)
+    return options
 
 
 def summary(values: Sequence[float]) -> Tuple[float, float, float]:

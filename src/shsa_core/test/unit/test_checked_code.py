@@ -20,6 +20,7 @@ from shsa_core.codegen.checked_code import (
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import CodeError
 from shsa_core.language.syntax import _LANGUAGE
+from shsa_testing.thorough import many
 
 NOT_IN_LANGUAGE = "is not part of the language; allowed: " + _LANGUAGE
 GOOD = (
@@ -240,7 +241,7 @@ def test_mutated_code_is_refused_or_still_in_the_language() -> None:
     assert 2000 < refused < 4000
 
 
-@settings(derandomize=True, max_examples=1500, deadline=None)
+@settings(derandomize=True, max_examples=many(1500), deadline=None)
 @given(st.text(alphabet="txyi_01=[]();,:# \ndefrtun+*-/<>.'\"\\{}@\t\u00e4", max_size=120))
 def test_random_text_is_refused_and_nothing_runs(code: str) -> None:
     with audit.recorded() as events:
@@ -249,7 +250,7 @@ def test_random_text_is_refused_and_nothing_runs(code: str) -> None:
     assert set(events) <= {"compile"}
 
 
-@settings(derandomize=True, max_examples=300, deadline=None)
+@settings(derandomize=True, max_examples=many(300), deadline=None)
 @given(samples())
 def test_random_expressions_are_read_in_code(sample: Sample) -> None:
     parameters = {"a": "i1", "b": "i2", "c": "i3"}

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from shsa_core.errors import ModelError
 from shsa_core.files.document import MAX_DEPTH, Value, from_parameters, parse_yaml, read_yaml
+from shsa_testing.thorough import many
 
 
 def plain(value: Value) -> Any:
@@ -226,7 +227,7 @@ def test_an_entry_has_the_allowed_keys_alone() -> None:
     assert set(value.entry("it", ["a", "qality", "c"], ["a"])) == {"a", "qality"}
 
 
-@settings(derandomize=True, max_examples=1500, deadline=None)
+@settings(derandomize=True, max_examples=many(1500), deadline=None)
 @given(st.text(alphabet="ab1.:,-?!&*|>'\"%@`#{}[]~ \n\t\\<=", max_size=60))
 def test_random_texts_are_read_or_refused(text: str) -> None:
     try:

@@ -18,6 +18,7 @@ from shsa_core.learning.survey import Publisher, Refused, Survey
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_testing.thorough import many
 
 
 @pytest.fixture
@@ -262,7 +263,7 @@ strange = st.one_of(
 values = st.floats(allow_nan=True, allow_infinity=True)
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=many(100), deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.lists(st.tuples(strange, strange, st.lists(values, max_size=8)), max_size=8))
 def test_whatever_a_robot_is_called_and_says_its_draft_is_valid(
     tmp_path: Path, rows: List[Tuple[str, str, List[float]]]

@@ -9,8 +9,8 @@ from shsa_core.healing.incident import State
 from shsa_core.model.kinds import Standby
 from shsa_core.model.som import Som
 
-SHORT, LONG = 450, 1250
-ALLOWED = 80_000
+SHORT, LONG = 350, 650  # what it remembers of the last incidents is full by then
+ALLOWED = 30_000
 """Bytes that the core may hold more of after LONG incidents than after SHORT ones."""
 WARM = Som([service("a", A, needed=True, standby=Standby.WARM), service("b", "/b_node")])
 

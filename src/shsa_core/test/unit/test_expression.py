@@ -14,6 +14,7 @@ from shsa_core.language.expression import Expression, parse_constraint, parse_ex
 from shsa_core.language.functions import FUNCTIONS, RESERVED, STATEFUL
 from shsa_core.language.syntax import MAX_DEPTH, MAX_LENGTH, MAX_NODES, MAX_ROW, is_name
 from shsa_core.language.trees import literal
+from shsa_testing.thorough import many
 
 HOSTILE = [text for texts in EXPRESSIONS.values() for text in texts]
 
@@ -359,13 +360,13 @@ def test_literals() -> None:
     assert literal(Expression("9" * 400, ()).tree()) == math.inf
 
 
-@settings(derandomize=True, max_examples=300, deadline=None)
+@settings(derandomize=True, max_examples=many(300), deadline=None)
 @given(samples())
 def test_random_expressions_of_the_language_are_read(sample: Sample) -> None:
     parse_expression(sample.text)
 
 
-@settings(derandomize=True, max_examples=1500, deadline=None)
+@settings(derandomize=True, max_examples=many(1500), deadline=None)
 @given(
     st.text(alphabet="ab01.+-*/%<>=!() ,_\n\\'\"[]{}:;#@~^&|$ifelsndotruabmx\u00e4", max_size=60)
 )

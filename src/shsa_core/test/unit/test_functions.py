@@ -21,6 +21,7 @@ from shsa_core.language.memory import (
     lowpass,
     previous,
 )
+from shsa_testing.thorough import many
 
 ALL = [elapsed, previous, derivative, integral]
 NAN = math.nan
@@ -29,7 +30,7 @@ NAN = math.nan
 jitter = st.lists(st.floats(min_value=1e-3, max_value=0.5), min_size=2, max_size=40)
 starts = st.floats(min_value=-1e3, max_value=1e6)
 values = st.floats(min_value=-1e3, max_value=1e3)
-exhaustive = settings(derandomize=True, max_examples=300, deadline=None)
+exhaustive = settings(derandomize=True, max_examples=many(300), deadline=None)
 
 
 def times(start: float, steps: List[float]) -> List[float]:

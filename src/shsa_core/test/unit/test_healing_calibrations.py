@@ -1,6 +1,6 @@
 """How the reconfigurator hands on what the monitor has learned of a living sensor."""
 from dataclasses import replace
-from typing import List, Tuple
+from typing import Any, List, Tuple
 
 import pytest
 from shsa_msgs.msg import Calibrations
@@ -10,10 +10,13 @@ from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
+from shsa_core.healing.calibrations import Calibrated
 from shsa_core.healing.machine import Reconfigurator
+from shsa_core.healing.planner import AnyPlan, Planner
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Standby
+from shsa_core.model.service import Signal
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import CalibrationRow
 from shsa_core.ros.graph import clock
@@ -60,6 +63,23 @@ def test_a_substitute_starts_with_what_was_learned(mode: str) -> None:
     assert incident.errors == (FOUND.error,)
     if mode == "cold":
         assert only(commands, events.StartSubstitute).outputs[0].gain == 1.2
+
+
+def test_a_takeover_works_out_what_a_plan_gives_once(monkeypatch: Any) -> None:
+    robot = Robot(standby("cold"))
+    worked_out: List[AnyPlan] = []
+    work_out = Planner._outputs
+
+    def count(planner: Planner, plan: AnyPlan, known: Calibrated) -> Tuple[Signal, ...]:
+        worked_out.append(plan)
+        return work_out(planner, plan, known)
+
+    monkeypatch.setattr(Planner, "_outputs", count)
+    told(robot, 5.0)
+    worked_out.clear()
+    robot.fail("/a", A, 10.0)
+    assert len(worked_out) == 1
+    assert calibrated(robot) == (1.2, 0.5)
 
 
 def test_a_hot_substitute_follows_what_is_learned_in_the_same_process() -> None:

@@ -4,7 +4,9 @@ from typing import List, Tuple
 
 from plant import GOOD, SILENT, WRONG, HealedPlant, any_robot
 
-ROBOTS = 1000
+from shsa_testing.thorough import many
+
+ROBOTS = many(1000)
 FAULTS = 4
 
 

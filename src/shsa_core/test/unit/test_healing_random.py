@@ -21,6 +21,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_testing.thorough import many
 
 PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
 
@@ -448,5 +449,5 @@ class AnyRobot(RuleBasedStateMachine):
 
 TestAnyRobot = AnyRobot.TestCase
 TestAnyRobot.settings = settings(
-    max_examples=100, stateful_step_count=60, deadline=None, derandomize=True
+    max_examples=many(100), stateful_step_count=60, deadline=None, derandomize=True
 )

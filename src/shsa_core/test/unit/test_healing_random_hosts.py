@@ -14,6 +14,7 @@ from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import PublisherState
+from shsa_testing.thorough import many
 from test_healing_random import AnyRobot
 
 HOSTS = ("pi", "board")
@@ -154,5 +155,5 @@ class AnyDistributedRobot(AnyRobot):
 
 TestAnyDistributedRobot = AnyDistributedRobot.TestCase
 TestAnyDistributedRobot.settings = settings(
-    max_examples=40, stateful_step_count=40, deadline=None, derandomize=True
+    max_examples=many(40), stateful_step_count=40, deadline=None, derandomize=True
 )

@@ -30,6 +30,7 @@ from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_testing.thorough import many
 
 EXPRESSIONS = st.sampled_from(["a + b*2", "sqrt(a)", "a if b > 1 else 0", "derivative(a)", "1e-3"])
 
@@ -103,7 +104,7 @@ def through_json(codec: Codec, value: Any) -> Any:
     return codec.decode(json.loads(text), "file:1", "the event")
 
 
-THOROUGH = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+THOROUGH = settings(max_examples=many(50), deadline=None, suppress_health_check=list(HealthCheck))
 
 
 @pytest.mark.parametrize("cls", [*get_args(toy.Event), *get_args(toy.Command), Ontology, Som])
@@ -126,7 +127,7 @@ def test_nothing_of_what_a_machine_hears_and_says_is_lost(machine: str) -> None:
     for codec, union in ((kind.events, events.Event), (kind.commands, events.Command)):
         for cls in get_args(union):
 
-            @settings(THOROUGH, max_examples=10)
+            @settings(THOROUGH, max_examples=many(20))
             @given(record(cls))
             def check(value: Any) -> None:
                 assert same(through_json(codec, value), value)

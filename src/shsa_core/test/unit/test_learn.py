@@ -11,6 +11,7 @@ from recordings import BEGIN_S, BagWriter
 
 from shsa_core.cli.main import main
 from shsa_core.files.ontology_file import read_ontology
+from shsa_core.learning import models
 from shsa_core.learning.data import read
 from shsa_core.learning.evaluation import evaluate
 from shsa_core.learning.learner import learn
@@ -106,7 +107,7 @@ LAWS: Dict[str, Callable[[World], np.ndarray]] = {
 
 @pytest.mark.parametrize("form", ["linear", "products"])
 def test_the_form_is_found_as_well(tmp_path: Path, capsys: Any, form: str) -> None:
-    answer = ask(capsys, "--data", *recorded(tmp_path, LAWS[form]))
+    answer = ask(capsys, "--data", *recorded(tmp_path, LAWS[form], seconds=80.0))
     assert answer["accepted"], answer["reason"]
     assert answer["model"] == form
     assert answer["nrmse"] < 0.05
@@ -127,7 +128,8 @@ def test_what_is_generated_is_what_was_fitted(tmp_path: Path, choice: str) -> No
     assert np.max(np.abs(generated[both] - fitted[both])) <= 1e-9
 
 
-def test_the_same_seed_gives_the_same(tmp_path: Path) -> None:
+def test_the_same_seed_gives_the_same(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setattr(models, "NETWORK_STEPS", 20)
     data = gather(read(recorded(tmp_path, LAWS["products"], seconds=80.0)), "y")
     one, other = (learn(data, "mlp", seed=3).model for _ in "ab")
     assert one is not None and other is not None

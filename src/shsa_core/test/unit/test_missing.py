@@ -12,6 +12,7 @@ from shsa_core.errors import LISTED, NoSubstitute
 from shsa_core.model.ontology import Ontology
 from shsa_core.search.missing import lacking
 from shsa_core.search.substitutes import find_substitute
+from shsa_testing.thorough import many
 
 
 def missing(model: Ontology, available: Sequence[str] = (), target: str = "a") -> List[str]:
@@ -35,7 +36,7 @@ def test_a_cycle_within_a_cycle_is_unlocked_as_far_as_it_can_be() -> None:
     assert missing(model) == ["x", "y"]
 
 
-@settings(max_examples=1500, deadline=None, derandomize=True)
+@settings(max_examples=many(1500), deadline=None, derandomize=True)
 @given(st.integers(0, 2**32))
 def test_with_all_that_is_missing_the_lost_can_be_derived(seed: int) -> None:
     model, sources, excluded = random_model(seed)
@@ -53,7 +54,7 @@ def test_with_all_that_is_missing_the_lost_can_be_derived(seed: int) -> None:
             assert none.missing or alone
 
 
-@settings(max_examples=500, deadline=None, derandomize=True)
+@settings(max_examples=many(500), deadline=None, derandomize=True)
 @given(st.integers(0, 2**32))
 def test_it_is_the_same_for_all_failures_at_once(seed: int) -> None:
     model, sources, _ = random_model(seed)

@@ -13,6 +13,7 @@ from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring import events
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_testing.thorough import many
 
 INTRUDERS = message_checks(UnknownPublisher(0.1))
 SERVICES = (
@@ -187,5 +188,5 @@ class AnyRobot(RuleBasedStateMachine):
 
 TestAnyRobot = AnyRobot.TestCase
 TestAnyRobot.settings = settings(
-    max_examples=100, stateful_step_count=50, deadline=None, derandomize=True
+    max_examples=many(100), stateful_step_count=50, deadline=None, derandomize=True
 )

@@ -12,6 +12,7 @@ from shsa_core.errors import NoSubstitute
 from shsa_core.healing.plan_table import PlanTable
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service
+from shsa_testing.thorough import many
 
 ROBOT = ontology(
     law("wheels", "speed", "left", "right"),
@@ -136,7 +137,7 @@ def test_the_table_answers_nothing_for_services_that_are_not_needed() -> None:
     assert ready.plan(ODOM.name) is None and not ready.stale
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=many(300), deadline=None, derandomize=True)
 @given(st.integers(0, 2**32))
 def test_the_table_always_says_what_a_search_would_say(seed: int) -> None:
     robot, sources, _ = random_model(seed)

@@ -10,6 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from shsa_core.codegen.program import CompiledProgram, compile_program
+from shsa_testing.thorough import many
 
 finite = st.floats(min_value=-1e3, max_value=1e3)
 
@@ -314,7 +315,7 @@ y=t5
 """
 
 
-@settings(derandomize=True, max_examples=100, deadline=None)
+@settings(derandomize=True, max_examples=many(100), deadline=None)
 @given(finite, finite, finite, finite, finite)
 def test_the_listing_of_the_paper(v: float, a: float, w: float, e: float, u: float) -> None:
     step = compile_program(PAPER, 5, 1).step
@@ -370,7 +371,7 @@ def test_a_stateful_function_takes_no_sample_where_there_is_no_value() -> None:
     assert step((2.0,), 1.0) == (0.5,)
 
 
-@settings(derandomize=True, max_examples=300, deadline=None)
+@settings(derandomize=True, max_examples=many(300), deadline=None)
 @given(samples(), finite, finite, finite)
 def test_a_value_on_the_way_means_what_it_stands_for(
     sample: Sample, a: float, b: float, c: float
@@ -396,7 +397,7 @@ def test_only_what_is_needed_is_compiled() -> None:
     assert "dt" in program("i1", constraint="dt > 0").step.__code__.co_varnames
 
 
-@settings(derandomize=True, max_examples=600, deadline=None)
+@settings(derandomize=True, max_examples=many(600), deadline=None)
 @given(samples(), finite, finite, finite)
 def test_random_expressions_mean_what_they_say(
     sample: Sample, a: float, b: float, c: float

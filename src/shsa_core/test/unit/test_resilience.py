@@ -21,8 +21,9 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.search.derivation import SourceTable
 from shsa_core.search.substitutes import find_substitute
+from shsa_testing.thorough import many
 
-RANDOM = settings(max_examples=300, deadline=None, derandomize=True)
+RANDOM = settings(max_examples=many(300), deadline=None, derandomize=True)
 
 
 def random_robot(seed: int) -> Tuple[Ontology, Som]:

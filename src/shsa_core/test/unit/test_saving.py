@@ -20,6 +20,7 @@ from shsa_core.files.som_file import read_som
 from shsa_core.model.kinds import Standby
 from shsa_core.model.service import LastResort, Provision, Service
 from shsa_core.model.som import Som
+from shsa_testing.thorough import many
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
 
@@ -336,7 +337,7 @@ TEXTS = st.one_of(
 )
 
 
-@settings(derandomize=True, max_examples=200, deadline=None)
+@settings(derandomize=True, max_examples=many(200), deadline=None)
 @given(
     st.lists(NAMES, min_size=4, max_size=6, unique=True),
     st.lists(TEXTS, min_size=5, max_size=5),

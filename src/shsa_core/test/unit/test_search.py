@@ -13,11 +13,12 @@ from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source
 from shsa_core.search.substitutes import Substitute, find_first, find_substitute
 from shsa_core.search.substitutes import improving_substitutes, iter_substitutes
+from shsa_testing.thorough import many
 
 Model = Tuple[Ontology, List[Source], List[str]]
 MANY = 2000  # derivations, more than which a random model is left out
 
-RANDOM = settings(max_examples=2000, deadline=None, derandomize=True)
+RANDOM = settings(max_examples=many(2000), deadline=None, derandomize=True)
 
 
 def every_rank(model: Model) -> List[Rank]:

@@ -11,6 +11,7 @@ from shsa_core.model.network import Network
 from shsa_core.model.service import Source
 from shsa_core.search.derivation import LOST, SourceTable
 from shsa_core.search.substitutes import iter_substitutes
+from shsa_testing.thorough import many
 
 NAMES = "abcdef"
 
@@ -24,7 +25,7 @@ def same(table: SourceTable, network: Network, sources: Iterable[Source]) -> Non
             assert table.best(number) == fresh.best(number)
 
 
-@settings(max_examples=500, deadline=None, derandomize=True)
+@settings(max_examples=many(500), deadline=None, derandomize=True)
 @given(st.integers(0, 2**32))
 def test_a_table_that_is_kept_up_is_that_of_what_is_left(seed: int) -> None:
     robot, sources, excluded = random_model(seed)

@@ -11,6 +11,7 @@ from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
+from shsa_testing.thorough import many
 
 INPUTS = (signal("/in"), signal("/spare", deadline=None), signal("/in", node="/left"))
 OUTPUTS = tuple(
@@ -211,5 +212,5 @@ class AnySubstitute(RuleBasedStateMachine):
 
 TestAnySubstitute = AnySubstitute.TestCase
 TestAnySubstitute.settings = settings(
-    max_examples=100, stateful_step_count=60, deadline=None, derandomize=True
+    max_examples=many(100), stateful_step_count=60, deadline=None, derandomize=True
 )

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from shsa_core.errors import UnitError
 from shsa_core.language.expression import parse_constraint, parse_expression
 from shsa_core.language.units import Unit, parse_unit
+from shsa_testing.thorough import many
 
 UNITS = {
     name: parse_unit(text)
@@ -261,7 +262,7 @@ def test_who_does_not_check_units_does_not_pay_for_them() -> None:
     assert subprocess.call([sys.executable, "-c", code]) == 0
 
 
-@settings(derandomize=True, max_examples=400, deadline=None)
+@settings(derandomize=True, max_examples=many(400), deadline=None)
 @given(st.text(alphabet="mskgAVWhrad*/^ -123%\u00b0\u00b5\u03a9C", max_size=14))
 def test_random_texts_are_units_or_refused(text: str) -> None:
     try:

@@ -1,7 +1,8 @@
 """The rover's models: valid, measured, sufficient, never tripped by a healthy rover."""
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Set
+from typing import Any, List, Set
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from shsa_core.files.som_file import read_som
 from shsa_core.learning.evaluation import evaluate_derivation
 from shsa_core.model.service import Provision, Service
 from shsa_core.search.substitutes import Substitute, find_substitute
+from shsa_rover import measuring
 from shsa_rover.accuracy import errors, relations, services, substitutes, usual_ranges
 from shsa_rover.dataset import Dataset, random_drive, simulate
 from shsa_rover.drive import Drive
@@ -39,6 +41,11 @@ NEEDED = {"/battery_current", "/battery_voltage", "/odom", "/drivetrain/accel", 
 @pytest.fixture(name="unseen", scope="module")
 def _unseen() -> Dataset:
     return unseen_data()
+
+
+@pytest.fixture(name="drives", scope="module")
+def _drives() -> List[Dataset]:
+    return error_data()
 
 
 def test_the_files_are_valid() -> None:
@@ -66,8 +73,8 @@ def test_every_stated_quality_is_the_measured_one(unseen: Dataset) -> None:
         assert item.stated == pytest.approx(item.quality, abs=0.0101), item.name
 
 
-def test_every_stated_error_is_the_measured_one() -> None:
-    measured = errors(ONTOLOGY, SOM, error_data())
+def test_every_stated_error_is_the_measured_one(drives: List[Dataset]) -> None:
+    measured = errors(ONTOLOGY, SOM, drives)
     for function in ONTOLOGY.functions:
         name, stated = (function.relation, function.output), function.error
         if stated is None or name[0] in (LEARNED, PRODUCTS, "level_ground"):
@@ -80,8 +87,8 @@ def test_every_stated_error_is_the_measured_one() -> None:
         assert stated.baseline in (None, pytest.approx(found.baseline, rel=0.03)), name
 
 
-def test_the_usual_values_are_the_measured_ones() -> None:
-    for name, limits in usual_ranges(ONTOLOGY, error_data()).items():
+def test_the_usual_values_are_the_measured_ones(drives: List[Dataset]) -> None:
+    for name, limits in usual_ranges(ONTOLOGY, drives).items():
         stated = ONTOLOGY.properties[name].usual
         assert stated is not None, name
         width = limits[1] - limits[0]
@@ -192,13 +199,18 @@ def test_the_file_of_the_paper_holds_the_whole_f1() -> None:
     assert compile_program(program.code, 5, 1).step(x, 0.0) == pytest.approx((result,))
 
 
+@lru_cache(maxsize=None)
+def unseen_at(charge: float) -> Dataset:
+    return unseen_data(charge)
+
+
 @pytest.mark.parametrize("charge", [0.95, 0.8, 0.5, 0.25])
 @pytest.mark.parametrize("name", [LEARNED, PRODUCTS])
 def test_the_learned_current_is_good_at_every_charge_and_says_how_good(
     name: str, charge: float
 ) -> None:
     (learned,) = [f for f in ONTOLOGY.functions if f.relation == name]
-    measured = relations(ONTOLOGY, unseen_data(charge))
+    measured = relations(ONTOLOGY, unseen_at(charge))
     (item,) = [each for each in measured if each.name.startswith(f"{name}:")]
     assert item.error < 0.04 * item.span
     assert learned.error is not None and learned.error.rms is not None
@@ -231,8 +243,14 @@ def test_the_drive_moves_the_current_clearly() -> None:
 
 
 def test_the_command_prints_tables_and_ends_as_it_should(
-    capsys: "pytest.CaptureFixture[str]", tmp_path: Path
+    capsys: "pytest.CaptureFixture[str]",
+    tmp_path: Path,
+    monkeypatch: Any,
+    unseen: Dataset,
+    drives: List[Dataset],
 ) -> None:
+    monkeypatch.setattr(measuring, "test_data", lambda: unseen)
+    monkeypatch.setattr(measuring, "error_data", lambda: drives)
     assert accuracy_main([]) == 0
     assert "power: battery_current" in capsys.readouterr().out
     wrong = tmp_path / "rover.yaml"

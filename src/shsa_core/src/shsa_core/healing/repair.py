@@ -208,7 +208,7 @@ class Repair(Judgement):
             gains=tuple(each.gain for each in calibrated),
             offsets=tuple(each.offset for each in calibrated),
             quality=plan.quality,
-            errors=now.planner.errors(plan),
+            errors=tuple(each.error for each in calibrated),
             missing=(),
         )
 

@@ -1,7 +1,7 @@
 """The substitute of one service: its process, its plan, and which plans were tried in vain."""
 from typing import List, Optional, Set
 
-from shsa_core.codegen.plans import Plan
+from shsa_core.codegen.plans import Plan, safe_values
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import AssignSubstitute, Command, StartSubstitute, StopSubstitute
 from shsa_core.healing.placement import Place
@@ -124,7 +124,7 @@ class SubstituteProcess:
 
     def use_safe_values(self, now: Snapshot) -> List[Command]:
         """Have the service's safe values published, if it has any; else no process is left."""
-        plan = now.planner.safe_values(now.service)
+        plan = safe_values(now.service)
         if plan is None or plan in self._tried:
             return self.drop()
         try:
