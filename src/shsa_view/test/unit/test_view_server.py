@@ -10,7 +10,7 @@ from typing import Any, Dict, Iterator, List, Tuple
 import pytest
 from shsa_core.errors import ShsaError
 from shsa_testing.waiting import wait_until
-from shsa_view import facts, server, streams
+from shsa_view import facts, handlers, live, server, streams
 from shsa_view.server import Settings, View, serve
 from view_facts import well
 
@@ -95,7 +95,7 @@ def test_a_stream_begins_with_the_whole_state_and_goes_on_with_signs_of_life(
 
 
 def test_who_reads_nothing_is_dropped(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "SLOW_S", 0.2)
+    monkeypatch.setattr(handlers, "SLOW_S", 0.2)
     with closing(socket.socket()) as reader:
         reader.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         reader.connect(("127.0.0.1", served.port))
@@ -114,12 +114,12 @@ def test_who_reads_nothing_is_dropped(served: Served, monkeypatch: pytest.Monkey
 
 
 def test_questions_are_bounded(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "ANSWER_S", 0.2)
+    monkeypatch.setattr(live, "ANSWER_S", 0.2)
     assert served.ask("/api/graph") == (504, {"error": "no answer within 0.2 s"})
     found: List[int] = []
     asking = [
         threading.Thread(target=lambda: found.append(served.ask("/api/graph")[0]))
-        for _ in range(server.MOST_ASKED + 3)
+        for _ in range(live.MOST_ASKED + 3)
     ]
     for each in asking:
         each.start()
