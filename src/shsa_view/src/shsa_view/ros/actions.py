@@ -24,7 +24,7 @@ Document = Dict[str, Any]
 
 
 class Actions:
-    """Does what is asked, by the services of healing and by `shsa inject`. `som`: the SOM's file."""
+    """Does what is asked, by services of healing and by `shsa inject`. `som`: the SOM's file."""
 
     def __init__(self, som: str) -> None:
         self._som = som
