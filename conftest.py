@@ -5,7 +5,7 @@ from hypothesis import settings
 
 ROBOTS = (
     *("test_rostests", "test_reliability", "test_rostests_of_robots"),
-    *("test_bench", "test_three_computers", "test_master", "test_partition"),
+    *("test_live_page", "test_bench", "test_three_computers", "test_master", "test_partition"),
 )
 """Files of tests on real processes: they judge real time. The longest comes first."""
 

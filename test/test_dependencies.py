@@ -136,6 +136,8 @@ def test_set_up_installs_what_is_in_the_list(system: str, column: str) -> None:
 def test_the_list_names_the_packages_that_hold_the_modules() -> None:
     column = "ubuntu 20.04" if Path("/opt/ros/noetic").exists() else "debian 12"
     for name, row in MODULES.items():
+        if not row[column]:  # its tests are skipped there
+            continue
         spec = importlib.util.find_spec("ruamel.yaml" if name == "ruamel" else name)
         assert spec is not None, f"{name} is not installed"
         found = subprocess.run(
