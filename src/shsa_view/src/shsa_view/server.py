@@ -220,8 +220,7 @@ class _Events(_Handler):
             pass  # it has gone, or is too slow
         finally:
             self.view.streams.close(stream)
-            connection: Any = self.request.connection
-            connection.detach().close()
+            self.detach().close()
 
     def on_connection_close(self) -> None:
         """Called by tornado: the reader has gone."""

@@ -1,30 +1,21 @@
 """The rover in a real browser: its amperemeter is killed, replaced and started again."""
-import json
-import os
-import signal
-import socket
-import subprocess
 import sys
-import urllib.request
 import uuid
 from pathlib import Path
-from typing import Any, Dict, Iterator
+from typing import Iterator
 
 import pytest
 from chromium import Browser
+from live_rover import START_S, Rover
 
-from shsa_testing.processes import marked
 from shsa_testing.waiting import wait_until
 
 sys.path.append(str(Path(__file__).resolve().parents[4] / "test"))
 from attempts import attempt  # noqa: E402
 
-MARK = "SHSA_LIVE_PAGE"
-START_S = 90.0
 HEALED_S = 15.0
 SEEN_S = 0.5
 """From the failure, as the monitor sees it, to the changed row."""
-ENDING_S = 20.0
 ROW = "document.querySelector('tr[data-service=amperemeter]')"
 STATE = f"{ROW}?.dataset.state"
 WATCH = f"""(window.seen = [], new MutationObserver(() =>
@@ -40,66 +31,6 @@ def browser() -> Iterator[Browser]:
     made.close()
 
 
-def free_port() -> int:
-    """A TCP port that nobody uses."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-class Rover:
-    """The simulated rover with its view, on a master of its own."""
-
-    def __init__(self, folder: Path) -> None:
-        self._mark = uuid.uuid4().hex
-        master, view = free_port(), free_port()
-        self.address = f"http://127.0.0.1:{view}/"
-        uri = f"http://127.0.0.1:{master}"
-        self._environment = {**os.environ, MARK: self._mark, "ROS_MASTER_URI": uri}
-        log = f"incident_log:={folder / 'incidents.jsonl'}"
-        self._launch = self._start(
-            *("roslaunch", "-p", str(master), "shsa_rover", "rover.launch", "view:=true"),
-            *(f"view_port:={view}", "hold_off:=1.0", log),
-        )
-
-    def _start(self, *command: str) -> "subprocess.Popen[bytes]":
-        return subprocess.Popen(
-            command,
-            env=self._environment,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-
-    def state(self) -> Dict[str, Any]:
-        """The document of the view; empty while it is not served."""
-        try:
-            with urllib.request.urlopen(self.address + "api/state", timeout=5.0) as answer:
-                return dict(json.load(answer))
-        except OSError:
-            return {}
-
-    def kill(self, node: str) -> None:
-        """Kill the process of a node."""
-        named = [
-            each for each in marked(MARK, self._mark) if f"__name:={node}" in each.cmdline()[1:]
-        ]
-        assert len(named) == 1, f"{node}: {named}"
-        named[0].kill()
-
-    def start(self, node: str) -> None:
-        """Start a node again, as a person would."""
-        self._start("rosrun", "shsa_rover", node, f"__name:={node}")
-
-    def end(self) -> None:
-        """End everything, as Ctrl-C does; what stays is killed."""
-        try:
-            self._launch.send_signal(signal.SIGINT)
-            self._launch.wait(ENDING_S)
-        finally:
-            for process in marked(MARK, self._mark):
-                process.kill()
-
-
 def test_the_rover_heals_before_your_eyes(browser: Browser, tmp_path: Path) -> None:
     attempt(lambda: story(browser, tmp_path / uuid.uuid4().hex))
 
@@ -109,8 +40,7 @@ def story(browser: Browser, folder: Path) -> str:
     folder.mkdir()
     rover = Rover(folder)
     try:
-        well = lambda: rover.state().get("robot", {}).get("state") == "well"
-        wait_until(well, START_S, "the rover is well")
+        rover.wait_until_well()
         browser.open(rover.address)
         browser.wait("document.querySelector('#graph svg') !== null")
         assert browser.text("#robot-state") == "All well"

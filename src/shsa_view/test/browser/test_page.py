@@ -61,12 +61,13 @@ def browser(chromium: Browser) -> Iterator[Browser]:
 
 
 @pytest.fixture
-def served() -> Iterator[List[Fed]]:
-    """Servers that end with the test."""
+def served(caplog: Any) -> Iterator[List[Fed]]:
+    """Servers that end with the test, and have nothing to complain of."""
     made: List[Fed] = []
     yield made
     for each in made:
         each.close()
+    assert [each.getMessage() for each in caplog.get_records("call") + caplog.records] == []
 
 
 @pytest.fixture
