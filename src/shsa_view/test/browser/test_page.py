@@ -17,6 +17,8 @@ from documents import (
 )
 from fed import Fed
 
+from shsa_injection.vocabulary import TOPIC_FAULTS
+
 ROW = "tr[data-service=amperemeter]"
 NODE = "#service-amperemeter"
 CONTRAST = 4.5
@@ -319,6 +321,7 @@ def test_actions_need_a_token_and_a_yes(browser: Browser, served: List[Fed]) -> 
     browser.click("#confirm [value=no]")
     browser.click("[data-action=inject]")
     assert 'Inject the fault "crash" into /battery_current?' in browser.text("#confirm-text")
+    assert {*browser.texts("#actions option")} <= {*TOPIC_FAULTS}
     browser.click("#confirm [value=yes]")
     browser.wait("document.querySelector('#actions [role=status]').textContent.startsWith('Done')")
     assert fed.answers.acted == [("inject", {"topic": "/battery_current", "fault": "crash"})]
