@@ -9,7 +9,8 @@ FIRST = ("test_packages", "test_install", "test_learn", "test_style", "test_mode
 """Files that compute for long: none of them is left when the robots begin."""
 ROBOTS = (
     *("test_reliability", "test_master", "test_rostests", "test_rostests_of_robots"),
-    *("test_bench", "test_three_computers", "test_tutorials", "test_partition", "test_start"),
+    *("test_bench", "test_three_computers", "test_tutorials", "test_live_page", "test_partition"),
+    "test_start",
 )
 """Files of tests on real processes: they judge real time."""
 ALONE = ("test_reliability", "test_rostests", "test_rostests_of_robots", "test_bench")

@@ -13,6 +13,7 @@ PACKAGES = sorted(path.parent.name for path in ROOT.glob("src/*/setup.py"))
 BESIDE = (
     "src/*/test/unit",
     "src/*/test/rostest",
+    "src/*/test/browser",
     "src/*/bench",
     "test",
     "docs",

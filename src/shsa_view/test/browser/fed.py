@@ -4,7 +4,8 @@ from typing import Any, Dict, List, Optional, Tuple
 
 from documents import Document, drawing
 from shsa_testing.waiting import wait_until
-from shsa_view.server import Settings, View, serve
+from shsa_view.live import Settings, View
+from shsa_view.server import serve
 
 WAIT_S = 10.0
 

@@ -17,6 +17,8 @@ from documents import (
 )
 from fed import Fed
 
+from shsa_injection.vocabulary import TOPIC_FAULTS
+
 ROW = "tr[data-service=amperemeter]"
 NODE = "#service-amperemeter"
 CONTRAST = 4.5
@@ -61,12 +63,13 @@ def browser(chromium: Browser) -> Iterator[Browser]:
 
 
 @pytest.fixture
-def served() -> Iterator[List[Fed]]:
-    """Servers that end with the test."""
+def served(caplog: Any) -> Iterator[List[Fed]]:
+    """Servers that end with the test, and have nothing to complain of."""
     made: List[Fed] = []
     yield made
     for each in made:
         each.close()
+    assert [each.getMessage() for each in caplog.get_records("call") + caplog.records] == []
 
 
 @pytest.fixture
@@ -207,25 +210,29 @@ def test_by_the_keyboard_alone(browser: Browser, fed: Fed) -> None:
     assert browser.run("document.querySelectorAll('#graph [tabindex=\"0\"]').length") == 1
 
 
-def test_markup_is_shown_as_text(browser: Browser, served: List[Fed]) -> None:
+def test_markup_is_shown_as_text(chromium: Browser, served: List[Fed]) -> None:
     served.append(Fed(hostile()))
     served[0].answers.drawing = drawing(HOSTILE_SVG)
     served[0].answers.left = HOSTILE
-    browser.open(served[0].address)
-    browser.wait("document.querySelector('#graph svg') !== null")
-    browser.wait("document.querySelector('#affected').textContent.includes('window.hurt')")
+    chromium.open(served[0].address)
+    chromium.wait("document.querySelector('#graph svg') !== null")
+    chromium.wait("document.querySelector('#affected').textContent.includes('window.hurt')")
     for place in ("#rows", "#timeline", "#affected", "#robot-text", "#healing", "#namespace"):
-        assert HOSTILE in browser.text(place)
-    browser.click("#rows .name")
-    browser.wait("document.querySelector('.left') !== null")
-    assert HOSTILE in browser.text("#answer")
-    assert browser.run("window.hurt === undefined")
+        assert HOSTILE in chromium.text(place)
+    chromium.click("#rows .name")
+    chromium.wait("document.querySelector('.left') !== null")
+    assert HOSTILE in chromium.text("#answer")
+    assert chromium.run("window.hurt === undefined")
     assert (
-        browser.run("document.querySelectorAll('img, main script, foreignObject, image').length")
+        chromium.run("document.querySelectorAll('img, main script, foreignObject, image').length")
         == 0
     )
-    assert browser.run("document.querySelectorAll('[onclick], [style], a[href^=java]').length") == 0
-    browser.driver.get("about:blank")
+    assert (
+        chromium.run("document.querySelectorAll('[onclick], [style], a[href^=java]').length") == 0
+    )
+    told = {each["source"] for each in chromium.log()}
+    assert told <= {"security"}, "what the policy refuses in the drawing is told"
+    chromium.driver.get("about:blank")
 
 
 def test_200_services_and_only_what_changes_is_touched(browser: Browser, served: List[Fed]) -> None:
@@ -314,6 +321,7 @@ def test_actions_need_a_token_and_a_yes(browser: Browser, served: List[Fed]) -> 
     browser.click("#confirm [value=no]")
     browser.click("[data-action=inject]")
     assert 'Inject the fault "crash" into /battery_current?' in browser.text("#confirm-text")
+    assert {*browser.texts("#actions option")} <= {*TOPIC_FAULTS}
     browser.click("#confirm [value=yes]")
     browser.wait("document.querySelector('#actions [role=status]').textContent.startsWith('Done')")
     assert fed.answers.acted == [("inject", {"topic": "/battery_current", "fault": "crash"})]
