@@ -44,7 +44,7 @@ def document(**services: Any) -> Dict[str, Any]:
         "odom": row(WELL, "/base", 50.0, v=prop(0.5, 0.02, "m/s"), w=prop(None)),
         "volts": row(LOST, None, None, voltage=prop(None)),
     }
-    incident = {"key": "k1", "id": 3, "service": "amps", "kind": "silent", "state": "healed"}
+    incident: Dict[str, Any] = {"key": "k1", "id": 3, "service": "amps", "kind": "silent", "state": "healed"}
     incident.update(moments={"detected": 88.0}, substitute="/substitute_1", missing=[])
     found["incidents"] = [incident, {**incident, "key": "k0", "id": 2}]
     return found
