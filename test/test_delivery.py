@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Iterator, List, Tuple
 
 import pytest
-import yaml
+import yaml  # type: ignore[import]
 from catkin_pkg.changelog import get_changelog_from_path
 from catkin_pkg.packages import find_packages
 

@@ -1,4 +1,5 @@
 """The install space runs the rover, and heals it."""
+import json
 import os
 import signal
 import socket
@@ -8,6 +9,8 @@ from pathlib import Path
 from typing import Any, Dict, Iterator
 
 import pytest
+
+from terminals import typed_once_shown
 
 ROOT = Path(__file__).resolve().parent.parent
 OURS = ("ROS_PACKAGE_PATH", "CMAKE_PREFIX_PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "PKG_CONFIG_PATH")
@@ -79,7 +82,7 @@ def ask(environment: Dict[str, str], wanted: str, *command: str) -> None:
             printed = "nothing"
 
 
-@pytest.mark.parametrize("name", ["shsa_core", "shsa_injection", "diff_drive_example"])
+@pytest.mark.parametrize("name", ["shsa_core", "shsa_injection", "shsa_view", "diff_drive_example"])
 def test_packages_are_found_where_they_are_installed(
     environment: Dict[str, str], name: str
 ) -> None:
@@ -116,3 +119,22 @@ def test_the_rover_is_healed(environment: Dict[str, str], rover: None) -> None:
     ask(environment, "killed", "rosnode", "kill", "/amperemeter")
     ask(environment, "/substitute_", "rostopic", "info", "/battery_current")
     ask(environment, "data:", "rostopic", "echo", "-n1", "/battery_current")
+    shows_at_a_glance(environment)
+
+
+def shows_at_a_glance(environment: Dict[str, str]) -> None:
+    """`shsa top` of a rover whose amperemeter has a substitute: in a terminal, and elsewhere."""
+    top = ["rosrun", "shsa_core", "shsa", "top"]
+    run: Dict[str, Any] = {"env": environment, "stdout": subprocess.PIPE, "timeout": 60.0}
+    (row,) = [
+        line.split()
+        for line in subprocess.run(top, check=True, **run).stdout.decode().splitlines()
+        if line.startswith("amperemeter ")
+    ]
+    assert row[1] == "substituted" and any(word.startswith("/substitute_") for word in row)
+    document = json.loads(subprocess.run([*top, "--json"], check=True, **run).stdout)
+    assert document["services"]["amperemeter"]["state"] == "substituted"
+    shown, status = typed_once_shown(
+        top, environment, [("SUBSTITUTED", b"s"), ("sorted by name", b"q")]
+    )
+    assert status == 0 and shown.endswith("\x1b[?1049l")

@@ -3,7 +3,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Callable, Tuple
+from typing import Any, Callable, List, Tuple
 
 import numpy as np
 import pytest
@@ -150,12 +150,13 @@ def test_what_cannot_be_done_is_said(tmp_path: Path, shsa: Shsa) -> None:
     record = log(tmp_path / "log", INCIDENT, replace(INCIDENT, id=8))
     assert shsa(log(tmp_path / "none"))[:2] == (1, f"{tmp_path}/none: no incident\n")
     assert shsa(record, "--incident", 9)[:2] == (1, f"{record}: no incident 9\n")
-    for words, told in (
+    wrong: Tuple[Tuple[List[object], str], ...] = (
         ([record, "--output", tmp_path / "page.html"], "2 incidents need a folder"),
         ([record, "--som", "x.yaml"], "are given both, or neither"),
         ([tmp_path / "missing"], "No such file"),
         ([tmp_path], "Is a directory"),
-    ):
+    )
+    for words, told in wrong:
         status, _, error = shsa(*words)
         assert status == 2 and told in error
     (tmp_path / "cut.bag").write_bytes(b"#ROSBAG V2.0\n")

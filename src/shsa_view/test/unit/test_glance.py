@@ -44,7 +44,13 @@ def document(**services: Any) -> Dict[str, Any]:
         "odom": row(WELL, "/base", 50.0, v=prop(0.5, 0.02, "m/s"), w=prop(None)),
         "volts": row(LOST, None, None, voltage=prop(None)),
     }
-    incident = {"key": "k1", "id": 3, "service": "amps", "kind": "silent", "state": "healed"}
+    incident: Dict[str, Any] = {
+        "key": "k1",
+        "id": 3,
+        "service": "amps",
+        "kind": "silent",
+        "state": "healed",
+    }
     incident.update(moments={"detected": 88.0}, substitute="/substitute_1", missing=[])
     found["incidents"] = [incident, {**incident, "key": "k0", "id": 2}]
     return found
@@ -68,7 +74,8 @@ def test_a_robot_is_told_in_full() -> None:
 @pytest.mark.parametrize("height", [1, 3, 6, 10, 40])
 def test_it_fits_into_any_terminal(width: int, height: int) -> None:
     many = {f"service_{n:03}": row(WELL, f"/node_{n}", 50.0, p=prop(1.0)) for n in range(200)}
-    for services in (many, {}):
+    cases: List[Dict[str, Any]] = [many, {}]
+    for services in cases:
         told = lines(document(**services), Look(width, height, first=500))
         assert len(told) <= height and all(len(line) <= width for line in told)
 

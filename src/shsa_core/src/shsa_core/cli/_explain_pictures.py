@@ -1,4 +1,4 @@
-"""The pictures of an incident, as SVG: its eight moments, and the substitute beside its original."""
+"""The pictures of an incident, as SVG: its moments, and its substitute beside the original."""
 import io
 from typing import Any, Optional, Sequence, Tuple
 

@@ -41,8 +41,8 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--output",
         metavar="FOLDER|PAGE.html",
-        help="where the pages go: a folder, with an index, or the page of the one incident; without "
-        "it the incidents are told here, in short",
+        help="where the pages go: a folder, with an index, or the page of the one incident; else "
+        "the incidents are told here, in short",
     )
 
 

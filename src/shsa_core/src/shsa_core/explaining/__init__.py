@@ -1,1 +1,1 @@
-"""What can be told of an incident once it is over: why, what else there was, and how true it was."""
+"""What can be told of an incident afterwards: why, what else there was, and how true it was."""

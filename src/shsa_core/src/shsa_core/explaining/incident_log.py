@@ -80,8 +80,8 @@ def of_message(message: Any) -> Incident:
     """
     values: Dict[str, Any] = {name: str(getattr(message, name, "")) for name in _TEXTS}
     values.update((name, tuple(getattr(message, name, ()))) for name in (*_LISTS, "unavailable"))
-    moments = {name: _moment(getattr(message, name)) for name in MOMENTS}
-    if moments["detected"] is None:
+    values.update((name, _moment(getattr(message, name))) for name in MOMENTS)
+    if values["detected"] is None:
         raise ModelError(message.topic, "an incident that nobody has detected")
     try:
         return Incident(
@@ -93,7 +93,6 @@ def of_message(message: Any) -> Incident:
             restarts=message.restarts,
             kept_out=message.kept_out,
             kept=message.kept,
-            **moments,
             **values,
         )
     except ValueError as error:  # a word that is none

@@ -176,6 +176,6 @@ def _answer(ontology: Ontology, som: Som, service: Service, incident: Incident) 
     if not incident.code:
         return f"By the models as they are now there is a substitute, by {by}."
     return (
-        f"Searched again, the best is another one: {by}. What ran may have been the next best after "
-        "one that failed or whose law did not hold, or the models have changed since."
+        f"Searched again, the best is another one: {by}. What ran may have been the next best "
+        "after one that failed or whose law did not hold, or the models have changed since."
     )

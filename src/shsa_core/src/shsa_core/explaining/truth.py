@@ -1,4 +1,5 @@
 """How true a substitute was: its program beside its original, while that was well."""
+import builtins
 import math
 from dataclasses import dataclass, replace
 from typing import Optional, Tuple
@@ -38,7 +39,7 @@ class Truth:
     expected: Optional[Error]
     within: Optional[float]
 
-    @property
+    @builtins.property  # a truth has a `property` of its own
     def verdict(self) -> str:
         """In words."""
         if self.expected is None:
