@@ -6,6 +6,7 @@ from hypothesis import settings
 ROBOTS = (
     *("test_rostests", "test_reliability", "test_rostests_of_robots"),
     *("test_bench", "test_three_computers", "test_master", "test_partition"),
+    *("test_tutorials", "test_start"),
 )
 """Files of tests on real processes: they judge real time. The longest comes first."""
 

@@ -22,6 +22,8 @@ from shsa_core.analysis.check import check_model  # noqa: E402
 from shsa_core.codegen.checked_code import check_code  # noqa: E402
 from shsa_core.codegen.program import compile_program  # noqa: E402
 from shsa_core.errors import ModelError, ShsaError  # noqa: E402
+from shsa_core.explaining import words as in_words  # noqa: E402
+from shsa_core.explaining.incident_log import read_log  # noqa: E402
 from shsa_core.files.knowledge_base import read_knowledge_base  # noqa: E402
 from shsa_core.files.ontology_file import load_ontology  # noqa: E402
 from shsa_core.files.parameters import read_settings  # noqa: E402
@@ -201,6 +203,15 @@ def journal(data: bytes) -> None:
     """A journal: what is read of it are events of the machine that it names."""
     for _ in Journal(_written(data)).entries():
         pass
+
+
+@target
+def incident_log(data: bytes) -> None:
+    """The incident log: each line is an incident that can be told, or is noted."""
+    incidents, notes = read_log(_written(data))
+    assert len(incidents) + len(notes) <= data.count(b"\n") + 1
+    for each in incidents:
+        assert in_words.title(each) and in_words.summary(each) and len(in_words.steps(each)) == 8
 
 
 @target

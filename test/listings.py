@@ -2,7 +2,7 @@
 
 A listing of commands is run by a test, or the page says why not, in a comment above it:
 `<!-- not run: needs the real rover -->`. A page that one test follows from its first listing to its
-last says `<!-- followed by: test/test_readme.py -->`; test_listings.py runs those of other pages.
+last says `<!-- followed by: test/test_start.py -->`; test_listings.py runs those of other pages.
 """
 import contextlib
 import os
@@ -116,6 +116,12 @@ class Page:
         assert not self._left, f"not typed: {', '.join(map(str, self._left))}"
 
 
+def seen(line: str, text: str) -> bool:
+    """Whether a text shows a line, in which `...` stands for anything."""
+    parts = [re.escape(part) for part in line.strip().split("...")]
+    return re.search(".*".join(parts), text) is not None
+
+
 class Terminal:
     """A shell that ends at the first command that fails."""
 
@@ -136,11 +142,17 @@ class Terminal:
         return self._output.read_text()
 
     def shows(self, text: str) -> None:
-        """Wait until it shows a text."""
-        wait_until(
-            lambda: text in self.shown() or self.process.poll() is not None, PATIENCE_S, text
-        )
-        assert text in self.shown(), self.shown()
+        """Wait until it shows a text of one line, in which `...` stands for anything."""
+        try:
+            ended = lambda: self.process.poll() is not None
+            wait_until(lambda: seen(text, self.shown()) or ended(), PATIENCE_S, text)
+        finally:
+            assert seen(text, self.shown()), f"{text!r} not in {self.shown()}"
+
+    def ends(self) -> None:
+        """Press Ctrl-C, and wait until it has ended."""
+        os.killpg(self.process.pid, signal.SIGINT)
+        self.process.wait(PATIENCE_S)
 
 
 class Reader:

@@ -1,4 +1,4 @@
-"""The examples are valid, and what the README shows are the examples' files."""
+"""The examples are valid, and what start.md shows are the examples' files."""
 import subprocess
 import sys
 from pathlib import Path
@@ -25,8 +25,8 @@ def test_an_example_is_valid(example: Path) -> None:
         assert all(Path(name.replace("$(dirname)", str(example))).is_file() for name in files)
 
 
-def test_the_readme_shows_the_files_of_the_example() -> None:
-    shown = [each.text for each in listings(ROOT / "README.md")]
+def test_start_shows_the_files_of_the_example() -> None:
+    shown = [each.text for each in listings(ROOT / "docs" / "start.md")]
     for name in ("robot.yaml", "robot_som.yaml"):
         assert (ROOT / "examples" / "battery" / name).read_text().strip("\n") in shown
 

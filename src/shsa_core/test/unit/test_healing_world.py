@@ -307,6 +307,17 @@ def test_the_record_of_an_incident_is_plain() -> None:
     assert type(plain["state"]) is str and plain["outage"] == pytest.approx(0.52)
 
 
+def test_an_incident_tells_what_was_seen_and_what_was_not_available() -> None:
+    robot = Robot()
+    robot.row("/b", B, "healthy", 5.0)
+    robot.row("/c", C, "failed", 5.0)
+    robot.table(5.0)
+    robot.heal(10.0)
+    incident = last_incident(robot.said)
+    assert incident.evidence == "the node died" != incident.detail
+    assert incident.unavailable == ("c",)
+
+
 def test_safe_values_promise_nothing() -> None:
     first, *_ = SOM
     robot = Robot(Som([replace(first, last_resort=LastResort(values=(("a", 1.0),)))]))

@@ -23,6 +23,7 @@ ORDER = [
     ("monitoring", "substitution"),
     ("healing",),
     ("analysis", "learning"),
+    ("explaining",),
     ("cli",),
     ("ros.graph",),
     ("ros",),

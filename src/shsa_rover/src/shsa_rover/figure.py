@@ -59,7 +59,7 @@ def _draw_current(axes: Axes, recording: Recording) -> None:
         substitute = node.startswith("/substitute")
         label = f"substitute ({node})" if substitute else f"sensor ({node})"
         colour = SUBSTITUTE if substitute else SENSOR
-        for part in _unbroken(series):
+        for part in unbroken(series):
             _line(axes, part, colour, "" if label in shown else label, 1.6)
             shown[label] = colour
     axes.set_xlabel("time / s")
@@ -105,7 +105,7 @@ def _line(axes: Axes, series: Series, colour: str, label: str, width: float) -> 
     axes.plot(times, values, color=colour, lw=width, label=label or None)
 
 
-def _unbroken(series: Series) -> List[Series]:
+def unbroken(series: Series) -> List[Series]:
     """Cut a series where more than 0.3 s lie between two values."""
     parts: List[Series] = []
     for point in series:

@@ -1,6 +1,6 @@
 """Which services are available: published by a healthy original now."""
 from dataclasses import replace
-from typing import Callable, Dict, List, Mapping, Tuple
+from typing import Callable, Dict, List, Mapping, Set, Tuple
 
 from shsa_core.healing.events import ServiceState
 from shsa_core.healing.nodes import Nodes
@@ -13,7 +13,8 @@ class Availability:
     """The running SOM, kept up service by service.
 
     `services` has those that are available, each with the node that publishes it. `states` has a
-    row for each. `lost`: why a computer is lost, empty: it is not.
+    row for each, `unavailable` the names of the others. `lost`: why a computer is lost, empty: it
+    is not.
     """
 
     def __init__(
@@ -21,6 +22,7 @@ class Availability:
     ) -> None:
         self.services: Dict[str, Service] = {}
         self.states: Dict[str, ServiceState] = {}
+        self.unavailable: Set[str] = set()
         self._nodes = nodes
         self._open = open_
         self._lost = lost
@@ -34,6 +36,7 @@ class Availability:
         come: List[Service] = []
         for name, another in names.items():
             before = self.services.pop(name, None)
+            self.unavailable.discard(name)
             service = som.services.get(name)
             if service is None:
                 self.states.pop(name, None)
@@ -46,6 +49,8 @@ class Availability:
                         self.services[name] = before
                         continue
                     come.append(service)
+                else:
+                    self.unavailable.add(name)
             if before is not None:
                 gone.append(before)
         return gone, come

@@ -25,9 +25,11 @@ class Incident:
 
     All times in s on one clock; None: has not happened.
 
+    `evidence` is what was seen when it was detected, `detail` what happened last, in words.
     `last_good` is the last good message of the service before the latest outage. `quality` is None
     without a substitute, and where that publishes safe values, which promise nothing; `errors` are
-    what is expected of each output, in the unit of its property, None: not known. `restarts`:
+    what is expected of each output, in the unit of its property, None: not known. `unavailable`:
+    the other services that nothing could be derived from when it was searched last. `restarts`:
     how often the faulty node was started again. `kept_out`: it may not return until somebody
     releases the service. `kept`: the faulty node was not killed; `decision` says why it was, or was
     not.
@@ -59,10 +61,12 @@ class Incident:
     quality: Optional[float] = None
     errors: Tuple[Optional[Error], ...] = ()
     missing: Tuple[str, ...] = ()
+    unavailable: Tuple[str, ...] = ()
     restarts: int = 0
     kept_out: bool = False
     kept: bool = False
     decision: str = ""
+    evidence: str = ""
 
     @property
     def outage(self) -> Optional[float]:

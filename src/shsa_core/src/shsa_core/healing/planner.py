@@ -135,6 +135,10 @@ class Planner:
             for source in plan.inputs
         )
 
+    def unavailable(self, service: str) -> Tuple[str, ...]:
+        """The services other than `service` that nothing can be derived from now, in order."""
+        return tuple(sorted(self._availability.unavailable - {service}))
+
     def safe_values(self, service: Service) -> Optional[SafeValues]:
         """The plan that publishes the safe values of a service; None if it has none."""
         return safe_values(service)

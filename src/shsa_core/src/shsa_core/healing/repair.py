@@ -1,4 +1,5 @@
 """What is done when the state of a service changes: the actions of the table in `transitions`."""
+from dataclasses import replace
 from typing import List, Optional
 
 from shsa_core.codegen.plans import Plan
@@ -41,6 +42,7 @@ class Repair(Judgement):
             properties=now.service.properties,
             faulty_node=event.publisher,
             kind=event.kind,
+            evidence=event.detail,
             detail=event.detail,
             detected=event.time,
             last_good=event.last_good,
@@ -160,6 +162,7 @@ class Repair(Judgement):
     def _heal(self, now: Snapshot) -> List[Request]:
         """Search, decide about the node, and set a process to work: the one at hand, or another."""
         assert self.incident is not None
+        self.incident = replace(self.incident, unavailable=now.planner.unavailable(self.service))
         plan, none = self._search(now)
         requests = self._judge(now, plan is not None)
         if self._faulty.babbles or self._idle(now):

@@ -3,9 +3,10 @@
 Message types come from the bag itself. Messages of substitutes are left out, by the publisher's
 name in the bag and by what healing recorded of itself.
 """
+import contextlib
 import math
 import struct
-from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
 import numpy as np
 
@@ -28,18 +29,31 @@ SUBSTITUTIONS, INCIDENTS = "/shsa/substitutions", "/shsa/incidents"
 Fields = Tuple[FieldText, ...]
 
 
+def is_bag(path: str) -> bool:
+    """Whether a file is a rosbag by what it begins with, or by its name."""
+    with open_to_read(path) as file:
+        return file.read(len(MAGIC)) == MAGIC or path.endswith(".bag")
+
+
 def read_bag(path: str, som: Som) -> Recording:
     """The recording in a rosbag: a series for each value of each service of the SOM in it.
 
     Raises ShsaError if it cannot be read, if a topic has another type than the SOM says, or if a
     type lacks a field.
     """
+    with opened(path) as bag:
+        return _Reader(path, bag, som).read()
+
+
+@contextlib.contextmanager
+def opened(path: str) -> Iterator[Any]:
+    """A rosbag, to be read. Raises ModelError if it cannot be, also while it is."""
     open_to_read(path).close()  # rosbag would wait for a pipe
     import rosbag  # ROS is loaded for a bag alone
 
     try:
         with rosbag.Bag(path) as bag:
-            return _Reader(path, bag, som).read()
+            yield bag
     except rosbag.ROSBagUnindexedException as error:
         what = "has no index, as its recording was cut off; `rosbag reindex` gives it one"
         raise ModelError(path, what) from error
@@ -99,7 +113,7 @@ class _Reader:
             return full_name(topic, "/") in wanted
 
         for topic, message, time, header in self._messages(of_som):
-            self._take(full_name(topic, "/"), message, time.to_sec(), _callerid(header))
+            self._take(full_name(topic, "/"), message, time.to_sec(), callerid(header))
         series, notes = self._series()
         notes += [f"{_count(n)} left out: {why}" for why, n in self._left_out.items()]
         silent = [t for t in self._som.topics() if not self._has(t)]
@@ -236,7 +250,7 @@ def _incident(message: Any, now: float) -> Incident:
     return Incident(message.topic, message.service, node, begin, end, message.substitute)
 
 
-def _callerid(header: Mapping[str, Any]) -> str:
+def callerid(header: Mapping[str, Any]) -> str:
     """Who published, as the connection said."""
     name = header.get("callerid", b"")
     return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)

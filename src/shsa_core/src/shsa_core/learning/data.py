@@ -4,9 +4,8 @@ import os
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from shsa_core.errors import ModelError
-from shsa_core.files.regular import open_to_read
 from shsa_core.learning.attribution import attributed
-from shsa_core.learning.bags import MAGIC, read_bag
+from shsa_core.learning.bags import is_bag, read_bag
 from shsa_core.learning.csv_files import read_csv
 from shsa_core.learning.recording import Recording, Series
 from shsa_core.model.ontology import Ontology
@@ -31,19 +30,13 @@ def read(
     recordings: List[Recording] = []
     tables: List[str] = []
     for path in paths:
-        if not _is_bag(path):
+        if not is_bag(path):
             tables.append(path)
         elif som is None:
             raise ModelError(path, "is a rosbag: a SOM (--som) says what its topics provide")
         else:
             recordings.append(read_bag(path, som))
     return (*recordings, *_recordings(tables, som or Som(), ontology))
-
-
-def _is_bag(path: str) -> bool:
-    """Whether a file is a rosbag by what it begins with, or by its name."""
-    with open_to_read(path) as file:
-        return file.read(len(MAGIC)) == MAGIC or path.endswith(".bag")
 
 
 class _Table(NamedTuple):

@@ -54,12 +54,17 @@ class Rehearsal:
 
     def play(self, derivation: Derivation, program: Program) -> Played:
         """What the program of a derivation yields. An integral begins where the target was."""
-        compiled = compile_program(program.code, len(program.inputs), 1, self._gap)
-        columns = [self._inputs(source) for source in inputs_of([derivation])]
+        return self.run(inputs_of([derivation]), program)
+
+    def run(self, sources: Sequence[Source], program: Program, place: int = 0) -> Played:
+        """What a program that reads some sources yields for the output at `place`."""
+        n_outputs = len(program.outputs)
+        compiled = compile_program(program.code, len(program.inputs), n_outputs, self._gap)
+        columns = [self._inputs(source) for source in sources]
         known = np.isfinite(self.measured)
-        for sum_ in compiled.integrals:
-            if sum_ is not None and known.any():
-                sum_[0] = float(self.measured[known][0])
+        sum_ = compiled.integrals[place] if compiled.integrals else None
+        if sum_ is not None and known.any():
+            sum_[0] = float(self.measured[known][0])
         values = np.full(len(self.time), np.nan)
         rows = np.stack(columns, axis=1) if columns else np.zeros((len(self.time), 0))
         there = np.flatnonzero(np.isfinite(rows).all(axis=1))
@@ -69,7 +74,7 @@ class Rehearsal:
         for now, row in zip(self.time[there].tolist(), rows[there].tolist()):
             if latest != latest or now - last >= soonest:
                 output = step(row, now)
-                latest = math.nan if output is None else output[0]
+                latest = math.nan if output is None else output[place]
                 last = now
             found.append(latest)
         values[there] = found

@@ -1,4 +1,4 @@
-"""Who follows the tutorial of the unknown robot word by word has a model that is checked."""
+"""Who follows the page of `shsa init` word by word has a model that is checked."""
 import math
 import subprocess
 import sys
@@ -10,7 +10,7 @@ import pytest
 from recordings import BagWriter
 
 ROOT = Path(__file__).resolve().parents[4]
-PAGE = ROOT / "docs" / "tutorials" / "any_robot.md"
+PAGE = ROOT / "docs" / "init.md"
 SHSA = ROOT / "src" / "shsa_core" / "scripts" / "shsa"
 SENSORS = {"/voltage": 12.0, "/current": 2.0, "/power": 24.0}
 TYPED = ("shsa init --bag", "sed ", "shsa check", "shsa find")

@@ -1,4 +1,4 @@
-"""Who follows the README's example word by word heals a robot."""
+"""Who follows the page's example word by word heals a robot."""
 from pathlib import Path
 from typing import Iterator
 
@@ -7,7 +7,7 @@ from listings import PATIENCE_S, ROOT, Page, Reader, listings, new_reader
 
 from shsa_testing.waiting import wait_until
 
-README = ROOT / "README.md"
+START = ROOT / "docs" / "start.md"
 FILES = {"properties:": "robot.yaml", "services:": "robot_som.yaml"}
 """What the blocks begin with that are files."""
 
@@ -20,15 +20,15 @@ def reader(tmp_path: Path) -> Iterator[Reader]:
 
 def write_files(folder: Path) -> None:
     """Write the files of the page's example into a folder."""
-    for listing in listings(README):
+    for listing in listings(START):
         name = FILES.get(listing.text.split("\n")[0])
         if name is not None:
             (folder / name).write_text(listing.text + "\n")
 
 
-def test_the_readme_heals_a_robot(tmp_path: Path, reader: Reader) -> None:
+def test_the_page_heals_a_robot(tmp_path: Path, reader: Reader) -> None:
     write_files(tmp_path)
-    page = Page(README)
+    page = Page(START)
     first = reader.opens_terminal(page.take("shsa check"))
     first.shows("Reconfigurator ready")
     assert "inputs  /power/data,/voltage/data" in first.shown()

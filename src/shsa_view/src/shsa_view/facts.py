@@ -1,0 +1,168 @@
+"""What the view hears of the robot: plain values, whatever message or file they came in.
+
+All times in s of ROS time; None: not known.
+"""
+from dataclasses import dataclass, field
+from typing import Any, Mapping, Optional, Tuple, Union
+
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.som import Som
+
+
+@dataclass(frozen=True)
+class Publisher:
+    """How one publisher of a topic is doing; `state` and `kind` as in shsa_msgs/PublisherHealth."""
+
+    topic: str
+    publisher: str
+    state: str
+    kind: str = ""
+    detail: str = ""
+    last_good: Optional[float] = None
+
+
+@dataclass(frozen=True)
+class Running:
+    """One service of the running SOM, as the reconfigurator tells it."""
+
+    service: str
+    topic: str
+    node: str
+    period: float
+    needed: bool
+    available: bool
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class Substitute:
+    """One process that stands in for a service, or stands by for it (`publishing`: not).
+
+    Without a node it is a plan. Inputs and outputs are paths; `error_rms` and `error_p95` are those
+    of each output.
+    """
+
+    node: str
+    service: str
+    publishing: bool
+    inputs: Tuple[str, ...] = ()
+    outputs: Tuple[str, ...] = ()
+    relations: Tuple[str, ...] = ()
+    code: str = ""
+    quality: float = 0.0
+    host: str = ""
+    error_rms: Tuple[Optional[float], ...] = ()
+    error_p95: Tuple[Optional[float], ...] = ()
+
+    @property
+    def key(self) -> str:
+        """What its row is known by in the table."""
+        return self.node or self.service
+
+
+@dataclass(frozen=True)
+class HealthTold:
+    """The table of one monitor, or what changed in it; `removed` are pairs of topic and publisher.
+
+    `monitor` is that monitor's computer, empty: that of all others.
+    """
+
+    monitor: str
+    rows: Tuple[Publisher, ...]
+    removed: Tuple[Tuple[str, str], ...] = ()
+    whole: bool = True
+
+
+@dataclass(frozen=True)
+class ServicesTold:
+    """The running SOM, or what changed in it."""
+
+    rows: Tuple[Running, ...]
+    removed: Tuple[str, ...] = ()
+    whole: bool = True
+
+
+@dataclass(frozen=True)
+class SubstitutesTold:
+    """The table of substitutions, or what changed in it."""
+
+    rows: Tuple[Substitute, ...]
+    removed: Tuple[str, ...] = ()
+    whole: bool = True
+
+
+@dataclass(frozen=True)
+class IncidentTold:
+    """A step of an incident, as a line of the incident log has it.
+
+    `logged`: it was read from there, so that nobody works on it unless it is told again.
+    """
+
+    record: Mapping[str, Any]
+    logged: bool = False
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What /diagnostics tells of a service, for display: rates in Hz by publisher, newest values.
+
+    `values` are by property, in its unit.
+    """
+
+    service: str
+    rates: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class FiguresTold:
+    """What one message on /diagnostics tells of services."""
+
+    rows: Tuple[Figures, ...]
+
+
+@dataclass(frozen=True)
+class Healer:
+    """How `monitor`, `monitor_HOST`, `reconfigurator` or `master` is: alive, lost or unknown."""
+
+    name: str
+    state: str
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class HostTold:
+    """How a computer of the robot is: heard, lost or unknown."""
+
+    name: str
+    state: str
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class TrustTold:
+    """Whether what is shown was checked by its signatures: `checked`, `refused` or `unchecked`."""
+
+    state: str
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class ModelsRead:
+    """The ontology and the SOM, read from their files."""
+
+    ontology: Ontology
+    som: Som
+
+
+Fact = Union[
+    HealthTold,
+    ServicesTold,
+    SubstitutesTold,
+    IncidentTold,
+    FiguresTold,
+    Healer,
+    HostTold,
+    TrustTold,
+    ModelsRead,
+]

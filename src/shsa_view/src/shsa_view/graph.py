@@ -1,0 +1,99 @@
+"""The ontology and the services as a drawing, laid out once: the browser only switches classes."""
+import html
+import subprocess
+from typing import Any, Dict, Iterator, List, Tuple
+
+from shsa_core.errors import ShsaError
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.som import Som
+from shsa_core.text import shown
+from shsa_view.derivation import property_id, relation_id, service_id
+
+MOST_ELEMENTS = 1000
+TIMEOUT_S = 30.0
+STYLE = """
+  rankdir=TB; nodesep=0.2; ranksep=0.4; pad=0.2; bgcolor=transparent;
+  node [fontname="sans-serif", fontsize=11, margin="0.12,0.05", height=0.3, color=gray50];
+  edge [color=gray50, arrowsize=0.7];
+"""
+
+Edge = Tuple[str, str]
+
+
+def edges(ontology: Ontology, som: Som) -> List[Edge]:
+    """Which elements lead to which: services to properties, these by relations to others."""
+    provided = ((service_id(s.service.name), property_id(s.property)) for s in som.sources)
+    return list(dict.fromkeys([*provided, *_of_relations(ontology)]))
+
+
+def _of_relations(ontology: Ontology) -> Iterator[Edge]:
+    for function in ontology.functions:
+        relation = relation_id(function.relation, function.output)
+        for name in function.inputs:
+            if name not in ontology.constants:
+                yield property_id(name), relation
+        yield relation, property_id(function.output)
+
+
+def dot_text(ontology: Ontology, som: Som) -> str:
+    """The drawing in the language of graphviz. Raises ShsaError if it is too large to be read."""
+    names = dict.fromkeys((*ontology.properties, *(each.property for each in som.sources)))
+    size = len(names) + len(ontology.functions) + len(som)
+    if size > MOST_ELEMENTS:
+        raise ShsaError(f"{size} properties, relations and services; at most {MOST_ELEMENTS}")
+    lines = [_node(service_id(s.name), s.name, s.topic, "service", "box") for s in som]
+    for name in names:
+        known = ontology.properties.get(name)
+        unit = known.unit if known else ""
+        lines.append(_node(property_id(name), name, unit, "property", 'box, style="rounded"'))
+    for function in ontology.functions:
+        relation = relation_id(function.relation, function.output)
+        lines.append(_node(relation, function.relation, "", "relation", "ellipse"))
+    for number, (start, end) in enumerate(edges(ontology, som)):
+        what = f'id="edge-{number}", class="edge"'
+        lines.append(f"  {_quoted(start)} -> {_quoted(end)} [{what}];")
+    return "digraph {" + STYLE + "\n".join(lines) + "\n}\n"
+
+
+def drawing(ontology: Ontology, som: Som) -> Dict[str, Any]:
+    """The drawing as SVG, and its edges with the elements that they join.
+
+    `error`: why there is none.
+    """
+    joined = [
+        {"id": f"edge-{number}", "from": start, "to": end}
+        for number, (start, end) in enumerate(edges(ontology, som))
+    ]
+    try:
+        return {"svg": _svg(dot_text(ontology, som)), "edges": joined, "error": ""}
+    except ShsaError as error:
+        return {"svg": "", "edges": joined, "error": str(error)}
+
+
+def _svg(text: str) -> str:
+    """What graphviz draws. Raises ShsaError if it cannot."""
+    command = ["dot", "-Tsvg"]
+    try:
+        done = subprocess.run(
+            command, input=text.encode(), capture_output=True, timeout=TIMEOUT_S, check=True
+        )
+    except FileNotFoundError as error:
+        raise ShsaError("the drawing needs the program 'dot'; install graphviz") from error
+    except subprocess.TimeoutExpired as error:
+        raise ShsaError(f"dot takes more than {TIMEOUT_S:g} s for the drawing") from error
+    except subprocess.CalledProcessError as error:
+        raise ShsaError(f"dot says: {shown(error.stderr.decode().strip())}") from error
+    svg = done.stdout.decode()
+    return svg[svg.index("<svg") :]
+
+
+def _node(id_: str, name: str, below: str, kind: str, shape: str) -> str:
+    label = html.escape(shown(name))
+    if below:
+        label += f'<br/><font point-size="9">{html.escape(shown(below))}</font>'
+    what = f'id={_quoted(id_)}, class="{kind}", tooltip={_quoted(name)}, shape={shape}'
+    return f"  {_quoted(id_)} [label=<{label}>, {what}];"
+
+
+def _quoted(text: str) -> str:
+    return '"' + shown(text).replace("\\", "\\\\").replace('"', '\\"') + '"'

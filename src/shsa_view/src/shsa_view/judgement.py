@@ -1,0 +1,126 @@
+"""How a service is, in one word and in words: by the signed tables, and by its open incident."""
+from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence
+
+from shsa_core.healing.incident import State as Step
+from shsa_core.model.kinds import Word
+from shsa_core.monitoring.events import PublisherState
+from shsa_view.facts import Publisher, Substitute
+
+
+class Condition(Word):
+    """How a service is. KEPT: it failed and nothing is done; FAILED: it failed, no one needs it."""
+
+    WELL = "well"
+    SUBSTITUTED = "substituted"
+    RETURNING = "returning"
+    HEALING = "healing"
+    NOT_HEALED = "not_healed"
+    KEPT = "kept"
+    FAILED = "failed"
+    STARTING = "starting"
+    UNKNOWN = "unknown"
+
+
+LETTERS: Mapping[str, str] = {
+    Condition.WELL: "w",
+    Condition.SUBSTITUTED: "s",
+    Condition.RETURNING: "s",
+    Condition.HEALING: "h",
+    Condition.NOT_HEALED: "f",
+    Condition.KEPT: "f",
+    Condition.FAILED: "f",
+    Condition.STARTING: "u",
+    Condition.UNKNOWN: "u",
+}
+"""How a second is told in a strip."""
+
+BY_STEP = {
+    Step.HEALING.value: Condition.HEALING,
+    Step.HEALED.value: Condition.SUBSTITUTED,
+    Step.RETURNING.value: Condition.RETURNING,
+    Step.UNHEALED.value: Condition.NOT_HEALED,
+    Step.SAFE.value: Condition.NOT_HEALED,
+    Step.KEPT.value: Condition.KEPT,
+}
+
+
+class Judgement(NamedTuple):
+    """How a service is, why, and who publishes it (None: nobody does, as far as is known)."""
+
+    condition: Condition
+    detail: str
+    publisher: Optional[str]
+
+
+def judge(
+    node: str,
+    alone: bool,
+    publishers: Sequence[Publisher],
+    substitutes: Sequence[Substitute],
+    incident: Optional[Dict[str, Any]],
+) -> Judgement:
+    """How a service of `node` is. `alone`: no other service is on its topic.
+
+    `publishers` are those of its topic that a monitor which is heard tells of; `substitutes` all
+    processes that healing runs.
+    """
+    ours = {each.node for each in substitutes}
+    own = [p for p in publishers if p.publisher not in ours and (alone or p.publisher == node)]
+    running = next((each.node for each in substitutes if each.publishing), None)
+    healthy = [p.publisher for p in own if p.state == PublisherState.HEALTHY.value]
+    failed = [p for p in own if p.state == PublisherState.FAILED.value]
+    why = "; ".join(f"{p.publisher or 'nobody publishes'}: {p.detail}" for p in failed)
+    publisher = running or (healthy[0] if healthy else None)
+    if incident is not None and incident["state"] in BY_STEP:
+        return Judgement(BY_STEP[incident["state"]], incident["detail"] or why, publisher)
+    if running is not None:
+        return Judgement(Condition.SUBSTITUTED, why or f"by {running}", publisher)
+    if healthy:
+        return Judgement(Condition.WELL, why, publisher)
+    if failed:
+        return Judgement(Condition.FAILED, why, publisher)
+    if publishers:
+        return Judgement(Condition.STARTING, "its first message is awaited", publisher)
+    return Judgement(Condition.UNKNOWN, "no monitor tells of it", publisher)
+
+
+def of_robot(needed: Mapping[str, Condition], others: int, heard: bool) -> Dict[str, str]:
+    """The robot at a glance, by its needed services.
+
+    `others`: so many services are watched besides; `heard`: whether monitor and reconfigurator are.
+    """
+    wrong = _named(needed, Condition.NOT_HEALED, Condition.KEPT)
+    at_work = _named(needed, Condition.HEALING, Condition.FAILED)
+    replaced = _named(needed, Condition.SUBSTITUTED, Condition.RETURNING)
+    silent = _named(needed, Condition.UNKNOWN)
+    starting = _named(needed, Condition.STARTING)
+    watched = f"{_count(len(needed) + others, 'service')} watched."
+    if wrong or at_work:
+        parts = [f"Not healed: {_list(wrong)}."] if wrong else []
+        parts += [f"Being healed: {_list(at_work)}."] if at_work else []
+        return {"state": "not_healed", "text": " ".join(parts)}
+    if not heard:
+        return {"state": "unknown", "text": "Not known: healing is not heard."}
+    if replaced:
+        verb = "has a substitute" if len(replaced) == 1 else "have substitutes"
+        return {"state": "substituted", "text": f"{_list(replaced)} {verb}. The rest is well."}
+    if silent:
+        return {"state": "unknown", "text": f"Not known: {_list(silent)}."}
+    if starting:
+        return {"state": "starting", "text": f"Starting: {_list(starting)}."}
+    if not needed:
+        return {"state": "well", "text": f"No service is needed, so none is healed. {watched}"}
+    return {"state": "well", "text": f"All well. {watched}"}
+
+
+def _named(services: Mapping[str, Condition], *conditions: Condition) -> List[str]:
+    return [name for name, each in services.items() if each in conditions]
+
+
+def _list(names: Sequence[str], most: int = 5) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what} is" if number == 1 else f"{number} {what}s are"

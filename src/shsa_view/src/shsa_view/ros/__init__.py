@@ -1,0 +1,1 @@
+"""The shell: hears the tables of healing, and serves the page."""

@@ -1,0 +1,318 @@
+"""What the page shows: one document, built of facts as they come, and the changes in it.
+
+docs/view.md describes the document. Time comes in: `now` in s of ROS time.
+"""
+from collections import deque
+from typing import Any, Deque, Dict, Iterable, List, Optional, Set, Tuple
+
+from shsa_core import dispatch
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+from shsa_view import facts
+from shsa_view.derivation import elements
+from shsa_view.incidents import Incidents
+from shsa_view.judgement import LETTERS, Condition, Judgement, judge, of_robot
+
+VERSION = 1
+STRIP_S = 60
+"""So many seconds are told of each service."""
+MONITOR, RECONFIGURATOR, MASTER = "monitor", "reconfigurator", "master"
+UNKNOWN, ALIVE = "unknown", "alive"
+
+Document = Dict[str, Any]
+_UNHEARD = Judgement(Condition.UNKNOWN, "nothing was heard of it yet", None)
+
+
+class State:
+    """Heeds facts, and tells the whole document, or what has changed since that was asked last."""
+
+    def __init__(self, namespace: str = "/", actions: bool = False) -> None:
+        self._namespace, self._actions = namespace, actions
+        self.ontology, self.som = Ontology({}, {}, ()), Som()
+        self._health: Dict[str, Dict[Tuple[str, str], facts.Publisher]] = {}
+        self._on_topic: Dict[str, Dict[Tuple[str, str], facts.Publisher]] = {}
+        self._running: Dict[str, facts.Running] = {}
+        self._substitutes: Dict[str, facts.Substitute] = {}
+        self._figures: Dict[str, facts.Figures] = {}
+        self._healers: Dict[str, facts.Healer] = {}
+        self._hosts: Dict[str, facts.HostTold] = {}
+        self._trust = facts.TrustTold("unchecked", "nothing was heard yet")
+        self._incidents = Incidents()
+        self._strips: Dict[str, Deque[str]] = {}
+        self._judged: Dict[str, Judgement] = {}
+        self._rows: Dict[str, Document] = {}
+        self._dirty: Set[str] = set()
+        self._told: Document = {}
+        self._handlers: dispatch.Table[None] = dispatch.table(
+            facts.Fact,
+            {
+                facts.HealthTold: self._health_told,
+                facts.ServicesTold: self._services_told,
+                facts.SubstitutesTold: self._substitutes_told,
+                facts.IncidentTold: self._incident_told,
+                facts.FiguresTold: self._figures_told,
+                facts.Healer: self._healer,
+                facts.HostTold: self._host,
+                facts.TrustTold: self._trusted,
+                facts.ModelsRead: self._models_read,
+            },
+        )
+
+    def handle(self, fact: facts.Fact) -> None:
+        """Heed a fact."""
+        self._handlers[type(fact)](fact)
+
+    def second(self) -> None:
+        """A second has passed: the strips get a letter."""
+        self._settle()
+        for name, row in self._rows.items():
+            strip = self._strips.setdefault(name, deque(maxlen=STRIP_S))
+            strip.append(LETTERS[row["state"]])
+            letters = "".join(strip)
+            if letters != row["strip"]:
+                self._rows[name] = {**row, "strip": letters}
+
+    def document(self, now: float) -> Document:
+        """All that is shown."""
+        self._settle()
+        head = {"version": VERSION, "now": now, "namespace": self._namespace}
+        services, incidents = self._rows.copy(), self._incidents.newest_first()
+        return {
+            **head,
+            "actions": self._actions,
+            **self._parts(),
+            "services": services,
+            "incidents": incidents,
+        }
+
+    def changes(self, now: float) -> Optional[Document]:
+        """What has changed since this was asked last; None: nothing has."""
+        self._settle()
+        told: Document = {}
+        parts = self._parts()
+        told.update({key: part for key, part in parts.items() if self._told.get(key) != part})
+        self._told.update(parts)
+        known = self._told.setdefault("services", {})
+        services: Dict[str, Optional[Document]] = {
+            name: row for name, row in self._rows.items() if known.get(name) is not row
+        }
+        services.update({name: None for name in known if name not in self._rows})
+        if services:
+            told["services"] = services
+        self._told["services"] = dict(self._rows)
+        incidents = self._incidents.take_changed()
+        if incidents:
+            told["incidents"] = incidents
+        return {"now": now, **told} if told else None
+
+    def _parts(self) -> Document:
+        """What is small and told as a whole."""
+        needed = {
+            name: self._judged.get(name, _UNHEARD).condition
+            for name in self._rows
+            if self._rows[name]["needed"]
+        }
+        heard = all(self._healer_state(who) == ALIVE for who in (MONITOR, RECONFIGURATOR))
+        return {
+            "robot": of_robot(needed, len(self._rows) - len(needed), heard),
+            "healing": self._healing(),
+            "trust": {"state": self._trust.state, "text": self._trust.text},
+            "substitutes": {
+                row.node: _substitute(row)
+                for row in self._substitutes.values()
+                if row.node and row.service
+            },
+            "hosts": {
+                name: {"state": row.state, "text": row.text} for name, row in self._hosts.items()
+            },
+        }
+
+    def _healing(self) -> Document:
+        states = {who: self._healer_state(who) for who in (MONITOR, RECONFIGURATOR, MASTER)}
+        texts = [each.text for each in self._healers.values() if each.text]
+        return {**states, "text": "; ".join(texts)}
+
+    def _healer_state(self, who: str) -> str:
+        known = self._healers.get(who)
+        return known.state if known is not None else UNKNOWN
+
+    def _settle(self) -> None:
+        """Make the rows anew that something was told of."""
+        dirty, self._dirty = self._dirty, set()
+        for name in dirty:
+            self._make(name)
+
+    def _make(self, name: str) -> None:
+        service, running = self.som.services.get(name), self._running.get(name)
+        if service is None and running is None:
+            for table in (self._rows, self._strips, self._judged):
+                table.pop(name, None)  # type: ignore[attr-defined]
+            return
+        topic = running.topic if running else service.topic if service else ""
+        node = running.node if running else service.node if service else ""
+        named = [row for row in self._substitutes.values() if row.service == name]
+        incident = self._incidents.open_of(name)
+        publishers = self._publishers(topic)
+        alone = len(self.som.of_topic(topic)) < 2
+        judged = judge(node, alone, publishers, named, incident)
+        self._judged[name] = judged
+        active = next((row for row in named if row.publishing), None)
+        figures = self._figures.get(name)
+        publisher = judged.publisher or ""
+        rate = figures.rates.get(publisher) if figures else None
+        row = {
+            "topic": topic,
+            "type": service.type if service else "",
+            "needed": running.needed if running else bool(service and service.needed),
+            "standby": service.standby.value if service else "",
+            "period": _period(service, running),
+            "host": service.host if service else "",
+            "node": node,
+            "state": judged.condition.value,
+            "detail": judged.detail,
+            "publisher": judged.publisher,
+            "substitute": active.node if active else None,
+            "rate": rate,
+            "incident": incident["id"] if incident else None,
+            "incident_key": incident["key"] if incident else None,
+            "properties": self._properties(service, active, figures),
+            "derivation": self._derivation(service, active),
+            "strip": "".join(self._strips.get(name, ())),
+        }
+        if self._rows.get(name) != row:
+            self._rows[name] = row
+
+    def _publishers(self, topic: str) -> List[facts.Publisher]:
+        return [
+            row
+            for (monitor, _), row in self._on_topic.get(topic, {}).items()
+            if self._healer_state(_monitor(monitor)) != "lost"
+        ]
+
+    def _properties(
+        self,
+        service: Optional[Service],
+        active: Optional[facts.Substitute],
+        figures: Optional[facts.Figures],
+    ) -> Document:
+        """The values of a service, each with the error that is expected of who publishes it now."""
+        found: Document = {}
+        for source in service.sources if service else ():
+            provision = source.provision
+            error = provision.error
+            rms, p95 = (error.rms, error.p95) if error else (None, None)
+            if active is not None:
+                place = active.outputs.index(source.path) if source.path in active.outputs else -1
+                rms, p95 = _at(active.error_rms, place), _at(active.error_p95, place)
+            known = self.ontology.properties.get(source.property)
+            found[source.property] = {
+                "field": provision.field,
+                "unit": known.unit if known else "",
+                "symbol": known.symbol if known else "",
+                "value": figures.values.get(source.property) if figures else None,
+                "error_rms": rms,
+                "error_p95": p95,
+                "range": list(provision.range) if provision.range else None,
+            }
+        return found
+
+    def _derivation(
+        self, service: Optional[Service], active: Optional[facts.Substitute]
+    ) -> List[str]:
+        if service is None or active is None:
+            return []
+        return elements(
+            self.ontology, self.som, service.properties, active.relations, active.inputs
+        )
+
+    def _health_told(self, told: facts.HealthTold) -> None:
+        table = self._health.setdefault(told.monitor, {})
+        gone = [*table] if told.whole else [key for key in told.removed if key in table]
+        for key in gone:
+            del table[key]
+            self._on_topic.get(key[0], {}).pop((told.monitor, key[1]), None)
+        for row in told.rows:
+            table[row.topic, row.publisher] = row
+            self._on_topic.setdefault(row.topic, {})[told.monitor, row.publisher] = row
+        self._touch_topics({*(topic for topic, _ in gone), *(row.topic for row in told.rows)})
+
+    def _services_told(self, told: facts.ServicesTold) -> None:
+        gone = {*self._running} if told.whole else {*told.removed}
+        for name in gone:
+            self._running.pop(name, None)
+        self._running.update({row.service: row for row in told.rows})
+        self._touch({*gone, *(row.service for row in told.rows)})
+
+    def _substitutes_told(self, told: facts.SubstitutesTold) -> None:
+        gone = {*self._substitutes} if told.whole else {*told.removed}
+        concerned = {row.service for key, row in self._substitutes.items() if key in gone}
+        for row in told.rows:
+            before = self._substitutes.get(row.key)
+            concerned |= {row.service, before.service if before else ""}
+        for key in gone:
+            self._substitutes.pop(key, None)
+        self._substitutes.update({row.key: row for row in told.rows})
+        self._touch(concerned - {""})
+
+    def _incident_told(self, told: facts.IncidentTold) -> None:
+        service = self._incidents.add(told.record, told.logged)
+        if service is not None:
+            self._touch({service})
+
+    def _figures_told(self, told: facts.FiguresTold) -> None:
+        for row in told.rows:
+            if self._figures.get(row.service) != row and row.service in self._rows:
+                self._figures[row.service] = row
+                self._touch({row.service})
+
+    def _healer(self, told: facts.Healer) -> None:
+        before = self._healers.get(told.name)
+        self._healers[told.name] = told
+        if before is None or before.state != told.state:
+            self._touch(self._rows)
+
+    def _host(self, told: facts.HostTold) -> None:
+        self._hosts[told.name] = told
+
+    def _trusted(self, told: facts.TrustTold) -> None:
+        self._trust = told
+
+    def _models_read(self, read: facts.ModelsRead) -> None:
+        self.ontology, self.som = read.ontology, read.som
+        self._touch({*self._rows, *read.som.services})
+
+    def _touch_topics(self, topics: Iterable[str]) -> None:
+        for topic in topics:
+            self._touch(service.name for service in self.som.of_topic(topic))
+
+    def _touch(self, services: Iterable[str]) -> None:
+        self._dirty.update(services)
+
+
+def _monitor(host: str) -> str:
+    """The name of the monitor of a computer; empty: that of all others."""
+    return f"{MONITOR}_{host}" if host else MONITOR
+
+
+def _period(service: Optional[Service], running: Optional[facts.Running]) -> Optional[float]:
+    if running is not None:
+        return running.period or None
+    return service.period if service else None
+
+
+def _substitute(row: facts.Substitute) -> Document:
+    return {
+        "service": row.service,
+        "publishing": row.publishing,
+        "inputs": list(row.inputs),
+        "outputs": list(row.outputs),
+        "relations": list(row.relations),
+        "code": row.code,
+        "quality": row.quality,
+        "host": row.host,
+    }
+
+
+def _at(errors: Tuple[Optional[float], ...], place: int) -> Optional[float]:
+    return errors[place] if 0 <= place < len(errors) else None
