@@ -105,9 +105,9 @@ class ViewNode:
     def _ready(self, port: int) -> None:
         settings = self._view.settings
         address = f"http://{_in_url(settings.address)}:{port}/"
-        rospy.loginfo("The view is at %s", address)
-        if settings.token:  # printed, not logged: whoever is on the ROS master can read the log
-            print(f"With actions: {address}#token={settings.token}", flush=True)
+        token = f"#token={settings.token}" if settings.token else ""
+        # Printed, not logged: whoever is on the ROS master can read the log, and so the token.
+        print(f"The view is at {address}{token}", flush=True)
 
 
 def _logged(path: str) -> Iterator[Fact]:
