@@ -14,7 +14,7 @@ version = release
 
 # The workspace is the source, so that a link between files is right on the site and beside the code.
 root_doc = "docs/index"
-include_patterns = ["*.md", "docs/*.md", "docs/**/*.md", "examples/*/README.md"]
+include_patterns = ["*.md", "docs/*.md", "docs/**/*.md", "examples/*.md", "examples/*/*.md"]
 exclude_patterns = ["build", "devel", "install", "results"]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "reference_directive"]
 

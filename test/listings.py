@@ -143,9 +143,11 @@ class Terminal:
 
     def shows(self, text: str) -> None:
         """Wait until it shows a text of one line, in which `...` stands for anything."""
-        done = lambda: seen(text, self.shown()) or self.process.poll() is not None
-        wait_until(done, PATIENCE_S, text)
-        assert seen(text, self.shown()), f"{text!r} not in {self.shown()}"
+        try:
+            ended = lambda: self.process.poll() is not None
+            wait_until(lambda: seen(text, self.shown()) or ended(), PATIENCE_S, text)
+        finally:
+            assert seen(text, self.shown()), f"{text!r} not in {self.shown()}"
 
     def ends(self) -> None:
         """Press Ctrl-C, and wait until it has ended."""
