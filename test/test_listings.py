@@ -89,7 +89,7 @@ def _wrong_launch(words: List[str]) -> str:
     """What a launch file lacks that its arguments name; of packages of ours, and of files."""
     files = [word for word in words if word.endswith(".launch")]
     found = [path for each in ("src", "examples") for path in ROOT.glob(f"{each}/*/**/*.launch")]
-    named = [path for path in found if path.name == Path(files[0]).name] if files else []
+    named = [path for path in found if str(path).endswith(f"/{files[0]}")] if files else []
     if not named:
         return f"no launch file in {' '.join(words)}"
     known = {arg.get("name") for arg in ElementTree.parse(str(named[0])).iter("arg")}
