@@ -1,16 +1,17 @@
-# All that a newcomer has to know: make demo, make test, make bench.
+# All that a newcomer has to know: make demo, make test, make docs, make bench.
 SHELL := /bin/bash
 PYTHON := /usr/bin/python3
 ENV := source tools/env.bash
 
 MINUTES := 10
 
-.PHONY: help setup build sshd test fuzz coverage mutation reliability demo hosts-demo bench clean
+.PHONY: help setup build sshd test fuzz coverage mutation reliability demo hosts-demo docs bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
 	@echo "make hosts-demo   the same on three computers, made of this machine's namespaces; see results/hosts_demo/"
 	@echo "make test    run every test"
+	@echo "make docs    the documentation as a site (Debian 12); see build/docs/index.html"
 	@echo "make bench   measure; see results/bench/"
 	@echo "make fuzz    MINUTES=10: look for inputs that break a reader; those found are tested from then on"
 	@echo "make coverage, make mutation   how well the core is tested; see docs/contributing.md"
@@ -50,6 +51,13 @@ demo: build
 
 hosts-demo: build sshd
 	@$(ENV) && rosrun shsa_rover hosts_demo --results results/hosts_demo
+
+docs: build
+	@$(PYTHON) -c "import furo, myst_parser" || \
+	  { echo "make docs needs python3-myst-parser and furo: Debian 12 has them, Ubuntu 20.04 has not" >&2; exit 1; }
+	@rm -rf build/docs
+	@$(ENV) && $(PYTHON) -m sphinx -W --keep-going -n -q -E -c docs -d build/docs-cache . build/docs
+	@echo "[docs] $(CURDIR)/build/docs/index.html"
 
 bench: build
 	@$(ENV) && tools/bench

@@ -1,4 +1,5 @@
 """What the pages have somebody type works, or says why no test types it."""
+import doctest
 import re
 import shlex
 import shutil
@@ -15,13 +16,13 @@ PAGES = sorted(
     path for each in ("*.md", "docs/**/*.md", "examples/*/README.md") for path in ROOT.glob(each)
 )
 TYPED = [each for page in PAGES for each in listings(page) if each.commands]
-ALONE = [
-    each
-    for each in TYPED
-    if not each.not_run and not follower(each.page) and each.page.parent.name != "tutorials"
-]
+SAFE = ("shsa ", "rosrun shsa_core shsa ", "source ")
+"""What only reads: it may be typed on any machine."""
+LEFT = [each for each in TYPED if not each.not_run and not follower(each.page)]
+ALONE = [each for each in LEFT if all(line.startswith(SAFE) for line in each.text.split("\n"))]
 """What needs nothing but the files of the small example, and is done within seconds."""
 FOLLOWED = [page for page in PAGES if follower(page)]
+EXAMPLES = [page for page in PAGES if ">>> " in page.read_text("utf-8")]
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +43,10 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
 @pytest.mark.parametrize("listing", ALONE, ids=str)
 def test_a_listing_does_what_it_should(listing: Listing, reader: Reader) -> None:
     reader.types(listing.text)
+
+
+def test_what_nobody_types_says_why() -> None:
+    assert [str(each) for each in LEFT if each not in ALONE] == []
 
 
 @pytest.mark.parametrize("page", FOLLOWED, ids=lambda page: page.name)
@@ -89,7 +94,9 @@ def _wrong_launch(words: List[str]) -> str:
     """What a launch file lacks that its arguments name; of packages of ours, and of files."""
     files = [word for word in words if word.endswith(".launch")]
     found = [path for each in ("src", "examples") for path in ROOT.glob(f"{each}/*/**/*.launch")]
-    named = [path for path in found if str(path).endswith(f"/{files[0]}")] if files else []
+    words_of = {part for word in words[:2] for part in Path(word).parts}
+    named = [path for path in found if files and path.name == Path(files[0]).name]
+    named.sort(key=lambda path: len(words_of & set(path.parts)), reverse=True)
     if not named:
         return f"no launch file in {' '.join(words)}"
     known = {arg.get("name") for arg in ElementTree.parse(str(named[0])).iter("arg")}
@@ -106,6 +113,16 @@ def _options() -> Dict[str, Set[str]]:
         name: {option for action in command._actions for option in action.option_strings}
         for name, command in dict(subparsers.choices or {}).items()
     }
+
+
+@pytest.mark.parametrize("page", EXAMPLES, ids=lambda page: page.name)
+def test_the_examples_of_a_page_are_true(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    shown = "\n\n".join(each.text for each in listings(page) if each.language == "pycon")
+    examples = doctest.DocTestParser().get_doctest(shown, {}, page.name, str(page), 0)
+    told: List[str] = []
+    assert examples.examples
+    assert doctest.DocTestRunner().run(examples, out=told.append).failed == 0, "".join(told)
 
 
 def test_a_page_that_is_not_followed_to_its_end_is_found(tmp_path: Path) -> None:

@@ -10,7 +10,14 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 BLACK = "23."  # other versions format otherwise
 PACKAGES = sorted(path.parent.name for path in ROOT.glob("src/*/setup.py"))
-BESIDE = ("src/*/test/unit", "src/*/test/rostest", "src/*/bench", "test", "examples/*/test/rostest")
+BESIDE = (
+    "src/*/test/unit",
+    "src/*/test/rostest",
+    "src/*/bench",
+    "test",
+    "docs",
+    "examples/*/test/rostest",
+)
 FOLDERS = sorted(str(path.relative_to(ROOT)) for each in BESIDE for path in ROOT.glob(each))
 UNTYPED = ("setup.py",)  # a package each: three modules of one name
 

@@ -314,7 +314,7 @@ def test_an_incident_tells_what_was_seen_and_what_was_not_available() -> None:
     robot.table(5.0)
     robot.heal(10.0)
     incident = last_incident(robot.said)
-    assert incident.evidence == "the node died" != incident.detail
+    assert incident.evidence == "it died." != incident.detail
     assert incident.unavailable == ("c",)
 
 

@@ -1,6 +1,6 @@
 """What people are shown of each service: how it does by all who publish for it."""
 from dataclasses import replace
-from typing import Dict, List, Tuple
+from typing import Dict, List, Optional, Tuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -11,7 +11,7 @@ from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.events import SubstitutionsChanged
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.ros import diagnostics
-from shsa_core.ros.diagnostics import ERROR, OK, WARN, MonitorRows, healing_rows
+from shsa_core.ros.diagnostics import ERROR, OK, WARN, MonitorRows, Values, healing_rows
 from shsa_core.ros.graph.master_watch import Told
 
 SUBSTITUTE, IDLE, STRANGER = "/substitute_current_1", "/substitute_standby_2", "/stranger"
@@ -36,9 +36,12 @@ def publishers(bench: Bench) -> List[str]:
     return [each.publisher for each in shown(bench).publishers]
 
 
-def statuses(bench: Bench, rows: MonitorRows) -> Dict[str, DiagnosticStatus]:
+def statuses(
+    bench: Bench, rows: MonitorRows, values: Optional[Values] = None
+) -> Dict[str, DiagnosticStatus]:
     """The monitor's rows as they are published."""
-    return {each.name: each for each in rows((bench.core.overview(), bench.core.messages()))}
+    given = bench.core.overview(), bench.core.messages(), values or {}
+    return {each.name: each for each in rows(given)}
 
 
 def level(bench: Bench) -> int:
@@ -170,6 +173,22 @@ def test_a_row_has_its_publishers_as_values(monkeypatch: pytest.MonkeyPatch) -> 
     assert list(values) == ["topic", NODE, SUBSTITUTE] and values["topic"] == TOPIC
     assert values[NODE].startswith("failed, node_gone")
     assert values[SUBSTITUTE] == "healthy, 50.0 Hz, last good message 0.00 s ago"
+
+
+def test_a_row_has_the_newest_values_of_who_is_healthy() -> None:
+    bench = substituted()
+    bench.stream(50, SUBSTITUTE)
+    told: Values = {(TOPIC, NODE): (1.0,), (TOPIC, SUBSTITUTE): (2.5,)}
+    found = {each.key: each.value for each in statuses(bench, MonitorRows(), told)["current"].values}
+    assert found["battery_current"] == "2.5"
+
+
+def test_a_value_that_nobody_tells_is_not_in_the_row() -> None:
+    bench = substituted()
+    bench.stream(50, SUBSTITUTE)
+    for told in ((None,), None):
+        status = statuses(bench, MonitorRows(), {(TOPIC, SUBSTITUTE): told})["current"]
+        assert "battery_current" not in {each.key for each in status.values}
 
 
 def test_no_row_is_missed_by_an_analyzer_after_a_return() -> None:

@@ -60,6 +60,11 @@ def test_healing_is_there_unless_it_is_switched_off() -> None:
     assert names(load()) == SIMULATED | {"monitor", "reconfigurator"}
 
 
+def test_the_view_is_there_if_it_is_asked_for() -> None:
+    assert names(load("view:=true")) == SIMULATED | {"monitor", "reconfigurator", "view"}
+    assert "view" in machines("view:=true", "healing_host:=mainboard")["mainboard"]
+
+
 @pytest.mark.parametrize(
     "here, expected",
     [

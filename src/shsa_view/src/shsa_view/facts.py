@@ -3,8 +3,9 @@
 All times in s of ROS time; None: not known.
 """
 from dataclasses import dataclass, field
-from typing import Any, Mapping, Optional, Tuple, Union
+from typing import Mapping, Optional, Tuple, Union
 
+from shsa_core.healing.incident import Incident
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 
@@ -93,12 +94,12 @@ class SubstitutesTold:
 
 @dataclass(frozen=True)
 class IncidentTold:
-    """A step of an incident, as a line of the incident log has it.
+    """A step of an incident.
 
-    `logged`: it was read from there, so that nobody works on it unless it is told again.
+    `logged`: it was read from the log, so that nobody works on it unless it is told again.
     """
 
-    record: Mapping[str, Any]
+    incident: Incident
     logged: bool = False
 
 
@@ -123,11 +124,15 @@ class FiguresTold:
 
 @dataclass(frozen=True)
 class Healer:
-    """How `monitor`, `monitor_HOST`, `reconfigurator` or `master` is: alive, lost or unknown."""
+    """How `monitor`, `monitor_HOST`, `reconfigurator` or `master` is: alive, lost or unknown.
+
+    `connected`: once it is again, it tells anew whatever is still true.
+    """
 
     name: str
     state: str
     text: str = ""
+    connected: bool = True
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,11 @@
 """How a service is, in one word and in words: by the signed tables, and by its open incident."""
-from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence
 
+from shsa_core.healing.incident import Incident
 from shsa_core.healing.incident import State as Step
 from shsa_core.model.kinds import Word
 from shsa_core.monitoring.events import PublisherState
+from shsa_core.text import shown
 from shsa_view.facts import Publisher, Substitute
 
 
@@ -35,12 +37,12 @@ LETTERS: Mapping[str, str] = {
 """How a second is told in a strip."""
 
 BY_STEP = {
-    Step.HEALING.value: Condition.HEALING,
-    Step.HEALED.value: Condition.SUBSTITUTED,
-    Step.RETURNING.value: Condition.RETURNING,
-    Step.UNHEALED.value: Condition.NOT_HEALED,
-    Step.SAFE.value: Condition.NOT_HEALED,
-    Step.KEPT.value: Condition.KEPT,
+    Step.HEALING: Condition.HEALING,
+    Step.HEALED: Condition.SUBSTITUTED,
+    Step.RETURNING: Condition.RETURNING,
+    Step.UNHEALED: Condition.NOT_HEALED,
+    Step.SAFE: Condition.NOT_HEALED,
+    Step.KEPT: Condition.KEPT,
 }
 
 
@@ -57,7 +59,7 @@ def judge(
     alone: bool,
     publishers: Sequence[Publisher],
     substitutes: Sequence[Substitute],
-    incident: Optional[Dict[str, Any]],
+    incident: Optional[Incident],
 ) -> Judgement:
     """How a service of `node` is. `alone`: no other service is on its topic.
 
@@ -71,8 +73,8 @@ def judge(
     failed = [p for p in own if p.state == PublisherState.FAILED.value]
     why = "; ".join(f"{p.publisher or 'nobody publishes'}: {p.detail}" for p in failed)
     publisher = running or (healthy[0] if healthy else None)
-    if incident is not None and incident["state"] in BY_STEP:
-        return Judgement(BY_STEP[incident["state"]], incident["detail"] or why, publisher)
+    if incident is not None and incident.state in BY_STEP:
+        return Judgement(BY_STEP[incident.state], shown(incident.detail) or why, publisher)
     if running is not None:
         return Judgement(Condition.SUBSTITUTED, why or f"by {running}", publisher)
     if healthy:

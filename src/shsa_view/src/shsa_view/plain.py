@@ -1,6 +1,6 @@
-"""Values from outside as a JSON document may have them: of the right kind, finite, not endless."""
+"""Values from outside as a JSON document may have them: finite, printable, not endless."""
 import math
-from typing import Any, List, Mapping, Optional, Sequence
+from typing import Iterable, List, Optional
 
 from shsa_core.text import shown
 
@@ -9,36 +9,16 @@ MOST = 200
 LONGEST_CODE = 20_000
 
 
-def number(value: object) -> Optional[float]:
-    """A finite number; None if it is none."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return None
-    return float(value) if math.isfinite(value) else None
+def number(value: Optional[float]) -> Optional[float]:
+    """The number if it is finite; else None."""
+    return None if value is None or not math.isfinite(value) else float(value)
 
 
-def text_at(record: Mapping[str, Any], key: str) -> str:
-    """The text of a key, on one line; empty if there is none."""
-    value = record.get(key)
-    return shown(value) if isinstance(value, str) else ""
-
-
-def code_at(record: Mapping[str, Any], key: str) -> str:
-    """The text of a key that may have several lines."""
-    value = record.get(key)
-    return code(value) if isinstance(value, str) else ""
+def texts(values: Iterable[str]) -> List[str]:
+    """Texts, each on one line."""
+    return [shown(each) for each in list(values)[:MOST]]
 
 
 def code(text: str) -> str:
     """A text of several lines."""
     return "\n".join(shown(line, LONGEST_CODE) for line in text[:LONGEST_CODE].split("\n"))
-
-
-def texts_at(record: Mapping[str, Any], key: str) -> List[str]:
-    """The texts in the list of a key."""
-    return [shown(each) for each in items_at(record, key) if isinstance(each, str)]
-
-
-def items_at(record: Mapping[str, Any], key: str) -> Sequence[Any]:
-    """The list of a key, as far as it is shown; empty if it is none."""
-    value = record.get(key)
-    return value[:MOST] if isinstance(value, (list, tuple)) else ()

@@ -215,13 +215,12 @@ class _Events(_Handler):
         try:
             while not stream.ended:
                 self.write(await stream.take())
-                await asyncio.wait_for(asyncio.shield(self.flush()), SLOW_S)
+                await asyncio.wait_for(self.flush(), SLOW_S)
         except (tornado.iostream.StreamClosedError, asyncio.TimeoutError):
             pass  # it has gone, or is too slow
         finally:
             self.view.streams.close(stream)
-            connection: Any = self.request.connection
-            connection.detach().close()
+            self.detach().close()
 
     def on_connection_close(self) -> None:
         """Called by tornado: the reader has gone."""

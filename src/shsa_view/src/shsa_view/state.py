@@ -152,7 +152,7 @@ class State:
         topic = running.topic if running else service.topic if service else ""
         node = running.node if running else service.node if service else ""
         named = [row for row in self._substitutes.values() if row.service == name]
-        incident = self._incidents.open_of(name)
+        key, incident = self._incidents.open_of(name) or (None, None)
         publishers = self._publishers(topic)
         alone = len(self.som.of_topic(topic)) < 2
         judged = judge(node, alone, publishers, named, incident)
@@ -174,8 +174,8 @@ class State:
             "publisher": judged.publisher,
             "substitute": active.node if active else None,
             "rate": rate,
-            "incident": incident["id"] if incident else None,
-            "incident_key": incident["key"] if incident else None,
+            "incident": incident.id if incident else None,
+            "incident_key": key,
             "properties": self._properties(service, active, figures),
             "derivation": self._derivation(service, active),
             "strip": "".join(self._strips.get(name, ())),
@@ -256,19 +256,21 @@ class State:
         self._touch(concerned - {""})
 
     def _incident_told(self, told: facts.IncidentTold) -> None:
-        service = self._incidents.add(told.record, told.logged)
-        if service is not None:
-            self._touch({service})
+        self._incidents.add(told.incident, told.logged)
+        self._touch({told.incident.service})
 
     def _figures_told(self, told: facts.FiguresTold) -> None:
         for row in told.rows:
-            if self._figures.get(row.service) != row and row.service in self._rows:
+            known = row.service in self.som.services or row.service in self._running
+            if known and self._figures.get(row.service) != row:
                 self._figures[row.service] = row
                 self._touch({row.service})
 
     def _healer(self, told: facts.Healer) -> None:
         before = self._healers.get(told.name)
         self._healers[told.name] = told
+        if told.name == RECONFIGURATOR and not told.connected:
+            self._touch(self._incidents.leave_open())
         if before is None or before.state != told.state:
             self._touch(self._rows)
 

@@ -61,6 +61,9 @@ class Streams:
         self._open: Set[Stream] = set()
         self._number = 0
 
+    def __len__(self) -> int:
+        return len(self._open)
+
     def open(self, state: str) -> Optional[Stream]:
         """A new one, which begins with the whole state; None: there are enough."""
         if len(self._open) >= MOST_STREAMS:

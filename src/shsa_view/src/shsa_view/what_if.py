@@ -1,4 +1,4 @@
-"""What would be without a service or a node: healing's answers, the cut sets it is in, and words."""
+"""What would be without a service or a node: healing's answers, its cut sets, and in words."""
 from typing import Any, Dict, List, Mapping, Sequence, Tuple
 
 from shsa_core.analysis.fragility import Fragility

@@ -12,7 +12,11 @@ from shsa_core import __version__
 from shsa_core.cli._output import say
 from shsa_core.errors import NoSubstitute, ShsaError
 
-PLUGINS = {"inject": "shsa_injection.cli", "chaos": "shsa_injection.cli"}
+PLUGINS = {
+    "inject": "shsa_injection.cli",
+    "chaos": "shsa_injection.cli",
+    "top": "shsa_view.cli",
+}
 """Commands of packages that need not be installed, and where each is."""
 DONE, NO, WRONG = 0, 1, 2  # exit statuses
 INTERRUPTED, CLOSED_PIPE = 128 + signal.SIGINT, 128 + signal.SIGPIPE  # as the shell tells them

@@ -4,7 +4,16 @@ from typing import Any, Dict, Optional
 from shsa_core.files.document import Value
 from shsa_core.model.error import Error
 
-KEYS = ("rms", "bias", "p95", "delay", "baseline", "n", "source")
+KEYS = {
+    "rms": "root mean square of value minus truth; required",
+    "bias": "mean of value minus truth; at most rms in size; default: 0",
+    "p95": "what the size of the error is within in 95 % of the points",
+    "delay": "s by which the value lags; default: 0",
+    "baseline": "the RMS error of who always says the mean of the truth",
+    "n": "points that it was measured on",
+    "source": "where it was measured, in words",
+}
+"""What a mapping of figures may say; all but `delay` and `n` in the property's unit."""
 
 
 def read_error(value: Value, key: str) -> Error:
@@ -32,7 +41,7 @@ def read_error(value: Value, key: str) -> Error:
 def plain_error(error: Error) -> Any:
     """An error as it is written: its rms alone, or a mapping of what is known."""
     figures: Dict[str, Any] = {"rms": error.rms}
-    for key in KEYS[1:]:
+    for key in list(KEYS)[1:]:
         figure = getattr(error, key)
         if figure != getattr(Error, key):
             figures[key] = figure

@@ -11,8 +11,27 @@ from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 
 _NAMES = "a name has letters, digits and _, does not begin with a digit and is not a reserved word"
-_LAW_KEYS = ("function", "not_executable", "inputs", "where")
-_FUNCTION_KEYS = (*_LAW_KEYS, "quality", "constraint", "error")
+SECTIONS = {
+    "properties": "the quantities that change",
+    "constants": "the quantities that do not",
+    "relations": "how properties follow from others",
+}
+PROPERTY = {
+    "unit": "its unit; 1: none; unsaid: not known",
+    "symbol": "its sign in formulas",
+    "usual": "[lowest, highest]: what 5 to 95 % of its values are within",
+}
+CONSTANT = {"value": "a finite number; required", "unit": "its unit; 1: none; unsaid: not known"}
+FUNCTION = {
+    "function": "the expression; may stand alone, without this key",
+    "not_executable": "instead of function: a text that is no expression; code is refused for it",
+    "inputs": "with not_executable: the properties that it needs",
+    "where": "names for values on the way, and their expressions, in order",
+    "quality": "above 0, at most 1: how far its result can be trusted; unsaid, what its error says",
+    "constraint": "a condition; where it is false, there is no output",
+    "error": "how far its result is from the truth, in the unit of what it yields",
+}
+"""What an ontology may say at each place, and what that means."""
 _Parsed = TypeVar("_Parsed")
 
 
@@ -30,9 +49,8 @@ def load_ontology(path: str) -> Tuple[Ontology, List[ModelError]]:
     Raises ModelError if the file as a whole cannot be read.
     """
     document = read_yaml(path)
-    names = ("properties", "constants", "relations")
     reader = _Reader()
-    reader.errors += document.wrong_keys("the ontology", names)
+    reader.errors += document.wrong_keys("the ontology", SECTIONS)
     sections = document.mapping("the ontology")
     for name, value in _entries(sections, "properties"):
         reader.collect(lambda: reader.add_property(name, value))
@@ -71,7 +89,7 @@ class _Reader:
         unit = symbol = ""
         usual = None
         if value.data is not None:
-            entry = value.entry(f"the property {name}", ("unit", "symbol", "usual"))
+            entry = value.entry(f"the property {name}", PROPERTY)
             usual = entry["usual"].interval("usual") if "usual" in entry else None
             unit = entry["unit"].string("unit") if "unit" in entry else ""
             symbol = entry["symbol"].string("symbol") if "symbol" in entry else ""
@@ -80,7 +98,7 @@ class _Reader:
     def add_constant(self, name: str, value: Value) -> None:
         """Adds one entry of `constants`."""
         self._check_name(name, value, "constant")
-        entry = value.entry(f"the constant {name}", ("value", "unit"), required=("value",))
+        entry = value.entry(f"the constant {name}", CONSTANT, required=("value",))
         unit = entry["unit"].string("unit") if "unit" in entry else ""
         self.constants[name] = Constant(name, entry["value"].number("value"), unit, value.where)
 
@@ -107,7 +125,7 @@ class _Reader:
             raise value.error(f"the relation {relation} yields '{output}', which {kind}")
         entry = {"function": value}
         if isinstance(value.data, dict):
-            entry = value.entry(what, _FUNCTION_KEYS)
+            entry = value.entry(what, FUNCTION)
         if ("function" in entry) == ("not_executable" in entry):
             raise value.error(f"{what} needs either the key 'function' or 'not_executable'")
         if ("not_executable" in entry) != ("inputs" in entry):

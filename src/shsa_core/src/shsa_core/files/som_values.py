@@ -1,6 +1,6 @@
 """How each key of a SOM is read: a new key is a line in SERVICE, PROVISION or HOST."""
 import re
-from typing import Any, Callable, Dict, List, Optional, Tuple, Type
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Type
 
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import Value
@@ -21,6 +21,23 @@ _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S = 1e-4, 1e6
 _LONGEST_DEADLINE = 1e6  # periods
 
 Reader = Callable[[Value, str], Any]
+
+
+COUNTS = {
+    "bad": "so many bad messages make a failure",
+    "of": "that many messages, the last ones, are looked at for it",
+    "recovery": "so many good messages in a row end it",
+    "intermittent": "so many bad messages among ten times as many make one, too; unsaid: twice bad",
+}
+"""What a service's `checks` may count, and what each means."""
+PLACEMENT = {
+    "prefer": "the hosts that it rather runs on, best first",
+    "forbid": "the hosts that it never runs on",
+}
+LAST_RESORT = {
+    "values": "safe values that are published: PROPERTY: NUMBER",
+    "command": "a program and its arguments, run once and through no shell; from the file alone",
+}
 
 
 def _matching(pattern: "re.Pattern[str]", example: str) -> Reader:
@@ -94,7 +111,7 @@ def _host(value: Value, key: str) -> str:
 
 
 def _placement(value: Value, key: str) -> Placement:
-    entry = value.entry(key, ("prefer", "forbid"))
+    entry = value.entry(key, PLACEMENT)
     given = {name: _hosts(item, name) for name, item in entry.items()}
     placement = Placement(**given)
     both = set(placement.prefer) & set(placement.forbid)
@@ -118,20 +135,23 @@ def _one_of(words: Type[Word]) -> Reader:
     return read
 
 
+def _words(words: Type[Word]) -> str:
+    return ", ".join(str(each) for each in words)
+
+
 def _value_checks(value: Value, key: str) -> Tuple[Check, ...]:
     return _each_check(value.entry(key, check_names(of_values=True)), of_values=True)
 
 
 def _checks(value: Value, key: str) -> Checks:
-    counts = ("bad", "of", "recovery", "intermittent")
     names = value.mapping(key)
     for name in check_names(of_values=True):
         if name in names:
             raise names[name].error(
                 f"{name} is about one value: it stands with a property, under provides"
             )
-    entry = value.entry(key, [*check_names(of_values=False), *counts])
-    given = {name: _count(entry[name], name) for name in counts if name in entry}
+    entry = value.entry(key, [*check_names(of_values=False), *COUNTS])
+    given = {name: _count(entry[name], name) for name in COUNTS if name in entry}
     checks = Checks(each=_each_check(entry, of_values=False), **given)
     if checks.bad > checks.of:
         raise value.error(f"bad must be at most of, {checks.of}, not {checks.bad}")
@@ -187,7 +207,7 @@ def _last_resort(value: Value, key: str) -> LastResort:
             "{command: [PROGRAM, ARGUMENT, ...]}, "
             f"not {value.describe()}"
         )
-    entry = value.entry(key, ("values", "command"))
+    entry = value.entry(key, LAST_RESORT)
     safe = entry["values"].mapping("values") if "values" in entry else {}
     values = tuple((name, item.number(f"the value of {name}")) for name, item in safe.items())
     words: List[str] = []
@@ -201,50 +221,111 @@ def _last_resort(value: Value, key: str) -> LastResort:
     return LastResort(values, tuple(words))
 
 
-SERVICE: Dict[str, Reader] = {
-    "topic": _matching(_GRAPH_NAME, "/battery_current or battery_current"),
-    "type": _matching(_TYPE, "std_msgs/Float64"),
-    "node": _matching(_GRAPH_NAME, "/amperemeter or amperemeter"),
-    "period": _period,
-    "deadline": _deadline,
-    "needed": _flag,
-    "standby": _one_of(Standby),
-    "policy": _one_of(Policy),
-    "checks": _checks,
-    "last_resort": _last_resort,
-    "contain": _one_of(Contain),
-    "others": _one_of(Others),
-    "latched": _flag,
-    "fails_with": _causes,
-    "fault_tolerant_time": _positive,
-    "derived_from": _derived_from,
-    "host": _host,
-    "placement": _placement,
-    "on_partition": _one_of(OnPartition),
+class Key(NamedTuple):
+    """A key of a file: how it is read, what is written there, and what it means, in words."""
+
+    read: Reader
+    form: str
+    means: str
+
+
+SERVICE: Dict[str, Key] = {
+    "topic": Key(
+        _matching(_GRAPH_NAME, "/battery_current or battery_current"),
+        "name",
+        "name of the topic; relative: in the namespace in which healing runs",
+    ),
+    "type": Key(_matching(_TYPE, "std_msgs/Float64"), "package/Type", "the message type"),
+    "node": Key(
+        _matching(_GRAPH_NAME, "/amperemeter or amperemeter"),
+        "name",
+        "name of the node that publishes it",
+    ),
+    "period": Key(
+        _period,
+        f"{_SHORTEST_PERIOD_S:g} to {_LONGEST_PERIOD_S:g} s, or none",
+        "s between two messages; none: event-driven",
+    ),
+    "deadline": Key(
+        _deadline,
+        f"1 to {_LONGEST_DEADLINE:g} periods",
+        "periods without a message after which a publisher is silent",
+    ),
+    "needed": Key(_flag, "true or false", "somebody relies on it: it is healed"),
+    "standby": Key(_one_of(Standby), _words(Standby), "what is ready before a failure"),
+    "policy": Key(_one_of(Policy), _words(Policy), "what is done about a failure"),
+    "checks": Key(_checks, "mapping", "what else is a failure of its messages"),
+    "last_resort": Key(
+        _last_resort,
+        "stop, or mapping",
+        "what is done when nothing can substitute",
+    ),
+    "contain": Key(
+        _one_of(Contain),
+        _words(Contain),
+        "whether its node is killed when it fails; unsaid, what would be lost decides",
+    ),
+    "others": Key(
+        _one_of(Others),
+        _words(Others),
+        "what stands in the fields that a substitute does not compute",
+    ),
+    "latched": Key(_flag, "true or false", "who subscribes late gets its newest message"),
+    "fails_with": Key(
+        _causes,
+        "list of names",
+        "what else makes it fail, together with other services that name it",
+    ),
+    "fault_tolerant_time": Key(
+        _positive, "s, above 0", "s without good data that its users tolerate; checked if given"
+    ),
+    "derived_from": Key(
+        _derived_from,
+        "list of services or topics",
+        "what its values are computed from; unsaid, they are measured",
+    ),
+    "host": Key(_host, "name of a host", "the computer that its node runs on"),
+    "placement": Key(_placement, "mapping", "where a substitute of it may run"),
+    "on_partition": Key(
+        _one_of(OnPartition),
+        _words(OnPartition),
+        "what is done while its computer cannot be reached",
+    ),
 }
 """What a service may say beside `provides`: a new key is a line here, and one in `Service`."""
 
-PROVISION: Dict[str, Reader] = {
-    "field": _field,
-    "range": Value.interval,
-    "quality": _share,
-    "checks": _value_checks,
-    "error": read_error,
-    "calibrate": _flag,
+PROVISION: Dict[str, Key] = {
+    "field": Key(_field, "field of the message", "where in the message the value stands"),
+    "range": Key(Value.interval, "[lowest, highest]", "limits in the property's unit"),
+    "quality": Key(
+        _share, "above 0, at most 1", "how far it can be trusted; unsaid, what its error says"
+    ),
+    "checks": Key(_value_checks, "mapping", "what else is a failure of the value"),
+    "error": Key(
+        read_error,
+        "number, or mapping",
+        "how far the value is from the truth, in the property's unit: its RMS, or figures",
+    ),
+    "calibrate": Key(
+        _flag, "true or false", "whether what would derive the value is calibrated while it lives"
+    ),
 }
 
-HOST: Dict[str, Reader] = {"cores": _positive, "link": _positive}
+HOST: Dict[str, Key] = {
+    "cores": Key(_positive, "number, above 0", "how many CPUs it has; unsaid, nothing is refused"),
+    "link": Key(_positive, "bytes/s, above 0", "what its network link carries; unsaid, the same"),
+}
 
 
 def read_keys(
-    entry: Dict[str, Value], readers: Dict[str, Reader], errors: List[ModelError]
+    entry: Dict[str, Value], readers: Dict[str, Key], errors: List[ModelError]
 ) -> Dict[str, Any]:
     """What the keys of an entry say that have a reader; what is wrong goes to `errors`."""
     given: Dict[str, Any] = {}
     for key, item in entry.items():
         try:
             if key in readers:
-                given[key] = readers[key](item, key)
+                given[key] = readers[key].read(item, key)
         except ModelError as error:
             errors += error.errors
     return given

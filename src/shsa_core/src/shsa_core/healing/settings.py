@@ -20,7 +20,7 @@ class Settings:
     `node_restarts`, `restart_pause`: how often a node is started again, and the first pause, which
     doubles. `restart_timeout`: how long a node that was started again may take to its first
     message. `stable`: how long a node must be well until its restarts are forgotten. `retry`: after
-    how long a service that could not be healed is tried anew; doubles up to `retry_limit`.
+    how long a service that could not be healed is tried anew. `retry_limit`: what that doubles to.
     `method`: the search, `best` or `depth_first` (the paper's `orr`). `pool`: how many idle
     processes the warm services share. `kill_patience`: how long a node that may still publish may
     take to leave before its process is ended. `takeover_cold`, `takeover_warm`, `takeover_hot`:

@@ -61,7 +61,8 @@ class Function:
 
     `most` is None where any number will do that is `least` and some times `each`.
 
-    `domain`: where it has a value, if not everywhere.
+    `domain`: where it has a value, if not everywhere. `takes`, `tells`: its arguments, and what it
+    yields, in the documentation.
     """
 
     call: Callable[..., float]
@@ -72,13 +73,16 @@ class Function:
     domain: Optional[Domain] = None
     each: int = 1
     fixed: Optional[Fixed] = None
+    takes: str = "x"
+    tells: str = ""
 
 
 @dataclass(frozen=True)
 class Stateful:
     """A function with memory: `make(max_gap)` is called once for each place where it is used.
 
-    `rests`: it yields its first argument once all have stood still for long.
+    `rests`: it yields its first argument once all have stood still for long. `takes`, `tells`: as
+    of a Function.
     """
 
     make: Callable[[float], Memory]
@@ -88,6 +92,8 @@ class Stateful:
     domain: Optional[Domain] = None
     fixed: Optional[Fixed] = None
     rests: bool = False
+    takes: str = "x"
+    tells: str = ""
 
 
 def sign(value: float) -> float:
@@ -163,36 +169,107 @@ def _within_delay(times_s: Sequence[float]) -> Optional[str]:
 _POSITIVE = Domain(0.0, math.inf, zero=False)
 
 FUNCTIONS: Mapping[str, Function] = {
-    "abs": Function(abs, _same_unit, images.absolute),
+    "abs": Function(abs, _same_unit, images.absolute, tells="the size of x"),
     "sign": Function(
         sign,
         lambda name, parts, common: NO_UNIT,
         images.monotonous(sign, keeps_zero=True),
+        tells="-1, 0 or 1",
     ),
-    "min": Function(min, _common_unit, images.picked(min), 2, None),
-    "max": Function(max, _common_unit, images.picked(max), 2, None),
-    "floor": Function(floor, _same_unit, images.monotonous(floor)),
-    "ceil": Function(ceil, _same_unit, images.monotonous(ceil)),
+    "min": Function(
+        min, _common_unit, images.picked(min), 2, None, takes="x, y, ...", tells="the smallest"
+    ),
+    "max": Function(
+        max, _common_unit, images.picked(max), 2, None, takes="x, y, ...", tells="the largest"
+    ),
+    "floor": Function(
+        floor,
+        _same_unit,
+        images.monotonous(floor),
+        tells="the largest whole number that is not greater",
+    ),
+    "ceil": Function(
+        ceil,
+        _same_unit,
+        images.monotonous(ceil),
+        tells="the smallest whole number that is not less",
+    ),
     "sqrt": Function(
         math.sqrt,
         lambda name, parts, common: raised(parts[0], Fraction(1, 2)),
         images.monotonous(math.sqrt, keeps_zero=True),
         domain=Domain(0.0, math.inf),
+        tells="the square root",
     ),
-    "exp": Function(math.exp, _no_unit, images.exponential),
-    "log": Function(math.log, _no_unit, images.monotonous(math.log), domain=_POSITIVE),
-    "log10": Function(math.log10, _no_unit, images.monotonous(math.log10), domain=_POSITIVE),
-    "sin": Function(math.sin, _no_unit, images.wave(math.sin, math.pi / 2.0)),
-    "cos": Function(math.cos, _no_unit, images.wave(math.cos, 0.0)),
-    "tan": Function(math.tan, _no_unit, images.tangent),
+    "exp": Function(math.exp, _no_unit, images.exponential, tells="e to the x"),
+    "log": Function(
+        math.log,
+        _no_unit,
+        images.monotonous(math.log),
+        domain=_POSITIVE,
+        tells="the natural logarithm",
+    ),
+    "log10": Function(
+        math.log10,
+        _no_unit,
+        images.monotonous(math.log10),
+        domain=_POSITIVE,
+        tells="the logarithm to the base 10",
+    ),
+    "sin": Function(
+        math.sin,
+        _no_unit,
+        images.wave(math.sin, math.pi / 2.0),
+        tells="the sine of an angle in rad",
+    ),
+    "cos": Function(
+        math.cos, _no_unit, images.wave(math.cos, 0.0), tells="the cosine of an angle in rad"
+    ),
+    "tan": Function(math.tan, _no_unit, images.tangent, tells="the tangent of an angle in rad"),
     "asin": Function(
-        math.asin, _no_unit, images.monotonous(math.asin, True), domain=Domain(-1.0, 1.0)
+        math.asin,
+        _no_unit,
+        images.monotonous(math.asin, True),
+        domain=Domain(-1.0, 1.0),
+        tells="the angle in rad whose sine is x",
     ),
-    "acos": Function(math.acos, _no_unit, images.monotonous(math.acos), domain=Domain(-1.0, 1.0)),
-    "atan": Function(math.atan, _no_unit, images.monotonous(math.atan, True)),
-    "tanh": Function(math.tanh, _no_unit, images.monotonous(math.tanh, True)),
-    "atan2": Function(math.atan2, _ratio, images.angle, 2, 2),
-    "hypot": Function(math.hypot, _common_unit, images.distance, 2, 2),
+    "acos": Function(
+        math.acos,
+        _no_unit,
+        images.monotonous(math.acos),
+        domain=Domain(-1.0, 1.0),
+        tells="the angle in rad whose cosine is x",
+    ),
+    "atan": Function(
+        math.atan,
+        _no_unit,
+        images.monotonous(math.atan, True),
+        tells="the angle in rad whose tangent is x",
+    ),
+    "tanh": Function(
+        math.tanh,
+        _no_unit,
+        images.monotonous(math.tanh, True),
+        tells="the hyperbolic tangent, between -1 and 1",
+    ),
+    "atan2": Function(
+        math.atan2,
+        _ratio,
+        images.angle,
+        2,
+        2,
+        takes="y, x",
+        tells="the angle in rad of the point (x, y)",
+    ),
+    "hypot": Function(
+        math.hypot,
+        _common_unit,
+        images.distance,
+        2,
+        2,
+        takes="x, y",
+        tells="the square root of x² + y²",
+    ),
     "clip": Function(
         fitted.clip,
         _common_unit,
@@ -200,9 +277,29 @@ FUNCTIONS: Mapping[str, Function] = {
         3,
         3,
         fixed=Fixed(slice(1, 3), fitted.ordered, must=False),
+        takes="x, low, high",
+        tells="x, at least low and at most high",
     ),
-    "dot": Function(fitted.dot, _sum_unit, fitted.summed, 2, None, each=2),
-    "rbf": Function(fitted.rbf, _bell_unit, fitted.bell, 3, None, each=2),
+    "dot": Function(
+        fitted.dot,
+        _sum_unit,
+        fitted.summed,
+        2,
+        None,
+        each=2,
+        takes="w1, x1, w2, x2, ...",
+        tells="the sum of the products w1·x1 + w2·x2 + ...",
+    ),
+    "rbf": Function(
+        fitted.rbf,
+        _bell_unit,
+        fitted.bell,
+        3,
+        None,
+        each=2,
+        takes="gamma, x1, c1, x2, c2, ...",
+        tells="a radial basis function: exp(-gamma·((x1 - c1)² + (x2 - c2)² + ...))",
+    ),
     "table": Function(
         fitted.table,
         _table_unit,
@@ -211,17 +308,27 @@ FUNCTIONS: Mapping[str, Function] = {
         None,
         each=2,
         fixed=Fixed(slice(1, None, 2), fitted.rising),
+        takes="x, x0, y0, x1, y1, ...",
+        tells="straight lines through points; beyond the ends the last y is held",
     ),
 }
 
 STATEFUL: Mapping[str, Stateful] = {
     "derivative": Stateful(
-        derivative, lambda name, parts, common: times(parts[0], SECOND, -1), images.anything
+        derivative,
+        lambda name, parts, common: times(parts[0], SECOND, -1),
+        images.anything,
+        tells="the change of x since the evaluation before, per second",
     ),
     "integral": Stateful(
-        integral, lambda name, parts, common: times(parts[0], SECOND), images.anything
+        integral,
+        lambda name, parts, common: times(parts[0], SECOND),
+        images.anything,
+        tells="the area under x since the start, in seconds times x",
     ),
-    "previous": Stateful(previous, _same_unit, images.same, rests=True),
+    "previous": Stateful(
+        previous, _same_unit, images.same, rests=True, tells="x at the evaluation before"
+    ),
     "lowpass": Stateful(
         lowpass,
         _timed_unit("time constant"),
@@ -229,6 +336,8 @@ STATEFUL: Mapping[str, Stateful] = {
         arguments=2,
         domain=Domain(0.0, math.inf, zero=False, argument=1),
         rests=True,
+        takes="x, tau",
+        tells="x behind a filter of first order with the time constant tau, in s",
     ),
     "delay": Stateful(
         delay,
@@ -237,6 +346,8 @@ STATEFUL: Mapping[str, Stateful] = {
         arguments=2,
         fixed=Fixed(slice(1, 2), _within_delay),
         rests=True,
+        takes="x, T",
+        tells="x as it was T seconds ago",
     ),
 }
 

@@ -9,8 +9,8 @@ class Settings:
     """The monitor's settings.
 
     `startup_grace`: s until a service that has never been there has failed.
-    `deadline`: periods without a message after which a publisher is silent, but at least
-    `minimum_deadline` s.
+    `deadline`: periods without a message after which a publisher is silent.
+    `minimum_deadline`: s; the least silence that it is blamed for by that.
     `reconnect`: s within which a node whose connection was lost, and which lives, must give another
     one.
     """

@@ -6,7 +6,7 @@ row says whose it is by the full name of its node: `robot1/monitor: battery_curr
 """
 import queue
 import threading
-from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -14,7 +14,8 @@ from std_msgs.msg import Header
 
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import Key, PublisherHealth
+from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
+from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.companion import Companion
@@ -112,22 +113,29 @@ def every_period(call: Callable[[], object]) -> None:
     threading.Thread(target=work, name="remind", daemon=True).start()
 
 
-Overview = Tuple[Iterable[ServiceHealth], Dict[Key, int]]
-"""How every service is doing, and how many messages came from each publisher so far."""
+Values = Dict[Key, Optional[Tuple[Optional[float], ...]]]
+"""The values in the newest message of each publisher: those of `checked_provisions`."""
+Overview = Tuple[Iterable[ServiceHealth], Dict[Key, int], Values]
+"""How every service is doing, how many messages came from each publisher, and the newest values."""
 
 
 class MonitorRows:
-    """The monitor's rows: how each service is doing, and each of its publishers."""
+    """The monitor's rows: how each service is doing, each of its publishers, and its values.
+
+    A value is under the name of its property, in the unit of that, and a publisher under its own.
+    """
 
     def __init__(self) -> None:
         self._counts: Dict[Key, int] = {}
         self._shown: Optional[float] = None
 
     def __call__(self, overview: Overview) -> List[DiagnosticStatus]:
-        services, counts = overview
+        services, counts, values = overview
         now = clock.now()
         elapsed = None if self._shown is None else now - self._shown
         rows = [self._row(each, counts, elapsed, now) for each in services]
+        for row, each in zip(rows, services):
+            row.values += [KeyValue(name, f"{value:.9g}") for name, value in newest(each, values)]
         self._counts, self._shown = counts, now
         return rows
 
@@ -151,6 +159,15 @@ class MonitorRows:
         if row.last_good is not None:
             told.append(f"last good message {now - row.last_good:.2f} s ago")
         return ", ".join(told)
+
+
+def newest(health: ServiceHealth, values: Values) -> Iterator[Tuple[str, float]]:
+    """The newest value of each property that a healthy publisher of a service has told."""
+    healthy = (p.key for p in health.publishers if p.state is PublisherState.HEALTHY)
+    told = values.get(next(healthy, ("", ""))) or ()
+    for provision, value in zip(checked_provisions(health.service), told):
+        if value is not None:
+            yield provision.property, value
 
 
 Healing = Tuple[Iterable[Service], Mapping[str, Incident], Told, Iterable[HostTold]]

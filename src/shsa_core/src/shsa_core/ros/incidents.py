@@ -11,38 +11,59 @@ from shsa_msgs import msg
 from shsa_core.files.regular import open_to_append
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.names import file_name
+from shsa_core.ros.graph.greeter import Greeter, Tell
+from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 
 SETTLED = (State.HEALED, State.UNHEALED, State.SAFE, State.KEPT, State.ENDED)
 
 
+def log_path(log_file: str) -> str:
+    """Where the incident log is; a relative path is in ROS's log folder.
+
+    Empty: `shsa_incidents.jsonl` there, behind the namespace, as roslaunch names its logs:
+    `robot1-shsa_incidents.jsonl`.
+    """
+    name = log_file or file_name("shsa_incidents.jsonl", rospy.get_namespace())
+    return os.path.join(rospkg.get_log_dir(), name)
+
+
 class Incidents:
     """Publishes incidents, logs those that have ended, and lets threads wait for one.
 
-    `log_file`: one JSON line an incident, for us alone to read; a relative path is in ROS's log
-    folder. Empty: `shsa_incidents.jsonl` there, behind the namespace, as roslaunch names its logs:
-    `robot1-shsa_incidents.jsonl`.
+    Who subscribes late is told of those that are open. `log_file`: one JSON line an incident, for
+    us alone to read; see log_path.
     """
 
-    def __init__(self, log_file: str) -> None:
-        name = log_file or file_name("shsa_incidents.jsonl", rospy.get_namespace())
-        self._log_file = os.path.join(rospkg.get_log_dir(), name)
+    def __init__(self, log_file: str, signing: Signing) -> None:
+        self._log_file = log_path(log_file)
         self._fails = False
         self._open: Dict[str, Incident] = {}
         self._changed = threading.Condition()
-        self._publisher = rospy.Publisher(names.INCIDENTS, msg.Incident, queue_size=100)
+        self._sign = signing.signer(names.INCIDENTS, msg.Incident)
+        self._publisher = rospy.Publisher(
+            names.INCIDENTS, msg.Incident, Greeter(self._tell_open), queue_size=100
+        )
 
     def show(self, incident: Incident) -> None:
         """Publish a step of an incident."""
-        self._publisher.publish(wire.incident(incident))
-        if incident.state is State.ENDED:
-            self._log(incident)
-        with self._changed:
+        with self._changed:  # whoever subscribes now hears the newest step last
             self._open[incident.service] = incident
             if incident.state is State.ENDED:
                 del self._open[incident.service]
             self._changed.notify_all()
+            self._publisher.publish(self._message(incident))
+        if incident.state is State.ENDED:
+            self._log(incident)
+
+    def _message(self, incident: Incident) -> msg.Incident:
+        return self._sign(wire.incident(incident))
+
+    def _tell_open(self, tell: Tell) -> None:
+        with self._changed:
+            for incident in self._open.values():
+                tell(self._message(incident))
 
     def open(self) -> Dict[str, Incident]:
         """The incidents that have not ended, by service."""

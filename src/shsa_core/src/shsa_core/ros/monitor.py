@@ -126,6 +126,7 @@ class MonitorNode:
         self._ahead = 0.0
         self._ends = False
         self._changes: Dict[events.Key, Optional[events.PublisherHealth]] = {}
+        self._values: diagnostics.Values = {}
         greeter = Greeter(lambda tell: self._inbox.put(_Subscribed(tell)))
         self._failures = rospy.Publisher(
             names.FAILURES, msg.Failure, greeter, queue_size=1000, tcp_nodelay=True
@@ -261,7 +262,9 @@ class MonitorNode:
                 if connection.header["type"] == service.type:
                     self._lasting.messages.keep(now, connection.topic, connection.publisher, data)
             waited, ahead = now - before, self._ahead
-            self._feed(self._reader.event(now, waited, connection, data, service, ahead))
+            event = self._reader.event(now, waited, connection, data, service, ahead)
+            self._values[event.topic, event.publisher] = event.values
+            self._feed(event)
         elif isinstance(happening, Lost):
             self._feed(events.Disconnected(now, *happening))
         elif isinstance(happening, Interrupted):
@@ -352,7 +355,9 @@ class MonitorNode:
         self._parameters.put(lambda: rospy.set_param(name, service_parameters(service)))
 
     def _report(self, _: _Report) -> None:
-        self._diagnostics.show((self._core.overview(), self._core.messages()))
+        counts = self._core.messages()
+        self._values = {key: self._values[key] for key in counts if key in self._values}
+        self._diagnostics.show((self._core.overview(), counts, self._values.copy()))
 
 
 def _read(arguments: argparse.Namespace) -> Som:

@@ -120,7 +120,7 @@ class ReconfiguratorNode:
         self._asked: Dict[str, float] = {}
         self._spins, self._stopped = False, threading.Event()
         rospy.core.add_preshutdown_hook(self._stop_elsewhere)
-        self._incidents = Incidents(arguments.incident_log)
+        self._incidents = Incidents(arguments.incident_log, signing)
         self._substitutions = TablePublisher(
             names.SUBSTITUTIONS,
             msg.Substitutions,

@@ -44,7 +44,7 @@ class Listener:
             self._table(monitor, topic, msg.Health, partial(wire.health, monitor=host))
         self._table(RECONFIGURATOR, names.SOM_STATE, msg.SomState, wire.services)
         self._table(RECONFIGURATOR, names.SUBSTITUTIONS, msg.Substitutions, wire.substitutes)
-        subscribe(names.INCIDENTS, msg.Incident, partial(self._put, wire.incident), LARGEST_B)
+        self._hear_incidents(partial(self._put, wire.incident))
         subscribe("/diagnostics", DiagnosticArray, self._diagnosed, LARGEST_B)
 
     def put(self, fact: facts.Fact) -> None:
@@ -57,11 +57,21 @@ class Listener:
             self._looked = time.monotonic()
             yield from self._look()
         for _ in range(len(self._facts)):
-            yield from self._facts.popleft()()
+            try:
+                yield from self._facts.popleft()()
+            except ShsaError as error:
+                rospy.logwarn_throttle_identical(10.0, f"Not shown: {error}")
 
     def _table(self, sender: str, topic: str, kind: Any, make: Make) -> None:
         table = TableSubscriber(topic, kind, partial(self._put, make), self._signing)
         self._tables.setdefault(sender, []).append(table)
+
+    def _hear_incidents(self, heard: Callable[[Any], None]) -> None:
+        if self._signing is None:
+            subscribe(names.INCIDENTS, msg.Incident, heard, LARGEST_B)
+            return
+        checked = self._signing.checked(names.INCIDENTS, msg.Incident)
+        self._signing.subscribe(names.INCIDENTS, checked, heard)
 
     def _put(self, make: Make, message: Any) -> None:
         self._facts.append(lambda: (make(message),))
@@ -84,7 +94,8 @@ class Listener:
             silent = time.monotonic() - self._heard[sender] if connected else None
             if met or "_" not in sender:
                 state, text = presence(connected, met, silent)
-                yield facts.Healer(sender, state, text and f"{sender}: {text}")
+                text = text and f"{sender}: {text}"
+                yield facts.Healer(sender, state, text, connected)
         yield self._trusted()
 
     def _trusted(self) -> facts.TrustTold:

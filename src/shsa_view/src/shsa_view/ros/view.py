@@ -11,18 +11,22 @@ import rospkg
 import rospy
 
 from shsa_core.errors import ShsaError
+from shsa_core.explaining.incident_log import read_log
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
 from shsa_core.model.names import file_name
 from shsa_core.ros.graph import secret
+from shsa_core.ros.incidents import log_path
 from shsa_core.ros.node import run
-from shsa_view.facts import Fact, ModelsRead
+from shsa_view.facts import Fact, IncidentTold, ModelsRead
+from shsa_view.incidents import MOST
 from shsa_view.ros.actions import Actions
 from shsa_view.ros.answers import RosAnswers
 from shsa_view.ros.listener import Listener
 from shsa_view.server import Settings, View, serve
 from shsa_view.state import State
 
+MOST_SAID = 5
 LOOK_S = 2.0
 """Between two looks whether the files have changed."""
 
@@ -72,7 +76,8 @@ class ViewNode:
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._models = Models(arguments.ontology, arguments.som)
-        self._waiting: Deque[Fact] = deque([self._models.first])
+        logged = _logged(log_path(arguments.incident_log))
+        self._waiting: Deque[Fact] = deque([self._models.first, *logged])
         token = _token() if arguments.actions else ""
         names = (socket.gethostname(), os.environ.get("ROS_HOSTNAME", ""))
         settings = Settings(arguments.address, arguments.port, token, tuple(filter(None, names)))
@@ -100,9 +105,24 @@ class ViewNode:
     def _ready(self, port: int) -> None:
         settings = self._view.settings
         address = f"http://{_in_url(settings.address)}:{port}/"
-        rospy.loginfo("The view is at %s", address)
-        if settings.token:  # printed, not logged: whoever is on the ROS master can read the log
-            print(f"With actions: {address}#token={settings.token}", flush=True)
+        token = f"#token={settings.token}" if settings.token else ""
+        # Printed, not logged: whoever is on the ROS master can read the log, and so the token.
+        print(f"The view is at {address}{token}", flush=True)
+
+
+def _logged(path: str) -> Iterator[Fact]:
+    """The incidents of the log, as far as they are shown."""
+    if not os.path.exists(path):
+        return
+    try:
+        log = read_log(path)
+    except ShsaError as error:
+        rospy.logwarn("The incident log is not shown: %s", error)
+        return
+    for note in log.notes[:MOST_SAID]:
+        rospy.logwarn("Not shown: %s", note)
+    for incident in log.incidents[-MOST:]:
+        yield IncidentTold(incident, logged=True)
 
 
 def _in_url(address: str) -> str:

@@ -1,15 +1,15 @@
 """Between messages of healing and the facts that the view heeds."""
 import math
 import re
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Dict, List, Optional, Sequence, Tuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rospy import Time
 from shsa_msgs import msg
 
+from shsa_core.explaining.incident_log import of_message
 from shsa_core.model.names import full_name
 from shsa_core.model.service import signal_path
-from shsa_core.ros.wire.healing import MOMENTS
 from shsa_core.text import shown
 from shsa_view import facts
 from shsa_view.plain import code
@@ -72,19 +72,8 @@ def _paths(signals: Sequence[msg.Signal]) -> Tuple[str, ...]:
 
 
 def incident(message: msg.Incident) -> facts.IncidentTold:
-    """A step of an incident."""
-    record: Dict[str, Any] = {
-        name: getattr(message, name)
-        for name in message.__slots__
-        if isinstance(getattr(message, name), (bool, int, str, float, list, tuple))
-    }
-    record.update({name: _moment(getattr(message, name)) for name in MOMENTS})
-    record["quality"] = message.quality or None
-    record["errors"] = [
-        {"rms": _known(rms), "p95": _known(p95)}
-        for rms, p95 in zip(message.error_rms, message.error_p95)
-    ]
-    return facts.IncidentTold(record)
+    """A step of an incident. Raises ShsaError if it is none."""
+    return facts.IncidentTold(of_message(message))
 
 
 def _moment(stamp: Time) -> Optional[float]:

@@ -1,0 +1,319 @@
+"""The reference as Markdown, made from the code and from the files that are installed with it.
+
+Each function is one part of a page in docs/reference; nothing in these is written by hand.
+"""
+import argparse
+import dataclasses
+import re
+from pathlib import Path
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Type
+from xml.etree import ElementTree
+
+from shsa_core.cli.main import command_line
+from shsa_core.files import error_values, ontology_file, som_values
+from shsa_core.healing.settings import Settings as HealingSettings
+from shsa_core.language.functions import FUNCTIONS, STATEFUL
+from shsa_core.model.checks import LEARNED, REGISTRY, Checks, Limit
+from shsa_core.model.host import Host
+from shsa_core.model.kinds import Kind
+from shsa_core.model.service import Provision, Service
+from shsa_core.monitoring.settings import Settings as MonitoringSettings
+from shsa_injection.vocabulary import FAULTS
+
+ROOT = Path(__file__).resolve().parent.parent
+MESSAGES = ROOT / "src" / "shsa_msgs"
+WIDTH = 100
+REQUIRED = "required"
+
+
+def table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table of Markdown."""
+    lines = [titles, ["---"] * len(titles), *rows]
+    shown = ("|".join(cell.replace("|", "\\|") for cell in line) for line in lines)
+    return "".join(f"|{line}|\n" for line in shown)
+
+
+def code(text: object) -> str:
+    """A text in its own letters; nothing for an empty one."""
+    return f"`{text}`" if str(text) else ""
+
+
+def som_service() -> str:
+    """The keys of a service."""
+    provides = ("provides", "mapping", "the properties in it, by name, see below", REQUIRED)
+    rows = [*_keys(som_values.SERVICE, Service), provides]
+    return table(("key", "written", "what", "default"), [_keyed(*row) for row in rows])
+
+
+def som_provision() -> str:
+    """The keys of a value of a service."""
+    rows = _keys(som_values.PROVISION, Provision)
+    return table(("key", "written", "what", "default"), [_keyed(*row) for row in rows])
+
+
+def som_host() -> str:
+    """The keys of a computer."""
+    rows = _keys(som_values.HOST, Host)
+    return table(("key", "written", "what", "default"), [_keyed(*row) for row in rows])
+
+
+def som_checks() -> str:
+    """What can stand under `checks`: of a value, and of a message."""
+    rows = []
+    for name, check in REGISTRY.items():
+        place = "a value" if check.sample in som_values.OF_VALUE else "the service"
+        row = (code(name), place, _in_som_page(check.tells), _limit(check.default))
+        rows.append((*row, _limit(check.usual)))
+    return table(("check", "of", "fails if", "default", "`true` means"), rows)
+
+
+def som_counts() -> str:
+    """What the checks of a service may count."""
+    defaults = {field.name: field.default for field in dataclasses.fields(Checks)}
+    return _meanings(som_values.COUNTS, lambda key: _plain(defaults[key]))
+
+
+def som_placement() -> str:
+    """The keys of `placement`."""
+    return _meanings(som_values.PLACEMENT)
+
+
+def som_last_resort() -> str:
+    """The keys of `last_resort`."""
+    return _meanings(som_values.LAST_RESORT)
+
+
+def error_figures() -> str:
+    """The keys of an `error`."""
+    return _meanings(error_values.KEYS)
+
+
+def ontology_sections() -> str:
+    """The sections of an ontology."""
+    return _meanings(ontology_file.SECTIONS)
+
+
+def ontology_property() -> str:
+    """The keys of a property."""
+    return _meanings(ontology_file.PROPERTY)
+
+
+def ontology_constant() -> str:
+    """The keys of a constant."""
+    return _meanings(ontology_file.CONSTANT)
+
+
+def ontology_function() -> str:
+    """The keys of one direction of a relation."""
+    return _meanings(ontology_file.FUNCTION)
+
+
+def functions() -> str:
+    """The functions of the language; those with a memory at the end."""
+    rows = [
+        (code(f"{name}({each.takes})"), each.tells, memory)
+        for calls, memory in ((FUNCTIONS, ""), (STATEFUL, "yes"))
+        for name, each in dict(calls).items()
+    ]
+    return table(("function", "what", "memory"), [*rows, ("`dt`", "s since the last one", "")])
+
+
+def kinds() -> str:
+    """The kinds of failure, as the message has them."""
+    tells = {name.lower(): comment for _, name, comment in _constants(MESSAGES / "msg/Failure.msg")}
+    rows = []
+    for kind in Kind:
+        check = REGISTRY.get(kind.value)
+        tuned = "always on" if check is None else f"by {code('checks')}: {_limit(check.default)}"
+        rows.append((code(kind), tells[kind.value], tuned))
+    return table(("kind", "what", "found"), rows)
+
+
+def injected() -> str:
+    """The faults that can be injected."""
+    rows = [(code(word), str(each.place), each.tells) for word, each in FAULTS.items()]
+    return table(("fault", "made in", "what"), rows)
+
+
+def monitor_settings() -> str:
+    """The parameters of the monitor."""
+    return _settings(MonitoringSettings)
+
+
+def reconfigurator_settings() -> str:
+    """The parameters of the reconfigurator."""
+    return _settings(HealingSettings)
+
+
+def launch_files() -> str:
+    """Every launch file with its arguments."""
+    return "\n".join(_launch_file(path) for path in sorted(ROOT.glob("src/*/launch/*.launch")))
+
+
+def messages() -> str:
+    """Every message, service and action with its fields."""
+    files = sorted(path for each in ("msg", "srv", "action") for path in MESSAGES.glob(f"{each}/*"))
+    return "\n".join(_message_file(path) for path in files)
+
+
+def commands() -> str:
+    """What `shsa COMMAND --help` says, of every command."""
+    parser, _ = command_line()
+    (subparsers,) = (each for each in parser._actions if each.choices and not each.option_strings)
+    parts = [_help("", parser)]
+    parts += [_help(name, each) for name, each in sorted(dict(subparsers.choices or {}).items())]
+    return "\n".join(parts)
+
+
+PARTS: Dict[str, Callable[[], str]] = {
+    each.__name__: each
+    for each in (
+        *(som_service, som_provision, som_host, som_checks, som_counts, som_placement),
+        *(som_last_resort, error_figures),
+        *(ontology_sections, ontology_property, ontology_constant, ontology_function, functions),
+        *(kinds, injected, monitor_settings, reconfigurator_settings, launch_files),
+        *(messages, commands),
+    )
+}
+"""Every part by its name, as pages ask for it."""
+
+
+def _keyed(key: str, form: str, means: str, default: str) -> Tuple[str, str, str, str]:
+    return code(key), form, means, default
+
+
+def _keys(keys: Mapping[str, som_values.Key], kind: Type[Any]) -> List[Tuple[str, str, str, str]]:
+    fields = {field.name: field for field in dataclasses.fields(kind)}
+    return [(key, each.form, each.means, _default(fields[key])) for key, each in keys.items()]
+
+
+def _default(field: "dataclasses.Field[Any]") -> str:
+    if field.default is dataclasses.MISSING:
+        return REQUIRED
+    if dataclasses.is_dataclass(field.default) or field.name == "checks":
+        return "see below"
+    return _plain(field.default)
+
+
+def _plain(value: object) -> str:
+    """A default as it would be written in a file; nothing where there is none."""
+    if value is None or value == () or value == "":
+        return ""
+    if isinstance(value, bool):
+        return code(str(value).lower())
+    return code(f"{value:g}" if isinstance(value, float) else value)
+
+
+def _limit(limit: Optional[Limit]) -> str:
+    if limit is None:
+        return "off"
+    if limit is True:
+        return "on"
+    return "learned" if limit == LEARNED else code(f"{limit:g}")
+
+
+def _in_som_page(text: str) -> str:
+    return text.replace("](#", "](../som.md#")
+
+
+def _meanings(keys: Mapping[str, str], default: Optional[Callable[[str], str]] = None) -> str:
+    if default is None:
+        return table(("key", "what"), [(code(key), means) for key, means in keys.items()])
+    rows = [(code(key), means, default(key)) for key, means in keys.items()]
+    return table(("key", "what", "default"), rows)
+
+
+def described(kind: Type[Any]) -> Dict[str, str]:
+    """What the words of a class say of each of its fields: "`a`, `b`: ... `c`: ..."."""
+    words = " ".join(str(kind.__doc__).split())
+    parts = re.split(r"(?:^|(?<=\s))((?:`\w+`, )*`\w+`): ", words)[1:]
+    return {
+        name: text.strip().rstrip(".")
+        for names, text in zip(parts[::2], parts[1::2])
+        for name in re.findall(r"`(\w+)`", names)
+    }
+
+
+def _settings(kind: Type[Any]) -> str:
+    means = described(kind)
+    rows = [
+        (code("~" + field.name), means[field.name], _plain(field.default))
+        for field in dataclasses.fields(kind)
+    ]
+    return table(("parameter", "what", "default"), rows)
+
+
+def _launch_file(path: Path) -> str:
+    package = path.parent.parent.name
+    comment = re.search(r"<!--(.*?)-->", path.read_text("utf-8"), re.DOTALL)
+    about = " ".join(comment.group(1).split()) if comment else ""
+    rows = [
+        (code(arg.get("name")), _text(arg.get("doc", "")), _given(arg.get("default")))
+        for arg in ElementTree.parse(str(path)).getroot().findall("arg")
+        if "value" not in arg.keys()
+    ]
+    shown = table(("argument", "what", "default"), rows)
+    return f"## {path.name}\n\n`roslaunch {package} {path.name}`. {_text(about)}\n\n{shown}"
+
+
+def _given(default: Optional[str]) -> str:
+    return REQUIRED if default is None else code(default)
+
+
+def _text(words: str) -> str:
+    """Words that have no Markdown in them, as Markdown."""
+    return re.sub(r"([*_<>\[\]`$\\])", r"\\\1", words)
+
+
+def _message_file(path: Path) -> str:
+    names = {"msg": ("",), "srv": ("Request", "Response"), "action": ("Goal", "Result", "Feedback")}
+    lines = path.read_text("utf-8").split("\n---\n")
+    parts = [f"## {path.stem}\n", f"`shsa_msgs/{path.stem}`. {_text(_about(path))}\n"]
+    for title, part in zip(names[path.parent.name], lines):
+        fields = list(_fields(part))
+        if title:
+            parts.append(f"**{title}**\n")
+        shown = table(
+            ("field", "type", "what"), [(code(n), code(t), _text(c)) for t, n, c in fields]
+        )
+        parts.append(shown if fields else "No fields.\n")
+    constants = [(code(name.lower()), comment) for _, name, comment in _constants(path)]
+    if constants:
+        parts.append(table(("word", "what"), [(name, _text(what)) for name, what in constants]))
+    return "\n".join(parts)
+
+
+def _about(path: Path) -> str:
+    """The comment at the head of a message file."""
+    words = []
+    for line in path.read_text("utf-8").splitlines():
+        if not line.startswith("#"):
+            break
+        words.append(line.strip("# "))
+    return " ".join(words)
+
+
+def _fields(part: str) -> Iterable[Tuple[str, str, str]]:
+    """Type, name and comment of each field."""
+    for line in part.splitlines():
+        definition, _, comment = line.partition("#")
+        words = definition.split()
+        if len(words) == 2 and "=" not in definition:
+            yield words[0], words[1], comment.strip()
+
+
+def _constants(path: Path) -> List[Tuple[str, str, str]]:
+    """Type, name and comment of each constant: the comment is the line above a text, else beside."""
+    found, above = [], ""
+    for line in path.read_text("utf-8").splitlines():
+        match = re.match(r"(\w+) (\w+) *= *([^#]*)(?:#(.*))?", line)
+        if match:
+            found.append((match.group(1), match.group(2), (match.group(4) or above).strip()))
+        above = line.strip("# ") if line.startswith("#") else ""
+    return found
+
+
+def _help(name: str, parser: argparse.ArgumentParser) -> str:
+    parser.formatter_class = lambda prog: argparse.HelpFormatter(prog, width=WIDTH)
+    title = f"shsa {name}".strip()
+    return f"## {title}\n\n```text\n{parser.format_help().rstrip()}\n```\n"

@@ -1,0 +1,1 @@
+"""The commands of `shsa` that show a running robot; each module is one."""

@@ -1,0 +1,93 @@
+"""The reference has a row for all that there is, and each row says something."""
+import importlib
+import importlib.util
+import re
+from pathlib import Path
+from typing import Any, List
+
+import pytest
+from listings import ROOT
+
+from shsa_core import message_types
+from shsa_core.cli.main import command_line
+from shsa_core.language.functions import CALLS
+from shsa_core.model.kinds import Kind
+
+PAGES = sorted((ROOT / "docs" / "reference").glob("*.md"))
+INTERFACES = sorted(
+    path for each in ("msg", "srv") for path in ROOT.glob(f"src/shsa_msgs/{each}/*")
+)
+
+_SPEC: Any = importlib.util.spec_from_file_location(
+    "reference_tables", str(ROOT / "docs" / "reference_tables.py")
+)
+TABLES: Any = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(TABLES)
+
+
+def rows(part: str) -> List[List[str]]:
+    """The cells of the rows of a part's tables, without their titles."""
+    lines = TABLES.PARTS[part]().splitlines()
+    cells = [re.split(r"(?<!\\)\|", line)[1:-1] for line in lines if line.startswith("|")]
+    rules = [number for number, line in enumerate(cells) if set(line) == {"---"}]
+    return [line for at, line in enumerate(cells) if not {at, at + 1} & set(rules)]
+
+
+def test_each_part_stands_on_one_page() -> None:
+    asked = [name for page in PAGES for name in re.findall(r"{reference} (\w+)", page.read_text())]
+    assert sorted(asked) == sorted(TABLES.PARTS)
+
+
+@pytest.mark.parametrize(
+    "part", [name for name in TABLES.PARTS if name not in ("messages", "commands")]
+)
+def test_each_row_says_what_it_is(part: str) -> None:
+    found = rows(part)
+    assert found
+    for row in found:
+        assert all(cell.strip() for cell in row[:2]), row
+
+
+def test_every_function_has_its_words() -> None:
+    shown = {row[0].strip("`").split("(")[0] for row in rows("functions")}
+    assert shown == {*CALLS, "dt"}
+    assert all(each.tells for each in CALLS.values())
+
+
+def test_every_kind_has_its_row() -> None:
+    assert [row[0].strip("`") for row in rows("kinds")] == [kind.value for kind in Kind]
+
+
+@pytest.mark.parametrize("kind", [TABLES.HealingSettings, TABLES.MonitoringSettings])
+def test_a_setting_is_described_under_its_own_name(kind: Any) -> None:
+    assert list(TABLES.described(kind)) != []
+    assert set(TABLES.described(kind)) == {field for field in kind.__dataclass_fields__}
+
+
+@pytest.mark.skipif(not message_types.available(), reason="there is no ROS here")
+@pytest.mark.parametrize("path", INTERFACES, ids=lambda path: path.name)
+def test_every_field_of_a_message_has_its_row(path: Path) -> None:
+    built = getattr(importlib.import_module(f"shsa_msgs.{path.parent.name}"), path.stem)
+    parts = [built._request_class, built._response_class] if path.suffix == ".srv" else [built]
+    texts = path.read_text().split("\n---\n")
+    for part, text in zip(parts, texts):
+        assert [name for _, name, _ in TABLES._fields(text)] == part.__slots__
+
+
+def test_every_message_and_command_is_there() -> None:
+    messages, commands = TABLES.PARTS["messages"](), TABLES.PARTS["commands"]()
+    for path in ROOT.glob("src/shsa_msgs/*/*.[msa]*"):
+        if path.suffix in (".msg", ".srv", ".action"):
+            assert f"## {path.stem}\n" in messages
+    for name in command_line()[1]:
+        assert f"## shsa {name}\n" in commands
+
+
+def test_every_launch_file_is_there_and_each_argument_has_its_doc() -> None:
+    shown = TABLES.PARTS["launch_files"]()
+    for path in ROOT.glob("src/*/launch/*.launch"):
+        assert f"## {path.name}\n" in shown
+
+
+def test_a_sign_of_a_table_does_not_end_its_cell() -> None:
+    assert TABLES.table(("a",), [("x | y",)]) == "|a|\n|---|\n|x \\| y|\n"
