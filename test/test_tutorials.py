@@ -39,7 +39,7 @@ def test_a_robot_of_ones_own_is_healed_and_its_incident_read(folders: Iterator[P
     attempt(lambda: follow(next(folders), OWN_ROBOT, INCIDENT))
 
 
-def test_three_computers_heal_each_other(folders: Iterator[Path]) -> None:
+def test_the_rover_is_healed_on_three_computers(folders: Iterator[Path]) -> None:
     if refusal(ssh=True):
         pytest.skip(refusal(ssh=True))
     attempt(lambda: follow(next(folders), THREE))
