@@ -7,11 +7,12 @@ Writes results/bench/view_price.csv.
 import argparse
 import csv
 import json
+import socket
 import threading
 import time
 from http.client import HTTPConnection
 from pathlib import Path
-from typing import Dict, List
+from typing import Any, Dict, List
 
 import psutil
 
@@ -25,6 +26,8 @@ PERIOD_S = 0.02
 READERS = (0, 1, 20)
 SETTLING_S = 5.0
 PATIENCE_S = 120.0
+MOSTLY = 0.9
+"""Of the services have a rate when measuring begins: a busy computer lets some fail."""
 MOST_PERCENT, MOST_EVENTS = 5.0, 10.0
 VIEW = Path(__file__).resolve().parent.parent / "nodes" / "view"
 RECONFIGURATOR = MONITOR.parent / "reconfigurator"
@@ -38,6 +41,7 @@ class Reader:
         self.events = self.bytes = 0
         self._connection = HTTPConnection("127.0.0.1", port)
         self._connection.request("GET", "/api/events")
+        self._socket: Any = self._connection.sock
         self._answer = self._connection.getresponse()
         threading.Thread(target=self._read, daemon=True).start()
 
@@ -51,7 +55,7 @@ class Reader:
 
     def close(self) -> None:
         """Look no more."""
-        self._connection.close()
+        self._socket.shutdown(socket.SHUT_RDWR)
 
 
 def told(port: int) -> int:
@@ -126,7 +130,8 @@ def main() -> None:
         monitor = graph.python(MONITOR, *models)
         view = graph.python(VIEW, *models, "--port", str(options.port))
         pids = {"view": view.pid, "monitor": monitor.pid}
-        wait_until(lambda: told(options.port) == TOPICS, PATIENCE_S, "the view shows all services")
+        most = lambda: told(options.port) >= MOSTLY * TOPICS
+        wait_until(most, PATIENCE_S, "the view shows the services")
         for number in range(options.rounds):
             for readers in READERS:
                 found = measure(options.port, pids, readers, options.seconds)
