@@ -179,7 +179,9 @@ def test_a_row_has_the_newest_values_of_who_is_healthy() -> None:
     bench = substituted()
     bench.stream(50, SUBSTITUTE)
     told: Values = {(TOPIC, NODE): (1.0,), (TOPIC, SUBSTITUTE): (2.5,)}
-    found = {each.key: each.value for each in statuses(bench, MonitorRows(), told)["current"].values}
+    found = {
+        each.key: each.value for each in statuses(bench, MonitorRows(), told)["current"].values
+    }
     assert found["battery_current"] == "2.5"
 
 

@@ -3,7 +3,7 @@ import importlib.util
 import re
 import subprocess
 import threading
-from typing import Any, Callable, Dict, Mapping
+from typing import Any, Callable, Dict, Mapping, Optional
 
 import actionlib
 import rospy
@@ -24,10 +24,13 @@ Document = Dict[str, Any]
 
 
 class Actions:
-    """Does what is asked, by the services of healing and by `shsa inject`."""
+    """Does what is asked, by services of healing and by `shsa inject`. `som`: the SOM's file."""
 
-    def __init__(self) -> None:
+    def __init__(self, som: str) -> None:
+        self._som = som
         self._release = rospy.ServiceProxy(names.RELEASE, srv.Release)
+        self._client: Optional[actionlib.SimpleActionClient] = None
+        self._lock = threading.Lock()  # of the client, which has one goal at a time
         self._do: Mapping[str, Callable[[str, Mapping[str, Any]], Document]] = {
             "release": self._released,
             "substitute": self._substituted,
@@ -53,7 +56,14 @@ class Actions:
         return {"success": bool(answer.success), "detail": shown(answer.detail)}
 
     def _substituted(self, topic: str, _: Mapping[str, Any]) -> Document:
-        client = actionlib.SimpleActionClient(names.SUBSTITUTE_ACTION, msg.SubstituteAction)
+        with self._lock:
+            return self._substitute(topic)
+
+    def _substitute(self, topic: str) -> Document:
+        if self._client is None:  # made once, and for who may act alone
+            kind = msg.SubstituteAction
+            self._client = actionlib.SimpleActionClient(names.SUBSTITUTE_ACTION, kind)
+        client = self._client
         if not client.wait_for_server(rospy.Duration(TIMEOUT_S)):
             raise ShsaError(f"the reconfigurator does not answer within {TIMEOUT_S:g} s")
         client.send_goal(msg.SubstituteGoal(topic=topic))
@@ -73,9 +83,9 @@ class Actions:
             raise Refused("seconds must be a number")
         if not 0.0 < seconds <= LONGEST_INJECTION_S:
             raise Refused(f"seconds must be above 0 and at most {LONGEST_INJECTION_S:g}")
-        command = ["rosrun", "shsa_core", "shsa", "inject", topic, fault, "--for"]
+        command = ["rosrun", "shsa_core", "shsa", "inject", topic, fault, "--for", f"{seconds:g}s"]
         injection = subprocess.Popen(
-            [*command, f"{seconds:g}s"],
+            [*command, "--som", self._som, "--namespace", rospy.get_namespace()],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,

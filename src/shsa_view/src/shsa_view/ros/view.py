@@ -83,7 +83,7 @@ class ViewNode:
         settings = Settings(arguments.address, arguments.port, token, tuple(filter(None, names)))
         self._listener = Listener(arguments.secret, self._models.first.som.hosts)
         state = State(rospy.get_namespace(), bool(token))
-        answers = RosAnswers(state, Actions())
+        answers = RosAnswers(state, Actions(arguments.som))
         failed = lambda text: rospy.logerr_throttle_identical(10.0, f"View: {text}")
         self._view = View(settings, state, answers, self._take, rospy.get_time, failed)
 
