@@ -157,7 +157,7 @@ function doubt(trust) {
 
 function failed(service, incident) {
   if (!incident) return service.detail || `Not known: ${service.topic}`;
-  const detail = incident.detail ? `: ${incident.detail}` : "";
+  const detail = incident.detail && !service.substitute ? `: ${incident.detail}` : "";
   return `${incident.faulty_node || service.topic} – ${plain(incident.kind)}${detail}`;
 }
 

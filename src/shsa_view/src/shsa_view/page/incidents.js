@@ -130,7 +130,7 @@ function story(incident) {
   const { quality } = incident;
   const told = [
     ["Faulty node", incident.faulty_node],
-    ["Seen", incident.detail],
+    ["Told last", incident.detail],
     ["Substitute", incident.substitute],
     ["Inputs", incident.inputs.join(", ")],
     ["Relations", incident.relations.join(", ")],

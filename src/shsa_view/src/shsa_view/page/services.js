@@ -144,7 +144,8 @@ class Row {
     }
     this.substituted = service.publisher === service.substitute;
     setName(this.topic, service.topic);
-    setText(this.detail, service.state === "well" ? "" : service.detail || "");
+    const told = service.state === "well" || service.substitute ? "" : service.detail;
+    setText(this.detail, told);
     setText(this.rate, known(service.rate) ? short(service.rate, 3) : "–");
     setText(this.wanted, service.period ? ` of ${short(1 / service.period, 3)} Hz` : " Hz");
     setName(this.publisher, service.publisher || "");
