@@ -65,9 +65,11 @@ def imported(path: Path) -> Set[str]:
 def foreign(path: Path) -> Set[str]:
     """What a file imports that is neither Python's own nor a module of ours."""
     beside = {other.stem for other in path.parent.glob("*.py")}
-    # Tests of benchmarks import these from their folder, and fuzzing a helper of the unit tests.
-    folders = ("src/*/bench/*.py", "src/*/test/unit/audit.py")
+    # Tests of benchmarks import these from their folder, fuzzing a helper of the unit tests, and
+    # whoever drives a browser what does that.
+    folders = ("src/*/bench/*.py", "src/*/test/unit/audit.py", "src/*/test/browser/*.py")
     elsewhere = {other.stem for folder in folders for other in ROOT.glob(folder)}
+    elsewhere.add("attempts")
     elsewhere |= {other.parent.name for other in ROOT.glob("src/*/bench/*/__init__.py")}
     ours = {*PACKAGES, *beside, *elsewhere}
     return {name for name in imported(path) if name not in ours and not is_standard(name)}
