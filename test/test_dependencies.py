@@ -73,9 +73,9 @@ def beside(folder: Path) -> FrozenSet[str]:
 
 @lru_cache(maxsize=None)
 def elsewhere() -> FrozenSet[str]:
-    """What tests of benchmarks import from these, and fuzzing of the unit tests."""
-    folders = ("src/*/bench/*.py", "src/*/test/unit/audit.py")
-    found = {other.stem for folder in folders for other in ROOT.glob(folder)}
+    """What tests import from benchmarks, fuzzing from unit tests, and who drives a browser."""
+    folders = ("src/*/bench/*.py", "src/*/test/unit/audit.py", "src/*/test/browser/*.py")
+    found = {other.stem for folder in folders for other in ROOT.glob(folder)} | {"attempts"}
     return frozenset(found | {p.parent.name for p in ROOT.glob("src/*/bench/*/__init__.py")})
 
 

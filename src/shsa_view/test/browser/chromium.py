@@ -19,8 +19,10 @@ class Browser:
     """One page at a time."""
 
     def __init__(self) -> None:
-        webdriver = pytest.importorskip("selenium.webdriver", reason="no python3-selenium")
-        service = pytest.importorskip("selenium.webdriver.chrome.service")
+        pytest.importorskip("selenium", reason="no python3-selenium on this system")
+        from selenium import webdriver
+        from selenium.webdriver.chrome import service
+
         if not BROWSER or not DRIVER:
             pytest.skip("no chromium and chromium-driver on this system, or only as a snap")
         options = webdriver.ChromeOptions()

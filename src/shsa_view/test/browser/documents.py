@@ -89,8 +89,10 @@ def hostile() -> Document:
         **{"state": "substituted", "detail": HOSTILE, "publisher": f"/{HOSTILE}"},
         **{"substitute": HOSTILE, "incident": 1, "host": HOSTILE, "strip": HOSTILE},
     )
-    texts = {key: HOSTILE for key in ("faulty_node", "kind", "detail", "substitute", "decision")}
-    lists = {key: [HOSTILE] for key in ("inputs", "relations", "missing", "lost")}
+    texts: Any = {
+        key: HOSTILE for key in ("faulty_node", "kind", "detail", "substitute", "decision")
+    }
+    lists: Any = {key: [HOSTILE] for key in ("inputs", "relations", "missing", "lost")}
     return document(
         {HOSTILE: bad},
         robot={"state": HOSTILE, "text": HOSTILE},

@@ -121,7 +121,7 @@ def test_a_failure_is_seen_everywhere(browser: Browser, fed: Fed) -> None:
     facts = browser.texts("#affected dt, #affected dd")
     assert facts[:2] == [
         "What failed",
-        "/amperemeter – node gone: the connection to the node was lost",
+        "/amperemeter – node gone",
     ]
     assert facts[3] == "/substitute_battery_current_1, from /battery_voltage/data by power"
     assert facts[5] == "battery_current ± 0.40 A; quality 0.87 of 1"

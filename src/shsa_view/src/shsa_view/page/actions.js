@@ -3,9 +3,22 @@ import { ask } from "./connection.js";
 import { byId, make } from "./page.js";
 
 const ACTIONS = [
-  ["substitute", "Substitute now", (topic) => `Substitute ${topic} now? Its node may be ended, as after a failure.`],
-  ["release", "Release", (topic) => `Release ${topic}? The original may publish again.`],
-  ["inject", "Inject a fault", (topic, fault) => `Inject the fault "${fault}" into ${topic}? It harms the robot for a while.`],
+  {
+    name: "substitute",
+    label: "Substitute now",
+    question: (topic) => `Substitute ${topic} now? Its node may be ended, as after a failure.`,
+  },
+  {
+    name: "release",
+    label: "Release",
+    question: (topic) => `Release ${topic}? The original may publish again.`,
+  },
+  {
+    name: "inject",
+    label: "Inject a fault",
+    question: (topic, fault) =>
+      `Inject the fault "${fault}" into ${topic}? It harms the robot for a while.`,
+  },
 ];
 const FAULTS = ["crash", "off", "hang", "stuck", "garbage", "wrong", "slow", "delayed", "nan"];
 const LIMIT_MS = 20000;
@@ -24,17 +37,20 @@ export class Actions {
     const place = byId("actions");
     place.hidden = !(this.allowed && token() && service);
     if (place.hidden) return place.replaceChildren();
-    const faults = make("select", { "aria-label": "Fault" }, ...FAULTS.map((each) => make("option", {}, each)));
+    const options = FAULTS.map((each) => make("option", {}, each));
+    const faults = make("select", { "aria-label": "Fault" }, ...options);
     const said = make("p", { role: "status" });
-    const buttons = ACTIONS.map(([name, label, question]) => {
+    const buttons = ACTIONS.map(({ name, label, question }) => {
       const button = make("button", { type: "button", class: "acts", "data-action": name }, label);
       button.addEventListener("click", async () => {
-        const body = { topic: service.topic, ...(name === "inject" ? { fault: faults.value } : {}) };
-        if (await confirmed(question(service.topic, faults.value))) await act(name, body, said);
+        const { topic } = service;
+        const body = name === "inject" ? { topic, fault: faults.value } : { topic };
+        if (await confirmed(question(topic, faults.value))) await act(name, body, said);
       });
       return button;
     });
-    return place.replaceChildren(make("h3", {}, "Act"), make("div", { class: "buttons" }, ...buttons, faults), said);
+    const row = make("div", { class: "buttons" }, ...buttons, faults);
+    return place.replaceChildren(make("h3", {}, "Act"), row, said);
   }
 }
 
@@ -57,7 +73,8 @@ async function act(name, body, said) {
       headers: { Authorization: `Bearer ${token()}`, "Content-Type": "application/json" },
       limit: LIMIT_MS,
     });
-    said.textContent = `${answer.success === false ? "Not done" : "Done"}: ${answer.detail || name}.`;
+    const done = answer.success === false ? "Not done" : "Done";
+    said.textContent = `${done}: ${answer.detail || name}.`;
   } catch (error) {
     said.textContent = `Refused: ${error.message}`;
   }

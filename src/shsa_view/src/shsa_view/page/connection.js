@@ -5,7 +5,7 @@ const ANSWER_MS = 4000;
 const RETRIES_MS = [250, 500, 1000, 2000];
 
 export class Connection {
-  /** `heard(whole)`: the whole state, at first and after each break; `changed(changes)`; `lost()`. */
+  /** `heard(whole)`: the state, at first and after each break; `changed(changes)`; `lost()`. */
   constructor(handlers) {
     this.handlers = handlers;
     this.connected = false;

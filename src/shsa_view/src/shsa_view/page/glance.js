@@ -1,10 +1,11 @@
 // The robot at a glance: how it is, what failed, what stands in, how far to trust it, what is left.
 import { ask } from "./connection.js";
-import { byId, make, setAttribute, setText, shape } from "./page.js";
+import { byId, facts, make, setAttribute, setText, shape } from "./page.js";
 import { urgency } from "./services.js";
 import { clock, known, list, plain, plusMinus, short, unit, word } from "./words.js";
 
 const CARDS = 6;
+const WHAT_IF_MS = 15000;
 const AS_IT_SHOULD_BE = new Set(["well", "starting", "unknown"]);
 const TITLES = {
   well: "All well",
@@ -51,8 +52,8 @@ export class Glance {
   showHealing(whole) {
     const { text: told, ...parts } = whole.healing;
     const text = [told, doubt(whole.trust)].filter(Boolean).join("; ");
-    const hosts = Object.entries(whole.hosts || {}).map(([name, host]) => [name, host.state, host.text]);
-    const all = [...Object.entries(parts).map(([name, state]) => [name, state, ""]), ...hosts];
+    const all = Object.entries(parts).map(([name, state]) => [name, state, ""]);
+    for (const [name, host] of Object.entries(whole.hosts)) all.push([name, host.state, host.text]);
     const signature = JSON.stringify([all, text]);
     if (signature === this.healing) return;
     this.healing = signature;
@@ -66,26 +67,25 @@ export class Glance {
   }
 
   showAffected(whole) {
+    const rank = (name) => urgency(whole.services[name].state);
     const names = Object.keys(whole.services)
       .filter((name) => !AS_IT_SHOULD_BE.has(whole.services[name].state))
-      .sort((one, other) => {
-        const services = whole.services;
-        return urgency(services[one].state) - urgency(services[other].state) || one.localeCompare(other);
-      });
+      .sort((one, other) => rank(one) - rank(other) || one.localeCompare(other));
     const shown = names.slice(0, CARDS);
     const cards = shown.map((name) => this.card(whole, name));
     for (const name of this.cards.keys()) if (!shown.includes(name)) this.cards.delete(name);
     const wanted = cards.map((card) => card.element);
     if (names.length > CARDS) wanted.push(this.more(names.length - CARDS));
-    const list = byId("affected");
-    if (wanted.length !== list.children.length || wanted.some((each, at) => each !== list.children[at])) {
-      list.replaceChildren(...wanted);
-    }
+    const place = byId("affected");
+    const there = [...place.children];
+    const same = wanted.length === there.length && wanted.every((each, at) => each === there[at]);
+    if (!same) place.replaceChildren(...wanted);
   }
 
   more(count) {
     const text = `and ${count} more: see the services`;
-    if (!this.rest || this.rest.textContent !== text) this.rest = make("li", { class: "rest" }, text);
+    this.rest = this.rest || make("li", { class: "rest" });
+    setText(this.rest, text);
     return this.rest;
   }
 
@@ -106,8 +106,8 @@ class Card {
     this.shape = make("span");
     this.word = make("span", { class: "word" });
     this.since = make("span", { class: "quiet" });
-    this.facts = make("dl");
-    this.left = make("dd", {}, "…");
+    this.facts = make("div");
+    this.left = make("span", {}, "…");
     this.question = "";
     const button = make("button", { type: "button", class: "asks name" }, name);
     button.addEventListener("click", () => asked("service", name));
@@ -117,32 +117,32 @@ class Card {
 
   show(service, incident, substitutes) {
     setAttribute(this.element, "data-state", service.state);
-    const facts = [
+    const told = [
       ["What failed", failed(service, incident)],
       ["What stands in", standsIn(service, incident, substitutes)],
       ["How far to trust it", trust(service, incident)],
     ];
     const began = incident && incident.moments.detected;
-    const signature = JSON.stringify([facts, service.state, began]);
+    const signature = JSON.stringify([told, service.state, began]);
     if (signature === this.signature) return;
     this.signature = signature;
     this.shape.replaceChildren(shape(service.state));
     setText(this.word, word(service.state));
     setText(this.since, known(began) ? `since ${clock(began)}` : "");
-    const rows = facts.map(([term, text]) => make("div", {}, make("dt", {}, term), make("dd", {}, text)));
     if (service.substitute) {
-      rows.push(make("div", {}, make("dt", {}, "If this died too"), this.left));
+      told.push(["If this died too", this.left]);
       this.look(service.substitute);
     }
-    this.facts.replaceChildren(...rows);
+    this.facts.replaceChildren(facts(told));
   }
 
   /** Asks what is left then, once for each substitute. */
   async look(question) {
     if (question === this.question) return;
     this.question = question;
+    const address = `api/what_if?service=${encodeURIComponent(this.name)}`;
     try {
-      const answer = await ask(`api/what_if?service=${encodeURIComponent(this.name)}`, { limit: 15000 });
+      const answer = await ask(address, { limit: WHAT_IF_MS });
       if (question === this.question) setText(this.left, answer.left || "Not known.");
     } catch (error) {
       if (question === this.question) setText(this.left, `Not known: ${error.message}`);
@@ -157,19 +157,20 @@ function doubt(trust) {
 
 function failed(service, incident) {
   if (!incident) return service.detail || `Not known: ${service.topic}`;
-  const detail = incident.detail ? `: ${incident.detail}` : "";
+  const detail = incident.detail && !service.substitute ? `: ${incident.detail}` : "";
   return `${incident.faulty_node || service.topic} – ${plain(incident.kind)}${detail}`;
 }
 
 function standsIn(service, incident, substitutes) {
   if (!service.substitute) {
     if (service.state === "healing") return "Nothing yet; a substitute is searched or started.";
-    const missing = incident && incident.missing.length ? ` Missing: ${list(incident.missing)}.` : "";
-    return `Nothing.${missing}`;
+    const lacks = incident && incident.missing.length;
+    return lacks ? `Nothing. Missing: ${list(incident.missing)}.` : "Nothing.";
   }
-  const row = Object.hasOwn(substitutes, service.substitute) ? substitutes[service.substitute] : incident;
-  if (!row) return service.substitute;
-  return `${service.substitute}, from ${list(row.inputs)} by ${list(row.relations)}`;
+  const { substitute } = service;
+  const row = Object.hasOwn(substitutes, substitute) ? substitutes[substitute] : incident;
+  if (!row) return substitute;
+  return `${substitute}, from ${list(row.inputs)} by ${list(row.relations)}`;
 }
 
 function trust(service, incident) {
@@ -178,6 +179,8 @@ function trust(service, incident) {
     const error = plusMinus(property.error_p95, property.error_rms);
     return error ? `${name} ${error} ${unit(property.unit)}` : `${name}: error not known`;
   });
-  const quality = incident && known(incident.quality) ? `; quality ${short(incident.quality, 2)} of 1` : "";
-  return `${parts.join(", ")}${quality}`;
+  if (incident && known(incident.quality)) {
+    return `${parts.join(", ")}; quality ${short(incident.quality, 2)} of 1`;
+  }
+  return parts.join(", ");
 }

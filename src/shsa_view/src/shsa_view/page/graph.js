@@ -7,8 +7,10 @@ const KINDS = ["service", "property", "relation"];
 const ALIVE = new Set(["well", "starting", "kept"]);
 const ZOOM = 1.3;
 const READABLE = 0.6;
+const LARGEST_FIT = 1.2;
 const PX_PER_PT = 4 / 3;
 const FRAME_PX = 28;
+const NOTE_PT = 10;
 const FORBIDDEN = "script, style, foreignObject, image, use, animate, set, iframe";
 
 export class Graph {
@@ -42,7 +44,8 @@ export class Graph {
       if (answer.svg !== this.source) this.take(answer);
     } catch (error) {
       if (number === this.number && !this.source) {
-        this.frame.replaceChildren(make("p", { class: "quiet" }, `No picture of the ontology: ${error.message}`));
+        const why = `No picture of the ontology: ${error.message}`;
+        this.frame.replaceChildren(make("p", { class: "quiet" }, why));
       }
     }
     this.show(whole);
@@ -72,7 +75,9 @@ export class Graph {
 
   /** As wide as the frame, but not smaller than `least` of its own size. */
   fit(least) {
-    if (this.picture) this.resize(Math.min(1.2, Math.max(least, (this.frame.clientWidth - FRAME_PX) / (this.width * PX_PER_PT))));
+    if (!this.picture) return;
+    const fitting = (this.frame.clientWidth - FRAME_PX) / (this.width * PX_PER_PT);
+    this.resize(Math.min(LARGEST_FIT, Math.max(least, fitting)));
   }
 
   zoom(factor) {
@@ -88,19 +93,24 @@ export class Graph {
   show(whole) {
     if (!this.picture) return;
     const { services } = whole;
-    const derivations = Object.values(services).map((each) => new Set(each.derivation || []));
+    const derivations = Object.values(services).map((each) => new Set(each.derivation));
     const runs = new Set(derivations.flatMap((each) => [...each]));
     const properties = judge(services);
     for (const [id, node] of this.nodes) {
-      const state = node.kind === "service" ? (services[node.name] || {}).state : properties.get(id);
-      const about = node.kind === "property" ? properties.get(`error ${id}`) : "";
-      node.show({ state: state || "idle", runs: runs.has(id), would: this.would.has(id), error: about || "" });
+      const told = node.kind === "service" ? services[node.name] : properties.get(id);
+      const { state = "idle", error = "" } = told || {};
+      node.show({ state, error, runs: runs.has(id), would: this.would.has(id) });
     }
     for (const edge of this.edges) {
       const both = (set) => set.has(edge.from) && set.has(edge.to);
       const from = this.nodes.get(edge.from);
-      const gone = from && from.kind === "service" && !ALIVE.has(from.state) && from.state !== "idle";
-      setAttribute(edge.element, "class", classes("edge", { runs: derivations.some(both), gone, would: both(this.would) }));
+      const provides = from && from.kind === "service" && from.state !== "idle";
+      const flags = {
+        runs: derivations.some(both),
+        gone: provides && !ALIVE.has(from.state),
+        would: both(this.would),
+      };
+      setAttribute(edge.element, "class", classes("edge", flags));
     }
     setText(byId("losses"), losses(services));
   }
@@ -117,8 +127,11 @@ export class Graph {
     if (!node) return;
     if (node.kind === "service") this.asked("service", node.name);
     else if (node.kind === "property") {
-      const provided = this.edges.find((edge) => edge.to === element.id && edge.from.startsWith("service-"));
-      if (provided) this.asked("service", provided.from.slice("service-".length));
+      const from = this.edges
+        .filter((edge) => edge.to === element.id)
+        .map((edge) => this.nodes.get(edge.from))
+        .find((each) => each && each.kind === "service");
+      if (from) this.asked("service", from.name);
     }
   }
 
@@ -160,8 +173,12 @@ class Node {
     this.state = state;
     setAttribute(this.element, "class", classes(`node ${this.kind}`, { runs, would }));
     setAttribute(this.element, "data-state", state);
-    const told = { idle: "", measured: "measured", derived: "derived", lost: "lost" }[state] ?? word(state).toLowerCase();
-    const parts = [told, error, runs && this.kind === "relation" ? "runs now" : "", would ? "would run" : ""];
+    const parts = [
+      state === "idle" ? "" : word(state).toLowerCase(),
+      error,
+      runs && this.kind === "relation" ? "runs now" : "",
+      would ? "would run" : "",
+    ];
     const says = `${this.kind} ${this.name}: ${parts.filter(Boolean).join(", ") || "not in use"}`;
     setAttribute(this.element, "aria-label", says);
     setText(this.title, says);
@@ -173,7 +190,8 @@ class Node {
     if (!this.cost) {
       if (!text) return;
       const box = this.element.getBBox();
-      this.cost = draw("text", { class: "cost", x: box.x + box.width / 2, y: box.y + box.height + 10 });
+      const place = { x: box.x + box.width / 2, y: box.y + box.height + NOTE_PT };
+      this.cost = draw("text", { class: "cost", ...place });
       this.element.append(this.cost);
     }
     setText(this.cost, text);
@@ -186,12 +204,13 @@ function judge(services) {
   for (const service of Object.values(services)) {
     for (const [name, property] of Object.entries(service.properties)) {
       const id = `property-${name}`;
-      if (ALIVE.has(service.state)) judged.set(id, "measured");
-      if (judged.get(id) === "measured" || service.state === "unknown") continue;
-      const derived = (service.derivation || []).includes(id);
-      judged.set(id, derived ? "derived" : "lost");
+      if (ALIVE.has(service.state)) judged.set(id, { state: "measured" });
+      if (judged.has(id) && judged.get(id).state === "measured") continue;
+      if (service.state === "unknown") continue;
       const error = plusMinus(property.error_p95, property.error_rms);
-      if (derived && error) judged.set(`error ${id}`, `${error} ${unit(property.unit)}`);
+      const derived = service.derivation.includes(id);
+      const cost = error && `${error} ${unit(property.unit)}`;
+      judged.set(id, derived ? { state: "derived", error: cost } : { state: "lost" });
     }
   }
   return judged;
@@ -209,7 +228,8 @@ function losses(services) {
       told.push(`${property} of ${name} is lost; ${cost}.`);
     }
   }
-  return told.join(" ") || "Every property that is measured is measured now. What is drawn thin could stand in.";
+  if (told.length) return told.join(" ");
+  return "Nothing is lost. What is drawn thin could stand in.";
 }
 
 /** What the server draws is shapes and text; nothing in it may act or load. */

@@ -1,5 +1,5 @@
 // The timeline: each incident with its eight moments, the newest first.
-import { byId, draw, make, setAttribute, setShape, setText, shape } from "./page.js";
+import { byId, draw, facts, make, setAttribute, setShape, setText, shape } from "./page.js";
 import { MOMENTS, clock, day, exactClock, known, list, plain, short, span, word } from "./words.js";
 
 const SHOWN = 20;
@@ -127,42 +127,46 @@ function outcome(incident) {
 function story(incident) {
   const base = beginning(incident.moments);
   const steps = MOMENTS.map(([name, says]) => step(says, incident.moments[name], base));
-  const facts = [
+  const { quality } = incident;
+  const told = [
     ["Faulty node", incident.faulty_node],
-    ["Seen", incident.detail],
+    ["Told last", incident.detail],
     ["Substitute", incident.substitute],
-    ["Inputs", incident.inputs.length ? list(incident.inputs) : ""],
-    ["Relations", incident.relations.length ? list(incident.relations) : ""],
-    ["Quality", incident.substitute && known(incident.quality) ? `${short(incident.quality, 3)} of 1` : ""],
+    ["Inputs", incident.inputs.join(", ")],
+    ["Relations", incident.relations.join(", ")],
+    ["Quality", incident.substitute && known(quality) ? `${short(quality, 3)} of 1` : ""],
     ["Expected error", errors(incident)],
-    ["Missing", incident.missing.length ? list(incident.missing) : ""],
-    ["Lost", incident.lost.length ? list(incident.lost) : ""],
+    ["Missing", incident.missing.join(", ")],
+    ["Lost", incident.lost.join(", ")],
     ["Decision", incident.decision],
-  ].filter(([, text]) => text);
+  ];
   return [
     picture(incident.moments, base),
     make("ol", { class: "moments", "aria-label": "Its moments" }, ...steps),
-    make("dl", {}, ...facts.map(([term, text]) => make("div", {}, make("dt", {}, term), make("dd", {}, text)))),
+    facts(told),
   ];
 }
 
 function errors(incident) {
-  const within = incident.error_p95.filter(known).map((error) => `± ${short(error, 2)} in 95 % of the time`);
-  const rms = incident.error_rms.filter(known).map((error) => `${short(error, 2)} rms`);
+  const few = (error) => short(error, 2);
+  const within = incident.error_p95.filter(known).map((each) => `± ${few(each)} in 95 %`);
+  const rms = incident.error_rms.filter(known).map((each) => `${few(each)} rms`);
   return [...within, ...rms].join(", ");
 }
 
 function step(says, moment, base) {
-  if (!known(moment)) return make("li", { class: "open" }, make("span", {}, says), make("b", {}, "–"));
+  const name = make("span", {}, says);
+  if (!known(moment)) return make("li", {}, name, make("b", {}, "–"));
   const told = moment === base ? "0" : `+${span(moment - base)}`.replace("+−", "−");
   const at = make("time", { class: "clock", datetime: new Date(moment * 1000).toISOString() });
   at.textContent = exactClock(moment);
-  return make("li", { tabindex: "0" }, make("span", {}, says), make("b", {}, told), at);
+  return make("li", { tabindex: "0" }, name, make("b", {}, told), at);
 }
 
-/** The moments on a line from 1 ms to a quarter of an hour: each tenth of its length is longer than the last. */
+/** The moments on a line from 1 ms to a quarter of an hour; its scale is logarithmic. */
 function picture(moments, base) {
-  const line = draw("svg", { class: "line-of-moments", viewBox: "-4 0 308 30", "aria-hidden": "true" });
+  const box = { viewBox: "-4 0 308 30", "aria-hidden": "true" };
+  const line = draw("svg", { class: "line-of-moments", ...box });
   const place = (seconds) => {
     const decade = Math.log10(Math.max(seconds, 10 ** FIRST_DECADE)) - FIRST_DECADE;
     return Math.min(1, decade / DECADES) * 300;
@@ -177,7 +181,8 @@ function picture(moments, base) {
   if (known(moments.first_message)) {
     const end = moments.returned ?? moments.ended;
     const to = known(end) ? place(end - base) : 300;
-    line.append(draw("path", { class: "stood-in", d: `M${place(moments.first_message - base)} 11H${to}` }));
+    const from = place(moments.first_message - base);
+    line.append(draw("path", { class: "stood-in", d: `M${from} 11H${to}` }));
   }
   for (const [name] of MOMENTS) {
     if (!known(moments[name])) continue;

@@ -31,7 +31,14 @@ export function setText(element, text) {
 export function setName(element, name) {
   if (element.textContent === name) return;
   const parts = name.split(/(?<=[^/_][/_])(?=[^/_])/);
-  element.replaceChildren(...parts.flatMap((part, index) => (index ? [make("wbr"), part] : [part])));
+  element.replaceChildren(...parts.flatMap((part, at) => (at ? [make("wbr"), part] : [part])));
+}
+
+/** What is told of something, each under its term; a row without a text is left out. */
+export function facts(pairs) {
+  const told = pairs.filter(([, text]) => text);
+  const row = ([term, text]) => make("div", {}, make("dt", {}, term), make("dd", {}, text));
+  return make("dl", {}, ...told.map(row));
 }
 
 /** The same for an attribute; null takes it away. */

@@ -1,5 +1,6 @@
 // A row for each service; what needs attention stands first. Only what changed is touched.
-import { byId, make, makeStop, roving, setAttribute, setName, setShape, setText, shape } from "./page.js";
+import { byId, make, makeStop, roving } from "./page.js";
+import { setAttribute, setName, setShape, setText, shape } from "./page.js";
 import { Strip } from "./strip.js";
 import { known, measured, short, word } from "./words.js";
 
@@ -16,7 +17,7 @@ export function urgency(state) {
 }
 
 export class Services {
-  /** `ask(what, name)` is called with "service" or "node" and a name, when somebody asks about it. */
+  /** `ask(what, name)` is called when somebody asks about a "service" or a "node". */
   constructor(ask) {
     this.body = byId("rows");
     this.rows = new Map();
@@ -58,8 +59,9 @@ export class Services {
 
   sort() {
     const focused = document.activeElement;
+    const rank = (row) => urgency(row.state);
     const order = [...this.rows.values()].sort(
-      (one, other) => urgency(one.state) - urgency(other.state) || one.name.localeCompare(other.name),
+      (one, other) => rank(one) - rank(other) || one.name.localeCompare(other.name),
     );
     order.forEach(({ element }, index) => {
       const there = this.body.children[index];
@@ -142,7 +144,8 @@ class Row {
     }
     this.substituted = service.publisher === service.substitute;
     setName(this.topic, service.topic);
-    setText(this.detail, service.state === "well" ? "" : service.detail || "");
+    const told = service.state === "well" || service.substitute ? "" : service.detail;
+    setText(this.detail, told);
     setText(this.rate, known(service.rate) ? short(service.rate, 3) : "–");
     setText(this.wanted, service.period ? ` of ${short(1 / service.period, 3)} Hz` : " Hz");
     setName(this.publisher, service.publisher || "");

@@ -95,7 +95,8 @@ class View {
   showConnection() {
     const { lostAt } = this;
     const older = this.document && this.document.version !== VERSION;
-    document.documentElement.dataset.connection = lostAt ? "lost" : this.document ? "live" : "opening";
+    const state = this.document ? "live" : "opening";
+    document.documentElement.dataset.connection = lostAt ? "lost" : state;
     const live = this.document ? `Live, ${clock(this.document.now)}` : "Connecting";
     setText(byId("connection-text"), lostAt ? "Connection lost" : live);
     byId("lost").hidden = !lostAt && !older;
@@ -136,7 +137,7 @@ function merged(incidents, changes) {
   return [...changed.values(), ...kept];
 }
 
-/** A link within the page moves the focus, and leaves the address, which may hold a token, as it is. */
+/** A link within the page moves the focus; the address, which may hold a token, stays as it is. */
 document.querySelector(".skips").addEventListener("click", (event) => {
   const link = event.target.closest("a");
   if (!link) return;

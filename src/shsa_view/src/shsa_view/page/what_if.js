@@ -1,6 +1,6 @@
 // What if: what healing would do if a service or a whole node failed now, and what is left then.
 import { ask } from "./connection.js";
-import { byId, make, setText } from "./page.js";
+import { byId, facts, make, setText } from "./page.js";
 import { known, list, plusMinus, short, unit } from "./words.js";
 
 const LIMIT_MS = 15000;
@@ -23,14 +23,15 @@ export class WhatIf {
     this.number += 1;
     const number = this.number;
     if (!this.dialog.open) this.before = document.activeElement;
-    setText(byId("question"), what === "node" ? `What if the node ${name} died?` : `What if ${name} failed?`);
+    const question = what === "node" ? `What if the node ${name} died?` : `What if ${name} failed?`;
+    setText(byId("question"), question);
     byId("answer").replaceChildren(make("p", { class: "quiet" }, "Searching …"));
     if (!this.dialog.open) this.dialog.show();
     byId("question").focus();
-    const service = what === "service" && Object.hasOwn(robot.services, name) ? robot.services[name] : null;
-    this.actions.offer(service);
+    this.actions.offer(what === "service" ? robot.services[name] : null);
+    const address = `api/what_if?${what}=${encodeURIComponent(name)}`;
     try {
-      const answer = await ask(`api/what_if?${what}=${encodeURIComponent(name)}`, { limit: LIMIT_MS });
+      const answer = await ask(address, { limit: LIMIT_MS });
       if (number !== this.number) return;
       byId("answer").replaceChildren(...told(answer, robot));
       this.shown(would(answer, robot));
@@ -52,7 +53,8 @@ export class WhatIf {
 function told(answer, robot) {
   const parts = answer.services.map((each) => section(each, robot));
   if (!parts.length) parts.push(make("p", {}, "No service is lost."));
-  parts.push(make("h3", {}, "What is left then"), make("p", { class: "left" }, answer.left || "Not known."));
+  const left = make("p", { class: "left" }, answer.left || "Not known.");
+  parts.push(make("h3", {}, "What is left then"), left);
   parts.push(...sets(answer.cut_sets || []));
   return parts;
 }
@@ -60,17 +62,17 @@ function told(answer, robot) {
 function section(each, robot) {
   const service = Object.hasOwn(robot.services, each.service) ? robot.services[each.service] : null;
   const verdict = each.found ? "would be taken over" : "nothing could stand in";
-  const facts = [
-    ["From", each.inputs && each.inputs.length ? list(each.inputs) : ""],
-    ["By", each.relations && each.relations.length ? list(each.relations) : ""],
+  const pairs = [
+    ["From", list(each.inputs, "")],
+    ["By", list(each.relations, "")],
     ["Expected error", each.found ? errors(each, service) : ""],
     ["Quality", each.found && known(each.quality) ? `${short(each.quality, 3)} of 1` : ""],
-    ["Missing", each.missing && each.missing.length ? list(each.missing) : ""],
+    ["Missing", list(each.missing, "")],
     ["", each.detail],
-  ].filter(([, text]) => text);
-  const rows = facts.map(([term, text]) => make("div", {}, make("dt", {}, term), make("dd", {}, text)));
-  const head = make("h3", { "data-found": each.found ? "yes" : "no" }, `${each.service}: ${verdict}`);
-  const parts = [head, make("dl", {}, ...rows)];
+  ];
+  const found = each.found ? "yes" : "no";
+  const head = make("h3", { "data-found": found }, `${each.service}: ${verdict}`);
+  const parts = [head, facts(pairs)];
   if (each.code) {
     const code = make("pre", { tabindex: "0", "aria-label": "Its code" }, each.code);
     parts.push(make("details", {}, make("summary", {}, "The code that would run"), code));
@@ -101,20 +103,15 @@ function sets(cutSets) {
   ];
 }
 
-/** The elements of the graph that would run. */
+/** The elements of the graph that would run: what yields the lost properties by which relation. */
 function would(answer, robot) {
   const ids = [];
   for (const each of answer.services.filter(({ found }) => found)) {
-    ids.push(...(each.derivation || []));
-    if (each.derivation) continue;
     const service = robot.services[each.service];
-    const properties = service ? Object.keys(service.properties) : [];
-    for (const relation of each.relations || []) {
-      for (const element of document.querySelectorAll(`g[id^="${CSS.escape(`relation-${relation}-`)}"]`)) {
-        if (properties.some((name) => element.id === `relation-${relation}-${name}`)) ids.push(element.id);
-      }
+    for (const property of service ? Object.keys(service.properties) : []) {
+      ids.push(`property-${property}`);
+      ids.push(...each.relations.map((relation) => `relation-${relation}-${property}`));
     }
-    ids.push(...properties.map((name) => `property-${name}`));
   }
   return ids;
 }

@@ -46,11 +46,13 @@ export function unit(text) {
 export function measured(property) {
   const { value, error_p95: p95, error_rms: rms } = property;
   const error = known(p95) ? p95 : rms;
-  const shown = !known(value) ? "–" : known(error) ? value.toFixed(decimals(error)) : short(value);
-  return { value: shown.replace("-", "−"), error: plusMinus(p95, rms), unit: unit(property.unit) };
+  const told = { error: plusMinus(p95, rms), unit: unit(property.unit) };
+  if (!known(value)) return { ...told, value: "–" };
+  const shown = known(error) ? value.toFixed(decimals(error)) : short(value);
+  return { ...told, value: shown.replace("-", "−") };
 }
 
-/** An expected error: what 95 % of the errors are within, else the root mean square, else nothing. */
+/** An expected error: what 95 % of the errors are within, else their root mean square. */
 export function plusMinus(p95, rms) {
   if (known(p95)) return `± ${short(p95, 2)}`;
   return known(rms) ? `± ${short(rms, 2)} rms` : "";
@@ -64,7 +66,8 @@ function decimals(error) {
 /** A number in a few digits, without an exponent where that is shorter. */
 export function short(number, digits = 4) {
   const magnitude = Math.abs(number);
-  if (number !== 0 && (magnitude < 1e-4 || magnitude >= 1e6)) return number.toExponential(digits - 1);
+  const extreme = number !== 0 && (magnitude < 1e-4 || magnitude >= 1e6);
+  if (extreme) return number.toExponential(digits - 1);
   const rounded = Number(number.toPrecision(digits));
   if (digits > 2 || rounded === 0) return String(rounded);
   return magnitude < 1 ? number.toFixed(decimals(number)) : String(rounded);
@@ -100,4 +103,4 @@ export function day(time, now) {
 }
 
 /** Names in a row. */
-export const list = (names) => (names && names.length ? names.join(", ") : "nothing");
+export const list = (names, none = "nothing") => (names.length ? names.join(", ") : none);
