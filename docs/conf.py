@@ -12,7 +12,7 @@ author = "the authors of this workspace"
 copyright = "the authors; BSD 3-clause"
 version = release
 
-# The workspace is the source, so that a link between files is right on the site and beside the code.
+# The workspace is the source: a link between files is right on the site and beside the code.
 root_doc = "docs/index"
 include_patterns = ["*.md", "docs/*.md", "docs/**/*.md", "examples/*.md", "examples/*/*.md"]
 exclude_patterns = ["build", "devel", "install", "results"]

@@ -303,7 +303,7 @@ def _fields(part: str) -> Iterable[Tuple[str, str, str]]:
 
 
 def _constants(path: Path) -> List[Tuple[str, str, str]]:
-    """Type, name and comment of each constant: the comment is the line above a text, else beside."""
+    """Type, name and comment of each constant: of a text, the comment is the line above."""
     found, above = [], ""
     for line in path.read_text("utf-8").splitlines():
         match = re.match(r"(\w+) (\w+) *= *([^#]*)(?:#(.*))?", line)
