@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 from shsa_core.cli.main import command_line
 from shsa_core.files import error_values, ontology_file, som_values
 from shsa_core.healing.settings import Settings as HealingSettings
-from shsa_core.language.functions import FUNCTIONS, STATEFUL
+from shsa_core.language.functions import CALLS, STATEFUL
 from shsa_core.model.checks import LEARNED, REGISTRY, Checks, Limit
 from shsa_core.model.host import Host
 from shsa_core.model.kinds import Kind
@@ -111,9 +111,8 @@ def ontology_function() -> str:
 def functions() -> str:
     """The functions of the language; those with a memory at the end."""
     rows = [
-        (code(f"{name}({each.takes})"), each.tells, memory)
-        for calls, memory in ((FUNCTIONS, ""), (STATEFUL, "yes"))
-        for name, each in dict(calls).items()
+        (code(f"{name}({each.takes})"), each.tells, "yes" if name in STATEFUL else "")
+        for name, each in CALLS.items()
     ]
     return table(("function", "what", "memory"), [*rows, ("`dt`", "s since the last one", "")])
 

@@ -130,8 +130,8 @@ def main() -> None:
         monitor = graph.python(MONITOR, *models)
         view = graph.python(VIEW, *models, "--port", str(options.port))
         pids = {"view": view.pid, "monitor": monitor.pid}
-        most = lambda: told(options.port) >= MOSTLY * TOPICS
-        wait_until(most, PATIENCE_S, "the view shows the services")
+        shows = lambda: told(options.port) >= MOSTLY * TOPICS
+        wait_until(shows, PATIENCE_S, "the view shows the services")
         for number in range(options.rounds):
             for readers in READERS:
                 found = measure(options.port, pids, readers, options.seconds)

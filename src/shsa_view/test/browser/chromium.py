@@ -47,7 +47,7 @@ class Browser:
 
     def size(self, width: int, height: int, scale: float = 1.0) -> None:
         """The window's size in px."""
-        metrics = {"width": width, "height": height, "deviceScaleFactor": scale}
+        metrics: Any = {"width": width, "height": height, "deviceScaleFactor": scale}
         self.driver.execute_cdp_cmd(
             "Emulation.setDeviceMetricsOverride", {**metrics, "mobile": width < 600}
         )

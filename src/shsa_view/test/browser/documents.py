@@ -98,7 +98,7 @@ def hostile() -> Document:
         robot={"state": HOSTILE, "text": HOSTILE},
         healing={"monitor": HOSTILE, "reconfigurator": "lost", "master": "alive", "text": HOSTILE},
         hosts={HOSTILE: {"state": "lost", "text": HOSTILE}},
-        incidents=[incident(name=HOSTILE, key=HOSTILE, **texts, **lists)],
+        incidents=[incident(1, HOSTILE, key=HOSTILE, **texts, **lists)],
         namespace=HOSTILE,
     )
 

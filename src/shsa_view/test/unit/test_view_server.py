@@ -38,11 +38,12 @@ class Served:
     """A view that is served in a thread."""
 
     def __init__(self, **settings: Any) -> None:
-        self.answers, self.facts = Slow(), [facts.TrustTold("checked")]
+        self.answers = Slow()
+        self.facts: List[facts.Fact] = [facts.TrustTold("checked")]
         self.said: List[str] = []
         self.ports: List[int] = []
         self._ended = threading.Event()
-        given = Settings(**{"port": 0, "token": "secret", **settings})
+        given = Settings(**{"port": 0, "token": "secret", **settings})  # type: ignore[arg-type]
         self.view = View(given, well(), self.answers, self._take, lambda: 1.0, self.said.append)
         arguments = (self.view, self._ended.is_set, self.ports.append)
         self._thread = threading.Thread(target=serve, args=arguments, daemon=True)

@@ -1,6 +1,6 @@
 """What messages of healing are to the view."""
 import math
-from typing import Any, Dict
+from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -61,8 +61,8 @@ def test_an_incident_is_the_one_that_was_told() -> None:
 
 
 def test_rates_and_values_are_read_from_diagnostics() -> None:
-    told = {"topic": "/t", "__n": "healthy, 49.8 Hz, last good message 0.01 s ago"}
-    values: Dict[str, str] = {"current": "2.5", "broken": "nan", "text": "a"}
+    told: Any = {"topic": "/t", "__n": "healthy, 49.8 Hz, last good message 0.01 s ago"}
+    values: Any = {"current": "2.5", "broken": "nan", "text": "a"}
     message = diagnostics("/monitor", "monitor: x", **told, **values)
     reader = wire.Diagnostics("/")
     assert reader.sender(message) == "monitor"

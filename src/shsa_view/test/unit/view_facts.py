@@ -38,7 +38,13 @@ def substitute(publishing: bool, node: str = SUBSTITUTE) -> facts.Substitute:
 
 def incident(state: State, **values: Any) -> Incident:
     """An incident of the ammeter."""
-    told = {"id": 1, "detected": 100.0, "kind": Kind.NODE_GONE, "detail": "it is gone", **values}
+    told: Any = {
+        "id": 1,
+        "detected": 100.0,
+        "kind": Kind.NODE_GONE,
+        "detail": "it is gone",
+        **values,
+    }
     return Incident(
         service="ammeter",
         topic="/current",
