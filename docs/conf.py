@@ -19,7 +19,7 @@ exclude_patterns = ["build", "devel", "install", "results"]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "reference_directive"]
 
 myst_heading_anchors = 4
-myst_enable_extensions = ["deflist"]
+myst_enable_extensions = ["deflist", "html_image"]
 default_role = "code"
 highlight_language = "none"
 nitpicky = True

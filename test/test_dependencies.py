@@ -75,8 +75,9 @@ def beside(folder: Path) -> FrozenSet[str]:
 def elsewhere() -> FrozenSet[str]:
     """What tests import from benchmarks, fuzzing from unit tests, and who drives a browser."""
     folders = ("src/*/bench/*.py", "src/*/test/unit/audit.py", "src/*/test/browser/*.py")
-    found = {other.stem for folder in folders for other in ROOT.glob(folder)} | {"attempts"}
-    return frozenset(found | {p.parent.name for p in ROOT.glob("src/*/bench/*/__init__.py")})
+    found = {other.stem for folder in folders for other in ROOT.glob(folder)}
+    found |= {p.parent.name for p in ROOT.glob("src/*/bench/*/__init__.py")}
+    return frozenset(found | {"attempts", "conftest"})
 
 
 @lru_cache(maxsize=None)
