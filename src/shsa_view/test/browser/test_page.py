@@ -280,7 +280,9 @@ def test_a_lost_connection_says_so_and_comes_back(chromium: Browser, served: Lis
     chromium.driver.get("about:blank")
 
 
-@pytest.mark.parametrize("document", [robot, hostile, lambda: large(30)], ids=str)
+@pytest.mark.parametrize(
+    "document", [robot, hostile, lambda: large(30)], ids=("robot", "hostile", "large")
+)
 def test_a_phone_needs_no_sideways_scrolling(
     browser: Browser, served: List[Fed], document: Any
 ) -> None:
