@@ -136,6 +136,7 @@ class Judgement:
             killed=None if self._faulty.kept else self.incident.killed,
             detail=detail,
             missing=none.missing if isinstance(none, NoSubstitute) else (),
+            unavailable=now.planner.unavailable(self.service),
             substitute="",
             inputs=program.inputs,
             code=program.code,

@@ -1,5 +1,4 @@
 """What is done when the state of a service changes: the actions of the table in `transitions`."""
-from dataclasses import replace
 from typing import List, Optional
 
 from shsa_core.codegen.plans import Plan
@@ -163,7 +162,6 @@ class Repair(Judgement):
     def _heal(self, now: Snapshot) -> List[Request]:
         """Search, decide about the node, and set a process to work: the one at hand, or another."""
         assert self.incident is not None
-        self.incident = replace(self.incident, unavailable=now.planner.unavailable(self.service))
         plan, none = self._search(now)
         requests = self._judge(now, plan is not None)
         if self._faulty.babbles or self._idle(now):
@@ -210,6 +208,7 @@ class Repair(Judgement):
             quality=plan.quality,
             errors=tuple(each.error for each in calibrated),
             missing=(),
+            unavailable=now.planner.unavailable(self.service),
         )
 
     def _prepare(self, now: Snapshot) -> List[Request]:
@@ -254,6 +253,7 @@ class Repair(Judgement):
             state=state,
             detail=text,
             missing=missing,
+            unavailable=now.planner.unavailable(self.service),
             substitute=self.node,
             inputs=(),
             code=program.code,
