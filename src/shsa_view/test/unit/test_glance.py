@@ -144,7 +144,8 @@ def test_keys_move_sort_and_end() -> None:
 
 
 CHILD = """
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # who runs the tests may ignore it
 sys.path.insert(0, sys.argv.pop(1))
 from test_glance import document
 from shsa_view.terminal import show
