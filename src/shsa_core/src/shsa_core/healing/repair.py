@@ -163,7 +163,14 @@ class Repair(Judgement):
     def _heal(self, now: Snapshot) -> List[Request]:
         """Search, decide about the node, and set a process to work: the one at hand, or another."""
         assert self.incident is not None
+        before = self.incident.unavailable
         self.incident = replace(self.incident, unavailable=now.planner.unavailable(self.service))
+        requests = self._set_to_work(now)
+        told = any(isinstance(each, ShowIncident) for each in requests)
+        return requests if told or self.incident.unavailable == before else requests + self._step()
+
+    def _set_to_work(self, now: Snapshot) -> List[Request]:
+        assert self.incident is not None
         plan, none = self._search(now)
         requests = self._judge(now, plan is not None)
         if self._faulty.babbles or self._idle(now):
