@@ -236,5 +236,16 @@ def _som(folder: Path, standby: str) -> Path:
 
 def _processes(computer: Computer, node: str) -> List[psutil.Process]:
     """The processes of a node on a computer, without those that start it."""
-    named = lambda each: f"__name:={node[1:]}" in each.cmdline()
-    return [p for p in computer.processes() if named(p) and "rosrun" not in " ".join(p.cmdline())]
+    found = {each: _words(each) for each in computer.processes()}
+    started = lambda words: "rosrun" in " ".join(words)
+    return [
+        p for p, words in found.items() if f"__name:={node[1:]}" in words and not started(words)
+    ]
+
+
+def _words(process: psutil.Process) -> List[str]:
+    """The command of a process; none if it has ended by now."""
+    try:
+        return list(process.cmdline())
+    except psutil.NoSuchProcess:
+        return []
