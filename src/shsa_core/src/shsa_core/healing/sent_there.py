@@ -50,5 +50,7 @@ class SentThere:
         if strained:
             return Doubt(seen, STRAINED)
         since = time if time - last > FORGET_S else since
+        if time - since >= STEADY_S:
+            return None
         self._slow[node] = since, time
-        return None if time - since >= STEADY_S else Doubt(seen, PASSES)
+        return Doubt(seen, PASSES)
