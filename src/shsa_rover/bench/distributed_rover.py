@@ -22,6 +22,7 @@ from shsa_msgs.msg import Incident
 
 from shsa_core.ros.graph import clock, secret
 from shsa_testing.computers import Computer, Computers
+from shsa_testing.graph import publishers
 from shsa_testing.healing import HealedRobot
 from shsa_testing.link import Link
 from shsa_testing.waiting import wait_until
@@ -85,7 +86,8 @@ class DistributedRover:
         self.healing.await_verified(NODE, seconds=PATIENCE_S)
         open_ = lambda: [e for e in self.healing.incidents.values() if e.state != Incident.ENDED]
         wait_until(lambda: not open_(), PATIENCE_S, "all incidents have ended")
-        wait_until(lambda: self.healing.substitutions, PATIENCE_S, "a substitute at hand")
+        at_hand = lambda: set(publishers(TOPIC)) - {NODE}
+        wait_until(at_hand, PATIENCE_S, "a substitute is at hand, and has advertised the topic")
         returned = (clock.from_stamp(self._incident().returned) or 0.0) if self.latest() else 0.0
         calm = lambda: time.monotonic() > returned + RELAPSE_S and self.speakers(1.0) == [NODE]
         wait_until(calm, PATIENCE_S, "the amperemeter alone publishes for a while")
@@ -236,5 +238,16 @@ def _som(folder: Path, standby: str) -> Path:
 
 def _processes(computer: Computer, node: str) -> List[psutil.Process]:
     """The processes of a node on a computer, without those that start it."""
-    named = lambda each: f"__name:={node[1:]}" in each.cmdline()
-    return [p for p in computer.processes() if named(p) and "rosrun" not in " ".join(p.cmdline())]
+    found = {each: _words(each) for each in computer.processes()}
+    started = lambda words: "rosrun" in " ".join(words)
+    return [
+        p for p, words in found.items() if f"__name:={node[1:]}" in words and not started(words)
+    ]
+
+
+def _words(process: psutil.Process) -> List[str]:
+    """The command of a process; none if it has ended by now."""
+    try:
+        return list(process.cmdline())
+    except psutil.NoSuchProcess:
+        return []

@@ -4,10 +4,10 @@ The rover runs on three computers made of namespaces, healed from the notebook; 
 Of each repetition: `outage_ms`, the longest pause between fresh messages; `lost`, messages that the
 consumer missed, counted by their numbers, and where the publisher changed by the pause; `late`,
 messages of the amperemeter that were older than the deadline as they came; `taken`, how many of
-them came while it was the publisher by healing's word; `delayed`, messages of substitutes that were
-as old, as where the computer has too much to do; `publishers` that are heard once the dust has
-settled, and `two_heard_ms`, for how long two were heard with fresh messages; `ended`, nodes that
-healing had ended though only their link was bad.
+them came while it was the publisher by healing's word, and `taken_age_ms`, how old the oldest of
+these was; `delayed`, messages of substitutes that were as old, as where the computer has too much
+to do; `publishers` that are heard once the dust has settled, and `two_heard_ms`, for how long two
+were heard with fresh messages; `ended`, nodes that healing ended though only their link was bad.
 
 Writes hosts.csv, hosts_goals.csv and hosts.png. Needs the right to make namespaces.
 """
@@ -63,7 +63,15 @@ def show(rows: Dict[str, List[Outcome]]) -> None:
     """Print the table."""
     columns = (
         *("", "n", "outage, ms", "lost", "late"),
-        *("late, taken", "delayed", "publishers", "two heard, ms", "incidents", "ended"),
+        *(
+            "late, taken",
+            "oldest taken, ms",
+            "delayed",
+            "publishers",
+            "two heard, ms",
+            "incidents",
+            "ended",
+        ),
     )
     table: List[Tuple[str, ...]] = []
     for name, outcomes in rows.items():
@@ -76,6 +84,7 @@ def show(rows: Dict[str, List[Outcome]]) -> None:
                 in_words(of("lost"), 0),
                 in_words(of("late"), 0),
                 str(max(of("taken"), default="")),
+                f"{max(of('taken_age_ms'), default=0.0):.0f}",
                 str(max(of("delayed"), default="")),
                 str(max(of("publishers"), default="")),
                 in_words(of("two_heard_ms"), 0),

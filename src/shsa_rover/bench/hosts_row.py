@@ -29,6 +29,7 @@ class Outcome(NamedTuple):
     lost: int
     late: int
     taken: int
+    taken_age_ms: float
     delayed: int
     publishers: int
     two_heard_ms: float
@@ -102,6 +103,7 @@ def measure(rover: DistributedRover, row: Row) -> Outcome:
     heard, steps = rover.since(begun), rover.steps(before)
     stale = [each for each in heard if each.age > DEADLINE_S]
     late = [each for each in stale if each.node == NODE]
+    taken = [each for each in late if counts(each.at, steps)]
     fresh = [each for each in heard if each.age <= DEADLINE_S]
     until = float("inf") if row.lasts else mended  # a node that starts takes processor time
     outage = [each for each in fresh if each.at < until]
@@ -109,7 +111,8 @@ def measure(rover: DistributedRover, row: Row) -> Outcome:
         1e3 * max(b.at - a.at for a, b in zip(outage, outage[1:])),
         lost(outage),
         len(late),
-        sum(counts(each.at, steps) for each in late),
+        len(taken),
+        1e3 * max((each.age for each in taken), default=0.0),
         len(stale) - len(late),
         len(settled),
         1e3 * two_heard(fresh),

@@ -126,6 +126,21 @@ def test_each_computer_has_its_own_idle_processes() -> None:
     assert sorted(row.host for row in robot.idle_rows()) == [BOARD, BOARD, PI, PI]
 
 
+def test_a_process_that_stands_by_elsewhere_takes_over_where_none_is_left() -> None:
+    a, b, c = som(standby=Standby.WARM)
+    two = replace(service("c", C, needed=True), name="c2", topic="/c2", node="/c2_node")
+    two = replace(two, standby=Standby.WARM, placement=Placement(prefer=(PI,)))
+    robot = Robot(Som([a, b, c, two], [Host(PI), Host(BOARD)]))
+    seen(robot, 1.0, PI, BOARD)
+    robot.handle(events.Tick(3.0))
+    robot.idle(3.0)
+    rows = {row.host: row.node for row in robot.idle_rows()}
+    robot.handle(events.ProcessExited(4.0, rows[BOARD], "killed"))
+    commands = robot.fail("/a", A, 4.1)
+    assert only(commands, events.AssignSubstitute).node == rows[PI]
+    assert "cold start" not in str(commands) and not has(commands, events.StartSubstitute)
+
+
 def test_a_computer_on_which_nothing_starts_holds_up_no_other() -> None:
     a, b, c = som(standby=Standby.WARM)
     two = replace(service("c", C, needed=True), name="c2", topic="/c2", node="/c2_node")

@@ -8,6 +8,7 @@ from hosts_robot import PI, back, distributed, seen, silent, steady, takes_over
 from shsa_core.healing import events
 from shsa_core.healing.awaited_kills import CERTAIN_S
 from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.sent_there import SentThere
 from shsa_core.model.kinds import Contain, Standby
 
 
@@ -63,11 +64,53 @@ def test_a_node_that_sends_at_its_rate_is_not_killed_for_what_the_link_makes_of_
     commands = robot.handle(events.NodeFound(10.6, A, events.Where.HERE, rate=50.0))
     assert not has(robot.said, events.AskToLeave) and publishing(robot) == (True,)
     assert "on its own computer it sends 50 messages/s" in last_incident(commands).detail
-    for rate in (10.0, 100.0):
-        robot = distributed(standby=Standby.HOT)
-        robot.failure("/a", A, 10.0, kind, "20 in 1 s.", 9.9)
-        there = events.NodeFound(10.6, A, events.Where.HERE, rate=rate)
-        assert only(robot.handle(there), events.AskToLeave).node == A
+
+
+def test_a_node_that_sends_too_much_on_its_own_computer_is_killed_at_once() -> None:
+    robot = distributed(standby=Standby.HOT)
+    robot.failure("/a", A, 10.0, "rate_high", "200 in 1 s.", 9.9)
+    there = events.NodeFound(10.6, A, events.Where.HERE, rate=200.0)
+    assert only(robot.handle(there), events.AskToLeave).node == A
+
+
+def slow(robot: Robot, load: float = 0.5) -> List[events.Command]:
+    """A is slow here, and so it is each time that its computer is asked; what the last led to."""
+    find = robot.failure("/a", A, 10.0, "rate_low", "50 in 1.8 s.", 9.9)
+    commands: List[events.Command] = []
+    for number in range(3):
+        assert only(find, events.FindNode) and not has(robot.said, events.AskToLeave)
+        time = 10.6 + 3.0 * number
+        seen(robot, time, PI, load=load)
+        commands = robot.handle(events.NodeFound(time, A, events.Where.HERE, rate=28.0))
+        find = [] if number == 2 else steady(robot, time, time + CERTAIN_S + 0.5, PI)
+    return commands
+
+
+def test_a_node_that_stays_slow_on_its_own_computer_is_killed() -> None:
+    assert only(slow(distributed(standby=Standby.HOT)), events.AskToLeave).node == A
+
+
+def test_a_node_is_not_killed_for_being_slow_where_too_much_is_to_be_done() -> None:
+    robot = distributed(standby=Standby.HOT)
+    assert not has(slow(robot, load=4.0), events.AskToLeave) and publishing(robot) == (True,)
+    incident = robot.core.incident("a")
+    assert incident is not None and "its computer has too much to do" in incident.decision
+
+
+def test_who_is_slow_now_and_then_is_not_slow_for_good() -> None:
+    looks, slow = SentThere(), (28.0, 0.02, False)
+    for time in (0.0, 2.6, 20.0, 22.6):
+        assert looks.doubt(time, A, *slow)
+    assert looks.doubt(25.0, A, 50.0, 0.02, False) and looks.doubt(26.0, A, *slow)
+    assert looks.doubt(30.0, A, *slow) is None
+
+
+def test_that_a_node_is_killed_is_not_said_before_its_computer_was_asked() -> None:
+    robot = distributed(standby=Standby.HOT)
+    said = last_incident(robot.failure("/a", A, 10.0, "rate_low", "20 in 1 s.", 9.9)).decision
+    assert said == f"{A} is killed if it fails on its own computer as well"
+    robot.killed(10.6, A)
+    assert last_incident(robot.said).decision == f"{A} is gone"
 
 
 def test_a_node_here_has_no_link_and_is_killed_by_what_is_heard() -> None:

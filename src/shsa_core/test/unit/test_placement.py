@@ -27,7 +27,7 @@ def placed(
     hosts: Tuple[Host, ...] = HOSTS,
     seen: Iterable[HostSeen] = tuple(HostSeen(0.0, each.name, 0.5, 4.0) for each in HOSTS),
     lately: Dict[str, List[Cost]] = {},
-    rather: Optional[str] = None,
+    idle: Tuple[str, ...] = (),
     own: str = "",
     lost: str = "",
     time: float = 1.0,
@@ -41,7 +41,7 @@ def placed(
     if lost:
         known.lose(HostLost(0.5, lost, "silent"))
     placement = Placement(known, lambda host, _: lately.get(host, []), lambda: som)
-    return placement.place(time, a, plan(som), rather)
+    return placement.place(time, a, plan(som), BOOK, idle)
 
 
 def plan(som: Som) -> Plan:
@@ -99,15 +99,21 @@ def test_our_own_computer_goes_by_its_name_as_well() -> None:
 
 
 def test_where_a_process_stands_by_is_taken_rather_if_it_may_be() -> None:
-    assert placed(rather=BOOK).host == BOOK
-    assert placed(wanting(forbid=(BOOK,)), rather=BOOK).host == PI
+    assert placed().host == PI and placed(idle=(PI, BOARD, BOOK)).host == BOOK
+    assert placed(wanting(forbid=(BOOK,)), idle=(BOOK,)).host == PI
+
+
+def test_a_process_that_stands_by_elsewhere_is_taken_rather_than_one_that_must_start() -> None:
+    assert placed(idle=(BOARD,)).host == BOARD
+    assert placed(idle=(BOARD, PI)).host == PI
+    assert placed(wanting(forbid=(BOARD,)), idle=(BOARD,)).host == PI
 
 
 def test_who_is_busy_for_a_while_keeps_the_process_that_stands_by() -> None:
     busy = [HostSeen(0.0, BOOK, 4.0, 4.0), HostSeen(0.0, PI, 0.0, 4.0)]
-    assert placed(seen=busy, rather=BOOK) == Place(BOOK)
+    assert placed(seen=busy, idle=(BOOK,)) == Place(BOOK)
     limited = (Host(PI), Host(BOARD), Host(BOOK, 4.0))
-    assert placed(seen=busy, rather=BOOK, hosts=limited).host == PI
+    assert placed(seen=busy, idle=(BOOK,), hosts=limited).host == PI
 
 
 def test_where_a_process_stands_by_does_not_go_by_the_load() -> None:

@@ -79,11 +79,12 @@ class Aftermath(Succession):
         return commands
 
     def _sends(self, over: NodeSends) -> List[Command]:
-        """A node does well on its own computer; that is asked again while it is missed here."""
+        """A node may do well on its own computer, which is asked again while it is missed here."""
         commands: List[Command] = []
         self._awaited.add(over.time, over.node, self._where.host_of(over.node), True)
         for name in self._concern.blaming(over.node):
-            commands += self._ask(name, lambda healing, now: healing.sends(now, over.detail))
+            told = over.detail, over.cause
+            commands += self._ask(name, lambda healing, now: healing.sends(now, *told))
         return commands
 
     def _kill_again(self, node: str) -> List[Command]:

@@ -12,8 +12,8 @@ from shsa_core.model.service import Service
 class FaultyNode:
     """What is decided about a faulty node, and what it may do meanwhile.
 
-    `decision` says it in words. `heard`: it may publish, so that nobody else should. `cut_off`: it
-    does well on its own computer.
+    `decision` says it in words. `heard`: it may publish, so that nobody else should. `excuse`: what
+    else may be the cause, as its own computer tells; empty: nothing is known.
     """
 
     def __init__(self) -> None:
@@ -21,7 +21,8 @@ class FaultyNode:
         self.kind = Kind.OTHER
         self.decision = ""
         self.heard = False
-        self.cut_off = False
+        self.excuse = ""
+        self._asked = False  # its own computer is, before it is killed
         self._fate = Fate.NONE
 
     @property
@@ -44,7 +45,7 @@ class FaultyNode:
         self.name, self.kind = name, kind
         self._fate = Fate.OPEN
         self.heard = kind is not Kind.NODE_GONE
-        self.cut_off = False
+        self.excuse = ""
 
     def judge(
         self, now: Snapshot, replaced: bool, restarted: bool, taken_over: bool
@@ -64,8 +65,12 @@ class FaultyNode:
             self._fate, self.heard = Fate.WAITS, False
             return []
         self._fate = Fate.KILLED if verdict.kill else Fate.KEPT
+        self._asked = False
         if verdict.kill:
             kill = self.kill(now.service)
+            self._asked = kill.period > 0.0 and now.far and self.name == now.service.node
+            if self._asked:
+                self.decision = f"{self.name} is killed if it fails on its own computer as well"
             if kill.only_here and now.parted:
                 self.heard = False  # its kill may wait for its computer, and nobody hears it
             return [kill]
@@ -104,13 +109,13 @@ class FaultyNode:
         """Its connection was lost, but it still runs: it is as good as silent."""
         self.kind = Kind.SILENT
 
-    def sends(self, why: str) -> None:
-        """It does well on its own computer, and is as good as silent here."""
-        self.decision = f"{self.name} is not killed: {why}, so it is its link that fails"
-        self._fate, self.heard, self.cut_off = Fate.NONE, False, True
+    def sends(self, seen: str, cause: str) -> None:
+        """It may do well, and is as good as silent here."""
+        self.decision = f"{self.name} is not killed: {seen}, {cause}"
+        self._fate, self.heard, self.excuse = Fate.NONE, False, cause
 
-    def gone(self) -> None:
+    def gone(self, certain: bool = False) -> None:
         """It is gone, or cannot be reached to make sure."""
-        if self.kept:
+        if self.kept or (certain and self._asked):
             self.decision = f"{self.name} is gone"
         self._fate, self.heard = Fate.NONE, False

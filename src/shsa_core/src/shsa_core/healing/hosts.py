@@ -9,6 +9,8 @@ from shsa_core.healing.settings import Settings
 
 SETTLE_S = 2.0
 """Computers come one after the other: what stands by is placed anew once they have."""
+STRAINED = 0.9
+"""Of its cores: a computer that has more of them busy makes well nodes slow."""
 MISSED_S = 1.5
 """A computer that was not heard for so long was cut off, though nobody said so."""
 
@@ -84,6 +86,11 @@ class Hosts:
     def word(self, host: str) -> Optional[HostSeen]:
         """What a computer has told of itself last."""
         return self._known[host].word if host in self._known else None
+
+    def strained(self, host: str) -> bool:
+        """Whether a computer has too much to do, by what it has told last."""
+        word = self.word(host)
+        return word is not None and word.load >= STRAINED * word.cores > 0.0
 
     def heard(self, host: str) -> float:
         """When a computer was heard last, in s."""

@@ -3,7 +3,6 @@ from dataclasses import dataclass, field
 from typing import Dict, FrozenSet, List, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda, doubled
-from shsa_core.model.checks import RateHigh, RateLow
 from shsa_core.healing.events import (
     AskToLeave,
     ClearNode,
@@ -15,6 +14,7 @@ from shsa_core.healing.events import (
     ProcessUntouchable,
     Where,
 )
+from shsa_core.healing.sent_there import SentThere
 
 FIND_TIMEOUT_S = 2.0
 EXIT_TIMEOUT_S = 1.0
@@ -24,8 +24,6 @@ LONGEST_AGAIN_S = 60.0
 LISTEN_S = 0.5
 LISTEN_PERIODS = 3.0
 """What a node sends on its own computer is counted for so long, whichever is more."""
-USUAL = RateLow.usual, RateHigh.usual
-"""Of its usual rate: who sends about that much on its own computer does well there."""
 
 
 @dataclass(frozen=True)
@@ -86,11 +84,12 @@ class NodeUnreached:
 
 @dataclass(frozen=True)
 class NodeSends:
-    """A node that was to be killed does well on its own computer: what failed is the link."""
+    """A node that was to be killed may do well: what its own computer says of it, and the cause."""
 
     time: float
     node: str
     detail: str
+    cause: str
 
 
 Over = Union[NodeKilled, NodeSpared, NodeUnreached, NodeSends]
@@ -130,6 +129,7 @@ class Kills:
         self._agenda: Agenda[str] = Agenda()
         self._again: Agenda[str] = Agenda()
         self._tries: Dict[str, int] = {}
+        self._sent_there = SentThere()
 
     @property
     def deadline(self) -> Optional[float]:
@@ -159,8 +159,10 @@ class Kills:
         self._again.set(kill.node, None)
         return [self._find(time, kill.node, kill.topic)]
 
-    def found(self, event: NodeFound) -> Tuple[List[Command], Optional[Over]]:
-        """It is known where the process of a node runs."""
+    def found(
+        self, event: NodeFound, strained: bool = False
+    ) -> Tuple[List[Command], Optional[Over]]:
+        """It is known where the process of a node runs; `strained`: much is to be done there."""
         kill, node, time = self._kills.get(event.node), event.node, event.time
         if kill is None or kill.where is not None:
             return [], None
@@ -187,9 +189,11 @@ class Kills:
         if event.where is Where.UNKNOWN:
             why = event.detail or "it cannot be verified which process it is"
             return [], self._over(time, node, False, why)
-        if kill.period and event.where is Where.HERE and not _fails(event.rate, kill.period):
-            self._end(node)
-            return [], NodeSends(time, node, _told(event.rate))
+        if kill.period and event.where is Where.HERE:
+            doubt = self._sent_there.doubt(time, node, event.rate, kill.period, strained)
+            if doubt is not None:
+                self._end(node)
+                return [], NodeSends(time, node, *doubt)
         if event.where is Where.STOPPED or (kill.at_once and event.where is Where.HERE):
             return self._force(time, node, kill), None
         if kill.period and event.where is Where.ELSEWHERE and not kill.only_here:
@@ -279,14 +283,3 @@ class Kills:
         del self._kills[node]
         self.nodes = frozenset(self._kills)
         self._agenda.set(node, None)
-
-
-def _fails(rate: Optional[float], period: float) -> bool:
-    """Whether a node fails by itself that sends so many messages/s on its own computer."""
-    return rate is not None and not USUAL[0] <= rate * period <= USUAL[1]
-
-
-def _told(rate: Optional[float]) -> str:
-    if rate is None:
-        return "nobody is connected to it on its own computer"
-    return f"on its own computer it sends {rate:.0f} messages/s"

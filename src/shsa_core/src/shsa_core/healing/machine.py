@@ -220,7 +220,8 @@ class Reconfigurator(Hearing):
         return commands
 
     def _node_found(self, event: events.NodeFound) -> List[Command]:
-        commands, over = self._kills.found(event)
+        strained = self._hosts.strained(self._where.host_of(event.node))
+        commands, over = self._kills.found(event, strained)
         return commands + self._killed([over] if over else [])
 
     def _node_left(self, event: events.NodeLeft) -> List[Command]:

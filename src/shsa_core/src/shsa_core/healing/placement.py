@@ -3,7 +3,7 @@
 Section IV-A of the paper: a substitute may run on dedicated hardware.
 """
 from dataclasses import dataclass
-from typing import Callable, Dict, Iterable, List, Optional, Tuple
+from typing import Callable, Collection, Dict, Iterable, List, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
@@ -62,16 +62,29 @@ class Placement:
         self._lately = lately
         self._som = som
 
-    def place(self, time: float, service: Service, plan: AnyPlan, rather: Optional[str]) -> Place:
-        """The computer for a plan; `rather`: the one where a process stands by, if it may be used.
+    def place(
+        self,
+        time: float,
+        service: Service,
+        plan: AnyPlan,
+        ready: str = "",
+        idle: Collection[str] = (),
+    ) -> Place:
+        """The computer for a plan: rather one of those where an idle process can be set to work.
 
-        That one need not have room now: it takes over at once, and any other starts beforehand.
-        Raises NoRoom if there is none.
+        `idle` are those, and `ready` is the one on which they have prepared for this service. They
+        need not have room now: any other process has to start first. Raises NoRoom if there is no
+        computer.
         """
-        return self.beside(time, service, self._inputs(plan), rather)
+        return self.beside(time, service, self._inputs(plan), ready, idle)
 
     def beside(
-        self, time: float, service: Service, inputs: List[Service], rather: Optional[str] = None
+        self,
+        time: float,
+        service: Service,
+        inputs: List[Service],
+        ready: str = "",
+        idle: Collection[str] = (),
     ) -> Place:
         """The same for a substitute that reads `inputs`, services that differ."""
         if not self._som().hosts:
@@ -79,9 +92,9 @@ class Placement:
         passed_over: List[str] = []
         order = self._order(time, service, inputs)
         costs = {host: self._cost(inputs, service, host) for host in order}
-        if rather is not None and rather in order:
-            if not self._no_room(rather, costs[rather], self._said(rather)):
-                return Place(rather)
+        for host in sorted(order, key=lambda each: each != ready):
+            if host in idle and not self._no_room(host, costs[host], self._said(host)):
+                return Place(host)
         for host in order:
             why = self._no_room(host, costs[host], self._limits(host))
             if not why:

@@ -81,6 +81,10 @@ class Pool:
         """The processes on a computer."""
         return [node for node, of in self._hosts.items() if of == host]
 
+    def hosts(self) -> Set[str]:
+        """The computers that have a process to set to work."""
+        return {host for node, host in self._hosts.items() if node not in self._silent}
+
     def spare(self, host: str) -> Spare:
         """A process on a computer to set to work, rather one that was heard already."""
         ready = [node for node in self.on(host) if node not in self._silent]

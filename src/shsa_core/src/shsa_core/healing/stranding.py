@@ -75,11 +75,11 @@ class Stranding(Resumption):
         text = f"{self.incident.topic}: {self.incident.faulty_node} may still run: {why}."
         return [Log(Level.WARN, text), *self._step(detail=text)]
 
-    def sends(self, now: Snapshot, why: str) -> List[Request]:
-        """The faulty node does well on its own computer: its substitute bridges the bad link."""
+    def sends(self, now: Snapshot, seen: str, cause: str) -> List[Request]:
+        """The faulty node may do well on its own computer: its substitute bridges what is bad."""
         assert self.incident is not None
-        known = self._faulty.cut_off
-        self._faulty.sends(why)
+        known = self._faulty.excuse == cause
+        self._faulty.sends(seen, cause)
         if known:
             return []
         text = f"{self.incident.topic}: {self._faulty.decision}."

@@ -87,7 +87,7 @@ class TopicHealing(Stranding):
         assert self.incident is not None and self.incident.faulty_node == event.node
         if not event.certain:
             return self._left_alone(now, f"{event.node} may still be running: {event.detail}")
-        self._faulty.gone()
+        self._faulty.gone(certain=True)
         self._return.confirm()
         if event.node != now.service.node:
             self._return.give_up()  # how a stranger was started is not known

@@ -68,8 +68,9 @@ class Whereabouts:
     def place(self, time: float, service: Service, plan: AnyPlan) -> Place:
         """The computer for a plan; rather where an idle process is. Raises ShsaError."""
         ready = self._pool.plans.get(service.name)
-        rather = ready.host if ready and self._pool.spare(ready.host).node else None
-        return self._placement.place(time, service, plan, rather)
+        if ready is None:
+            return self._placement.place(time, service, plan)
+        return self._placement.place(time, service, plan, ready.host, self._pool.hosts())
 
     def stands_by(self, time: float, service: Service, plan: Optional[Plan]) -> str:
         """The computer on which idle processes are wanted for a warm service."""
