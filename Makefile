@@ -4,14 +4,14 @@ PYTHON := /usr/bin/python3
 ENV := source tools/env.bash
 
 MINUTES := 10
-JOBS := 3
+JOBS := 2
 
 .PHONY: help setup build sshd test test-long fuzz coverage mutation reliability demo hosts-demo docs bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
 	@echo "make hosts-demo   the same on three computers, made of this machine's namespaces; see results/hosts_demo/"
-	@echo "make test    JOBS=3: run every test, so many at once"
+	@echo "make test    JOBS=2: run every test, so many at once"
 	@echo "make test-long   the same with five times as many random cases"
 	@echo "make docs    the documentation as a site (Debian 12); see build/docs/index.html"
 	@echo "make bench   measure; see results/bench/"
