@@ -9,6 +9,7 @@ import pytest
 from attempts import attempt
 
 from shsa_testing.processes import marked
+from shsa_testing.thorough import LONG
 
 ROOT = Path(__file__).resolve().parent.parent
 TIMEOUT_S = 120.0
@@ -19,9 +20,11 @@ ROWS = {
     "transfer_nodes": {*TRANSFER, "warm", "hot"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
+SELDOM = ("interference", "transfer_nodes")
+"""They only measure what others test: in `make test-long`."""
 
 
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", [name for name in ROWS if LONG or name not in SELDOM])
 def test_short_form(name: str, tmp_path: Path) -> None:
     attempt(lambda: failure(name, tmp_path))
 

@@ -16,10 +16,13 @@ from reliability.scoreboard import Line, Mark, Record, Trial, fails_at_most, jud
 
 from attempts import attempt  # noqa: E402
 from shsa_testing.processes import marked  # noqa: E402
+from shsa_testing.thorough import LONG  # noqa: E402
 
 TIMEOUT_S = 200.0
 SHORT = (5, 6, 7, 11, 12, 9, 2, 1, 4, 3, 15)
 """The lines that are tried here, the longest first."""
+BY_ROSTESTS = 5, 7
+"""Those that `flapping` and `healers_die` try as well: here only in `make test-long`."""
 
 
 def none(graph: Any, seeds: Sequence[int]) -> Iterator[Trial]:
@@ -65,7 +68,7 @@ def test_the_others_are_tried_by_tests_of_their_own(monkeypatch: Any) -> None:
     assert {number for number, line in LINES.items() if line.short} == {*SHORT}
 
 
-@pytest.mark.parametrize("line", SHORT)
+@pytest.mark.parametrize("line", [each for each in SHORT if LONG or each not in BY_ROSTESTS])
 def test_short_form(line: int, tmp_path: Path) -> None:
     """A line that does not hold is tried again by other seeds."""
     seeds = count(step=1000)

@@ -1,4 +1,4 @@
-"""How many random cases are tried: some by `make test`, all of them by `make test-long`."""
+"""How much is tried: by `make test` some of the random cases, by `make test-long` all, and more."""
 import os
 
 LONG = bool(os.environ.get("SHSA_LONG"))
