@@ -126,7 +126,8 @@ def test_each_computer_has_its_own_idle_processes() -> None:
     assert sorted(row.host for row in robot.idle_rows()) == [BOARD, BOARD, PI, PI]
 
 
-def test_a_process_that_stands_by_elsewhere_takes_over_where_none_is_left() -> None:
+def with_one_idle_on_each() -> Robot:
+    """One idle process stands by on the Pi, one on the board."""
     a, b, c = som(standby=Standby.WARM)
     two = replace(service("c", C, needed=True), name="c2", topic="/c2", node="/c2_node")
     two = replace(two, standby=Standby.WARM, placement=Placement(prefer=(PI,)))
@@ -134,6 +135,11 @@ def test_a_process_that_stands_by_elsewhere_takes_over_where_none_is_left() -> N
     seen(robot, 1.0, PI, BOARD)
     robot.handle(events.Tick(3.0))
     robot.idle(3.0)
+    return robot
+
+
+def test_a_process_that_stands_by_elsewhere_takes_over_where_none_is_left() -> None:
+    robot = with_one_idle_on_each()
     rows = {row.host: row.node for row in robot.idle_rows()}
     robot.handle(events.ProcessExited(4.0, rows[BOARD], "killed"))
     commands = robot.fail("/a", A, 4.1)
@@ -142,13 +148,7 @@ def test_a_process_that_stands_by_elsewhere_takes_over_where_none_is_left() -> N
 
 
 def test_a_computer_on_which_nothing_starts_holds_up_no_other() -> None:
-    a, b, c = som(standby=Standby.WARM)
-    two = replace(service("c", C, needed=True), name="c2", topic="/c2", node="/c2_node")
-    two = replace(two, standby=Standby.WARM, placement=Placement(prefer=(PI,)))
-    robot = Robot(Som([a, b, c, two], [Host(PI), Host(BOARD)]))
-    seen(robot, 1.0, PI, BOARD)
-    robot.handle(events.Tick(3.0))
-    robot.idle(3.0)
+    robot = with_one_idle_on_each()
     on = {row.host: row.node for row in robot.idle_rows()}
     robot.handle(events.ProcessExited(4.0, on[BOARD], "it cannot start"))
     robot.handle(events.ProcessExited(4.1, on[PI], "killed"))
