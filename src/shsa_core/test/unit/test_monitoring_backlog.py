@@ -93,3 +93,13 @@ def test_a_burst_without_a_silence_is_still_a_failure() -> None:
     for number in range(200):
         link.hear(5.0 + 0.001 * number)
     assert link.failures == [Kind.RATE_HIGH]
+
+
+def test_messages_of_a_clock_set_back_in_a_silence_are_judged_and_not_held_for_ever() -> None:
+    link = Link(True)
+    link.stream(2.0, 5.0)
+    for number in range(10):
+        link.feed(Tick(5.0 + 0.1 * number))
+    for number in range(150):  # 60 s too old by their stamps
+        link.hear(6.0 + number * PERIOD, 6.0 + number * PERIOD - 60.0)
+    assert link.monitor.table()[0].kind is Kind.STALE_STAMP

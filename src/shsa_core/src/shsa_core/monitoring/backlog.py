@@ -3,6 +3,7 @@
 So it is where a link to another computer was down. Such messages say nothing of how the publisher
 does: they are as old as the silence was, and come faster than it ever publishes.
 """
+import math
 from typing import Optional
 
 from shsa_core.monitoring.events import Message
@@ -17,6 +18,7 @@ class Backlog:
     def __init__(self) -> None:
         self._age: Optional[float] = None  # of its messages as they come, in s
         self._catches_up = False
+        self._until = -math.inf
 
     def holds(
         self, message: Message, previous: Optional[float], allowed: float, period: Optional[float]
@@ -25,18 +27,21 @@ class Backlog:
 
         After a silence of more than `allowed` s a message counts once its stamp is about as old as
         usual, and it comes half a period after another one. Where no stamp tells, the first of
-        them might be old.
+        them might be old. What comes old for longer than the silence was is no backlog: a clock
+        was set.
         """
         if previous is None or period is None:
             return self._count(message)
         passed = message.time - previous
         began = passed - message.waited > allowed
         self._catches_up = self._catches_up or began
+        if began:
+            self._until = message.time + passed
         if not self._catches_up:
             return self._count(message)
         late = began
         if message.age is not None and self._age is not None:
-            late = message.age - self._age > allowed
+            late = message.age - self._age > allowed and message.time < self._until
         if late or passed < MISSED_SHARE * period:
             return True
         return self._count(message)
