@@ -71,10 +71,11 @@ def _positive(value: Value, key: str) -> float:
 
 def _deadline(value: Value, key: str) -> Union[float, AdaptiveDeadline]:
     if isinstance(value.data, dict):
-        rate = value.entry(key, ADAPTIVE, tuple(ADAPTIVE))["false_alarms"].number("false_alarms")
+        item = value.entry(key, ADAPTIVE, ADAPTIVE)["false_alarms"]
+        rate = item.number("false_alarms")
         if not _FEWEST_ALARMS <= rate <= _MOST_ALARMS:
             allowed = f"{_FEWEST_ALARMS:g} to {_MOST_ALARMS:g} an hour"
-            raise value.error(f"false_alarms must be {allowed}, not {rate:g}")
+            raise item.error(f"false_alarms must be {allowed}, not {rate:g}")
         return AdaptiveDeadline(rate)
     if isinstance(value.data, (str, list, bool)) or value.data is None:
         raise value.error(

@@ -12,8 +12,8 @@ Scale and shape are those of probability-weighted moments (Hosking and Wallis, T
 """
 from bisect import insort
 from collections import deque
-from math import ceil, log
-from typing import Deque, List, Optional, Sequence
+from math import ceil, exp, inf, log
+from typing import Deque, List, NamedTuple, Optional, Sequence
 
 KEEP = 100
 """So many of the longest gaps of each block are kept: all that is beyond them is a count."""
@@ -34,6 +34,7 @@ BUSY_S = 0.08
 """Late by this was a healthy 50 Hz stream beside 8 busy processes on 2 cores, docs/experiments.md:
 what was learned on an idle computer must hold when it becomes busy."""
 HOUR_S = 3600.0
+INSTANT_S = 1e-9
 
 
 class LearnedDeadline:
@@ -109,8 +110,8 @@ class LearnedDeadline:
         beyond = max(block.threshold for block in self._blocks)
         tail = sorted(gap for block in self._blocks for gap in block.longest if gap >= beyond)
         tail = tail[-(self.gaps // TAIL) :]
-        hours = sum(block.seconds for block in self._blocks) / HOUR_S
-        return return_level(tail, len(tail) / (hours * self.false_alarms))
+        hours = max(INSTANT_S, sum(block.seconds for block in self._blocks)) / HOUR_S
+        return fitted(tail).level(len(tail) / (hours * self.false_alarms))
 
 
 class _Block:
@@ -119,7 +120,7 @@ class _Block:
     def __init__(self) -> None:
         self.longest: List[float] = []
         self.count, self.seconds = 0, 0.0
-        self.threshold = 0.0
+        self.threshold = -inf  # all that is above is kept
 
     def add(self, gap: float) -> None:
         self.count += 1
@@ -132,19 +133,41 @@ class _Block:
             self.threshold = self.longest[0]
 
 
-def return_level(tail: Sequence[float], ratio: float) -> float:
-    """What is exceeded once where the `tail`, in order, is exceeded `ratio` times as often."""
-    count, least = len(tail), tail[0]
-    if count < 2 or ratio <= 1.0:
-        return least
-    mean = sum(tail) / count - least
-    weighted = sum((count - 1 - i) * (gap - least) for i, gap in enumerate(tail))
+class Tail(NamedTuple):
+    """What the gaps beyond `least` are like: generalised Pareto; `least` and `scale` in s."""
+
+    least: float
+    scale: float
+    shape: float
+
+    def level(self, ratio: float) -> float:
+        """What one gap in `ratio` of the tail is longer than."""
+        if ratio <= 1.0:
+            return self.least
+        if self.shape <= 0.0:
+            return self.least + self.scale * log(ratio)
+        return self.least + self.scale / self.shape * (ratio**self.shape - 1.0)
+
+    def share(self, gap: float) -> float:
+        """The share of the tail that is longer than a gap."""
+        if gap <= self.least:
+            return 1.0
+        beyond = (gap - self.least) / max(self.scale, INSTANT_S)
+        if self.shape <= 0.0:
+            return exp(-beyond)
+        return (1.0 + self.shape * beyond) ** (-1.0 / self.shape)
+
+
+def fitted(gaps: Sequence[float]) -> Tail:
+    """The tail of these gaps, which are at least two, and in order."""
+    count, least = len(gaps), gaps[0]
+    mean = sum(gaps) / count - least
+    weighted = sum((count - 1 - i) * (gap - least) for i, gap in enumerate(gaps))
     weighted /= count * (count - 1)
     spread = mean - 2.0 * weighted
-    if mean <= 0.0 or spread <= 0.0:
-        return tail[-1]
-    scale = 2.0 * mean * weighted / spread
+    if mean <= INSTANT_S or spread <= 0.0:
+        return Tail(gaps[-1], 0.0, 0.0)
     shape = min(2.0 - mean / spread, MOST_SHAPE)
-    if shape <= 1e-6:
-        return least + mean * log(ratio)
-    return least + scale / shape * (ratio**shape - 1.0)
+    if shape <= 0.0:
+        return Tail(least, mean, 0.0)
+    return Tail(least, 2.0 * mean * weighted / spread, shape)

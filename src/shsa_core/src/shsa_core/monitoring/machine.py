@@ -279,9 +279,10 @@ class Monitor:
         elif not publisher.connected:
             return
         previous = publisher.last_message
-        teaches = publisher.is_healthy and not publisher.granted and not publisher.interrupted
+        granted = publisher.granted
+        teaches = publisher.is_healthy and not granted and not publisher.interrupted
         publisher.note_message(event.time)
-        if previous is None:
+        if previous is None or granted:
             self._board.agenda.bring_forward(
                 Silence(topic.name, publisher.name), publisher.deadline
             )
