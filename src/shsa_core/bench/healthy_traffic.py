@@ -2,8 +2,8 @@
 
     python3 healthy_traffic.py [--hours H] [--topics N] [--busy N] [--standby WORD] [--results DIR]
 
-Many topics in parallel stand for a long time: 100 topics for 14 minutes are a day. Half of them have
-the fixed deadline, half one that is learned, while the computer is idle; then it becomes busy.
+Many topics in parallel stand for a long time: 60 topics for 24 minutes are a day. Half of them
+have the fixed deadline, half one that is learned while the computer is idle; then it becomes busy.
 Healing is there as on a robot, and would kill whom it blames. An independent consumer in plain
 sockets notes each pause: how many are longer than a bridge waits is predicted by the tail of those
 of the first half, and counted in the second.
@@ -227,7 +227,7 @@ def main() -> int:
     """Measure, print the verdict, write the CSV files."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--hours", type=float, default=24.0, help="topic hours to watch while busy")
-    parser.add_argument("--topics", type=int, default=100, help=f"a multiple of {A_NODE}")
+    parser.add_argument("--topics", type=int, default=60, help=f"a multiple of {A_NODE}")
     parser.add_argument("--busy", type=int, default=4, help="busy processes")
     parser.add_argument("--standby", default="cold", help="of each topic: cold, warm or hot")
     parser.add_argument("--alarms", type=float, default=0.01, help="asked for, an hour of a topic")

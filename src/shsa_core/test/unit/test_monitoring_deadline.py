@@ -1,6 +1,6 @@
 """A deadline that is learned: whose gaps teach it, what it is judged by, and what is told of it."""
 from itertools import accumulate
-from typing import Any
+from typing import Any, Dict
 
 import pytest
 from monitor_bench import NODE, PERIOD, TOPIC, Bench, row, service
@@ -18,7 +18,8 @@ OFTEN = AdaptiveDeadline(10.0)
 
 
 def adaptive(**changes: Any) -> Service:
-    return service(**{"deadline": OFTEN, **changes})
+    values: Dict[str, Any] = {"deadline": OFTEN, **changes}
+    return service(**values)
 
 
 def bench_of(*services: Service) -> Bench:
@@ -150,8 +151,9 @@ def test_nodes_that_are_late_together_have_as_long_as_by_the_fixed_deadline() ->
 
 def test_others_with_a_fixed_deadline_are_late_together_with_it() -> None:
     names = [f"/node_{number}" for number in range(3)]
-    kinds = [dict(deadline=OFTEN), {}, {}]
-    bench = bench_of(*(service(name=n[1:], topic=n, node=n, **k) for n, k in zip(names, kinds)))
+    deadlines = (OFTEN, None, None)
+    pairs = zip(names, deadlines)
+    bench = bench_of(*(service(name=n[1:], topic=n, node=n, deadline=d) for n, d in pairs))
     for name in names:
         bench.connect(name, name)
     for _ in range(LEARN + 1):

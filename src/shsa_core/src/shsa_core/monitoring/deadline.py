@@ -5,7 +5,7 @@ generalised Pareto distributed (Pickands, Annals of Statistics 3, 1975; Coles, A
 Statistical Modeling of Extreme Values, 2001, chapter 4). With k of them in some hours, the silence
 that is exceeded so many times an hour, its return level, is
 
-    u + scale / shape * ((k / (hours * times))^shape - 1)        or  u + scale * log(...)  at shape 0
+    u + scale / shape * ((k / (hours * times))^shape - 1)    or  u + scale * log(...) at shape 0
 
 Scale and shape are those of probability-weighted moments (Hosking and Wallis, Technometrics 29,
 1987). A shape below 0 would say that there is a longest gap; nobody knows that, so it counts as 0.
