@@ -63,8 +63,8 @@ class Service:
     """One topic of one node.
 
     `period` in s, None: an event-driven topic; `deadline`: periods without a message after which
-    its publisher is silent, or how they are learned, None: as usual; `needed`: somebody relies on
-    it, so that it is healed; `latched`: who subscribes late gets the newest message; `provides`: the values in it, in the
+    its publisher is silent, None: as usual; `needed`: somebody relies on it, so that it is healed;
+    `latched`: who subscribes late gets the newest message; `provides`: the values in it, in the
     order of the SOM; `fails_with`: what else makes it fail with others that name it too; `contain`:
     whether its node is killed when it fails, None: what would be lost decides; `others`: what a
     substitute writes into the rest of its messages; `unwritable`: why its messages cannot be
