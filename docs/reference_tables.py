@@ -78,6 +78,11 @@ def som_placement() -> str:
     return _meanings(som_values.PLACEMENT)
 
 
+def som_deadline() -> str:
+    """The keys of a `deadline` that is learned."""
+    return _meanings(som_values.ADAPTIVE)
+
+
 def som_last_resort() -> str:
     """The keys of `last_resort`."""
     return _meanings(som_values.LAST_RESORT)
@@ -168,7 +173,7 @@ PARTS: Dict[str, Callable[[], str]] = {
     each.__name__: each
     for each in (
         *(som_service, som_provision, som_host, som_checks, som_counts, som_placement),
-        *(som_last_resort, error_figures),
+        *(som_deadline, som_last_resort, error_figures),
         *(ontology_sections, ontology_property, ontology_constant, ontology_function, functions),
         *(kinds, injected, monitor_settings, reconfigurator_settings, launch_files),
         *(messages, commands),

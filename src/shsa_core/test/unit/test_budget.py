@@ -8,7 +8,7 @@ from shsa_core.analysis.budget import budgets, check_budgets, over_budget
 from shsa_core.healing.settings import Settings
 from shsa_core.model.checks import Checks, Stuck
 from shsa_core.model.kinds import Kind, Policy, Standby
-from shsa_core.model.service import Provision, Service
+from shsa_core.model.service import AdaptiveDeadline, Provision, Service
 from shsa_core.model.som import Som
 
 FAST = Service(
@@ -30,6 +30,11 @@ def test_the_sum_is_of_what_finds_it_and_of_what_stands_by() -> None:
     hot = totals(replace(FAST, standby=Standby.HOT, deadline=3.0))
     assert hot[Kind.SILENT] == pytest.approx(0.06 + 0.03)
     assert totals(replace(FAST, standby=Standby.WARM))[Kind.NODE_GONE] == pytest.approx(0.05)
+
+
+def test_a_deadline_that_is_learned_counts_as_long_as_it_can_become() -> None:
+    learned = totals(replace(FAST, deadline=AdaptiveDeadline(0.01)))
+    assert learned[Kind.SILENT] == pytest.approx(4 * 0.25 + 0.8)
 
 
 def test_a_value_that_stands_still_is_found_later() -> None:

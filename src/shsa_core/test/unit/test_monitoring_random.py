@@ -9,9 +9,10 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from monitor_bench import DEADLINE, PERIOD, Bench, message_checks, provision, row, service
 
 from shsa_core.model.checks import UnknownPublisher
+from shsa_core.model.service import AdaptiveDeadline
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring import events
+from shsa_core.monitoring import deadline, events
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 from shsa_testing.thorough import many
 
@@ -22,6 +23,7 @@ SERVICES = (
     service(name="one", topic="/a", node="/n", period=None),
     service(name="two", topic="/a", node="/o", checks=INTRUDERS),
     service(name="two", topic="/b", node="/o", provides=(provision(range=None),)),
+    service(name="two", topic="/a", node="/n", deadline=AdaptiveDeadline(100.0)),
     service(name="three", topic="/b", node="/n", period=None, needed=True),
 )
 TOPICS = ("/a", "/b", "/unwatched")
@@ -33,11 +35,15 @@ class AnyRobot(RuleBasedStateMachine):
 
     @initialize()
     def start(self) -> None:
+        self.learns_after, deadline.LEARN_GAPS = deadline.LEARN_GAPS, 5
         self.bench = Bench(SERVICES[0], SERVICES[4])
         self.connected: Dict[Tuple[str, str], bool] = {}
         self.rows: Dict[str, Substitution] = {}
         self.som = Som((SERVICES[0], SERVICES[4]))
         self.ended = False
+
+    def teardown(self) -> None:
+        deadline.LEARN_GAPS = self.learns_after
 
     def hear(self, event: events.Event) -> None:
         """Hand over an event, and check what is said against what was told."""

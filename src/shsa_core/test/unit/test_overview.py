@@ -8,6 +8,7 @@ from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, row, service
 
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.kinds import Kind
+from shsa_core.model.service import AdaptiveDeadline
 from shsa_core.monitoring.events import SubstitutionsChanged
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.ros import diagnostics
@@ -173,6 +174,14 @@ def test_a_row_has_its_publishers_as_values(monkeypatch: pytest.MonkeyPatch) -> 
     assert list(values) == ["topic", NODE, SUBSTITUTE] and values["topic"] == TOPIC
     assert values[NODE].startswith("failed, node_gone")
     assert values[SUBSTITUTE] == "healthy, 50.0 Hz, last good message 0.00 s ago"
+
+
+def test_a_row_has_the_deadline_that_is_learned() -> None:
+    bench = Bench(service(deadline=AdaptiveDeadline(0.01)))
+    found = {each.key: each.value for each in statuses(bench, MonitorRows())["current"].values}
+    assert found["deadline"] == (
+        "0.100 s, the fixed deadline until 18000 gaps are known, 0 are so far"
+    )
 
 
 def test_a_row_has_the_newest_values_of_who_is_healthy() -> None:

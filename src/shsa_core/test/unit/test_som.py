@@ -24,11 +24,19 @@ from shsa_core.model.checks import (
     Witness,
 )
 from shsa_core.model.kinds import Others, Policy, Standby
-from shsa_core.model.service import Deadlines, LastResort, Provision, Service, Signal
+from shsa_core.model.service import (
+    AdaptiveDeadline,
+    Deadlines,
+    LastResort,
+    Provision,
+    Service,
+    Signal,
+)
 from shsa_core.model.names import file_name
 from shsa_core.model.som import Som
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+LEARNED_DEADLINE = {"false_alarms": 0.5}
 
 
 @pytest.fixture
@@ -203,7 +211,9 @@ def test_a_check_that_is_on_anyway_and_one_without_a_usual_limit() -> None:
     assert service.provides[0].checks == (NotANumber(True), OutOfRange(True), Stuck(LEARNED))
 
 
-@pytest.mark.parametrize("key, value", [("checks", {"rate_low": 0.5}), ("deadline", 3)])
+@pytest.mark.parametrize(
+    "key, value", [("checks", {"rate_low": 0.5}), ("deadline", 3), ("deadline", LEARNED_DEADLINE)]
+)
 def test_an_event_driven_topic_has_neither_rate_nor_deadline(key: str, value: Any) -> None:
     tree = changed(key, value)
     tree["services"]["v"]["period"] = "none"
@@ -248,6 +258,21 @@ def test_one_field_written_in_two_ways_provides_one_property() -> None:
     tree["services"]["v"]["provides"]["w"] = {"field": "min(ranges)"}
     with pytest.raises(ModelError, match="provides v already"):
         som_of(tree)
+
+
+def test_a_deadline_that_is_learned_outlasts_the_parameter_server() -> None:
+    som = som_of(changed("deadline", LEARNED_DEADLINE))
+    (v,) = som
+    assert v.deadline == AdaptiveDeadline(0.5)
+    assert merge_parameters(som, som_parameters(som)) == (som, [])
+    for deadline, read in ((3, 3.0), ({"false_alarms": 2.0}, AdaptiveDeadline(2.0))):
+        tree: Any = som_parameters(som)
+        tree["services"]["v"]["deadline"] = deadline
+        (changed_,), errors = merge_parameters(som, tree)
+        assert changed_.deadline == read and errors == []
+    tree["services"]["v"]["deadline"] = {"false_alarms": -1}
+    kept, errors = merge_parameters(som, tree)
+    assert kept == som and "v/deadline/false_alarms: false_alarms must be" in str(errors[0])
 
 
 def test_how_long_a_service_may_be_silent() -> None:

@@ -62,7 +62,7 @@ def budgets(service: Service, settings: Settings) -> List[Budget]:
     """How long each kind of failure lasts that is looked for."""
     reaction = _reaction(service, settings)
     found = [Budget(Kind.NODE_GONE, 0.0, reaction)]
-    silence = settings.deadlines.of(service)
+    silence = settings.deadlines.longest(service)
     period = service.period
     if silence is None or period is None:
         return found

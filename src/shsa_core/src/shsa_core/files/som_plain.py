@@ -7,7 +7,7 @@ from shsa_core.model.checks import LEARNED, Check, Checks, Limit, default_limit
 from shsa_core.model.field import tells_of_nothing
 from shsa_core.model.host import Host, Placement
 from shsa_core.model.kinds import OnPartition, Others
-from shsa_core.model.service import Provision, Service
+from shsa_core.model.service import AdaptiveDeadline, Provision, Service
 from shsa_core.model.som import Som
 
 
@@ -46,7 +46,7 @@ def service_parameters(service: Service) -> Dict[str, Any]:
         if getattr(service.checks, name) != getattr(Checks, name):
             checks[name] = getattr(service.checks, name)
     optional = {
-        "deadline": service.deadline,
+        "deadline": _plain_deadline(service),
         "fails_with": list(service.fails_with),
         "fault_tolerant_time": service.fault_tolerant_time,
         "derived_from": list(service.derived_from),
@@ -65,6 +65,13 @@ def service_parameters(service: Service) -> Dict[str, Any]:
         del optional["last_resort"]
     plain.update({key: value for key, value in optional.items() if value})
     return plain
+
+
+def _plain_deadline(service: Service) -> object:
+    deadline = service.deadline
+    if isinstance(deadline, AdaptiveDeadline):
+        return {"false_alarms": deadline.false_alarms}
+    return deadline
 
 
 def _placement_parameters(placement: Placement) -> Dict[str, object]:

@@ -1,6 +1,6 @@
 """How each key of a SOM is read: a new key is a line in SERVICE, PROVISION or HOST."""
 import re
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Type
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Type, Union
 
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import Value
@@ -9,7 +9,7 @@ from shsa_core.model.checks import OF_VALUE, REGISTRY, Check, Checks, Limit
 from shsa_core.model.field import parse_field
 from shsa_core.model.host import Placement
 from shsa_core.model.kinds import Contain, OnPartition, Others, Policy, Standby, Word
-from shsa_core.model.service import LastResort
+from shsa_core.model.service import AdaptiveDeadline, LastResort
 
 _GRAPH_NAME = re.compile(r"(/[A-Za-z0-9_]+|[A-Za-z]\w*)(/[A-Za-z0-9_]+)*\Z", re.ASCII)
 _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")
@@ -19,6 +19,7 @@ _LONGEST_COMMAND = 100
 _HIGHEST_COUNT = 1000
 _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S = 1e-4, 1e6
 _LONGEST_DEADLINE = 1e6  # periods
+_FEWEST_ALARMS, _MOST_ALARMS = 1e-3, 100.0  # an hour of the topic
 
 Reader = Callable[[Value, str], Any]
 
@@ -33,6 +34,9 @@ COUNTS = {
 PLACEMENT = {
     "prefer": "the hosts that it rather runs on, best first",
     "forbid": "the hosts that it never runs on",
+}
+ADAPTIVE = {
+    "false_alarms": "so many an hour, at most, of a deadline that is learned from healthy gaps",
 }
 LAST_RESORT = {
     "values": "safe values that are published: PROPERTY: NUMBER",
@@ -65,7 +69,19 @@ def _positive(value: Value, key: str) -> float:
     return number
 
 
-def _deadline(value: Value, key: str) -> float:
+def _deadline(value: Value, key: str) -> Union[float, AdaptiveDeadline]:
+    if isinstance(value.data, dict):
+        item = value.entry(key, ADAPTIVE, ADAPTIVE)["false_alarms"]
+        rate = item.number("false_alarms")
+        if not _FEWEST_ALARMS <= rate <= _MOST_ALARMS:
+            allowed = f"{_FEWEST_ALARMS:g} to {_MOST_ALARMS:g} an hour"
+            raise item.error(f"false_alarms must be {allowed}, not {rate:g}")
+        return AdaptiveDeadline(rate)
+    if isinstance(value.data, (str, list, bool)) or value.data is None:
+        raise value.error(
+            f"{key} must be a number of periods, or {{false_alarms: NUMBER}}, "
+            f"not {value.describe()}"
+        )
     number = value.number(key)
     if not 1.0 <= number <= _LONGEST_DEADLINE:
         raise value.error(f"{key} must be 1 to {_LONGEST_DEADLINE:g} periods, not {number:g}")
@@ -248,8 +264,9 @@ SERVICE: Dict[str, Key] = {
     ),
     "deadline": Key(
         _deadline,
-        f"1 to {_LONGEST_DEADLINE:g} periods",
-        "periods without a message after which a publisher is silent",
+        f"1 to {_LONGEST_DEADLINE:g} periods, or {{false_alarms: {_FEWEST_ALARMS:g} to "
+        f"{_MOST_ALARMS:g} an hour}}",
+        "periods without a message after which a publisher is silent, or how they are learned",
     ),
     "needed": Key(_flag, "true or false", "somebody relies on it: it is healed"),
     "standby": Key(_one_of(Standby), _words(Standby), "what is ready before a failure"),

@@ -1,7 +1,7 @@
 """A service: one topic of one node, and what it provides (Section III-B of the paper)."""
 import dataclasses
 from dataclasses import dataclass
-from typing import Optional, Tuple
+from typing import ClassVar, Optional, Tuple, Union
 
 from shsa_core.model.checks import Check, Checks, default_checks
 from shsa_core.model.error import Error
@@ -46,6 +46,19 @@ class LastResort:
 
 
 @dataclass(frozen=True)
+class AdaptiveDeadline:
+    """A deadline that is learned from the gaps of the healthy stream.
+
+    `false_alarms`: how often an hour of the topic it may be exceeded though nothing is wrong.
+    """
+
+    false_alarms: float
+
+    def __str__(self) -> str:
+        return f"{{false_alarms: {self.false_alarms:g}}}"
+
+
+@dataclass(frozen=True)
 class Service:
     """One topic of one node.
 
@@ -69,7 +82,7 @@ class Service:
     node: str
     period: Optional[float]
     provides: Tuple[Provision, ...]
-    deadline: Optional[float] = None
+    deadline: Union[float, AdaptiveDeadline, None] = None
     needed: bool = False
     standby: Standby = Standby.COLD
     policy: Policy = Policy.SUBSTITUTE
@@ -226,15 +239,27 @@ class Deadlines:
     periods: float = 5.0
     minimum: float = 0.25
 
+    ADAPTIVE: ClassVar[float] = 4.0
+    """A deadline that is learned is so many times that of others at most."""
+
     def of(self, service: Service) -> Optional[float]:
         """The silence in s after which a service has failed and its values are stale; None:
         neither ever.
+
+        One whose deadline is learned is as one that has none: so long its values are fresh, and so
+        long it may be silent before enough is known.
         """
         if service.period is None:
             return None
-        if service.deadline is not None:
-            return service.deadline * service.period
-        return max(self.periods * service.period, self.minimum)
+        if service.deadline is None or isinstance(service.deadline, AdaptiveDeadline):
+            return max(self.periods * service.period, self.minimum)
+        return service.deadline * service.period
+
+    def longest(self, service: Service) -> Optional[float]:
+        """The longest silence in s until it has failed, whatever is learned; None: any."""
+        usual = self.of(service)
+        learned = isinstance(service.deadline, AdaptiveDeadline)
+        return self.ADAPTIVE * usual if learned and usual is not None else usual
 
 
 def signal_path(topic: str, field: str) -> str:

@@ -1,6 +1,6 @@
 """The monitor's core: judges each publisher of a service by its messages and connections."""
 from math import inf
-from typing import Dict, List, Optional, Set, Tuple
+from typing import Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core import dispatch
 from shsa_core.model.checks import Checks, IntruderSample
@@ -29,6 +29,7 @@ from shsa_core.monitoring.events import (
     Tick,
 )
 from shsa_core.monitoring.evidence import Finding, checked_provisions, judge
+from shsa_core.monitoring.lessons import Lessons
 from shsa_core.monitoring.overview import ServiceHealth, overview
 from shsa_core.monitoring.pace import Pace
 from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedTopic
@@ -52,8 +53,9 @@ class Monitor:
         self._board = Board()
         self._trials = Trials(self._board, settings.deadlines, self._watch)
         self._excuses = Excuses()
+        self._lessons = Lessons(self._excuses)
         self._arrivals = Arrivals(self._board)
-        self._late_nodes: Optional[int] = None
+        self._late_nodes: Dict[float, int] = {}
         self._now = Tick(-inf)
         self._pace = Pace()
         self._ending_nodes: Set[str] = set()
@@ -85,7 +87,10 @@ class Monitor:
 
     @property
     def next_deadline(self) -> float:
-        """When the next Tick is due, in s; inf: none is. Messages only ever move it away."""
+        """When the next Tick is due, in s; inf: none is.
+
+        Messages move it away, save where a deadline is learned that is shorter.
+        """
         due = None if self._ends else self._board.agenda.next()
         return inf if due is None else self._pace.due(due)
 
@@ -274,8 +279,10 @@ class Monitor:
         elif not publisher.connected:
             return
         previous = publisher.last_message
+        granted = publisher.granted
+        teaches = publisher.is_healthy and not granted and not publisher.interrupted
         publisher.note_message(event.time)
-        if previous is None:
+        if previous is None or granted:
             self._board.agenda.bring_forward(
                 Silence(topic.name, publisher.name), publisher.deadline
             )
@@ -286,6 +293,8 @@ class Monitor:
                 return
         if self._is_good(topic, publisher, event):
             self._heard_good(topic, publisher, event.time, previous)
+            if teaches and previous is not None:
+                self._look_anew(self._lessons.heard(topic.name, publisher, previous, event.time))
         else:
             publisher.good_in_a_row = 0
 
@@ -368,7 +377,8 @@ class Monitor:
     # Judgement
 
     def _tick(self, event: Tick) -> None:
-        self._now, self._late_nodes = event, None
+        self._now, self._late_nodes = event, {}
+        self._look_anew(self._lessons.learn(event, self._board.all()))
         for due in self._board.agenda.pop_due(event.time):
             self._judges[type(due)](due)
         self._calibrations.tick(event.time)
@@ -417,16 +427,27 @@ class Monitor:
         if self._may_stop(topic, publisher):
             self._board.mute(topic, publisher, time)
             return
-        if self._late_nodes is None:
-            self._late_nodes = late_nodes((each for _, each in self._board.all()), time)
-        allowed, silence = publisher.allowed, publisher.silence(time)
-        more = self._excuses.grant(publisher, self._now, self._late_nodes)
+        allowed, silence, learned = publisher.allowed, publisher.silence(time), publisher.learned
+        longest = inf if learned is None else allowed
+        if longest not in self._late_nodes:
+            everybody = (each for _, each in self._board.all())
+            self._late_nodes[longest] = late_nodes(everybody, time, longest)
+        more = self._excuses.grant(publisher, self._now, self._late_nodes[longest])
         if more > LEAST_GRANT_S:
             publisher.granted = silence + more - allowed
             return
         detail = f"no message for {silence:.3f} s, {allowed:.3f} s are allowed"
+        if learned is not None:
+            detail = f"{detail}, {learned.told()}"
         self._board.fail(topic, publisher, time, Kind.SILENT, detail)
         publisher.begin_anew()
+
+    def _look_anew(self, keys: Iterable[Key]) -> None:
+        """These publishers are allowed another silence."""
+        for key in keys:
+            found = self._board.find(*key)
+            if found is not None:
+                self._board.agenda.bring_forward(Silence(*key), found[1].deadline)
 
     def _judge_probation(self, due: Trial) -> None:
         self._trials.look(due, self._now)

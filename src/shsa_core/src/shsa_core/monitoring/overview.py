@@ -27,12 +27,16 @@ class Condition(Word):
 
 @dataclass(frozen=True)
 class ServiceHealth:
-    """One service, its condition in words, and the publishers that it comes from."""
+    """One service, its condition in words, and the publishers that it comes from.
+
+    `deadline`: the silence that its node is allowed, in words; empty: it is not learned.
+    """
 
     service: Service
     condition: Condition
     detail: str
     publishers: Tuple[PublisherHealth, ...]
+    deadline: str = ""
 
 
 def overview(
@@ -57,7 +61,8 @@ def _health(service: Service, board: Board, muted: Collection[Key], doubt: str) 
     if condition is Condition.HEALTHY and doubt:
         condition, detail = Condition.DOUBTFUL, doubt
     rows = tuple(each.row(topic.name) for each in concerned if each.name != NOBODY)
-    return ServiceHealth(service, condition, detail, rows)
+    deadline = topic.services[service.name].told
+    return ServiceHealth(service, condition, detail, rows, deadline)
 
 
 def _concerns(publisher: Publisher, service: Service) -> bool:

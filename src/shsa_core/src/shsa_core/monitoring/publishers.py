@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Dict, List, Optional, Sequence, Tuple
 
 from shsa_core.model.checks import Check, IntruderSample
 from shsa_core.model.kinds import Kind
-from shsa_core.model.service import Deadlines, Service
+from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.backlog import Backlog
+from shsa_core.monitoring.deadline import LearnedDeadline
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import Evidence, Learned
 
@@ -25,7 +26,8 @@ class WatchedService:
     monitor, and when that was told.
 
     `appeared`: somebody connected for it; `published`: a message came; `overdue`: it was told that
-    none did. `learned`: what is known of its node's values.
+    none did. `learned`: what is known of its node's values; `gaps`: of the gaps
+    between its messages, None: its deadline is a fixed one.
     """
 
     service: Service
@@ -36,6 +38,34 @@ class WatchedService:
     published: bool = False
     overdue: bool = False
     learned: Learned = field(default_factory=dict)
+    gaps: Optional[LearnedDeadline] = None
+
+    def judge_by(self, service: Service, deadlines: Deadlines) -> None:
+        """These numbers count from now on."""
+        self.gaps = self._learned(service, deadlines)
+        self.service, self.deadline = service, _seconds(deadlines.of(service))
+
+    def would_allow(self, service: Service, deadlines: Deadlines) -> float:
+        """The silence in s that its node would be allowed by these numbers."""
+        learned = self._learned(service, deadlines)
+        return _seconds(deadlines.of(service)) if learned is None else learned.allowed
+
+    def _learned(self, service: Service, deadlines: Deadlines) -> Optional[LearnedDeadline]:
+        if service.period is None or not isinstance(service.deadline, AdaptiveDeadline):
+            return None
+        fixed, most = (_seconds(each(service)) for each in (deadlines.of, deadlines.longest))
+        rate = service.deadline.false_alarms
+        return LearnedDeadline(service.period, rate, fixed, most, self.gaps)
+
+    @property
+    def allowed(self) -> float:
+        """The silence in s that its node is allowed; inf: any."""
+        return self.deadline if self.gaps is None else self.gaps.allowed
+
+    @property
+    def told(self) -> str:
+        """The silence that its node is allowed, and why, in words; empty: a fixed one."""
+        return "" if self.gaps is None else f"{self.gaps.allowed:.3f} s, {self.gaps.told()}"
 
 
 @dataclass
@@ -79,7 +109,23 @@ class Publisher:
     @property
     def allowed(self) -> float:
         """The silence in s that is allowed; inf: any."""
-        return self.watched.deadline if self.watched else inf
+        learned = self.learned
+        if learned is None:
+            return self.watched.deadline if self.watched else inf
+        return learned.allowed
+
+    @property
+    def learned(self) -> Optional[LearnedDeadline]:
+        """What is known of its gaps, if it is the node of a service whose deadline is learned."""
+        watched = self.watched
+        if watched is None or watched.gaps is None or watched.service.node != self.name:
+            return None
+        return watched.gaps
+
+    @property
+    def patience(self) -> float:
+        """The silence in s that an excuse may double: at least the fixed deadline; inf: any."""
+        return max(self.allowed, self.watched.deadline) if self.watched else inf
 
     @property
     def deadline(self) -> float:
@@ -173,11 +219,10 @@ class WatchedTopic:
         """Carry these services from now on; the names of those that are new."""
         old, self.services = self.services, {}
         for service in services:
-            deadline = deadlines.of(service)
             watched = old.get(service.name)
             if watched is None or watched.service.event_driven is not service.event_driven:
                 watched = WatchedService(service, inf, due)
-            watched.service, watched.deadline = service, inf if deadline is None else deadline
+            watched.judge_by(service, deadlines)
             self.services[service.name] = watched
         self.nodes = {watched.service.node: watched for watched in self.services.values()}
         self.intruder_checks = tuple(
@@ -212,3 +257,7 @@ class WatchedTopic:
             return []
         gone = [p.name for p in self.publishers.values() if not p.connected and p.name != NOBODY]
         return [name for name in gone if name not in self.nodes]
+
+
+def _seconds(deadline: Optional[float]) -> float:
+    return inf if deadline is None else deadline

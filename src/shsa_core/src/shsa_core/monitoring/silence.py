@@ -2,7 +2,8 @@
 
 There are three: the monitor itself was not scheduled; healing connects to the node, which then has
 its threads to share; nodes that have nothing to do with each other fall silent together, as where
-the computer is short of time. Each grants more time, all of them together one deadline at most.
+the computer is short of time. Each grants more time, all of them together one deadline at most:
+the fixed one where a shorter one is learned, since of such causes nothing is.
 
 Nodes that are all slow are slow for one reason too: none of them is blamed as long as that lasts.
 """
@@ -46,13 +47,14 @@ class Excuses:
 
         `late_nodes`: how many nodes are late, itself included.
         """
-        allowed = publisher.allowed
-        if publisher.granted >= allowed:
+        allowed, silence = publisher.allowed, publisher.silence(now.time)
+        most = 2 * publisher.patience
+        if publisher.granted >= most - allowed:
             return 0.0
         if now.late >= allowed / 10:
             return min(now.late, allowed)
-        if late_nodes >= TOGETHER_NODES or self._disturbed(publisher, now.time):
-            return max(0.0, 2 * allowed - publisher.silence(now.time))
+        if late_nodes >= TOGETHER_NODES or self.disturbed(publisher.name, now.time - silence):
+            return max(0.0, most - silence)
         return 0.0
 
     def slow_together(self, publishers: Iterable[Publisher], time: float) -> bool:
@@ -62,22 +64,27 @@ class Excuses:
             self._slow = len({each.name for each in publishers if _is_slow(each)})
         return self._slow >= TOGETHER_NODES
 
-    def _disturbed(self, publisher: Publisher, time: float) -> bool:
-        """Whether healing connected since shortly before the last message."""
-        began = time - publisher.silence(time) - CONNECT_S
-        return any(self._connected.get(name, -inf) >= began for name in (publisher.name, EVERYBODY))
+    def disturbed(self, node: str, began: float) -> bool:
+        """Whether healing connected since shortly before a silence that began then."""
+        least = began - CONNECT_S
+        return any(self._connected.get(name, -inf) >= least for name in (node, EVERYBODY))
 
 
-def late_nodes(publishers: Iterable[Publisher], time: float) -> int:
-    """How many nodes have missed a message, and are silent for half their deadline or more."""
-    return len({each.name for each in publishers if _is_late(each, time)})
+def late_nodes(publishers: Iterable[Publisher], time: float, longest: float = inf) -> int:
+    """How many nodes have missed a message, and are silent for half their deadline or more.
+
+    `longest`: s; who has a longer deadline counts as one who has this.
+    """
+    found = (p for p in publishers if is_silent_for(p, min(p.allowed, longest) / 2, time))
+    return len({each.name for each in found})
 
 
-def _is_late(publisher: Publisher, time: float) -> bool:
+def is_silent_for(publisher: Publisher, seconds: float, time: float) -> bool:
+    """Whether a healthy publisher has missed a message, and is silent for so long at least."""
     service = publisher.service
     if publisher.last_message is None or service is None or service.period is None:
         return False
-    least = max(publisher.allowed / 2, MISSED_PERIODS * service.period)
+    least = max(seconds, MISSED_PERIODS * service.period)
     return publisher.is_healthy and publisher.silence(time) >= least
 
 

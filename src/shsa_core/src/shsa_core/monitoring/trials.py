@@ -1,5 +1,4 @@
 """The services that are on probation: which numbers count, and for how long."""
-from math import inf
 from typing import Callable, List, Optional, Sequence
 
 from shsa_core.model.service import Deadlines, Service
@@ -35,9 +34,8 @@ class Trials:
             if not any(each.watched is watched for each in topic.healthy()):
                 continue
             kept = as_judged(service, watched.service)
-            found = self._deadlines.of(service)
-            allowed = inf if found is None else found
-            looser = allowed >= watched.deadline and only_loosens(service, kept)
+            allowed = watched.would_allow(service, self._deadlines)
+            looser = allowed >= watched.allowed and only_loosens(service, kept)
             if kept != service and not looser:
                 probation = Probation(service, kept, allowed, time)
                 topic.probations[service.name] = probation

@@ -143,6 +143,8 @@ class MonitorRows:
         self, health: ServiceHealth, counts: Dict[Key, int], elapsed: Optional[float], now: float
     ) -> DiagnosticStatus:
         told = [(p.publisher, self._publisher(p, counts, elapsed, now)) for p in health.publishers]
+        if health.deadline:
+            told.append(("deadline", health.deadline))
         text = health.detail
         if health.condition is not Condition.HEALTHY:
             text = f"{health.condition}: {text}"

@@ -32,7 +32,7 @@ def watched(som: Som, deadlines: Deadlines = Deadlines()) -> List[Topic]:
         if not services:
             continue
         period = max(each.period or 0.0 for each in services)
-        deadline = max(deadlines.of(each) or 0.0 for each in services)
+        deadline = max(deadlines.longest(each) or 0.0 for each in services)
         nodes = frozenset(each.node for each in services)
         needed = any(each.needed for each in services)
         found.append(Topic(name, nodes, period, deadline, needed))
