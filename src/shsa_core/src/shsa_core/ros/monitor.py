@@ -256,13 +256,13 @@ class MonitorNode:
         """Feed what happened at a connection at some time since `before`."""
         now = clock.now()
         if isinstance(happening, Arrived):
-            connection, data = happening
+            connection, data, whole = happening
             service = self._core.service_of(connection.topic, connection.publisher)
-            if service is not None and service.needed:
+            if service is not None and service.needed and whole:
                 if connection.header["type"] == service.type:
                     self._lasting.messages.keep(now, connection.topic, connection.publisher, data)
             waited, ahead = now - before, self._ahead
-            event = self._reader.event(now, waited, connection, data, service, ahead)
+            event = self._reader.event(now, waited, connection, data, whole, service, ahead)
             self._values[event.topic, event.publisher] = event.values
             self._feed(event)
         elif isinstance(happening, Lost):
@@ -328,6 +328,7 @@ class MonitorNode:
         """Subscribe new topics by and by, end the subscriptions of those that left."""
         som = self._share(som)
         self._feed(events.SomChanged(clock.now(), som))
+        self._reader.forget()
         topics = list(som.topics())
         for topic in self._watched - set(topics):
             self._connections.unsubscribe(topic)
