@@ -59,7 +59,7 @@ from shsa_core.ros.wire import names
 LONGEST_WAIT_S = 0.1
 """How long a message has waited is known to this at worst, as long as the monitor is scheduled."""
 COALESCE_S = 0.002
-"""What comes within this time is handled together."""
+"""What comes within this time is handled together; a connection that is lost waits for nothing."""
 CLOCK_CHANGE_S = 0.002
 """A change of ROS time beside ours that the core is told of at once, and else now and then."""
 SUBSCRIBE_S = 0.005
@@ -197,7 +197,7 @@ class MonitorNode:
         woke = clock.now()
         rest = self._looked + COALESCE_S - woke
         if rest > 0.0:
-            rospy.rostime.wallsleep(rest)
+            self._inbox.rest(rest)
         before, looked = self._looked, clock.now()
         self._looked = looked
         self._tell_clock()
