@@ -1,5 +1,7 @@
 """The inbox: items come in order, and wake the reader; so do sockets."""
 import os
+import select
+import socket
 import threading
 import time
 from typing import Any, List
@@ -40,6 +42,32 @@ def test_a_readable_descriptor_wakes_the_reader_until_it_is_closed() -> None:
     os.close(reader)
     assert waited(inbox, 0.02) >= 0.02
     os.close(writer)
+
+
+def test_a_wait_is_not_rounded_to_milliseconds(monkeypatch: Any) -> None:
+    inbox, waits = Inbox(), []
+    monkeypatch.setattr(select, "select", lambda *arguments: waits.append(arguments[-1]))
+    inbox.wait(0.0002)
+    inbox.wait(-1.0)
+    assert waits == [0.0002, 0.0]
+
+
+def test_who_rests_is_woken_by_a_connection_that_is_lost_alone() -> None:
+    inbox = Inbox()
+    here, there = socket.socketpair()
+    inbox.watch(here.fileno())
+    inbox.put(1)
+    there.send(b"?")
+    begin = time.monotonic()
+    inbox.rest(0.05)
+    assert time.monotonic() - begin >= 0.05
+    there.close()
+    inbox.rest(60.0)
+    assert time.monotonic() - begin < 30.0
+    here.close()
+    begin = time.monotonic()
+    inbox.rest(0.02)
+    assert time.monotonic() - begin >= 0.02
 
 
 def test_nothing_is_lost_between_threads() -> None:

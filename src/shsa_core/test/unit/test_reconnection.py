@@ -8,7 +8,7 @@ from plain_sockets import HOST, RECONNECT_S, Monitor, Node
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
 from shsa_core.ros.graph import connections as module
-from shsa_core.ros.graph import stream
+from shsa_core.ros.graph import frames
 from shsa_core.ros.graph.inbox import Inbox
 from shsa_core.ros.graph.reconnection import Reconnection, refuses
 
@@ -137,7 +137,7 @@ def test_a_topic_that_is_left_while_its_node_is_in_doubt(monitor: Monitor, node:
 def test_a_message_that_is_too_large_is_not_kept(
     monitor: Monitor, node: Node, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(stream, "LARGEST_MESSAGE", 1000)
+    monkeypatch.setattr(frames, "LARGEST_MESSAGE", 1000)
     monitor.connect(node)
     node.send(struct.pack("<I", 5) + b"first")
     node.send(struct.pack("<I", 500_000) + b"\0" * 500_000)
@@ -147,4 +147,4 @@ def test_a_message_that_is_too_large_is_not_kept(
     end = time.monotonic() + 0.2
     monitor.until(lambda: time.monotonic() > end)
     (connection,) = monitor.connections._standing.values()
-    assert len(connection.buffer) < 1000 and monitor.seen == []
+    assert len(connection.frames) < 1000 and monitor.seen == []

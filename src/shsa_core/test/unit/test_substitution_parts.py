@@ -1,14 +1,19 @@
 """The parts of a substitute's core: schedule, inputs, program, and signals as text."""
 import math
+import random
 from dataclasses import replace
+from itertools import chain, repeat
+from typing import Iterable, List
 
 import pytest
-from substitute_driver import DEADLINE, IN, OUT, SETTINGS, row, signal
+from hypothesis import given, strategies as st
+from substitute_driver import DEADLINE, IN, OUT, SETTINGS, Driver, row, signal
 
 from shsa_core.errors import ShsaError
+from shsa_core.substitution.events import Tick
 from shsa_core.substitution.freshness import Freshness
 from shsa_core.substitution.job import Job
-from shsa_core.substitution.schedule import Schedule
+from shsa_core.substitution.schedule import MADE_UP_S, Schedule
 from shsa_core.substitution.signals import decode, encode
 
 
@@ -27,6 +32,60 @@ def test_what_is_late_is_not_followed_closely() -> None:
     assert schedule.due == 10.8
     schedule.done(99.0)
     assert schedule.due == 99.5
+
+
+def published(schedule: Schedule, delays: Iterable[float], until: float) -> List[float]:
+    """When its messages go, each so late after it is due."""
+    found: List[float] = []
+    for delay in delays:
+        moment = schedule.due + delay
+        if moment >= until:
+            break
+        found.append(moment)
+        schedule.done(moment)
+    return found
+
+
+@pytest.mark.parametrize("worst", (0.0006, 0.0015, 0.003))
+def test_at_1_khz_no_slot_is_lost_by_waking_late(worst: float) -> None:
+    """Mostly in time, and every tenth time as late as `worst`."""
+    numbers = random.Random(1)
+    late = lambda: worst if numbers.random() < 0.1 else numbers.random() * 0.0001
+    sent = published(Schedule(0.001, 0.0), iter(late, None), 10.0)
+    assert abs(len(sent) - 10_000) <= 50
+    assert min(b - a for a, b in zip(sent, sent[1:])) >= 0.0005 - 1e-9
+
+
+@given(
+    period=st.sampled_from((0.001, 0.002, 0.02, 0.1)),
+    delays=st.lists(st.floats(0.0, 0.1), max_size=30),
+    stall=st.floats(0.0, 10.0),
+)
+def test_a_stall_is_followed_by_no_burst(period: float, delays: List[float], stall: float) -> None:
+    schedule = Schedule(period, 0.0)
+    before = published(schedule, delays, math.inf)
+    end = schedule.due + stall
+    after = published(schedule, chain([stall], repeat(0.0)), end + 1.0)
+    most = (MADE_UP_S + 1.0) / period + 2
+    assert len(after) <= most + 1e-6
+    sent = before + after
+    assert all(b - a >= 0.5 * period - 1e-9 for a, b in zip(sent, sent[1:]))
+
+
+def test_a_substitute_at_1_khz_that_wakes_late_now_and_then_keeps_its_rate() -> None:
+    fast = replace(IN, period=0.001), replace(OUT, period=0.001)
+    driver = Driver(row(True, inputs=fast[:1], outputs=fast[1:]))
+    driver.ready()
+    numbers = random.Random(2)
+    while driver.time < 2.0:
+        driver.arrive(driver.time)
+        due = driver.core.next_deadline()
+        assert due is not None
+        driver.time = max(driver.time, due) + (0.003 if numbers.random() < 0.05 else 0.00005)
+        driver.tell(Tick)
+    sent = driver.published()
+    assert abs(len(sent) - 2000) <= 10
+    assert all(moment - value <= 0.004 for moment, value in sent)
 
 
 def test_what_is_hastened_is_due_sooner_and_never_later() -> None:

@@ -1,5 +1,6 @@
 """The table of substitutions: which substitutes run, what each computes, and which publish."""
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Tuple
 
 from shsa_core.model.kinds import OnPartition, Others
@@ -39,7 +40,7 @@ class Substitution:
         """Whether it has no program yet."""
         return not self.code
 
-    @property
+    @cached_property
     def topics(self) -> Tuple[str, ...]:
         """The topics that it has advertised, each once."""
         return tuple(dict.fromkeys(signal.topic for signal in self.outputs))

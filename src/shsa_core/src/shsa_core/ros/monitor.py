@@ -59,7 +59,7 @@ from shsa_core.ros.wire import names
 LONGEST_WAIT_S = 0.1
 """How long a message has waited is known to this at worst, as long as the monitor is scheduled."""
 COALESCE_S = 0.002
-"""What comes within this time is handled together."""
+"""What comes within this time is handled together; a connection that is lost waits for nothing."""
 CLOCK_CHANGE_S = 0.002
 """A change of ROS time beside ours that the core is told of at once, and else now and then."""
 SUBSCRIBE_S = 0.005
@@ -197,7 +197,7 @@ class MonitorNode:
         woke = clock.now()
         rest = self._looked + COALESCE_S - woke
         if rest > 0.0:
-            rospy.rostime.wallsleep(rest)
+            self._inbox.rest(rest)
         before, looked = self._looked, clock.now()
         self._looked = looked
         self._tell_clock()
@@ -256,13 +256,13 @@ class MonitorNode:
         """Feed what happened at a connection at some time since `before`."""
         now = clock.now()
         if isinstance(happening, Arrived):
-            connection, data = happening
+            connection, data, whole = happening
             service = self._core.service_of(connection.topic, connection.publisher)
-            if service is not None and service.needed:
+            if service is not None and service.needed and whole:
                 if connection.header["type"] == service.type:
                     self._lasting.messages.keep(now, connection.topic, connection.publisher, data)
             waited, ahead = now - before, self._ahead
-            event = self._reader.event(now, waited, connection, data, service, ahead)
+            event = self._reader.event(now, waited, connection, data, whole, service, ahead)
             self._values[event.topic, event.publisher] = event.values
             self._feed(event)
         elif isinstance(happening, Lost):
@@ -328,6 +328,7 @@ class MonitorNode:
         """Subscribe new topics by and by, end the subscriptions of those that left."""
         som = self._share(som)
         self._feed(events.SomChanged(clock.now(), som))
+        self._reader.forget()
         topics = list(som.topics())
         for topic in self._watched - set(topics):
             self._connections.unsubscribe(topic)

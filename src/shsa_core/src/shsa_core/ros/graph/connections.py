@@ -68,10 +68,11 @@ class Lost(NamedTuple):
 
 
 class Arrived(NamedTuple):
-    """A message has come."""
+    """A message has come; `whole`: its data is all of it, and not only what was wanted."""
 
     connection: Connection
     data: bytes
+    whole: bool
 
 
 Happening = Union[Connected, Interrupted, Lost, Arrived]
@@ -189,11 +190,11 @@ class Connections:
             if connection is None:
                 continue
             stands = connection.read()
-            for data in connection.messages():
+            for frame in connection.frames.take():
                 if descriptor in self._claims:
-                    self._claims.put_aside(descriptor, data)
+                    self._claims.put_aside(descriptor, frame.data)
                 else:
-                    yield Arrived(connection, data)
+                    yield Arrived(connection, *frame)
             if not stands:
                 connection.transport.close()
                 yield from self._lose(connection)
@@ -207,7 +208,7 @@ class Connections:
         connection = Connection(
             topic, publisher, transport.header, transport, descriptor, _address(socket)
         )
-        connection.buffer += transport.read_buff.getvalue()
+        connection.frames.add(transport.read_buff.getvalue())
         if descriptor in self._standing:
             yield from self._lose(self._standing[descriptor])
         self._standing[descriptor] = connection
@@ -227,7 +228,7 @@ class Connections:
         self._doubts.pop(key, None)
         self._tries.pop(key, None)
         if recognized.newest is not None:
-            yield Arrived(connection, recognized.newest)
+            yield Arrived(connection, recognized.newest, True)
 
     def _lose(self, connection: Connection) -> Iterator[Happening]:
         """A connection has ended; its publisher may be connected otherwise, or again soon."""

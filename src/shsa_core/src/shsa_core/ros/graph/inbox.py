@@ -1,5 +1,4 @@
 """What one thread waits for: items that other threads put, and sockets that become readable."""
-import math
 import os
 import select
 from collections import deque
@@ -14,6 +13,7 @@ class Inbox:
         self._reader, self._writer = os.pipe()
         self._poll = select.epoll()
         self._poll.register(self._reader, select.EPOLLIN)
+        self._hung_up = select.epoll()
         self._woken = False
 
     def put(self, item: Any) -> None:
@@ -26,10 +26,15 @@ class Inbox:
     def watch(self, descriptor: int) -> None:
         """Wait for this descriptor as well; it is forgotten when it is closed."""
         self._poll.register(descriptor, select.EPOLLIN | select.EPOLLRDHUP)
+        self._hung_up.register(descriptor, select.EPOLLRDHUP)
 
     def wait(self, timeout: float) -> None:
         """Sleep for at most `timeout` s, or until there is something."""
-        self._poll.poll(math.ceil(max(0.0, timeout) * 1000.0) / 1000.0)
+        _wait(self._poll, timeout)
+
+    def rest(self, timeout: float) -> None:
+        """Sleep for `timeout` s whatever comes, but no longer once a descriptor has hung up."""
+        _wait(self._hung_up, timeout)
 
     def ready(self) -> Set[int]:
         """The watched descriptors that are readable now."""
@@ -43,3 +48,8 @@ class Inbox:
     def take(self) -> List[Any]:
         """What has been put so far, in order."""
         return [self._items.popleft() for _ in range(len(self._items))]
+
+
+def _wait(poll: "select.epoll", timeout: float) -> None:
+    """As `poll.poll(timeout)`, which rounds up to whole ms: too long for what is due at 1 kHz."""
+    select.select((poll,), (), (), max(0.0, timeout))

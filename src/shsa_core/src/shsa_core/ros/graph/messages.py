@@ -14,6 +14,9 @@ from shsa_core.text import shown
 
 __all__ = ["Decoder", "message_class", "stamp"]
 
+STAMP_END = 12
+"""The stamp of a std_msgs/Header lies in so many first bytes."""
+
 
 class Decoder:
     """Reads fields from the bytes of messages of the type `kind`.
@@ -76,7 +79,7 @@ def one_message(topic: str, kind: str, publisher: str, seconds: float) -> bytes:
 
 def stamp(data: bytes) -> Optional[float]:
     """The time in s in the std_msgs/Header that a message begins with; None if it was not set."""
-    if len(data) < 12:
+    if len(data) < STAMP_END:
         return None
     seconds, nanoseconds = struct.unpack_from("<4xII", data)
     return seconds + nanoseconds * 1e-9 if seconds or nanoseconds else None

@@ -1,4 +1,4 @@
-"""Makes events of messages, which are decoded only as far as somebody checks them."""
+"""Makes events of messages, which are read and decoded only as far as somebody checks them."""
 from typing import Dict, NamedTuple, Optional
 
 import rospy
@@ -7,8 +7,14 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
-from shsa_core.ros.graph.messages import Decoder, stamp
+from shsa_core.monitoring.last_messages import LARGEST_B
+from shsa_core.ros.graph.frames import Wanted
+from shsa_core.ros.graph.messages import STAMP_END, Decoder, stamp
 from shsa_core.ros.graph.stream import Connection
+
+ALL = Wanted()
+HEAD = Wanted(LARGEST_B, STAMP_END)
+"""Nobody judges values: of a message too large to be kept, the stamp is all that is looked at."""
 
 
 class _Needs(NamedTuple):
@@ -31,19 +37,20 @@ class Reader:
         waited: float,
         connection: Connection,
         data: bytes,
+        whole: bool,
         service: Optional[Service],
         ahead: float,
     ) -> Message:
         """The event that a message makes.
 
-        `waited`: s that it may have waited for us; `ahead`: s of ROS time before the time of
-        events.
+        `waited`: s that it may have waited for us; `whole`: `data` is all of it; `ahead`: s of ROS
+        time before the time of events. What was not copied is not judged.
         """
         needs = self._needs.get(connection)
         if needs is None or (needs.service is not service and needs.service != service):
             needs = self._learn(connection, service)
         values, error, age = None, "", None
-        if needs.values is not None:
+        if needs.values is not None and whole:
             try:
                 values = needs.values.values(data)
             except ShsaError as refusal:
@@ -53,6 +60,12 @@ class Reader:
             age = None if stamped is None else time + ahead - stamped
         whom = (connection.topic, connection.publisher)
         return Message(time, *whom, values, error, age, waited)
+
+    def forget(self) -> None:
+        """Services have changed: what is needed is learned anew, from whole messages."""
+        for connection in self._needs:
+            connection.frames.wanted = ALL
+        self._needs.clear()
 
     def _learn(self, connection: Connection, service: Optional[Service]) -> _Needs:
         for gone in [known for known in self._needs if known.transport.done]:
@@ -70,4 +83,5 @@ class Reader:
                 text = "%s: the messages of %s are not checked: %s"
                 rospy.logwarn(text, connection.topic, connection.publisher, problem)
         self._needs[connection] = needs
+        connection.frames.wanted = ALL if needs.values is not None else HEAD
         return needs

@@ -1,0 +1,147 @@
+"""Topics of high rates: the outage at a consumer, and the slots that the hot substitute keeps.
+
+The original and the input of the substitute are roscpp nodes of the same rate; the original is
+killed with `kill -9`. The substitute's rate is what its consumers heard, a second after the
+takeover. Writes results/bench/kilohertz.csv.
+"""
+import subprocess
+import sys
+import time
+from typing import Dict, List, NamedTuple
+
+import numpy as np
+from tqdm import tqdm
+
+from contenders import Healed, kill_hard, repeat
+from graph import Graph
+from report import Goals, arguments, in_words, print_table, write_table
+from robot import TOPIC, Consumer, Consumers, HealthyRobot
+from takeover import STEPS, Takeover
+
+PERIODS_S = (0.01, 0.002, 0.001, 0.0005)
+GOAL_S, GOAL_PERIODS, GOAL_SHARE = 0.001, 5.0, 0.005
+SETTLING_TIME_S, RATE_S, SHORT_RATE_S = 1.0, 10.0, 2.0
+COLUMNS = (
+    *("hz", "number", "rospy_rate_hz", "roscpp_rate_hz", "lost_slots", "longest_gap_ms"),
+    *("rospy_outage_ms", "roscpp_outage_ms", *(f"{step}_ms" for step in STEPS)),
+)
+
+
+class FastRobot(HealthyRobot):
+    """The small robot, with nodes in roscpp: they keep any rate."""
+
+    def _talker(self, node: str, topic: str, value: float) -> "subprocess.Popen[str]":
+        arguments = (topic, str(self.period), str(value), f"__name:={node[1:]}")
+        return self._graph.cpp("talker", *arguments)
+
+
+class Run(NamedTuple):
+    """One takeover, and what came of the substitute after it; rates in Hz."""
+
+    takeover: Takeover
+    rospy_rate: float
+    roscpp_rate: float
+    lost: int
+    longest_ms: float
+
+    def columns(self) -> List[float]:
+        """A row of the CSV file, without what names it."""
+        told = (self.rospy_rate, self.roscpp_rate, self.lost, self.longest_ms)
+        outages = (self.takeover.rospy_ms, self.takeover.roscpp_ms)
+        steps = (getattr(self.takeover, f"{step}_ms") for step in STEPS)
+        return [round(each, 3) for each in (*told, *outages, *steps)]
+
+
+class Fast(Healed):
+    """The robot at one rate."""
+
+    def __init__(self, graph: Graph, consumers: Consumers, period: float) -> None:
+        self.period = period
+        self._consumers = consumers
+        self._robot = FastRobot(graph, consumers, "hot", period)
+        self._fault = kill_hard
+
+    def await_well(self) -> None:
+        self._robot.await_well()
+
+    def run(self, seconds: float) -> Run:
+        """Fail once, listen to the substitute for so long, and come back."""
+        self.await_well()
+        takeover = self.take_over()
+        time.sleep(SETTLING_TIME_S)
+        begin = time.monotonic()
+        time.sleep(seconds)
+        came = [moments(each, takeover.substitute, begin, seconds) for each in self._consumers]
+        rates = [(len(each) - 1) / (each[-1] - each[0]) for each in came]
+        lost = round((came[1][-1] - came[1][0]) / self.period) - (len(came[1]) - 1)
+        longest = 1e3 * float(np.max(np.diff(came[1])))
+        self.bring_back()
+        return Run(takeover, *rates, lost, longest)
+
+
+def moments(consumer: Consumer, node: str, begin: float, seconds: float) -> List[float]:
+    """When messages of a node came."""
+    heard = consumer.since(begin)
+    return [each.at for each in heard if each.node == node and each.at <= begin + seconds]
+
+
+def main() -> int:
+    """Measure, print and judge; 1 if a failure was not healed in time."""
+    options = arguments(str(__doc__), "failures", 20, short="1 kHz, once, 2 s")
+    periods, failures, seconds = PERIODS_S, options.failures, RATE_S
+    if options.short:
+        periods, failures, seconds = (GOAL_S,), 1, SHORT_RATE_S
+    runs: Dict[float, List[Run]] = {}
+    misses = 0
+    with Graph() as graph:
+        consumers = Consumers(graph, TOPIC)
+        for period in periods:
+            found = runs[period] = []
+            progress = tqdm(total=failures, desc=f"{1 / period:g} Hz", disable=None)
+
+            def once(robot: Fast) -> None:
+                found.append(robot.run(seconds))
+                progress.update()
+
+            make = lambda: Fast(graph, consumers, period)
+            misses += repeat(graph, make, once, lambda: len(found) >= failures)
+            progress.close()
+    rows = [
+        (f"{1 / period:g}", number, *run.columns())
+        for period, found in runs.items()
+        for number, run in enumerate(found, 1)
+    ]
+    write_table(options.results / "kilohertz.csv", COLUMNS, rows)
+    show(runs)
+    goals = Goals()
+    for number, consumer in enumerate(("rospy", "roscpp")):
+        outages = [each.takeover[number] / (1e3 * GOAL_S) for each in runs[GOAL_S]]
+        if outages:
+            goals.at_most("1 kHz: p50, periods", consumer, GOAL_PERIODS, np.median(outages), "")
+            share = np.median([each[1 + number] for each in runs[GOAL_S]]) * GOAL_S
+            goals.within("1 kHz: rate", consumer, (1 - GOAL_SHARE, 1 + GOAL_SHARE), share)
+    goals.show(options.results / "kilohertz_goals.csv")
+    return 1 if misses else 0
+
+
+def show(runs: Dict[float, List[Run]]) -> None:
+    """Print the rates and the outages."""
+    table, steps = [], []
+    for period, found in runs.items():
+        if not found:
+            continue
+        of = lambda name: [getattr(each, name) for each in found]
+        taken = lambda name: [getattr(each.takeover, name) for each in found]
+        figures = (in_words(taken("rospy_ms")), in_words(taken("roscpp_ms")))
+        kept = f"{100 * np.median(of('roscpp_rate')) * period:.2f}"
+        lost = f"{np.median(of('lost')):g}"
+        table.append((f"{1 / period:g} Hz", kept, lost, in_words(of("longest_ms")), *figures))
+        medians = (f"{np.median(taken(step + '_ms')):.1f}" for step in STEPS)
+        steps.append((f"{1 / period:g} Hz", *medians))
+    columns = ("", "kept, %", "lost", "longest gap", "outage, rospy", "outage, roscpp")
+    print_table("The hot substitute, ms: median / p95 / max", columns, table)
+    print_table("Steps of the outage at the rospy consumer, ms: medians", ("", *STEPS), steps)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,212 @@
+"""What comes through a socket is cut into messages, and only what is wanted of them is copied."""
+import socket
+import struct
+from contextlib import closing
+from typing import Any, Iterator, List, Sequence, Tuple
+
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from shsa_core.ros.graph import frames
+from shsa_core.ros.graph.frames import CHUNK, READS_A_TURN, Frame, Frames, Wanted
+
+MB = 1 << 20
+HEAD = Wanted(1000, 12)
+Pair = Tuple[socket.socket, socket.socket]
+
+
+def connected() -> Pair:
+    """Two ends of a TCP connection; the second does not block."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        there = socket.create_connection(server.getsockname())
+        here, _ = server.accept()
+    here.setblocking(False)
+    return there, here
+
+
+@pytest.fixture(name="pair")
+def _pair() -> Iterator[Pair]:
+    there, here = connected()
+    yield there, here
+    there.close()
+    here.close()
+
+
+def framed(*messages: bytes) -> bytes:
+    return b"".join(struct.pack("<I", len(each)) + each for each in messages)
+
+
+def pour(pair: Pair, into: Frames, data: bytes) -> List[Frame]:
+    """Send all of the data, and read whenever there is no more room."""
+    there, here = pair
+    there.setblocking(False)
+    found: List[Frame] = []
+    view = memoryview(data)
+    while view:
+        try:
+            view = view[there.send(view) :]
+        except BlockingIOError:
+            assert into.read(here)
+            found += into.take()
+    there.shutdown(socket.SHUT_WR)
+    here.settimeout(5.0)
+    while into.read(here):
+        found += into.take()
+    return found + into.take()
+
+
+class Counting:
+    """A socket that counts what is copied."""
+
+    def __init__(self, real: socket.socket) -> None:
+        self._real, self.copied, self.reads = real, 0, 0
+
+    def recv(self, size: int) -> bytes:
+        data = self._real.recv(size)
+        self.copied, self.reads = self.copied + len(data), self.reads + 1
+        return data
+
+    def recv_into(self, *arguments: Any) -> int:
+        self.reads += 1
+        return self._real.recv_into(*arguments)
+
+    def settimeout(self, seconds: float) -> None:
+        self._real.settimeout(seconds)
+
+
+def payload(size: int) -> bytes:
+    return bytes(i % 251 for i in range(min(size, 997))) * (size // 997 + 1)
+
+
+@pytest.mark.parametrize("size", (0, 1, 11, 12, 13, 999, 1000, 1001, CHUNK, CHUNK + 1017, 3 * MB))
+def test_of_a_large_message_only_the_head_is_copied(pair: Pair, size: int) -> None:
+    data = payload(size)[:size]
+    found = pour(pair, Frames(HEAD), framed(data, b"next"))
+    cut = Frame(data, True) if size <= 1000 else Frame(data[:12], False)
+    assert found == [cut, Frame(b"next", True)]
+
+
+def test_a_payload_is_dropped_in_the_kernel(pair: Pair) -> None:
+    there, here = pair
+    counting: Any = Counting(here)
+    count = 20
+    found = pour((there, counting), Frames(HEAD), framed(*[payload(MB)[:MB]] * count))
+    assert found == [Frame(payload(12)[:12], False)] * count
+    assert counting.copied <= 2 * CHUNK + count * CHUNK / 8
+
+
+def test_as_before_all_of_every_message_is_copied_unless_told_otherwise(pair: Pair) -> None:
+    sent = [payload(size)[:size] for size in (0, 5, 70_000, MB, 3)]
+    assert pour(pair, Frames(), framed(*sent)) == [Frame(each, True) for each in sent]
+
+
+def test_a_message_counts_once_its_last_byte_has_come(pair: Pair) -> None:
+    there, here = pair
+    reader = Frames(Wanted(0, 4))
+    here.settimeout(5.0)
+    there.sendall(framed(bytes(1000))[:-1])
+    assert reader.read(here) and reader.take() == []
+    there.sendall(b"\0" + framed(b"x")[:2])
+    assert reader.read(here) and reader.take() == [Frame(bytes(4), False)]
+
+
+def test_what_is_wanted_may_change_in_the_middle_of_a_message(pair: Pair) -> None:
+    there, here = pair
+    reader = Frames(HEAD)
+    whole = framed(payload(MB)[:MB])
+    there.sendall(whole[:100_000])
+    here.settimeout(5.0)
+    reader.read(here)
+    reader.wanted = Wanted()
+    found = pour(pair, reader, whole[100_000:] + whole)
+    assert found == [Frame(payload(12)[:12], False), Frame(payload(MB)[:MB], True)]
+
+
+def test_what_is_wanted_no_more_is_dropped_at_once(pair: Pair) -> None:
+    there, here = pair
+    reader = Frames()
+    whole = framed(payload(MB)[:MB])
+    there.sendall(whole[:100_000])
+    here.settimeout(5.0)
+    reader.read(here)
+    reader.wanted = HEAD
+    found = pour(pair, reader, whole[100_000:])
+    assert found == [Frame(payload(12)[:12], False)] and len(reader) == 0
+
+
+def test_a_message_beyond_all_measure_is_not_told_of(pair: Pair, monkeypatch: Any) -> None:
+    monkeypatch.setattr(frames, "LARGEST_MESSAGE", 2 * MB)
+    for wanted in (Wanted(2 * MB), HEAD):
+        there, here = connected()
+        with closing(there), closing(here):
+            data = framed(b"first", bytes(3 * MB), b"last")
+            found = pour((there, here), Frames(wanted), data)
+        assert found == [Frame(b"first", True), Frame(b"last", True)]
+
+
+class Endless:
+    """A publisher that has always more to give."""
+
+    def __init__(self) -> None:
+        self.reads = 0
+
+    def recv(self, size: int) -> bytes:
+        self.reads += 1
+        return (struct.pack("<I", MB) + bytes(size))[:size]
+
+    def recv_into(self, buffer: bytearray, size: int, flags: int) -> int:
+        self.reads += 1
+        return size
+
+
+@pytest.mark.parametrize("wanted", (Wanted(), HEAD))
+def test_a_babbling_publisher_has_a_bounded_share_of_a_turn(wanted: Wanted) -> None:
+    endless: Any = Endless()
+    reader = Frames(wanted)
+    assert reader.read(endless)
+    assert endless.reads == READS_A_TURN and len(reader.take()) <= READS_A_TURN
+
+
+SIZES = st.one_of(st.integers(0, 20), st.sampled_from((999, 1000, 1001, CHUNK, CHUNK + 505, 200_000)))
+
+
+class Pieces:
+    """A stream that comes in pieces of any size."""
+
+    def __init__(self, data: bytes, pieces: Sequence[int]) -> None:
+        self._data, self._pieces, self._at = data, pieces, 0
+        self._turn = 0
+
+    def recv(self, size: int) -> bytes:
+        if self._at == len(self._data):
+            return b""
+        piece = self._pieces[self._turn % len(self._pieces)]
+        self._turn += 1
+        data = self._data[self._at : self._at + min(size, piece)]
+        self._at += len(data)
+        return data
+
+    def recv_into(self, buffer: bytearray, size: int, flags: int) -> int:
+        return len(self.recv(size))
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    sizes=st.lists(SIZES, max_size=8),
+    pieces=st.lists(st.integers(1, 100_000), min_size=1, max_size=8),
+    whole=st.sampled_from((0, 10, 1000, CHUNK, frames.LARGEST_MESSAGE)),
+    head=st.integers(0, 40),
+)
+def test_the_same_messages_are_counted_whatever_the_pieces(
+    sizes: List[int], pieces: List[int], whole: int, head: int
+) -> None:
+    sent = [payload(size)[:size] for size in sizes]
+    cut: Any = Pieces(framed(*sent), pieces)
+    reader = Frames(Wanted(whole, head))
+    while reader.read(cut):
+        pass
+    found = reader.take()
+    assert len(found) == len(sent) and len(reader) == 0
+    for frame, data in zip(found, sent):
+        all_of_it = len(data) <= max(whole, head)
+        assert frame == (data if all_of_it else data[:head], all_of_it)

@@ -1,0 +1,100 @@
+"""What of the messages of a connection is copied and judged, by what the service needs."""
+import io
+import struct
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, List, Optional
+
+from monitor_bench import NODE, TOPIC, provision, service
+from sensor_msgs.msg import Image
+
+from shsa_core.model.checks import Checks
+from shsa_core.model.service import Service
+from shsa_core.monitoring.events import Message
+from shsa_core.ros.graph.reader import Reader
+from shsa_core.ros.graph.stream import Connection
+
+SECONDS = 1000
+AT = 1000.5
+JUDGED = service(provision(field="height", range=(0.0, 100.0)), type="sensor_msgs/Image")
+UNJUDGED = replace(JUDGED, provides=(provision(field="height", range=None, checks=()),))
+
+
+def picture(height: int, size: int = 1_000_000) -> bytes:
+    stream = io.BytesIO()
+    message = Image(height=height, data=bytes(size))
+    message.header.stamp.secs = SECONDS
+    message.serialize(stream)
+    data = stream.getvalue()
+    return struct.pack("<I", len(data)) + data
+
+
+class Watched:
+    """One connection to a camera, read for services that change."""
+
+    def __init__(self) -> None:
+        header = {"type": "sensor_msgs/Image", "md5sum": Image._md5sum}
+        transport: Any = SimpleNamespace(done=False)
+        self.connection = Connection(TOPIC, NODE, header, transport, 0)
+        self.reader = Reader()
+        self.copied = 0
+
+    def hear(self, data: bytes, of: Optional[Service]) -> List[Message]:
+        self.connection.frames.add(data)
+        frames = self.connection.frames.take()
+        self.copied = sum(len(frame.data) for frame in frames)
+        event = self.reader.event
+        return [event(AT, 0.0, self.connection, *frame, of, 0.0) for frame in frames]
+
+
+def test_values_that_somebody_judges_are_read_from_whole_messages() -> None:
+    watched = Watched()
+    for height in (1, 2):
+        (message,) = watched.hear(picture(height), JUDGED)
+        assert (message.values, message.error) == ((float(height),), "")
+
+
+def test_of_what_nobody_judges_the_stamp_alone_is_looked_at() -> None:
+    watched = Watched()
+    ages = []
+    for height in (1, 2, 3):
+        (message,) = watched.hear(picture(height), UNJUDGED)
+        assert (message.values, message.error) == (None, "")
+        ages.append(message.age)
+    assert ages == [AT - SECONDS] * 3 and watched.copied == 12
+
+
+def test_small_messages_are_kept_whole_for_a_substitute() -> None:
+    watched = Watched()
+    watched.hear(picture(1), UNJUDGED)
+    watched.hear(picture(2, size=1000), UNJUDGED)
+    assert watched.copied == len(picture(2, size=1000)) - 4
+
+
+def test_a_message_of_which_a_part_was_dropped_is_not_judged_by_its_values() -> None:
+    watched = Watched()
+    watched.hear(picture(1), UNJUDGED)
+    whole = picture(200)
+    assert watched.hear(whole[:100_000], UNJUDGED) == []
+    watched.reader.forget()
+    (cut,) = watched.hear(whole[100_000:], JUDGED)
+    assert (cut.values, cut.error) == (None, "")
+    (message,) = watched.hear(whole, JUDGED)
+    assert message.values == (200.0,)
+
+
+def test_what_is_judged_no_more_is_dropped_from_the_next_message_on() -> None:
+    watched = Watched()
+    watched.hear(picture(1), JUDGED)
+    watched.reader.forget()
+    watched.hear(picture(2), UNJUDGED)
+    watched.hear(picture(3), UNJUDGED)
+    assert watched.copied == 12
+
+
+def test_without_any_check_of_stamps_there_is_no_age() -> None:
+    watched = Watched()
+    unchecked = replace(UNJUDGED, checks=Checks(each=()))
+    for _ in range(2):
+        (message,) = watched.hear(picture(1), unchecked)
+        assert (message.age, message.values) == (None, None)
