@@ -27,12 +27,16 @@ class Condition(Word):
 
 @dataclass(frozen=True)
 class ServiceHealth:
-    """One service, its condition in words, and the publishers that it comes from."""
+    """One service, its condition in words, and the publishers that it comes from.
+
+    `bridged`: how often a muted substitute has filled in for a late message of it so far.
+    """
 
     service: Service
     condition: Condition
     detail: str
     publishers: Tuple[PublisherHealth, ...]
+    bridged: int = 0
 
 
 def overview(
@@ -57,7 +61,8 @@ def _health(service: Service, board: Board, muted: Collection[Key], doubt: str) 
     if condition is Condition.HEALTHY and doubt:
         condition, detail = Condition.DOUBTFUL, doubt
     rows = tuple(each.row(topic.name) for each in concerned if each.name != NOBODY)
-    return ServiceHealth(service, condition, detail, rows)
+    bridged = board.bridges.times(service.name)
+    return ServiceHealth(service, condition, detail, rows, bridged)
 
 
 def _concerns(publisher: Publisher, service: Service) -> bool:
