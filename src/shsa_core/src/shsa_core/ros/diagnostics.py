@@ -26,7 +26,7 @@ from shsa_core.ros.host.remote import Told as HostTold
 from shsa_core.text import shown
 
 PERIOD_S = 1.0
-BRIDGED = "bridged"
+BRIDGED = "times bridged"
 """Under this key a service's row has how often a substitute filled in for a late message."""
 CLOCK_OFF_S = 0.1
 """With more between two clocks, stamps of one tell little on the other."""
