@@ -27,7 +27,7 @@ def test_the_sum_is_of_what_finds_it_and_of_what_stands_by() -> None:
     assert cold[Kind.SILENT] == pytest.approx(0.25 + 0.8)
     assert cold[Kind.OUT_OF_RANGE] == pytest.approx(3 * 0.02 + 0.1 + 0.8)
     assert cold[Kind.RATE_LOW] == pytest.approx(1.0 / 0.6 + 0.1 + 0.8)
-    hot = totals(replace(FAST, standby=Standby.HOT, deadline=3.0))
+    hot = totals(replace(FAST, standby=Standby.HOT, deadline=3.0, bridge=0.0))
     assert hot[Kind.SILENT] == pytest.approx(0.06 + 0.03)
     assert totals(replace(FAST, standby=Standby.WARM))[Kind.NODE_GONE] == pytest.approx(0.05)
 
@@ -35,6 +35,18 @@ def test_the_sum_is_of_what_finds_it_and_of_what_stands_by() -> None:
 def test_a_deadline_that_is_learned_counts_as_long_as_it_can_become() -> None:
     learned = totals(replace(FAST, deadline=AdaptiveDeadline(0.01)))
     assert learned[Kind.SILENT] == pytest.approx(4 * 0.25 + 0.8)
+
+
+def test_a_silence_that_is_filled_in_lasts_for_the_bridge_and_a_period() -> None:
+    hot = replace(FAST, standby=Standby.HOT)
+    assert totals(hot)[Kind.SILENT] == pytest.approx(2.5 * 0.02 + 0.02)
+    assert totals(replace(hot, bridge=100.0))[Kind.SILENT] == pytest.approx(0.25 + 0.03)
+    assert totals(replace(hot, host="pi"))[Kind.SILENT] == pytest.approx(0.25 + 0.03)
+    limit = replace(hot, fault_tolerant_time=0.1, checks=Checks(each=()))
+    limit = replace(limit, provides=(Provision("x", "data", checks=()),))
+    assert not list(check_budgets(Som([limit]), SETTINGS))
+    shared = replace(limit, name="y", node="/m", needed=False)
+    assert len(list(check_budgets(Som([limit, shared]), SETTINGS))) == 1
 
 
 def test_a_value_that_stands_still_is_found_later() -> None:

@@ -1,9 +1,13 @@
 """What the monitor makes of substitutes: who is muted or stopped on purpose has not failed."""
+from dataclasses import replace
+from typing import List
+
 import pytest
-from monitor_bench import NODE, PERIOD, TOPIC, Bench, row
+from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, row
 
 from shsa_core.errors import ShsaError
-from shsa_core.monitoring.events import SubstitutionsChanged
+from shsa_core.monitoring.bridges import SERVES_S, TELL_S
+from shsa_core.monitoring.events import Bridged, Message, SubstitutionsChanged
 
 
 @pytest.fixture
@@ -131,3 +135,75 @@ def test_a_substitute_that_ends_and_leaves_nobody_is_missed_though_it_was_meant_
     assert bench.failures == []
     bench.wait(2.0)
     assert bench.kinds() == [("", "never_published")]
+
+
+BRIDGE = 2.5 * PERIOD
+
+
+def bridges(bench: Bench, publishing: bool = False) -> None:
+    """The table has a substitute that fills in while it is muted."""
+    told = replace(row("/substitute_1", publishing, TOPIC), bridge=0.0 if publishing else BRIDGE)
+    bench.send(SubstitutionsChanged(bench.now, (told,)))
+
+
+def filled_in(
+    bench: Bench, count: int = 4, value: float = 1.0, period: float = PERIOD / 4
+) -> List[Bridged]:
+    """The original is late, and the substitute fills in; what is told of that."""
+    told: List[Bridged] = []
+    bench.wait(BRIDGE)
+    for _ in range(count):
+        commands = bench.send(Message(bench.now, TOPIC, "/substitute_1", (value,)))
+        told += [each for each in commands if isinstance(each, Bridged)]
+        bench.wait(period)
+    return told
+
+
+def test_who_fills_in_is_counted_and_held_against_nobody(bench: Bench) -> None:
+    bench.connect("/substitute_1")
+    bridges(bench)
+    bench.stream(20)
+    since = bench.now
+    told = filled_in(bench)
+    bench.stream(20)
+    assert told == [Bridged(since + BRIDGE, "current", TOPIC, "/substitute_1", 1)]
+    assert filled_in(bench) == []  # people were told just now
+    bench.stream(20)
+    assert bench.failures == [] and bench.state("/substitute_1") == "unknown"
+    assert bench.core.muted() == {(TOPIC, "/substitute_1")}
+    (health,) = bench.core.overview()
+    assert (str(health.condition), health.bridged) == ("healthy", 2)
+    bench.stream(int(TELL_S / PERIOD))
+    assert [each.times for each in filled_in(bench)] == [3]
+
+
+def test_a_late_original_is_as_late_beside_who_fills_in(bench: Bench) -> None:
+    bench.connect("/substitute_1")
+    bridges(bench)
+    bench.stream(20)
+    since = bench.now
+    filled_in(bench, count=40, period=PERIOD)
+    assert bench.kinds() == [(NODE, "silent")]
+    assert bench.failures[0].time - since == pytest.approx(DEADLINE)
+
+
+def test_nothing_is_learned_from_who_fills_in(bench: Bench) -> None:
+    bench.connect("/substitute_1")
+    bridges(bench)
+    bench.stream(20)
+    filled_in(bench, value=float("nan"))
+    bench.stream(20)
+    assert bench.failures == []
+
+
+def test_one_that_was_muted_just_now_does_not_fill_in_yet(bench: Bench) -> None:
+    bench.disconnect()
+    bench.connect("/substitute_1")
+    bridges(bench, publishing=True)
+    bench.stream(50, "/substitute_1")
+    bench.connect()
+    bench.stream(3)
+    bridges(bench)
+    assert filled_in(bench) == []  # to consumers whom the original does not serve yet
+    bench.stream(int(SERVES_S / PERIOD))
+    assert [each.times for each in filled_in(bench)] == [1]

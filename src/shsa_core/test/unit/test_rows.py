@@ -19,6 +19,7 @@ ROWS = (
     Substitution("/substitute_12", "s", (IN,), "y=x[0]", (OUT, OUT), ("f1", "f2"), 0.5),
     Substitution("/idle", "", (), "", ()),
     replace(row(), host="pi", on_partition=OnPartition.HEAL, yields=True),
+    replace(row(), bridge=0.05),
     row(outputs=(replace(OUT, gain=1.2, offset=-0.5, error=Error(0.3, p95=0.7)),)),
 )
 

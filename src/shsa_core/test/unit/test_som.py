@@ -1,6 +1,6 @@
 """The SOM: read from files and parameters, merged while running, every bad entry named."""
 import pathlib
-from typing import Any
+from typing import Any, Optional
 
 import pytest
 from som_trees import GOOD, SERVICE, changed, som_of, write
@@ -212,13 +212,37 @@ def test_a_check_that_is_on_anyway_and_one_without_a_usual_limit() -> None:
 
 
 @pytest.mark.parametrize(
-    "key, value", [("checks", {"rate_low": 0.5}), ("deadline", 3), ("deadline", LEARNED_DEADLINE)]
+    "key, value",
+    [
+        ("checks", {"rate_low": 0.5}),
+        ("deadline", 3),
+        ("deadline", LEARNED_DEADLINE),
+        ("bridge", 2.5),
+    ],
 )
-def test_an_event_driven_topic_has_neither_rate_nor_deadline(key: str, value: Any) -> None:
+def test_an_event_driven_topic_has_no_rate_no_deadline_and_no_bridge(key: str, value: Any) -> None:
     tree = changed(key, value)
     tree["services"]["v"]["period"] = "none"
     with pytest.raises(ModelError, match="period|event-driven"):
         som_of(tree)
+
+
+@pytest.mark.parametrize(
+    "value, periods, bridges", [(False, 0.0, None), (1.5, 1.5, 1.5), (40, 40.0, 40.0)]
+)
+def test_a_bridge_is_a_number_of_periods_or_false(
+    value: Any, periods: float, bridges: Optional[float]
+) -> None:
+    tree = changed("bridge", value)
+    (service,) = som_of(tree)
+    assert (service.bridge, service.bridges) == (periods, bridges)
+    assert som_of(som_parameters(som_of(tree))) == som_of(tree)
+
+
+@pytest.mark.parametrize("value", [True, 1.4, 0, -1, "long", 1e7])
+def test_a_bridge_that_is_none_is_refused(value: Any) -> None:
+    with pytest.raises(ModelError, match="bridge"):
+        som_of(changed("bridge", value))
 
 
 def test_who_provides_what_on_a_shared_topic() -> None:

@@ -45,6 +45,8 @@ class AnySubstitute(RuleBasedStateMachine):
         self.last: Optional[float] = None  # message to all since the row changed
         self.stale_looks = 0  # which the core awaits no more
         self.cut = False
+        self.others: Optional[events.LookAtOthers] = None
+        self.spoke = float("-inf")
         self.heard_at: Optional[float] = None  # another one, to whom it must have yielded
         self.hear(events.Started(self.now, self.told))
 
@@ -79,11 +81,12 @@ class AnySubstitute(RuleBasedStateMachine):
         assert self.advertised[topic]
         yields = self.muted_at is not None and self.now < self.muted_at + SETTINGS.yield_s
         alone = self.cut and self.told.on_partition is OnPartition.HEAL
-        assert self.told.publishing or (yields and self.original) or alone
+        assert self.told.publishing or (yields and self.original) or alone or self.bridges()
         assert topic in self.told.topics or not self.told.publishing
         assert self.heard_at is None or self.now - self.heard_at >= DEADLINE - 1e-6
         if command.only:
-            assert (self.told.publishing or alone) and command.only not in command.served
+            assert self.told.publishing or alone or self.bridges()
+            assert command.only not in command.served
             return
         assert self.stamps.get(topic, 0) <= command.stamp <= self.ros_time()
         self.stamps[topic] = command.stamp
@@ -91,6 +94,15 @@ class AnySubstitute(RuleBasedStateMachine):
         if period is not None and self.last is not None:
             assert self.now - self.last > 0.49 * period, "two messages at once"
         self.last = self.now
+
+    def on_LookAtOthers(self, look: events.LookAtOthers) -> None:
+        assert self.told.bridge and not self.told.publishing and look.topic in self.told.topics
+        self.others = look
+
+    def bridges(self) -> bool:
+        """Whether it may fill in: nobody else was heard for long enough."""
+        told = self.told
+        return told.bridge > 0.0 and self.now - self.spoke >= told.bridge - 1e-6
 
     @rule(
         publishing=st.booleans(),
@@ -101,6 +113,7 @@ class AnySubstitute(RuleBasedStateMachine):
         message=st.sampled_from((b"", b"one", b"two")),
         alone=st.sampled_from(OnPartition),
         yields=st.booleans(),
+        bridge=st.sampled_from((0.0, 0.05)),
     )
     def program(
         self,
@@ -112,9 +125,11 @@ class AnySubstitute(RuleBasedStateMachine):
         message: bytes,
         alone: OnPartition,
         yields: bool,
+        bridge: float,
     ) -> None:
         row = Substitution(NAME, "s", (source,), code, (output,), (), 1.0, publishing, original)
-        self.change(replace(row, last_message=message, on_partition=alone, yields=yields))
+        row = replace(row, last_message=message, on_partition=alone, yields=yields)
+        self.change(replace(row, bridge=bridge))
 
     @rule(publishing=st.booleans())
     def order(self, publishing: bool) -> None:
@@ -194,11 +209,41 @@ class AnySubstitute(RuleBasedStateMachine):
     @rule(topic=st.sampled_from(("/out", "/other")))
     def other(self, topic: str) -> None:
         """Somebody else publishes."""
+        self.speak(topic)
+
+    def speak(self, topic: str) -> None:
+        """Somebody else publishes."""
         told = self.told
-        listens = told.on_partition is OnPartition.HEAL and topic == self.core._cut_off.topic
+        listens = told.on_partition is OnPartition.HEAL and topic == self.core._others.topic
         if listens and (self.cut or told.yields) and topic in told.topics:
             self.heard_at = self.now
-        self.hear(events.OtherHeard(self.now, topic))
+        self.spoke, self.last = self.now, None
+        self.hear(events.OtherHeard(self.now, topic, "/node"))
+
+    @rule(
+        gaps=st.lists(st.sampled_from((0.01, 0.02, 0.04)), min_size=6, max_size=8),
+        quiet=st.sampled_from((0.03, 0.06, 0.2)),
+        stands=st.booleans(),
+    )
+    def original_stream(self, gaps: List[float], quiet: float, stands: bool) -> None:
+        """The original publishes for a while, and is silent then."""
+        for gap in gaps:
+            self.now += gap
+            self.speak(self.told.topics[0] if self.told.topics else "/out")
+        self.now += quiet
+        self.hear(events.Tick(self.now))
+        self.answer_look(stands)
+
+    @rule(stands=st.booleans())
+    def looked(self, stands: bool) -> None:
+        self.answer_look(stands)
+
+    def answer_look(self, stands: bool) -> None:
+        """The answer to a look at the others."""
+        if self.others is not None:
+            look, self.others = self.others, None
+            self.last = None
+            self.hear(events.OthersStand(self.now, look, stands))
 
     @rule(cut=st.booleans())
     def reach(self, cut: bool) -> None:

@@ -3,7 +3,7 @@
 Both are those of the worst case that is usual: every check at its limit, and takeovers as slow as
 the 95th percentile of those that were measured (docs/experiments.md).
 """
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import Iterator, List, Tuple
 
@@ -40,6 +40,8 @@ class Budget:
 def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Finding]:
     """The needed services that are healed later than they may be, with the sums."""
     for service in som.needed():
+        if len(som.of_topic(service.topic)) > 1:
+            service = replace(service, bridge=0.0)  # on a shared topic nobody fills in
         late = over_budget(service, settings)
         if not late or service.fault_tolerant_time is None:
             continue
@@ -66,7 +68,7 @@ def budgets(service: Service, settings: Settings) -> List[Budget]:
     period = service.period
     if silence is None or period is None:
         return found
-    found.append(Budget(Kind.SILENT, silence, reaction))
+    found.append(_of_silence(service, period, silence, reaction))
     # Who publishes what is wrong must be gone before anybody takes its place.
     reaction += settings.kill_patience
     several = service.checks.bad * period
@@ -80,6 +82,15 @@ def budgets(service: Service, settings: Settings) -> List[Budget]:
             waits = check.limit if isinstance(check, Stuck) else 0.0
             found.append(Budget(check.kind, waits + several, reaction))
     return list(dict.fromkeys(found))
+
+
+def _of_silence(service: Service, period: float, silence: float, reaction: float) -> Budget:
+    """A substitute that stands by fills in, if it is on the same computer: then a period later."""
+    healed = Budget(Kind.SILENT, silence, reaction)
+    if service.bridges is None or service.host or not service.policy.substitutes:
+        return healed
+    filled_in = Budget(Kind.SILENT, service.bridges * period, period)
+    return min(healed, filled_in, key=lambda each: each.total)
 
 
 def _reaction(service: Service, settings: Settings) -> float:

@@ -149,6 +149,8 @@ def _service(
         raise entry["checks"].error(f"{min(rates)} needs a period, and there is none")
     if service.event_driven and service.deadline is not None:
         raise entry["deadline"].error("an event-driven topic (period: none) has no deadline")
+    if service.event_driven and service.bridge:
+        raise entry["bridge"].error("an event-driven topic (period: none) has no bridge")
     _check_last_resort(service, entry)
     check_hosts(service, entry, hosts)
     return service

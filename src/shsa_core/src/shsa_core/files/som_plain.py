@@ -64,6 +64,8 @@ def service_parameters(service: Service) -> Dict[str, Any]:
     if not service.last_resort.values:
         del optional["last_resort"]
     plain.update({key: value for key, value in optional.items() if value})
+    if service.bridge is not None:
+        plain["bridge"] = service.bridge or False
     return plain
 
 

@@ -20,6 +20,7 @@ _HIGHEST_COUNT = 1000
 _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S = 1e-4, 1e6
 _LONGEST_DEADLINE = 1e6  # periods
 _FEWEST_ALARMS, _MOST_ALARMS = 1e-3, 100.0  # an hour of the topic
+_SHORTEST_BRIDGE = 1.5  # periods: a message is not late before
 
 Reader = Callable[[Value, str], Any]
 
@@ -85,6 +86,18 @@ def _deadline(value: Value, key: str) -> Union[float, AdaptiveDeadline]:
     number = value.number(key)
     if not 1.0 <= number <= _LONGEST_DEADLINE:
         raise value.error(f"{key} must be 1 to {_LONGEST_DEADLINE:g} periods, not {number:g}")
+    return number
+
+
+def _bridge(value: Value, key: str) -> float:
+    if value.data is False:
+        return 0.0
+    allowed = f"{_SHORTEST_BRIDGE:g} to {_LONGEST_DEADLINE:g} periods, or false"
+    if value.data is True:
+        raise value.error(f"{key} must be {allowed}, not true")
+    number = value.number(key)
+    if not _SHORTEST_BRIDGE <= number <= _LONGEST_DEADLINE:
+        raise value.error(f"{key} must be {allowed}, not {number:g}")
     return number
 
 
@@ -307,6 +320,12 @@ SERVICE: Dict[str, Key] = {
         _one_of(OnPartition),
         _words(OnPartition),
         "what is done while its computer cannot be reached",
+    ),
+    "bridge": Key(
+        _bridge,
+        f"{_SHORTEST_BRIDGE:g} to {_LONGEST_DEADLINE:g} periods, or false",
+        "periods without a message after which a substitute that stands by fills in; unsaid, 2.5 "
+        "where standby is hot",
     ),
 }
 """What a service may say beside `provides`: a new key is a line here, and one in `Service`."""

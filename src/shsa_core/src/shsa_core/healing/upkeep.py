@@ -339,9 +339,23 @@ class Upkeep:
             healing.substitute.host,
             service.on_partition if parted else OnPartition.WAIT,
             parted and healing.yields,
+            self._bridge(service, healing),
         )
         self._substitutions.set(healing.node, row)
         return row
+
+    def _bridge(self, service: Service, healing: TopicHealing) -> float:
+        """The silence in s after which a substitute that stands by fills in; 0: it does not.
+
+        It does while the service is well. Not on a shared topic, where somebody else is heard; nor
+        from another computer, where what is late may be the link.
+        """
+        substitute = healing.substitute
+        here = substitute.host == self._where.host_of(service.node)
+        fits = here and service.policy.substitutes and isinstance(substitute.plan, Plan)
+        if healing.state is not State.WELL or not fits or is_shared(self._som, service):
+            return 0.0
+        return (service.bridges or 0.0) * (service.period or 0.0)
 
     def _unsettle(self, names: Iterable[str], another: bool = False) -> None:
         for name in names:

@@ -34,6 +34,7 @@ class Substitution:
     host: str = ""
     on_partition: OnPartition = OnPartition.WAIT
     yields: bool = False
+    bridge: float = 0.0
 
     @property
     def idle(self) -> bool:

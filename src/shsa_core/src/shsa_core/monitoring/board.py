@@ -7,6 +7,7 @@ from shsa_core.agenda import Agenda
 from shsa_core.errors import ShsaError
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.kinds import Kind
+from shsa_core.monitoring.bridges import Bridges
 from shsa_core.monitoring.events import (
     ChangeAdopted,
     ChangeRefused,
@@ -57,6 +58,7 @@ class Board:
     def __init__(self) -> None:
         self.topics: Dict[str, WatchedTopic] = {}
         self.substitutes = Substitutes()
+        self.bridges = Bridges()
         self.agenda: Agenda[Due] = Agenda()
         self._failures: List[FailureDetected] = []
         self._changes: List[Command] = []
@@ -106,6 +108,16 @@ class Board:
         return self.substitutes.may_be_silent(topic.name, publisher.name)
 
     # Changes
+
+    def bridge(self, topic: WatchedTopic, publisher: str, time: float) -> bool:
+        """Count a message of a muted substitute that fills in; whether it was one."""
+        row = self.substitutes.bridging(topic.name, publisher)
+        if row is None:
+            return False
+        bridged = self.bridges.heard((topic.name, publisher), row, time)
+        if bridged is not None:
+            self._changes.append(bridged)
+        return True
 
     def meet(self, topic: WatchedTopic, name: str, time: float) -> Publisher:
         """A new publisher, in place of an old one of that name."""

@@ -255,6 +255,17 @@ class CalibrationsChanged:
     removed: Tuple[Tuple[str, Program], ...] = ()
 
 
+@dataclass(frozen=True)
+class Bridged:
+    """The muted substitute `publisher` filled in for a late message, for the `times`th time."""
+
+    time: float
+    service: str
+    topic: str
+    publisher: str
+    times: int
+
+
 Command = Union[
     FailureDetected,
     HealthChanged,
@@ -262,4 +273,5 @@ Command = Union[
     ChangeAdopted,
     RobotAwaited,
     CalibrationsChanged,
+    Bridged,
 ]

@@ -198,9 +198,10 @@ class Monitor:
                 watched = board.watched_of(topic, node)
                 publisher.provide(watched, anew=watched is not publisher.watched)
                 board.agenda.bring_forward(Silence(name, node), publisher.deadline)
-                was_muted = publishes(before, name) and not publishes(now, name)
-                if was_muted and publisher.state is HEALTHY:
-                    board.mute(topic, publisher, event.time)
+                if publishes(before, name) and not publishes(now, name):
+                    board.bridges.muted((name, node), event.time)
+                    if publisher.state is HEALTHY:
+                        board.mute(topic, publisher, event.time)
 
     def _formerly_healthy(self, event: FormerlyHealthy) -> None:
         self._arrivals.expect(event)
@@ -277,6 +278,8 @@ class Monitor:
         if publisher is None:
             publisher = self._board.meet(topic, event.publisher, event.time)
         elif not publisher.connected:
+            return
+        if self._board.bridge(topic, publisher.name, event.time):
             return
         previous = publisher.last_message
         granted = publisher.granted

@@ -30,6 +30,7 @@ class ServiceHealth:
     """One service, its condition in words, and the publishers that it comes from.
 
     `deadline`: the silence that its node is allowed, in words; empty: it is not learned.
+    `bridged`: how often a muted substitute has filled in for a late message of it so far.
     """
 
     service: Service
@@ -37,6 +38,7 @@ class ServiceHealth:
     detail: str
     publishers: Tuple[PublisherHealth, ...]
     deadline: str = ""
+    bridged: int = 0
 
 
 def overview(
@@ -62,7 +64,8 @@ def _health(service: Service, board: Board, muted: Collection[Key], doubt: str) 
         condition, detail = Condition.DOUBTFUL, doubt
     rows = tuple(each.row(topic.name) for each in concerned if each.name != NOBODY)
     deadline = topic.services[service.name].told
-    return ServiceHealth(service, condition, detail, rows, deadline)
+    bridged = board.bridges.times(service.name)
+    return ServiceHealth(service, condition, detail, rows, deadline, bridged)
 
 
 def _concerns(publisher: Publisher, service: Service) -> bool:

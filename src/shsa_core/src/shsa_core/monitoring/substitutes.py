@@ -40,6 +40,12 @@ class Substitutes:
         """Whether the table names a node, or did until now."""
         return node in self._rows or (topic, node) in self.retired
 
+    def bridging(self, topic: str, node: str) -> Optional[Substitution]:
+        """The row of a muted substitute that may fill in on `topic`; None: it is none."""
+        row = self._rows.get(node)
+        fills_in = row is not None and row.bridge > 0.0 and not row.publishing
+        return row if row is not None and fills_in and topic in row.topics else None
+
     def may_be_silent(self, topic: str, node: str) -> bool:
         """Whether silence is no fault: a muted substitute, or one that is being stopped."""
         if (topic, node) in self.retired:

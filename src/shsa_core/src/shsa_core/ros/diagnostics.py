@@ -26,6 +26,8 @@ from shsa_core.ros.host.remote import Told as HostTold
 from shsa_core.text import shown
 
 PERIOD_S = 1.0
+BRIDGED = "times bridged"
+"""Under this key a service's row has how often a substitute filled in for a late message."""
 CLOCK_OFF_S = 0.1
 """With more between two clocks, stamps of one tell little on the other."""
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -145,6 +147,8 @@ class MonitorRows:
         told = [(p.publisher, self._publisher(p, counts, elapsed, now)) for p in health.publishers]
         if health.deadline:
             told.append(("deadline", health.deadline))
+        if health.bridged:
+            told.append((BRIDGED, str(health.bridged)))
         text = health.detail
         if health.condition is not Condition.HEALTHY:
             text = f"{health.condition}: {text}"

@@ -156,6 +156,7 @@ class MonitorNode:
                 events.ChangeRefused: self._put_back,
                 events.RobotAwaited: self._tell_awaited,
                 events.CalibrationsChanged: self._tell_calibrations,
+                events.Bridged: self._tell_bridged,
                 events.ChangeAdopted: lambda each: rospy.loginfo("%s counts now.", each.text),
             },
         )
@@ -312,6 +313,11 @@ class MonitorNode:
         self._lasting.health(change.rows, change.removed)
         self._changes.update({key: None for key in change.removed})
         self._changes.update({row.key: row for row in change.rows})
+
+    def _tell_bridged(self, bridged: events.Bridged) -> None:
+        text = "%s: %s has filled in for a late message, %s so far. Nobody is blamed for that."
+        times = "once" if bridged.times == 1 else f"{bridged.times} times"
+        rospy.logwarn(text, bridged.topic, bridged.publisher, times)
 
     def _tell_calibrations(self, change: events.CalibrationsChanged) -> None:
         rows = map(wire.calibration_row, change.rows)

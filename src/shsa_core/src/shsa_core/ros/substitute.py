@@ -3,6 +3,7 @@ import functools
 import os
 import sys
 import threading
+from dataclasses import replace
 from typing import TYPE_CHECKING, Callable, Iterable, Iterator, Optional, Tuple
 
 import genpy
@@ -22,6 +23,7 @@ from shsa_core.ros.graph.inputs import Inputs, Values
 from shsa_core.ros.graph.node_api import FAILURES
 from shsa_core.ros.graph.original import Originals
 from shsa_core.ros.graph.outputs import Outputs
+from shsa_core.ros.graph.overhearing import Overhearing
 from shsa_core.ros.graph import secret
 from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.wire import names
@@ -76,6 +78,7 @@ class SubstituteNode:
         self._heart = Heart(hearer(os.environ.get(HOST, "")))
         self._inputs = Inputs(self._heard)
         self._outputs = Outputs(self._advertised, self._joined)
+        self._others = Overhearing(self._name, self._other_heard)
         self._registrations = Worker("registrations")
         self._telling = Worker("telling")
         self._calls = Worker("calls")
@@ -88,12 +91,13 @@ class SubstituteNode:
                 events.Overhear: self._overhear,
                 events.Advertise: self._advertise,
                 events.Withdraw: self._withdraw,
-                events.Compose: self._outputs.compose,
+                events.Compose: self._compose,
                 events.Publish: self._publish,
                 events.Announce: self._announce,
                 events.FindSubscribers: self._find_subscribers,
                 events.Tell: self._tell,
                 events.LookAtOriginal: self._look_at_original,
+                events.LookAtOthers: self._look_at_others,
                 events.TellNoValue: self._tell_no_value,
                 events.GiveUp: self._give_up,
                 events.Log: self._log,
@@ -184,6 +188,9 @@ class SubstituteNode:
         now = self._clock.now()
         self._inbox.put(events.InputArrived(now, topic, publisher, values, stamp, clock.ros_ns()))
 
+    def _other_heard(self, topic: str, publisher: str, stamp: int) -> None:
+        self._inbox.put(events.OtherHeard(self._clock.now(), topic, publisher, stamp))
+
     def _advertised(self, topic: str) -> None:
         self._inbox.put(events.Advertised(self._clock.now(), topic))
 
@@ -197,14 +204,16 @@ class SubstituteNode:
             self._register(functools.partial(self._inputs.listen, (signal,)))
 
     def _overhear(self, command: events.Overhear) -> None:
-        def heard(message: genpy.Message) -> None:
-            if message._connection_header["callerid"] != self._name:
-                self._inbox.put(events.OtherHeard(self._clock.now(), command.topic))
+        self._register(lambda: self._others.listen(command.topic, command.type))
 
-        kind = message_class(command.type)
-        self._register(
-            lambda: rospy.Subscriber(command.topic, kind, heard, queue_size=1, tcp_nodelay=True)
-        )
+    def _look_at_others(self, look: events.LookAtOthers) -> None:
+        stands = self._others.stands(look.topic, look.publisher)
+        self._inbox.put(events.OthersStand(self._clock.now(), look, stands))
+
+    def _compose(self, command: events.Compose) -> None:
+        if command.overheard:
+            command = replace(command, last_message=self._others.newest(command.topic))
+        self._outputs.compose(command)
 
     def _advertise(self, command: events.Advertise) -> None:
         self._register(

@@ -6,54 +6,56 @@ is the one that is spare. In reach of the reconfigurator it does as its row says
 says so: then it is the original that was cut off.
 """
 import math
-from typing import Optional
 
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
-
-LONGEST_STEP_S = 0.1
-"""Time in which we were not scheduled ourselves is no silence of others."""
+from shsa_core.substitution.overhearing import Overhearing
 
 
 class CutOff:
     """Whether a substitute publishes otherwise than its row says. Times in s."""
 
-    def __init__(self) -> None:
-        self.topic = ""  # on which others are listened for; empty: on none
+    def __init__(self, others: Overhearing) -> None:
+        self.listens = False  # others are listened for
+        self._others = others
         self._says = self._yields = False
-        self._deadline: Optional[float] = None
+        self._deadline = math.inf
+        self._topic = ""
         self._cut = False
         self._heard = False  # somebody else was, so that silence tells something
         self._yielded = False
-        self._silence = 0.0
-        self._now = -math.inf
+
+    @property
+    def deadline(self) -> float:
+        """The silence after which others are silent; infinite: never, or it does not matter."""
+        return self._deadline if self.listens else math.inf
 
     def follow(self, row: Substitution, topic: str) -> None:
         """The row is another one; `topic`: that of its program."""
-        listens = row.on_partition is OnPartition.HEAL and topic != ""
+        self.listens = row.on_partition is OnPartition.HEAL and topic != ""
         self._yields = row.yields
-        if topic != self.topic:
-            self._heard = self._yielded = False
+        if topic != self._topic or not self.listens:
+            self._heard = False
+        if topic != self._topic:
+            self._yielded = False
         if row.publishing is not self._says:
             self._yielded = False
-        self.topic, self._says = topic if listens else "", row.publishing
-        self._deadline = row.outputs[0].deadline if row.outputs else None
+        self._topic, self._says = topic, row.publishing
+        deadline = row.outputs[0].deadline if row.outputs else None
+        self._deadline = math.inf if deadline is None else deadline
 
     def reach(self, cut: bool) -> None:
         """The reconfigurator is out of reach, or in reach again."""
         self._cut = cut
 
-    def heard(self, topic: str) -> None:
+    def heard(self) -> None:
         """Somebody else has published."""
-        if topic == self.topic:
-            self._heard, self._silence = True, 0.0
+        if self.listens:
+            self._heard = True
             self._yielded = self._yielded or self._cut or self._yields
 
-    def pass_time(self, now: float) -> None:
-        """Time passes."""
-        step = now - self._now if self._now > -math.inf else 0.0
-        self._silence += min(max(0.0, step), LONGEST_STEP_S)
-        self._now = now
+    def pass_time(self) -> None:
+        """Time has passed."""
         if self._is_silent:
             self._yielded = False
 
@@ -62,18 +64,18 @@ class CutOff:
         """Whether it publishes now."""
         if self._yielded:
             return False
-        takes_over = self._cut and bool(self.topic) and self._is_silent
+        takes_over = self._cut and self.listens and self._is_silent
         return self._says or takes_over
 
     @property
     def next(self) -> float:
         """When to look again how long others are silent, if that matters now; else infinite."""
-        waits = self.topic and self._heard and (self._yielded or (self._cut and not self._says))
-        if not waits or self._deadline is None or self._is_silent:
+        waits = self.listens and self._heard and (self._yielded or (self._cut and not self._says))
+        if not waits or self._deadline == math.inf or self._is_silent:
             return math.inf
-        return self._now + min(max(self._deadline - self._silence, 1e-6), LONGEST_STEP_S / 2.0)
+        return self._others.left(self._deadline)
 
     @property
     def _is_silent(self) -> bool:
         """Whether those are silent who were heard."""
-        return self._heard and self._deadline is not None and self._silence >= self._deadline
+        return self._heard and self._others.silence >= self._deadline

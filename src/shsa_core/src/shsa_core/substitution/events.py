@@ -157,10 +157,37 @@ class OriginalServes:
 
 @dataclass(frozen=True)
 class OtherHeard:
-    """Somebody else has published on a topic that is overheard."""
+    """Somebody else, `publisher`, has published on a topic that is overheard.
+
+    `stamp`: of the message's header, in ns; 0: it has none.
+    """
 
     time: float
     topic: str
+    publisher: str = ""
+    stamp: int = 0
+
+
+@dataclass(frozen=True)
+class LookAtOthers:
+    """Look whether the connection to a publisher of an overheard topic stands (OthersStand).
+
+    What has come on it, but is not read yet, is told before that (OtherHeard). `asked` is the time
+    of the question.
+    """
+
+    asked: float
+    topic: str
+    publisher: str
+
+
+@dataclass(frozen=True)
+class OthersStand:
+    """The answer to a look: whether the connection stands."""
+
+    time: float
+    look: LookAtOthers
+    stands: bool
 
 
 @dataclass(frozen=True)
@@ -191,6 +218,7 @@ Event = Union[
     CallFailed,
     OriginalServes,
     OtherHeard,
+    OthersStand,
     ReachChanged,
     Tick,
 ]
@@ -245,6 +273,7 @@ class Compose:
 
     That is `last_message`, serialized; empty: not known. `written`: the fields that are computed,
     each with its standard deviation, None: not known. `others`: what stands in the other fields.
+    `overheard`: they start from the newest message that somebody else published, instead.
     """
 
     topic: str
@@ -252,6 +281,7 @@ class Compose:
     written: Tuple[Tuple[str, Optional[float]], ...]
     others: Others = Others.UNKNOWN
     last_message: bytes = b""
+    overheard: bool = False
 
 
 @dataclass(frozen=True)
@@ -326,6 +356,7 @@ Command = Union[
     FindSubscribers,
     Tell,
     LookAtOriginal,
+    LookAtOthers,
     TellNoValue,
     GiveUp,
     Log,

@@ -10,8 +10,8 @@ from shsa_core.model.service import Signal
 
 Key = Tuple[str, str]
 """A field of a topic's messages, and whose messages count; empty: anybody's."""
-Reading = Tuple[float, float, int]
-"""When a value came, the value, and the stamp of its message in ns."""
+Reading = Tuple[float, float, int, str]
+"""When a value came, the value, the stamp of its message in ns, and who published it."""
 
 
 class _Stream:
@@ -82,7 +82,7 @@ class Freshness:
         for field, value in values:
             for key in ((field, ""), (field, publisher)):
                 if key in readings:
-                    readings[key] = time, value, stamp
+                    readings[key] = time, value, stamp, publisher
 
     def values(self, signals: Sequence[Signal], now: float) -> Optional[Tuple[float, ...]]:
         """The values of `signals`.
@@ -94,7 +94,7 @@ class Freshness:
             reading = self._readings[signal.topic][signal.field, signal.node]
             if reading is None:
                 return None
-            time, value, _ = reading
+            time, value, _, _ = reading
             if signal.deadline is not None and now - time > signal.deadline:
                 return None
             found.append(value)
@@ -104,6 +104,11 @@ class Freshness:
         """The oldest stamp among the values of `signals`, in ns; 0 if there are none."""
         readings = (self._readings[each.topic][each.field, each.node] for each in signals)
         return min((reading[2] for reading in readings if reading is not None), default=0)
+
+    def sources(self, signals: Iterable[Signal]) -> Tuple[str, ...]:
+        """Who published the value of each of `signals`; empty: it has never come."""
+        readings = (self._readings[each.topic][each.field, each.node] for each in signals)
+        return tuple("" if reading is None else reading[3] for reading in readings)
 
     def listens(self, signal: Signal) -> bool:
         """Whether the values of a signal are kept."""

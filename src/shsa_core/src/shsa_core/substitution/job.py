@@ -69,6 +69,11 @@ class Job:
         return True
 
     @property
+    def integrates(self) -> bool:
+        """Whether it sums up, and so is as good as where it last started from."""
+        return self.hidden_integral or any(sum_ is not None for sum_ in self._integrals)
+
+    @property
     def unstarted(self) -> Tuple[str, ...]:
         """The fields of its outputs that are integrals from nobody knows where."""
         return tuple(sorted(self._unstarted))

@@ -1,5 +1,6 @@
 """The substitute's core: what it computes, when it publishes, and to whom."""
 import math
+from dataclasses import replace
 from typing import Callable, Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.dispatch import Table, table
@@ -8,10 +9,12 @@ from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.advertising import Advertising
+from shsa_core.substitution.bridging import Bridging
 from shsa_core.substitution.cut_off import CutOff
 from shsa_core.substitution.events import Command, Event, LastMessage, Level, Log, Unusable
 from shsa_core.substitution.freshness import Freshness
 from shsa_core.substitution.job import Job, Words, words
+from shsa_core.substitution.overhearing import Overhearing
 from shsa_core.substitution.schedule import Schedule
 from shsa_core.substitution.settings import Settings
 from shsa_core.substitution.stamps import Stamps
@@ -45,7 +48,10 @@ class Substitute:
         self._complained = False
         self._advertising = Advertising(settings)
         self._yielding = Yielding(settings)
-        self._cut_off = CutOff()
+        self._others = Overhearing()
+        self._cut_off = CutOff(self._others)
+        self._bridging = Bridging(self._others)
+        self._wanted: Optional[float] = None  # when it wanted to wake
         self._overheard: Set[str] = set()
         self._handlers: Table[List[Command]] = table(
             Event,
@@ -62,6 +68,7 @@ class Substitute:
                 events.CallFailed: self._call_failed,
                 events.OriginalServes: self._original_serves,
                 events.OtherHeard: self._other_heard,
+                events.OthersStand: self._others_stand,
                 events.ReachChanged: self._reach_changed,
                 events.Tick: self._tick,
             },
@@ -73,25 +80,30 @@ class Substitute:
         What has become due meanwhile is among them, messages first.
         """
         self._now = max(self._now, event.time)
-        self._at_its_own(lambda: self._cut_off.pass_time(self._now))
+        self._others.pass_time(self._now, self._wanted)
+        self._at_its_own(self._cut_off.pass_time)
         commands: List[Command] = self._handlers[type(event)](event)
         commands += self._publish()
         commands += self._yielding.due(self._now)
         commands += self._advertising.due(self._now)
-        self._said = commands
+        look = self._bridging.due(self._now)
+        commands += [look] if look is not None else []
+        self._said, self._wanted = commands, self.next_deadline()
         return commands
 
     def next_deadline(self) -> Optional[float]:
         """When the next Tick is wanted; None: not before another event."""
         due = self._schedule.due if self._values() is not None else math.inf
-        soonest = min(due, self._yielding.next(), self._advertising.next(), self._cut_off.next)
+        alone = min(self._cut_off.next, self._bridging.next(self._now))
+        soonest = min(due, self._yielding.next(), self._advertising.next(), alone)
         return None if soonest == math.inf else soonest
 
     @property
     def publishing(self) -> bool:
         """Whether it publishes; it does not where its program is not for what its row names."""
         job = self._job
-        return self._cut_off.publishes and job is not None and job.topic in self._row.topics
+        publishes = self._cut_off.publishes or self._bridging.on
+        return publishes and job is not None and job.topic in self._row.topics
 
     def validate(self) -> None:
         """Raises ShsaError if what must always hold after an event does not."""
@@ -144,8 +156,9 @@ class Substitute:
     def _row_removed(self, _: events.RowRemoved) -> List[Command]:
         """Whoever made the table may have started anew, and learns of us later.
 
-        Go on as told last.
+        Go on as told last, but fill in for nobody.
         """
+        self._at_its_own(self._bridging.forget)
         return [Log(Level.DEBUG, "the table has no row of this node any more")]
 
     def _left_alone(self, _: events.LeftAlone) -> List[Command]:
@@ -182,8 +195,7 @@ class Substitute:
         self._unusable.update(unusable)
         here = self._here(self._plans.values())
         commands = self._prepare((row, *here)) if row.idle else self._work(row, computed)
-        self._cut_off.follow(row, self._topic)
-        commands += self._overhear()
+        commands += self._follow_others(row)
         after, stays = self.publishing, self._topic == topic and topic in row.topics
         period = None if self._job is None else self._job.period
         same = stays and row.original == self._yielding.original
@@ -204,10 +216,16 @@ class Substitute:
                 self._stamps.begin(job.topic, last.stamp)
         return commands + self._compose(last)
 
-    def _overhear(self) -> List[Command]:
-        """Listen for others on the topic, if that is not done yet."""
-        topic = self._cut_off.topic
-        if not topic or topic in self._overheard:
+    def _follow_others(self, row: Substitution) -> List[Command]:
+        """Listen for others on the topic if that matters, where it is not done yet."""
+        job, topic = self._job, self._topic
+        self._cut_off.follow(row, topic)
+        self._bridging.follow(row, topic, job is not None and not job.integrates)
+        listens = self._cut_off.listens or self._bridging.listens
+        self._others.listen(
+            topic if listens else "", min(self._cut_off.deadline, self._bridging.after)
+        )
+        if not listens or topic in self._overheard:
             return []
         self._overheard.add(topic)
         return [events.Overhear(topic, self._types[topic])]
@@ -229,12 +247,13 @@ class Substitute:
         job, row = self._job, self._row
         if job is None or self._refused is not None:
             return []
-        message = b"" if last is None else row.last_message
+        overheard = self._bridging.on
+        message = b"" if last is None or overheard else row.last_message
         errors = (None if each.error is None else each.error.rms for each in job.outputs)
         # No message says that it is certain: an error of 0 is written as one that is not known.
         written = tuple((each.field, error or None) for each, error in zip(job.outputs, errors))
         kind = job.outputs[0].type
-        compose = events.Compose(job.topic, kind, written, row.others, message)
+        compose = events.Compose(job.topic, kind, written, row.others, message, overheard)
         if compose == self._composed:
             return []
         self._composed = compose
@@ -326,6 +345,8 @@ class Substitute:
         age = event.ros_time - stamp
         self._freshness.take(event.time, event.topic, event.publisher, event.values, stamp, age)
         job = self._job
+        if self._bridging.on:
+            self._at_its_own(lambda: self._bridging.feed(self._sources()))
         if job is not None and job.period is None:
             if any(signal.topic == event.topic for signal in job.inputs):
                 self._schedule.hasten(self._now)
@@ -426,8 +447,24 @@ class Substitute:
         return []
 
     def _other_heard(self, event: events.OtherHeard) -> List[Command]:
-        self._at_its_own(lambda: self._cut_off.heard(event.topic))
+        silence = self._others.silence
+        if self._others.heard(event):
+            self._at_its_own(self._cut_off.heard)
+            self._at_its_own(lambda: self._bridging.heard(silence, self._sources()))
         return []
+
+    def _others_stand(self, event: events.OthersStand) -> List[Command]:
+        before = self._bridging.on
+        self._at_its_own(lambda: self._bridging.stand(event, self._sources()))
+        last = self._others.last
+        if before or not self._bridging.on or last is None or self._composed is None:
+            return []
+        self._stamps.begin(self._topic, last.stamp)
+        self._composed = replace(self._composed, overheard=True, last_message=b"")
+        return [self._composed]
+
+    def _sources(self) -> Tuple[str, ...]:
+        return () if self._job is None else self._freshness.sources(self._job.inputs)
 
     def _reach_changed(self, event: events.ReachChanged) -> List[Command]:
         self._at_its_own(lambda: self._cut_off.reach(event.cut_off))

@@ -67,6 +67,7 @@ def substitution_message(row: Substitution) -> msg.Substitution:
         host=row.host,
         on_partition=str(row.on_partition),
         yields=row.yields,
+        bridge=row.bridge,
     )
 
 
@@ -80,6 +81,8 @@ def substitution_row(message: msg.Substitution) -> Substitution:
         raise ShsaError(
             f"on_partition must be one of {', '.join(OnPartition)}, not {on_partition!a}"
         )
+    if not 0.0 <= message.bridge < math.inf:
+        raise ShsaError(f"bridge must be 0, or s above it, not {message.bridge:g}")
     return Substitution(
         node=message.node,
         service=message.service,
@@ -95,6 +98,7 @@ def substitution_row(message: msg.Substitution) -> Substitution:
         host=message.host,
         on_partition=OnPartition(on_partition),
         yields=message.yields,
+        bridge=message.bridge,
     )
 
 

@@ -1,0 +1,85 @@
+"""What others publish on a substitute's own topic, heard beside what it reads and publishes."""
+import io
+import select
+import socket
+import time
+from typing import Any, Callable, Dict, List
+
+import genpy
+import rospy
+
+from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.messages import message_class
+
+READ_S = 0.0005
+"""What rospy's threads have received is told by then: they need the lock of the interpreter."""
+
+
+class Overhearing:
+    """Subscriptions of topics on which only others count.
+
+    `heard(topic, publisher, stamp)` is called, from rospy's threads, at every message of others;
+    `stamp` in ns, 0: it has none.
+
+    A topic has one subscription in a process, which a program may read as well: so messages are
+    decoded here though nobody looks into them.
+    """
+
+    def __init__(self, name: str, heard: Callable[[str, str, int], None]) -> None:
+        self._name, self._heard = name, heard
+        self._subscribers: Dict[str, rospy.Subscriber] = {}
+        self._newest: Dict[str, genpy.Message] = {}
+
+    def listen(self, topic: str, kind: str) -> None:
+        """Subscribe a topic; waits for the master."""
+        self._subscribers[topic] = rospy.Subscriber(
+            topic, message_class(kind), self._received, topic, queue_size=1, tcp_nodelay=True
+        )
+
+    def newest(self, topic: str) -> bytes:
+        """The newest message of another one, serialized; empty: there is none."""
+        message = self._newest.get(topic)
+        if message is None:
+            return b""
+        written = io.BytesIO()
+        message.serialize(written)
+        return written.getvalue()
+
+    def stands(self, topic: str, publisher: str) -> bool:
+        """Whether a connection to a publisher stands.
+
+        What has come from anybody else, and was not read yet, is told before.
+        """
+        time.sleep(READ_S)
+        found = False
+        for transport in self._connections(topic):
+            connection = transport.socket
+            if transport.callerid_pub == self._name or transport.done or connection is None:
+                continue
+            ended = waiting = False
+            try:
+                if select.select([connection], [], [], 0.0)[0]:
+                    waiting = bool(connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT))
+                    ended = not waiting
+            except (OSError, ValueError):
+                ended = True  # it was closed meanwhile
+            if waiting:
+                self._heard(topic, transport.callerid_pub, 0)
+            found = found or (transport.callerid_pub == publisher and not ended)
+        return found
+
+    def _connections(self, topic: str) -> List[Any]:
+        subscriber = self._subscribers.get(topic)
+        impl = None if subscriber is None else subscriber.impl
+        if impl is None:
+            return []
+        with impl.c_lock:
+            return list(impl.connections)
+
+    def _received(self, message: genpy.Message, topic: str) -> None:
+        publisher = message._connection_header["callerid"]
+        if publisher == self._name:
+            return
+        self._newest[topic] = message
+        stamp = message.header.stamp.to_nsec() if message._has_header else 0
+        self._heard(topic, publisher, min(stamp, clock.ros_ns()))

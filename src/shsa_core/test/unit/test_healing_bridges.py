@@ -1,0 +1,62 @@
+"""Which rows let a muted substitute fill in for a late original, and when."""
+from dataclasses import replace
+from typing import Any, Tuple
+
+import pytest
+from core_robot import SOM, A, Robot, only
+
+from shsa_core.healing import events
+from shsa_core.model.kinds import Policy, Standby
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+
+PERIOD = 0.02
+
+
+def som(*more: Service, **of: Any) -> Som:
+    first, *rest = SOM
+    return Som([replace(first, **{"standby": Standby.HOT, **of}), *rest, *more])
+
+
+def bridges(robot: Robot) -> Tuple[Tuple[bool, float], ...]:
+    """Whether each substitute publishes, and how long it waits otherwise."""
+    return tuple((row.publishing, row.bridge) for row in robot.working())
+
+
+@pytest.mark.parametrize(
+    "of, periods",
+    [
+        ({}, 2.5),
+        ({"bridge": 4.0}, 4.0),
+        ({"bridge": 0.0}, 0.0),
+        ({"period": None}, 0.0),
+        ({"policy": Policy.ADVISE}, 0.0),
+    ],
+)
+def test_a_hot_substitute_bridges_unless_the_som_says_otherwise(of: Any, periods: float) -> None:
+    robot = Robot(som(**of))
+    assert all(bridge == pytest.approx(periods * PERIOD) for _, bridge in bridges(robot))
+    assert bridges(robot) or of.get("policy") is Policy.ADVISE
+
+
+def test_warm_and_cold_have_no_usual_bridge() -> None:
+    hot, warm = som(), som(standby=Standby.WARM)
+    assert (hot.services["a"].bridges, warm.services["a"].bridges) == (2.5, None)
+    assert som(standby=Standby.WARM, bridge=3.0).services["a"].bridges == 3.0
+
+
+def test_on_a_shared_topic_nobody_bridges() -> None:
+    other = replace(SOM.services["a"], name="other", node="/other", needed=False)
+    assert all(bridge == 0.0 for _, bridge in bridges(Robot(som(other))))
+
+
+def test_a_row_bridges_only_while_its_service_is_well() -> None:
+    robot = Robot(som())
+    assert bridges(robot) == ((False, 2.5 * PERIOD),)
+    commands = robot.failure("/a", A, 10.0, "silent", "no message for 0.25 s", 9.75)
+    assert bridges(robot) == ((True, 0.0),)
+    row = only(commands, events.ShowSubstitutions).rows[0]
+    assert (row.publishing, row.bridge) == (True, 0.0)  # in one word: no gap, and no second one
+    robot = Robot(som())
+    robot.failure("/a", A, 10.0, "out_of_range", "1000 is not in it", 9.95)
+    assert bridges(robot) == ((False, 0.0),)  # it still babbles

@@ -1,0 +1,233 @@
+"""A muted substitute fills in for an original that is late, and is still when that speaks."""
+from dataclasses import replace
+from typing import Any, List, Optional, Tuple
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from substitute_driver import PERIOD, Driver, idle, only, row, signal
+from shsa_core.model.substitution import Substitution
+from shsa_core.substitution import events
+from shsa_core.substitution.bridging import STEADY
+from shsa_testing.thorough import many
+
+BRIDGE = 2.5 * PERIOD
+LOOK = 0.0006
+SETTLED = 10 * PERIOD
+INTEGRAL = "t0=x[0];\ndef _tf1(i1): return integral(i1)\nt1=_tf1(t0);\ny=t1"
+
+
+def bridges(publishing: bool = False, bridge: float = BRIDGE, **of: Any) -> Substitution:
+    return replace(row(publishing, **of), bridge=bridge)
+
+
+class Robot:
+    """A substitute, its input that never stops, and an original; what a consumer hears of both."""
+
+    def __init__(self, told: Optional[Substitution] = None, look: float = LOOK) -> None:
+        told = bridges() if told is None else told
+        self.driver = Driver(replace(told, publishing=False, bridge=0.0))
+        self.driver.ready()
+        self.driver.change(told)
+        self.look, self.stands, self.source = look, True, "/sensor"
+        self.looks: List[Tuple[float, events.LookAtOthers]] = []
+        self.original: List[float] = []
+        self._input = 0.0
+
+    @property
+    def filled(self) -> List[float]:
+        """When it filled in."""
+        return [time for time, _ in self.driver.published()]
+
+    @property
+    def heard(self) -> List[Tuple[float, str]]:
+        """What a consumer hears, in order."""
+        ours = [(time, "substitute") for time in self.filled]
+        return sorted([*ours, *((time, "original") for time in self.original)])
+
+    def to(self, time: float) -> "Robot":
+        """Let time pass, with inputs and looks."""
+        while True:
+            due = self.driver.core.next_deadline()
+            looked = self.looks[0][0] if self.looks else time + 1.0
+            soonest = min(self._input, looked, time + 1.0 if due is None else due)
+            if soonest > time:
+                break
+            self.driver.time = max(self.driver.time, soonest)
+            if soonest == looked:
+                self._note(self.driver.tell(events.OthersStand, self.looks.pop(0)[1], self.stands))
+            elif soonest == self._input:
+                self._input = round(self._input + PERIOD, 9)
+                if self.source:
+                    self._note(self.driver.arrive(1.0, publisher=self.source))
+            else:
+                self._note(self.driver.tell(events.Tick))
+        self.driver.time = time
+        return self
+
+    def speaks(self, at: float, topic: str = "/out") -> "Robot":
+        """The original publishes."""
+        self.to(at)
+        self.original.append(round(at, 6))
+        self._note(self.driver.tell(events.OtherHeard, topic, "/original", 7))
+        return self
+
+    def stream(self, until: float, period: float = PERIOD) -> "Robot":
+        """The original publishes periodically."""
+        since = self.driver.time
+        for turn in range(int(round((until - since) / period))):
+            self.speaks(round(since + turn * period, 9))
+        return self.to(until)
+
+    def _note(self, commands: List[Any]) -> None:
+        looks = only(commands, events.LookAtOthers)
+        self.looks += [(self.driver.time + self.look, each) for each in looks]
+
+
+def test_one_that_is_late_is_filled_in_for_at_its_period_and_takes_over_again_at_once() -> None:
+    robot = Robot().stream(1.0).to(1.2)
+    last = robot.original[-1]
+    first = robot.filled[0]
+    assert last + BRIDGE < first <= last + BRIDGE + LOOK + 1e-4
+    steps = [b - a for a, b in zip(robot.filled, robot.filled[1:])]
+    assert len(steps) >= 6 and all(abs(step - PERIOD) < 1e-5 for step in steps)
+    before = len(robot.filled)
+    robot.stream(2.2)
+    assert len(robot.filled) == before
+
+
+def test_healthy_jittery_and_slow_originals_are_left_alone_or_filled_in_for_each_time() -> None:
+    assert Robot().stream(2.0).filled == []
+    assert Robot().stream(1.0).stream(3.0, 2 * PERIOD).filled == []
+    slow = Robot().stream(1.0).stream(3.0, 5 * PERIOD)
+    assert len(slow.filled) in range(38, 62)  # two or three in each of 20 gaps
+
+
+def test_nobody_is_filled_in_for_who_was_not_heard_at_a_steady_pace() -> None:
+    robot = Robot().stream((STEADY - 1) * PERIOD).to(1.0)
+    assert robot.filled == []
+    assert Robot().stream(2.0, 5 * PERIOD).filled == []
+    assert Robot(bridges(bridge=0.0)).stream(1.0).to(2.0).filled == []
+
+
+def test_a_connection_that_has_ended_begins_no_bridge_and_soon_ends_one() -> None:
+    robot = Robot().stream(1.0)
+    robot.stands = False
+    assert robot.to(2.0).filled == []
+    robot.stands = True
+    robot.stream(3.0).to(3.2)
+    assert len(robot.filled) >= 6
+    robot.stands = False
+    robot.to(5.0)
+    assert robot.filled[-1] < 3.2 + 2 * BRIDGE + 2 * PERIOD
+
+
+def test_what_was_heard_while_it_looked_counts() -> None:
+    robot = Robot(look=0.004).stream(1.0)
+    late = robot.original[-1] + BRIDGE + 0.002
+    robot.speaks(late).to(late + BRIDGE - 1e-4)
+    assert robot.filled == []
+
+
+def test_time_in_which_it_was_not_scheduled_is_no_silence_of_others() -> None:
+    robot = Robot().stream(1.0)
+    robot.driver.time = 1.5
+    robot.driver.tell(events.Tick)
+    robot._input = 1.5
+    robot.to(1.5 + BRIDGE - 2 * PERIOD)
+    assert robot.filled == []
+    robot.to(2.0)
+    assert robot.filled
+
+
+def test_without_fresh_inputs_it_publishes_nothing_and_not_what_another_bridge_says() -> None:
+    robot = Robot(bridges(inputs=(signal("/in", deadline=PERIOD * 1.5),)))
+    robot.stream(1.0)
+    robot.source = ""
+    assert robot.to(2.0).filled == []
+    robot = Robot().stream(1.0)
+    robot.to(1.1)
+    assert robot.filled
+    robot.source = "/substitute_of_the_input"
+    count = len(robot.filled)
+    assert len(robot.to(2.0).filled) <= count + 1
+
+
+def test_an_integral_is_not_bridged() -> None:
+    robot = Robot(bridges(code=INTEGRAL))
+    assert robot.stream(1.0).to(2.0).filled == []
+
+
+def test_the_takeover_at_the_deadline_is_seamless() -> None:
+    robot = Robot().stream(1.0).to(1.245)
+    told = bridges(publishing=True, bridge=0.0, original="/original")
+    robot._note(robot.driver.change(told))
+    robot.to(2.0)
+    steps = [b - a for a, b in zip(robot.filled, robot.filled[1:])]
+    assert all(abs(step - PERIOD) < 1e-5 for step in steps)
+
+
+@pytest.mark.parametrize("told", [bridges(bridge=0.0), row(outputs=(signal("/more"),)), idle()])
+def test_a_row_that_says_otherwise_ends_it(told: Substitution) -> None:
+    robot = Robot().stream(1.0).to(1.2)
+    robot.driver.change(told)
+    count = len(robot.filled)
+    assert len(robot.to(2.0).filled) == count
+
+
+def test_a_row_that_is_gone_ends_it() -> None:
+    robot = Robot().stream(1.0).to(1.2)
+    robot.driver.tell(events.RowRemoved)
+    count = len(robot.filled)
+    assert len(robot.to(2.0).filled) == count
+
+
+def test_it_starts_from_what_the_original_said_last() -> None:
+    robot = Robot().stream(1.0)
+    robot.source = ""
+    old = (("data", 1.0),), 5, 10**9  # a value that is older than the original's last message
+    robot._note(robot.driver.tell(events.InputArrived, "/in", "/sensor", *old))
+    robot.to(1.2)
+    composed = [each for _, each in robot.driver.said if isinstance(each, events.Compose)]
+    assert composed[-1].overheard and not composed[0].overheard
+    stamps = [each.stamp for _, each in robot.driver.said if isinstance(each, events.Publish)]
+    assert set(stamps) == {7}
+    robot.driver.change(bridges(publishing=True, bridge=0.0))
+    composed = [each for _, each in robot.driver.said if isinstance(each, events.Compose)]
+    assert not composed[-1].overheard
+
+
+def test_what_others_say_elsewhere_is_not_the_original() -> None:
+    robot = Robot().stream(1.0)
+    for turn in range(20):
+        robot.speaks(1.0 + turn * PERIOD, topic="/elsewhere")
+    assert robot.filled
+
+
+@settings(max_examples=many(150), deadline=None, derandomize=True)
+@given(
+    st.lists(
+        st.one_of(
+            st.floats(0.5, 1.5),  # jitter
+            st.floats(2.0, 3.1),  # late, about when it is filled in
+            st.sampled_from((2.0, 2.5, 5.0, 12.0)),  # half rate, intermittent, hung, awake again
+        ),
+        min_size=1,
+        max_size=40,
+    ),
+    st.sampled_from((0.0001, LOOK, 0.003)),
+)
+def test_whatever_the_original_does_each_is_heard_once_a_period_at_the_edges(
+    gaps: List[float], look: float
+) -> None:
+    robot = Robot(look=look).stream(SETTLED)
+    for gap in gaps:
+        robot.speaks(round(robot.original[-1] + gap * PERIOD, 6))
+    heard = robot.to(robot.original[-1] + 20 * PERIOD).heard
+    for (at, who), (then, next_) in zip(heard, heard[1:]):
+        if (who, next_) == ("original", "substitute"):
+            assert then - at >= BRIDGE - 1e-6, "it filled in for one that was not late"
+        if (who, next_) == ("substitute", "substitute"):
+            assert abs(then - at - PERIOD) < 0.5 * PERIOD + 1e-6, "not at its period"
+        if at > SETTLED:
+            assert then - at <= BRIDGE + look + 2e-3, "a gap that was not filled in"
