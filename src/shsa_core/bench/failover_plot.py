@@ -6,7 +6,6 @@ from typing import Any, Dict, List, Tuple
 import matplotlib.pyplot as plt
 
 from failover_rows import BY_NAME, HOT, WARM, Row
-from faults import FAULTS
 from report import summary
 from takeover import Takeover
 
@@ -19,8 +18,12 @@ COLOURS = {
     "respawn, roscpp": "tab:brown",
 }
 OTHER = "tab:gray"
+WORDS: Dict[str, Any] = {
+    **{"va": "center", "fontsize": 8},
+    "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+}
 LIMITS_MS = (5.0, 20000.0)
-GROUP_GAP = 1.6
+GROUP_GAP = 0.3
 """Between two faults, of a bar's width; the name of the fault stands in it."""
 PERIODS = 3
 PERIOD_MS = 1e3 * Row().period
@@ -37,7 +40,7 @@ def plot(rows: Dict[str, List[Takeover]], path: Path) -> None:
     for axis, consumer in zip(panels, ("rospy", "roscpp")):
         for row, place in zip(found, places):
             _bar(axis, place, row, rows[row.name], consumer)
-        axis.axvline(PERIODS * PERIOD_MS, color="black", linewidth=0.8, linestyle=":")
+        axis.axvline(PERIODS * PERIOD_MS, color="black", linewidth=0.8, linestyle=":", zorder=0.5)
         axis.set_xscale("log")
         axis.set_xlim(*LIMITS_MS)
         axis.set_xticks([10, 100, 1000, 10000])
@@ -58,8 +61,8 @@ def plot(rows: Dict[str, List[Takeover]], path: Path) -> None:
             **{"ha": "right", "va": "center", "fontsize": 9.5, "fontweight": "bold"},
         )
     told = (
-        "outage in ms: median / 95th percentile (whisker); hatched: the topic was not as before as long "
-        f"as one waited; dotted: {PERIODS} periods at 50 Hz"
+        "outage in ms: median / 95th percentile (whisker); hatched: the topic did not become as it was "
+        f"while one waited; dotted: {PERIODS} periods at 50 Hz"
     )
     figure.text(0.5, 0.08 / height, told, ha="center", va="bottom", fontsize=8)
     figure.tight_layout(rect=(0.0, 0.22 / height, 1.0, 1.0))
@@ -68,8 +71,7 @@ def plot(rows: Dict[str, List[Takeover]], path: Path) -> None:
 
 
 def _layout(rows: List[Row]) -> Tuple[List[float], Dict[str, float]]:
-    """Where each row stands, and the name of each fault; the rows are sorted by fault."""
-    rows.sort(key=lambda row: list(FAULTS).index(row.fault))
+    """Where each row stands, and the name of each fault; the rows are sorted by it."""
     places: List[float] = []
     groups: Dict[str, float] = {}
     place = 0.0
@@ -96,12 +98,11 @@ def _bar(axis: Any, place: float, row: Row, takeovers: List[Takeover], consumer:
     style = {"hatch": "////", "edgecolor": "white", "linewidth": 0.0} if never else {}
     axis.barh(place, end - LIMITS_MS[0], left=LIMITS_MS[0], height=0.8, color=colour, **style)
     if median == inf:
-        words = {"ha": "right", "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.0}}
-        axis.text(0.8 * end, place, "never", va="center", fontsize=8, **words)
+        axis.text(0.8 * end, place, "never", ha="right", **WORDS)
         return
     whisker = min(high, LIMITS_MS[1])
     axis.plot([median, whisker], [place, place], color="black", linewidth=1.0)
     axis.plot([whisker], [place], color="black", marker="|", markersize=6.0)
     figures = f"{median:.0f} / " + ("never" if high == inf else f"{high:.0f}")
     told = figures + (", never over" if never else "")
-    axis.text(1.12 * whisker, place, told, va="center", fontsize=8)
+    axis.text(1.12 * whisker, place, told, **WORDS)

@@ -76,17 +76,23 @@ def of_fault(fault: str) -> Tuple[Row, ...]:
     return (*rows, *(Row(help, fault) for help in helps))
 
 
-ROWS = (
-    *(row for fault in SILENT for row in of_fault(fault)),
-    Row(HOT, "out of range"),
-    Row("respawn, rospy", "out of range"),
+CRASHES = (
+    Row(HOT, period=0.01),
+    *(Row(HOT, applications=count) for count in (100, 500)),
     Row(WARM),
     Row(COLD),
     Row(BY_HAND),
-    Row(HOT, period=0.01),
-    *(Row(HOT, applications=count) for count in (100, 500)),
 )
-"""All rows, in the order of table and picture."""
+"""`kill -9` with everything else that is compared."""
+ROWS = (
+    *of_fault("kill -9")[:2],
+    *CRASHES,
+    *of_fault("kill -9")[2:],
+    *(row for fault in SILENT[1:] for row in of_fault(fault)),
+    Row(HOT, "out of range"),
+    Row("respawn, rospy", "out of range"),
+)
+"""All rows, in the order of table and picture: sorted by fault."""
 BY_NAME: Mapping[str, Row] = {row.name: row for row in ROWS}
 SHORT = ("hot", "respawn, rospy, slow", BY_HAND)
 """The rows of the short form."""

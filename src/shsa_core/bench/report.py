@@ -50,7 +50,9 @@ def summary(values: Sequence[float]) -> Tuple[float, float, float]:
 
 
 def in_words(values: Sequence[float], digits: int = 1) -> str:
-    """`median / p95 / max`; `never` for what is infinite, once if all is."""
+    """`median / p95 / max`; `never` for what is infinite, once if all is; nothing of nothing."""
+    if not len(values) or np.isnan(values).all():
+        return ""
     words = [f"{value:.{digits}f}" if value != math.inf else "never" for value in summary(values)]
     return " / ".join(words) if words[0] != "never" else words[0]
 
