@@ -15,8 +15,8 @@ ROOT = Path(__file__).resolve().parent.parent
 TIMEOUT_S = 120.0
 TRANSFER = ("start", "up", "shut", "down", "registered", "unregistered", "gone")
 ROWS = {
-    "failover": {"hot", "rosrun by hand, rospy"},
     "healthy_traffic": {"fixed", "learned"},
+    "failover": {"hot", "respawn, rospy, slow", "rosrun by hand, rospy"},
     "interference": {"hot"},
     "transfer_nodes": {*TRANSFER, "warm", "hot"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
@@ -93,7 +93,17 @@ def test_a_measurement_by_other_definitions_is_not_gone_on_with(tmp_path: Path) 
     assert path.read_text().endswith("start,0,1,600\n")
 
 
-def test_a_missing_or_failing_benchmark_is_said(tmp_path: Path) -> None:
+NEW = '''"""What nobody has measured yet."""
+from argparse import ArgumentParser
+if __name__ == "__main__":
+    parser = ArgumentParser()
+    parser.add_argument("--results")
+    parser.add_argument("--short", action="store_true")
+    print("short:", parser.parse_known_args()[0].short)
+'''
+
+
+def test_a_missing_or_failing_benchmark_is_said_and_a_new_one_found(tmp_path: Path) -> None:
     tool = ROOT / "tools" / "bench"
     done = subprocess.run(
         [sys.executable, str(tool), "nonsense"], stderr=subprocess.PIPE, universal_newlines=True
@@ -101,14 +111,19 @@ def test_a_missing_or_failing_benchmark_is_said(tmp_path: Path) -> None:
     assert done.returncode == 2 and "nonsense" in done.stderr
     folder = tmp_path / "src" / "shsa_core" / "bench"
     folder.mkdir(parents=True)
-    (folder / "evaluate.py").write_text("raise SystemExit(3)\n")
+    (folder / "evaluate.py").write_text(NEW + "    raise SystemExit(3)\n")
+    (folder / "unheard_of.py").write_text(NEW)
+    (folder / "helper.py").write_text(NEW.replace("--results", "--more"))
     copy = tmp_path / "tools" / "bench"
     copy.parent.mkdir()
     copy.write_text(tool.read_text())
     done = subprocess.run(
-        [sys.executable, str(copy), "evaluate", "failover"],
+        [sys.executable, str(copy), "evaluate", "failover", "unheard_of", "--short"],
         stdout=subprocess.PIPE,
         universal_newlines=True,
     )
     assert done.returncode == 1
-    assert "failed with exit status 3" in done.stdout and "missing" in done.stdout
+    assert "failed with exit status 3 after 0 s" in done.stdout and "missing" in done.stdout
+    assert "short: True" in done.stdout and "unheard_of: done after 0 s" in done.stdout
+    told = subprocess.check_output([sys.executable, str(copy), "--list"], universal_newlines=True)
+    assert "What nobody has measured yet." in told and "helper" not in told

@@ -2,17 +2,22 @@
 import os
 import signal
 import time
-from typing import Callable, Dict, Protocol, TypeVar
+from typing import Callable, Protocol, TypeVar
 
+import rospy
+from std_msgs.msg import String
 from tqdm import tqdm
 
+from faults import FAULTS, Fault, Patient
 from graph import PATIENCE_S, Graph, ask_to_leave, shut_down
 from robot import NODE, TOPIC, Consumers, HealthyRobot, talker
 from shsa_testing.graph import node_pid, node_process, publishers
 from shsa_testing.waiting import wait_until
-from takeover import Takeover, gap, healed
+from takeover import NEVER, Takeover, measured, with_steps, with_substitute
 
 MISSES = 5
+WAITED_S = 5.0
+"""So long nobody answers a failure before it is taken that nobody ever does."""
 LAUNCH = """
 <launch>
   <node pkg="{package}" type="{executable}" name="{name}" args="{arguments}" respawn="true" />
@@ -70,36 +75,8 @@ def repeat(
     return misses
 
 
-def kill_hard(robot: HealthyRobot) -> None:
-    """`kill -9`."""
-    robot.failing.kill()
-
-
-def stop(robot: HealthyRobot) -> None:
-    """Hang."""
-    robot.failing.send_signal(signal.SIGSTOP)
-
-
-def leave(robot: HealthyRobot) -> None:
-    """`rosnode kill`."""
-    shut_down(NODE)
-
-
-def leave_range(robot: HealthyRobot) -> None:
-    """Send nonsense."""
-    robot.fault.publish("value 1000")
-
-
-FAULTS: Dict[str, Callable[[HealthyRobot], None]] = {
-    "kill -9": kill_hard,
-    "rosnode kill": leave,
-    "SIGSTOP": stop,
-    "out of range": leave_range,
-}
-
-
 class Healed:
-    """The small robot, healed."""
+    """The small robot, healed; `more`: what the SOM says of its topic besides."""
 
     def __init__(
         self,
@@ -107,20 +84,17 @@ class Healed:
         consumers: Consumers,
         standby: str,
         period: float,
-        fault: Callable[[HealthyRobot], None],
+        fault: Fault = FAULTS["kill -9"],
+        **more: object,
     ) -> None:
         self.period = period
         self._consumers = consumers
-        self._robot = HealthyRobot(graph, consumers, standby, period)
+        self._robot = HealthyRobot(graph, consumers, standby, period, **more)
         self._fault = fault
 
     def await_well(self) -> None:
         self._robot.await_well()
-        wait_until(
-            lambda: self._robot.fault.get_num_connections() == 1,
-            PATIENCE_S,
-            "obedience of the node",
-        )
+        _await_obedience(self._robot.fault)
 
     def fail(self) -> Takeover:
         takeover = self.take_over()
@@ -129,20 +103,26 @@ class Healed:
 
     def take_over(self) -> Takeover:
         """Fail once, without coming back. Raises AssertionError if the topic is not healed."""
-        before = self._robot.healing.latest(TOPIC)
+        robot, consumers = self._robot, self._consumers
+        before = robot.healing.latest(TOPIC)
         number = 0 if before is None else before.id
+        patient = Patient(NODE, robot.failing.pid, self.period, robot.fault)
         failed_at = time.monotonic()
-        self._fault(self._robot)
+        self._fault.cause(patient)
 
         def is_healed() -> bool:
-            incident = self._robot.healing.latest(TOPIC)
+            incident = robot.healing.latest(TOPIC)
             return incident is not None and incident.id > number and incident.state == "healed"
 
         wait_until(is_healed, PATIENCE_S, "the topic is healed")
-        incident = self._robot.healing.latest(TOPIC)
+        incident = robot.healing.latest(TOPIC)
         assert incident is not None
-        self._consumers.await_node(incident.substitute, failed_at)
-        return healed(self._consumers, failed_at, incident)
+        consumers.await_node(incident.substitute, failed_at)
+        takeover = _once_over(consumers, failed_at, self.period)
+        takeover = with_substitute(takeover, consumers, failed_at, incident)
+        if self._fault.at_once:
+            takeover = with_steps(takeover, consumers, failed_at, incident)
+        return takeover
 
     def bring_back(self) -> None:
         """Start the node again."""
@@ -153,41 +133,72 @@ class Healed:
 
 
 class Respawned:
-    """A node under roslaunch's `respawn="true"`, and no healing."""
+    """A node under roslaunch's `respawn="true"`, and no healing.
+
+    `patience` in s: how long a failure is watched that roslaunch does not see.
+    """
 
     period = 0.02
 
-    def __init__(self, graph: Graph, consumers: Consumers, executable: str) -> None:
+    def __init__(
+        self,
+        graph: Graph,
+        consumers: Consumers,
+        executable: str,
+        fault: Fault = FAULTS["kill -9"],
+        patience: float = WAITED_S,
+    ) -> None:
         self._consumers = consumers
+        self._fault = fault
+        self._patience = patience
         package, arguments = "shsa_core", f"{TOPIC} {self.period}"
-        if executable == "faulty_publisher":
+        self._obeys = executable == "faulty_publisher"
+        if self._obeys:
             package = "shsa_testing"
             arguments = " ".join(talker(NODE, TOPIC, 1.0, self.period)[:-1])
         path = graph.folder / "respawn.launch"
         names = {"package": package, "executable": executable, "name": NODE[1:]}
         path.write_text(LAUNCH.format(arguments=arguments, **names))
+        self._commands = rospy.Publisher(NODE + "/fault", String, queue_size=1)
         self._launch = graph.start("roslaunch", str(path))
 
     def await_well(self) -> None:
         wait_until(lambda: node_process(NODE) is not None, PATIENCE_S, "the node is up")
         self._consumers.await_node(NODE, time.monotonic())
+        if self._obeys:
+            _await_obedience(self._commands)
         for consumer in self._consumers:
             consumer.forget()
 
     def fail(self) -> Takeover:
-        pid = node_pid(NODE)
+        patient = Patient(NODE, node_pid(NODE), self.period, self._commands)
         failed_at = time.monotonic()
-        os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: node_process(NODE) is not None, PATIENCE_S, "the node is up again")
-        for consumer in self._consumers:
-            wait_until(
-                lambda: len(consumer.since(failed_at)) > 5, PATIENCE_S, f"{consumer.node} hears it"
-            )
-        rospy_ms, roscpp_ms = (gap(consumer, failed_at) for consumer in self._consumers)
-        return Takeover(rospy_ms, roscpp_ms)
+        self._fault.cause(patient)
+        if self._fault.ends:
+            return _once_over(self._consumers, failed_at, self.period)
+        time.sleep(self._patience)
+        takeover = measured(self._consumers, failed_at, time.monotonic(), self.period)
+        # Somebody else than roslaunch ends it, so that there is a new one for the next failure.
+        os.kill(patient.pid, signal.SIGKILL)
+        pid_of = lambda process: patient.pid if process is None else process.pid
+        is_new = lambda: pid_of(node_process(NODE)) != patient.pid
+        wait_until(is_new, PATIENCE_S, "there is a new node")
+        return takeover
 
     def end(self) -> None:
+        self._commands.unregister()
         ask_to_leave(self._launch, 30.0)
+
+
+def _await_obedience(commands: rospy.Publisher) -> None:
+    wait_until(lambda: commands.get_num_connections() == 1, PATIENCE_S, "obedience of the node")
+
+
+def _once_over(consumers: Consumers, failed_at: float, period: float) -> Takeover:
+    """What was heard of a failure, as soon as it is over."""
+    look = lambda: measured(consumers, failed_at, time.monotonic(), period)
+    wait_until(lambda: look().over_ms != NEVER, PATIENCE_S, "the topic is as it was")
+    return look()
 
 
 class ByHand:

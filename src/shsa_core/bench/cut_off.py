@@ -11,9 +11,7 @@ killed during the cut. Needs the right to make namespaces.
 """
 import argparse
 import json
-import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -24,8 +22,9 @@ import rosgraph
 import rospy
 from shsa_msgs.msg import Float64Stamped
 
+from far_graph import print_measured
 from graph import FAULTY_PUBLISHER, PACKAGE, PATIENCE_S, Graph, service
-from shsa_testing.computers import Computer, Computers
+from shsa_testing.computers import Computer
 from shsa_testing.graph import node_process
 from shsa_testing.waiting import wait_until
 
@@ -214,18 +213,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=5.0, help="how long the link is cut")
     parser.add_argument("--restart", action="store_true", help="kill the reconfigurator meanwhile")
     options = parser.parse_args()
-    with Computers("far") as network:
-        os.environ["ROS_IP"] = network.here
-        with Graph() as graph:
-            port = os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]
-            os.environ["ROS_MASTER_URI"] = f"http://{network.here}:{port}"
-            socket.create_connection((network.here, int(port)), 5.0).close()
-            try:
-                found = measure(graph, network["far"], options.seconds, options.restart)
-                print(json.dumps(found), flush=True)
-            except AssertionError:
-                print(graph.last_words(60), file=sys.stderr)
-                raise
+    print_measured(lambda graph, far: measure(graph, far, options.seconds, options.restart))
     return 0
 
 

@@ -19,7 +19,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from tqdm import tqdm
 
-from contenders import Healed, kill_hard, repeat
+from contenders import Healed, repeat
 from graph import PATIENCE_S, Graph
 from report import Goals, print_table
 from robot import TOPIC, Consumer, Consumers
@@ -156,7 +156,7 @@ def main() -> int:
             graph.cpp("talker", topic, str(PERIOD_S), f"__name:={topic[1:]}")
         for standby in ("hot",) if options.short else options.only:
             progress = tqdm(total=count, desc=standby, disable=None)
-            make = lambda: Healed(graph, consumers, standby, PERIOD_S, kill_hard)
+            make = lambda: Healed(graph, consumers, standby, PERIOD_S)
             process = graph.cpp("consumer", *TOPICS, "__name:=listener", heard=True)
             listener = Consumer(process, "/listener")
             wait_until(lambda: len(_heard(listener)) == len(TOPICS), PATIENCE_S, "all topics")

@@ -8,9 +8,6 @@ messages until the return; `kinds` of failures; `killed`, whether the original w
 the incident. Needs the right to make namespaces.
 """
 import argparse
-import json
-import os
-import socket
 import sys
 import time
 from typing import List, Tuple
@@ -18,9 +15,10 @@ from typing import List, Tuple
 import rospy
 from shsa_msgs.msg import Failure, Float64Stamped
 
+from far_graph import print_measured
 from graph import FAULTY_PUBLISHER, PACKAGE, PATIENCE_S, Graph
 from shsa_core.ros.graph import clock
-from shsa_testing.computers import Computer, Computers
+from shsa_testing.computers import Computer
 from shsa_testing.waiting import wait_until
 
 TOPIC, NODE, SOURCE = "/hot", "/hot_node", "/source_node"
@@ -83,17 +81,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=2.0, help="how long the link is down")
     options = parser.parse_args()
-    with Computers("far") as network:
-        os.environ["ROS_IP"] = network.here
-        with Graph() as graph:
-            port = os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]
-            os.environ["ROS_MASTER_URI"] = f"http://{network.here}:{port}"
-            socket.create_connection((network.here, int(port)), 5.0).close()
-            try:
-                print(json.dumps(measure(graph, network["far"], options.seconds)), flush=True)
-            except AssertionError:
-                print(graph.last_words(40), file=sys.stderr)
-                raise
+    print_measured(lambda graph, far: measure(graph, far, options.seconds))
     return 0
 
 

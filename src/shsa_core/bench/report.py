@@ -1,6 +1,7 @@
 """What benchmarks share: arguments, and what they say at their end, tables, goals, verdicts."""
 import argparse
 import csv
+import math
 from pathlib import Path
 from typing import Iterable, List, Sequence, Tuple
 
@@ -13,10 +14,12 @@ matplotlib.use("Agg")
 COLUMNS = ("goal", "consumer", "at most", "measured", "verdict")
 
 
-def arguments(told: str, times: str, default: int, short: str) -> argparse.Namespace:
+def arguments(
+    told: str, times: str, default: int, short: str, **flags: str
+) -> argparse.Namespace:
     """The arguments of a benchmark that measures rows, each some `times`; makes its folder.
 
-    `short`: what is measured in its short form.
+    `short`: what is measured in its short form; `flags`: what it can be told besides, and what for.
     """
     parser = argparse.ArgumentParser(description=told)
     parser.add_argument(f"--{times}", type=int, default=default, help=f"{times} of each row")
@@ -24,6 +27,8 @@ def arguments(told: str, times: str, default: int, short: str) -> argparse.Names
         "--only", nargs="+", default=[""], help="only rows whose name contains one of these"
     )
     parser.add_argument("--short", action="store_true", help=f"{short}, as a check")
+    for flag, meaning in flags.items():
+        parser.add_argument(f"--{flag}", action="store_true", help=meaning)
     parser.add_argument("--results", type=Path, default=Path("results/bench"))
     options = parser.parse_args()
     options.results.mkdir(parents=True, exist_ok=True)
@@ -31,22 +36,40 @@ def arguments(told: str, times: str, default: int, short: str) -> argparse.Names
 
 
 def summary(values: Sequence[float]) -> Tuple[float, float, float]:
-    """Median, 95th percentile and maximum; not a number if there are no values."""
+    """Median, 95th percentile and maximum; not a number if there are no values.
+
+    Values may be infinite.
+    """
     if len(values) == 0:
         return (float("nan"),) * 3
+    if np.isinf(values).any():  # nothing lies between a number and infinity
+        ranked = sorted(values)
+        middle, high = (ranked[math.ceil(share * (len(ranked) - 1))] for share in (0.5, 0.95))
+        return middle, high, ranked[-1]
     return float(np.median(values)), float(np.percentile(values, 95)), float(max(values))
 
 
 def in_words(values: Sequence[float], digits: int = 1) -> str:
-    """`median / p95 / max`."""
-    return " / ".join(f"{value:.{digits}f}" for value in summary(values))
+    """`median / p95 / max`; `never` for what is infinite, once if all is; nothing of nothing."""
+    if not len(values) or np.isnan(values).all():
+        return ""
+    words = [f"{value:.{digits}f}" if value != math.inf else "never" for value in summary(values)]
+    return " / ".join(words) if words[0] != "never" else words[0]
 
 
-def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table; the first column is of words, the others of figures."""
-    align = ["left"] + ["right"] * (len(columns) - 1)
-    text = tabulate(list(rows), columns, disable_numparse=True, colalign=align)
-    print(f"\n{title}\n{text}\n", flush=True)
+def print_table(
+    title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], markdown: bool = False
+) -> None:
+    """Print a table; the first column is of words, the others of figures.
+
+    `markdown`: as the documentation has it.
+    """
+    if markdown:
+        text = tabulate(list(rows), columns, disable_numparse=True, tablefmt="github")
+    else:
+        align = ["left"] + ["right"] * (len(columns) - 1)
+        text = tabulate(list(rows), columns, disable_numparse=True, colalign=align)
+    print(f"\n{title}\n{chr(10) if markdown else ''}{text}\n", flush=True)
 
 
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

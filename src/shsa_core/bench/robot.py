@@ -140,9 +140,14 @@ class Consumers:
 
 
 class HealthyRobot:
-    """`/failing` publishes `/lost`, `/steady` publishes `/kept`, and healing watches over both."""
+    """`/failing` publishes `/lost`, `/steady` publishes `/kept`, and healing watches over both.
 
-    def __init__(self, graph: Graph, consumers: Consumers, standby: str, period: float) -> None:
+    `more`: what the SOM says of `/lost` besides.
+    """
+
+    def __init__(
+        self, graph: Graph, consumers: Consumers, standby: str, period: float, **more: object
+    ) -> None:
         self.standby = standby
         self.period = period
         self.healing = graph.healing
@@ -151,7 +156,7 @@ class HealthyRobot:
         self._consumers = consumers
         self._steady = self._talker(KEPT_NODE, KEPT_TOPIC, 2.0)
         self.failing = self._talker(NODE, TOPIC, 1.0)
-        paths = write_model(graph.folder, standby, period)
+        paths = write_model(graph.folder, standby, period, **more)
         for name, value in TIRELESS.items():
             rospy.set_param(f"/reconfigurator/{name}", value)
         self._launch = graph.start(
@@ -223,13 +228,15 @@ def talker(node: str, topic: str, value: float, period: float) -> Sequence[str]:
     return (f"_topic:={topic}", f"_value:={value}", f"_period:={period}", name)
 
 
-def write_model(folder: Path, standby: str, period: float) -> Tuple[Path, Path]:
-    """The small robot's ontology and SOM, as files."""
+def write_model(
+    folder: Path, standby: str, period: float, **more: object
+) -> Tuple[Path, Path]:
+    """The small robot's ontology and SOM, as files; `more`: what is said of `/lost` besides."""
     ontology, som = folder / "ontology.yaml", folder / "som.yaml"
     ontology.write_text(ONTOLOGY)
     lost = {"range": [-LIMIT, LIMIT]}
     services = (
-        service(TOPIC, NODE, period, lost, needed=True, standby=standby),
+        service(TOPIC, NODE, period, lost, needed=True, standby=standby, **more),
         service(KEPT_TOPIC, KEPT_NODE, period),
     )
     return ontology, write_som(som, services)

@@ -1,5 +1,5 @@
 """One failure and its repair, step by step."""
-from typing import List, NamedTuple, Tuple
+from typing import List, Mapping, NamedTuple, Sequence, Tuple, get_type_hints
 
 from shsa_msgs.msg import Incident
 
@@ -7,24 +7,35 @@ from graph import uri_of
 from robot import NODE, Consumer, Consumers
 from shsa_core.ros.graph import clock
 
-STEPS = ("waited", "detect", "decide", "start", "kill", "connect", "first")
-NAN = float("nan")
+STEPS = ("waited", "bridge", "detect", "decide", "start", "kill", "connect", "first")
+NAN, NEVER = float("nan"), float("inf")
+CALM_S = 0.5
+"""So long a topic must be as it was for a failure to be over."""
+CALM_PERIODS = 2.0
+"""No pause is longer on a topic that is as it was."""
 
 
 class Takeover(NamedTuple):
     """Times in ms; the steps add up to the outage at the rospy consumer.
 
-    waited: from the last good message to the failure; it had to come anyway. detect: until the
+    rospy, roscpp: the longest pause between two good messages, from the last one before the failure
+    until it is over; inf: none came any more. over: from the failure until the last pause of more
+    than two periods at either consumer; inf: there were such as long as one waited.
+
+    waited: from the last good message to the failure; it had to come anyway. bridge: until the
+    substitute filled in before anybody told it; then all later steps are none. detect: until the
     monitor saw the failure. decide: until the reconfigurator had its substitute. start: until the
     substitute was set to work. kill: until the faulty node was gone, where that must be waited for.
     connect: until the rospy consumer knew it; a hot one it knows. first: until its first good
     message from the substitute. `bad`: messages out of range that a consumer heard; `late`:
-    messages of the faulty node after the substitute's first.
+    messages of the faulty node after the substitute was told to publish and was heard.
     """
 
     rospy_ms: float
     roscpp_ms: float
+    over_ms: float = NAN
     waited_ms: float = NAN
+    bridge_ms: float = NAN
     detect_ms: float = NAN
     decide_ms: float = NAN
     start_ms: float = NAN
@@ -41,14 +52,62 @@ class Takeover(NamedTuple):
         return [f"{each:.3f}" if isinstance(each, float) else str(each) for each in self]
 
 
-def healed(consumers: Consumers, failed_at: float, incident: Incident) -> Takeover:
-    """The takeover that an incident tells of, after a failure at `failed_at` (monotonic, s)."""
+def from_words(words: Mapping[str, str]) -> Takeover:
+    """A takeover by a row of a CSV file.
+
+    Raises KeyError if a column is missing, ValueError if one is no number.
+    """
+    return Takeover(**{name: kind(words[name]) for name, kind in get_type_hints(Takeover).items()})
+
+
+class Watched(NamedTuple):
+    """What a consumer heard of a failure; s."""
+
+    outage: float
+    over: float
+
+
+def watched(good: Sequence[float], failed_at: float, until: float, period: float) -> Watched:
+    """The longest pause and when all was over, as Takeover has them.
+
+    `good`: when good messages came, at least one of them before `failed_at`; looked at `until`.
+    """
+    last = max(at for at in good if at <= failed_at)
+    moments = [last, *(at for at in good if failed_at < at <= until)]
+    if until - moments[-1] > CALM_S:
+        return Watched(NEVER, NEVER)
+    pauses = [(after - before, after) for before, after in zip(moments, moments[1:])]
+    outage = max((pause for pause, _ in pauses), default=0.0)
+    longest = CALM_PERIODS * period
+    over = max((after for pause, after in pauses if pause > longest), default=failed_at)
+    calm = until - over >= CALM_S and until - moments[-1] <= longest
+    return Watched(outage, over - failed_at if calm else NEVER)
+
+
+def measured(consumers: Consumers, failed_at: float, until: float, period: float) -> Takeover:
+    """What both consumers heard of a failure, without its steps."""
+    heard = [
+        watched([m.at for m in list(each.messages) if m.good], failed_at, until, period)
+        for each in consumers
+    ]
+    bad = [sum(not m.good for m in each.since(failed_at)) for each in consumers]
+    return Takeover(
+        *(1e3 * each.outage for each in heard),
+        over_ms=1e3 * max(each.over for each in heard),
+        rospy_bad=bad[0],
+        roscpp_bad=bad[1],
+    )
+
+
+def with_steps(
+    takeover: Takeover, consumers: Consumers, failed_at: float, incident: Incident
+) -> Takeover:
+    """The same with the steps that an incident tells of, after a failure at once."""
     node = incident.substitute
-    edges = [_edges(consumer, node, failed_at) for consumer in consumers]
-    last, first = edges[0]
-    moments = [last, failed_at]
-    for stamp in (incident.detected, incident.found, incident.spawned):
-        moments.append(clock.from_stamp(stamp) or 0.0)
+    last, first = _edges(consumers.rospy, node, failed_at)
+    detected = clock.from_stamp(incident.detected) or 0.0
+    moments = [last, failed_at, first if first < detected else 0.0, detected]
+    moments += [clock.from_stamp(stamp) or 0.0 for stamp in (incident.found, incident.spawned)]
     # A node whose connection is lost publishes no more: nobody waits until it is gone.
     moments.append(
         0.0 if incident.kind == "node_gone" else clock.from_stamp(incident.killed) or 0.0
@@ -58,24 +117,17 @@ def healed(consumers: Consumers, failed_at: float, incident: Incident) -> Takeov
     for number, moment in enumerate(moments[1:], 1):
         moments[number] = min(first, max(moment, moments[number - 1]))
         steps.append(1e3 * (moments[number] - moments[number - 1]))
-    bad = [sum(not m.good for m in consumer.since(failed_at)) for consumer in consumers]
-    late = sum(m.node == NODE for m in consumers.rospy.since(first))
-    outages = [1e3 * (after - before) for before, after in edges]
-    return Takeover(
-        outages[0],
-        outages[1],
-        **dict(zip((f"{step}_ms" for step in STEPS), steps)),  # type: ignore[arg-type]
-        rospy_bad=bad[0],
-        roscpp_bad=bad[1],
-        late=late,
-        substitute=node,
-    )
+    return takeover._replace(**{f"{step}_ms": value for step, value in zip(STEPS, steps)})
 
 
-def gap(consumer: Consumer, failed_at: float) -> float:
-    """The longest pause in ms since the last message before a failure."""
-    moments = [consumer.until(failed_at).at, *(m.at for m in consumer.since(failed_at))]
-    return 1e3 * max(b - a for a, b in zip(moments, moments[1:]))
+def with_substitute(
+    takeover: Takeover, consumers: Consumers, failed_at: float, incident: Incident
+) -> Takeover:
+    """The same with what an incident tells of the substitute."""
+    _, first = _edges(consumers.rospy, incident.substitute, failed_at)
+    told = max(first, clock.from_stamp(incident.spawned) or 0.0)
+    late = sum(m.node == NODE for m in consumers.rospy.since(told))
+    return takeover._replace(late=late, substitute=incident.substitute)
 
 
 def _edges(consumer: Consumer, node: str, failed_at: float) -> Tuple[float, float]:

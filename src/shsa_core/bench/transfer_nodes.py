@@ -31,7 +31,7 @@ import rosgraph
 import rospy
 from tqdm import tqdm
 
-from contenders import Healed, kill_hard, repeat
+from contenders import Healed, repeat
 from graph import FAULTY_PUBLISHER, PATIENCE_S, Graph, ask_to_leave, shut_down, uri_of
 from report import in_words, print_table
 from robot import KEPT_NODE, KEPT_TOPIC, TOPIC, Applications, Consumers, talker, write_model
@@ -250,7 +250,7 @@ def main() -> int:
                     results.add(standby, nodes, robot.fail().rospy_ms)
                     progress.update()
 
-                make = lambda: Healed(graph, consumers, standby, PERIOD_S, kill_hard)
+                make = lambda: Healed(graph, consumers, standby, PERIOD_S)
                 enough = lambda: results.count(standby, nodes) >= repetitions
                 misses += repeat(graph, make, take_over, enough)
     show(results)

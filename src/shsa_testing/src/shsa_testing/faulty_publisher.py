@@ -13,6 +13,28 @@ from shsa_testing.processes import end_process
 from shsa_testing.waiting import wait_until
 
 
+BETWEEN = 5
+"""Messages between two silences."""
+
+
+class Silences:
+    """Short silences, again and again, of `least` to `most` periods; 0: none."""
+
+    def __init__(self, least: int = 0, most: int = 0) -> None:
+        self._bounds = (least, most)
+        self._left = 0
+
+    def skip(self) -> bool:
+        """Whether the message that is due now is left out."""
+        if not self._bounds[1]:
+            return False
+        if not self._left:
+            # A pause of n periods lacks n - 1 messages.
+            self._left = random.randint(*self._bounds) - 1 + BETWEEN
+        self._left -= 1
+        return self._left >= BETWEEN
+
+
 class FaultyPublisher:
     """Publishes shsa_msgs/Float64Stamped and obeys what it hears on `~fault`.
 
@@ -20,7 +42,8 @@ class FaultyPublisher:
     the first value and never fails), ~ros_time (its period is of ROS time). Commands: `value X`,
     `period S`, `stamp S` (seconds added to the stamp), `ramp X` (added to the value at every
     message), `noise X` (of each message, a standard deviation), `nan N` (every Nth value, 0: none),
-    `mute`, `publish`, `burst N`, `unadvertise`, `advertise`.
+    `intermittent LEAST MOST` (silences of so many periods, at random, with five messages between
+    them), `mute`, `publish`, `burst N`, `unadvertise`, `advertise`.
     """
 
     def __init__(self) -> None:
@@ -32,6 +55,7 @@ class FaultyPublisher:
         self.ros_time = rospy.get_param("~ros_time", False)
         self.stamp = self.ramp = self.nan = 0.0
         self.count = 0
+        self.silences = Silences()
         self.publisher = self.advertise()
         self.well_topic, self.well_value = rospy.get_param("~well", ""), self.value
         if self.well_topic:
@@ -54,6 +78,8 @@ class FaultyPublisher:
         elif word == "burst":
             for _ in range(int(argument)):
                 self.publish()
+        elif word == "intermittent":
+            self.silences = Silences(*map(int, argument.split()))
         elif word in ("mute", "publish"):
             self.mute = word == "mute"
         elif word in ("value", "period", "stamp", "ramp", "noise", "nan"):
@@ -75,7 +101,7 @@ class FaultyPublisher:
         """Publish until the node is asked to end."""
         due = time.monotonic()
         while not rospy.is_shutdown():
-            if not self.mute:
+            if not self.silences.skip() and not self.mute:
                 self.publish()
             if self.well_topic:
                 self.well.publish(Float64Stamped(data=self.well_value))

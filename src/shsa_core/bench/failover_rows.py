@@ -1,0 +1,98 @@
+"""The rows of failover.py: what fails, how, and what helps against it."""
+from dataclasses import fields
+from typing import Mapping, NamedTuple, Tuple
+
+from faults import FAULTS, SILENT
+from shsa_core.model.service import Service
+
+HOT, WARM, COLD = "hot", "warm", "cold"
+BY_HAND = "rosrun by hand, rospy"
+RESPAWNED = {"respawn, rospy": "faulty_publisher", "respawn, roscpp": "bench_talker"}
+UNANSWERED = 5
+"""Failures that nobody answers are waited for as often at most."""
+NO_BRIDGE: Mapping[str, object] = {"bridge": False}
+KNOWN = {field.name for field in fields(Service)}
+"""What the SOM of this version can say of a service: rows that say more are left out."""
+
+
+class Row(NamedTuple):
+    """A row; `period` in s, `som`: what the SOM says of the topic besides."""
+
+    help: str = HOT
+    fault: str = "kill -9"
+    period: float = 0.02
+    applications: int = 0
+    som: Mapping[str, object] = {}
+
+    @property
+    def contender(self) -> str:
+        """What helps, and how."""
+        return ", ".join([self.help, *(f"no {key}" for key, to in self.som.items() if not to)])
+
+    @property
+    def circumstances(self) -> str:
+        """What is unlike in the other rows; empty: nothing."""
+        rate = f"{1.0 / self.period:.0f} Hz" if self.period != Row().period else ""
+        others = f"{self.applications} other nodes" if self.applications else ""
+        return ", ".join(filter(None, (rate, others)))
+
+    @property
+    def name(self) -> str:
+        """What it is called; nothing is said of a `kill -9`."""
+        fault = "" if self.fault == Row().fault else self.fault
+        return ", ".join(filter(None, (self.contender, fault, self.circumstances)))
+
+    @property
+    def title(self) -> str:
+        """What it is called in the documentation."""
+        if self.help == BY_HAND:
+            return BY_HAND.replace("rosrun", "`rosrun`")
+        fault = f"`{self.fault}`" if self.fault in ("kill -9", "rosnode kill") else self.fault
+        help = self.contender.replace("respawn", '`respawn="true"`')
+        return ", ".join(filter(None, (help, fault, self.circumstances)))
+
+    @property
+    def is_healed(self) -> bool:
+        """Whether healing helps."""
+        return self.help in (HOT, WARM, COLD)
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether what helps can see that the node fails."""
+        return self.is_healed or self.help == BY_HAND or FAULTS[self.fault].ends
+
+    @property
+    def unknown(self) -> Tuple[str, ...]:
+        """The keys of its SOM that this version does not know."""
+        return tuple(key for key in self.som if key not in KNOWN)
+
+
+def of_fault(fault: str) -> Tuple[Row, ...]:
+    """A fault that ends in silence: with a bridge, without one, and what ROS alone does."""
+    rows = (Row(HOT, fault), Row(HOT, fault, som=NO_BRIDGE))
+    # A roscpp talker takes no commands.
+    by_process = fault in ("kill -9", "rosnode kill", "SIGSTOP")
+    helps = tuple(RESPAWNED)[: 2 if by_process else 1]
+    return (*rows, *(Row(help, fault) for help in helps))
+
+
+CRASHES = (
+    Row(HOT, period=0.01),
+    *(Row(HOT, applications=count) for count in (100, 500)),
+    Row(WARM),
+    Row(COLD),
+    Row(BY_HAND),
+)
+"""`kill -9` with everything else that is compared."""
+ROWS = (
+    *of_fault("kill -9")[:2],
+    *CRASHES,
+    *of_fault("kill -9")[2:],
+    *(row for fault in SILENT[1:] for row in of_fault(fault)),
+    Row(HOT, "out of range"),
+    Row("respawn, rospy", "out of range"),
+)
+"""All rows, in the order of table and picture: sorted by fault."""
+BY_NAME: Mapping[str, Row] = {row.name: row for row in ROWS}
+SHORT = ("hot", "respawn, rospy, slow", BY_HAND)
+"""The rows of the short form."""

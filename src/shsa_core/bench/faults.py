@@ -1,0 +1,75 @@
+"""The faults of failover.py: what each does to a node that obeys `faulty_publisher`'s commands."""
+import os
+import signal
+from typing import Callable, Dict, NamedTuple
+
+import rospy
+
+from graph import shut_down
+
+SLOWED = 3
+"""A third of the rate is left."""
+SILENCES = "3 10"
+"""Periods: an intermittent node is silent for so many, again and again."""
+
+
+class Patient(NamedTuple):
+    """A node that is about to fail; `period` in s. Only rospy ones obey `commands`."""
+
+    node: str
+    pid: int
+    period: float
+    commands: rospy.Publisher
+
+
+Cause = Callable[[Patient], None]
+
+
+def kill_hard(patient: Patient) -> None:
+    """`kill -9`."""
+    os.kill(patient.pid, signal.SIGKILL)
+
+
+def stop(patient: Patient) -> None:
+    """Hang."""
+    os.kill(patient.pid, signal.SIGSTOP)
+
+
+def leave(patient: Patient) -> None:
+    """`rosnode kill`."""
+    shut_down(patient.node)
+
+
+def commanded(command: str) -> Cause:
+    """Go on, but badly."""
+    return lambda patient: patient.commands.publish(command)
+
+
+def slow(patient: Patient) -> None:
+    """Publish seldom."""
+    patient.commands.publish(f"period {SLOWED * patient.period}")
+
+
+class Fault(NamedTuple):
+    """How a node fails.
+
+    `ends`: its process does, and nothing else moves `respawn="true"`. `at_once`: no good message
+    comes after it; else they come and go.
+    """
+
+    cause: Cause
+    ends: bool = False
+    at_once: bool = True
+
+
+FAULTS: Dict[str, Fault] = {
+    "kill -9": Fault(kill_hard, ends=True),
+    "rosnode kill": Fault(leave, ends=True),
+    "SIGSTOP": Fault(stop),
+    "slow": Fault(slow, at_once=False),
+    "intermittent": Fault(commanded(f"intermittent {SILENCES}"), at_once=False),
+    "out of range": Fault(commanded("value 1000")),
+    "not a number": Fault(commanded("nan 1")),
+}
+SILENT = tuple(FAULTS)[:5]
+"""Those that end in silence."""
