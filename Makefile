@@ -6,12 +6,15 @@ ENV := source tools/env.bash
 MINUTES := 10
 JOBS := 2
 
+# Nodes start a thousand times in a test run: what Python has compiled is kept.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: help setup build sshd test test-long fuzz coverage mutation reliability demo hosts-demo docs bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
 	@echo "make hosts-demo   the same on three computers, made of this machine's namespaces; see results/hosts_demo/"
-	@echo "make test    JOBS=2: run every test, so many at once"
+	@echo "make test    JOBS=2: run every test, so many robots at once"
 	@echo "make test-long   the same with five times as many random cases, and more trials on robots"
 	@echo "make docs    the documentation as a site (Debian 12); see build/docs/index.html"
 	@echo "make bench   measure; see results/bench/"
@@ -32,13 +35,15 @@ build: setup
 sshd: setup
 	@tools/fetch_sshd || true
 
-# See conftest.py for their order, and what stays together.
+# See conftest.py for their order, what stays together, and what the last worker runs.
+WORKERS = $(shell expr $(JOBS) + 1)
+
 test: build sshd
-	@$(ENV) && $(PYTHON) -m pytest -n $(JOBS)
+	@$(ENV) && $(PYTHON) -m pytest -n $(WORKERS)
 
 # With every random case; see shsa_testing/thorough.py.
 test-long: build sshd
-	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -n $(JOBS)
+	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -n $(WORKERS)
 
 fuzz: build
 	@tools/fuzz $(MINUTES)

@@ -1,11 +1,15 @@
 """Runs a rostest, and looks for what it leaves behind. Each has a master of its own."""
 import os
+import signal
 import subprocess
+import tempfile
 import uuid
+from contextlib import suppress
 from pathlib import Path
 from typing import List
 from xml.etree import ElementTree
 
+import psutil
 from attempts import attempt
 
 from shsa_testing.processes import marked
@@ -14,6 +18,7 @@ from shsa_testing.waiting import wait_until
 ROOT = Path(__file__).resolve().parent.parent
 TIMEOUT_S = 240.0
 LEAVING_S = 15.0  # s that processes may take to end after the test
+DUMP_S = 3.0
 MARK = "SHSA_ROSTEST"
 
 
@@ -32,18 +37,44 @@ def _failure(path: Path) -> str:
     """Run a rostest once, and see all that it started end; what failed."""
     package = str(ElementTree.parse(str(path.parents[2] / "package.xml")).findtext("name"))
     mark = uuid.uuid4().hex
+    environment = {**os.environ, MARK: mark, "PYTHONFAULTHANDLER": "1"}
+    # A file, not a pipe: that is at its end only when the last one who writes to it has ended.
+    with tempfile.TemporaryFile("w+", errors="replace") as said:
+        try:
+            done = subprocess.Popen(
+                ["rostest", package, path.name],
+                stdout=said,
+                stderr=subprocess.STDOUT,
+                env=environment,
+            )
+            failed = _waited(done, mark)
+        finally:
+            for process in marked(MARK, mark):
+                process.kill()
+            done.wait()
+        said.seek(0)
+        return said.read() + failed if failed or done.returncode else ""
+
+
+def _waited(rostest: "subprocess.Popen[bytes]", mark: str) -> str:
+    """Wait for a rostest, and for all that it started; what took too long, or nothing."""
     try:
-        done = subprocess.run(
-            ["rostest", package, path.name],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            universal_newlines=True,
-            timeout=TIMEOUT_S,
-            env={**os.environ, MARK: mark},
-        )
-        started = [process.name() for process in marked(MARK, mark)]
-        wait_until(lambda: not marked(MARK, mark), LEAVING_S, f"these have ended: {started}")
-    finally:
-        for process in marked(MARK, mark):
-            process.kill()
-    return done.stdout if done.returncode else ""
+        rostest.wait(TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        return _stuck(mark, TIMEOUT_S)
+    try:
+        wait_until(lambda: not marked(MARK, mark), LEAVING_S, "all have ended")
+    except AssertionError:
+        return _stuck(mark, LEAVING_S)
+    return ""
+
+
+def _stuck(mark: str, seconds: float) -> str:
+    """Who has not ended; each prints where its threads are, if it is in Python."""
+    there, named = marked(MARK, mark), ""
+    for process in there:
+        with suppress(psutil.NoSuchProcess):
+            named += f"\n  {process.pid}: {' '.join(process.cmdline())}"
+            process.send_signal(signal.SIGABRT)
+    psutil.wait_procs(there, DUMP_S)
+    return f"\nwaited {seconds:g} s in vain; these had not ended:{named}\n"

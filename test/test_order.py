@@ -1,9 +1,19 @@
-"""The order of the tests, in conftest.py at the top, names files and rostests that there are."""
+"""The order of the tests, in conftest.py at the top: it names what there is, and robots go first."""
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import conftest
 
 ROOT = Path(__file__).resolve().parent.parent
+TEST = """
+import os
+def test_it():
+    with open("ran", "a") as ran:
+        print(__name__, os.environ["PYTEST_XDIST_WORKER"], os.sched_getscheduler(0), file=ran)
+"""
 
 
 def test_the_files_that_have_their_turn_are_there() -> None:
@@ -14,3 +24,19 @@ def test_the_files_that_have_their_turn_are_there() -> None:
 
 def test_the_rostests_to_begin_with_are_there() -> None:
     assert {*conftest.LONGEST} <= {path.stem for path in ROOT.glob("src/*/test/rostest/*.test")}
+
+
+def test_the_last_worker_gives_way_and_runs_no_robot(tmp_path: Path) -> None:
+    shutil.copy(str(ROOT / "conftest.py"), str(tmp_path))
+    for name in (*conftest.ROBOTS, "test_one", "test_other"):
+        (tmp_path / f"{name}.py").write_text(TEST)
+    command = [sys.executable, "-m", "pytest", "-n", "3", "-p", "no:cacheprovider", "."]
+    done = subprocess.run(command, cwd=str(tmp_path), stdout=subprocess.PIPE)
+    assert done.returncode == 0, done.stdout.decode()
+    ran = [line.split() for line in (tmp_path / "ran").read_text().splitlines()]
+    assert len(ran) == len(conftest.ROBOTS) + 2
+    last = [name for name, worker, _ in ran if worker == "gw2"]
+    assert last and not {*last} & {*conftest.ROBOTS}
+    for _, worker, policy in ran:
+        idle = int(policy) == os.SCHED_IDLE
+        assert idle or worker != "gw2"

@@ -445,6 +445,8 @@ class AnyRobot(RuleBasedStateMachine):
             commands = self.core.handle(events.ShuttingDown(self.now))
             stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
             assert stopped >= self.reached(), "a process is left behind"
+            assert not [each for each in commands if isinstance(each, events.StartSubstitute)]
+            assert self.core.handle(events.Tick(self.now + 1000.0)) == []
 
 
 TestAnyRobot = AnyRobot.TestCase

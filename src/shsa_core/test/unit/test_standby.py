@@ -31,6 +31,15 @@ def test_a_warm_topic_takes_an_idle_process_and_the_pool_is_refilled() -> None:
     assert [row.node for row in robot.idle_rows()] == [refill.node]
 
 
+@pytest.mark.parametrize("late", [0.0, 0.5])
+def test_who_ends_starts_no_idle_process_that_is_due_then_or_later(late: float) -> None:
+    robot = Robot(standby("warm"))
+    robot.fail("/a", A, 10.0)
+    end = 11.0 - late  # the pool is refilled 1 s after the takeover
+    assert not has(robot.handle(events.ShuttingDown(end)), events.StartSubstitute)
+    assert robot.handle(events.Tick(30.0)) == []
+
+
 def test_a_warm_takeover_that_finds_the_pool_empty_says_that_it_is_a_cold_one() -> None:
     robot = Robot(standby("warm"), pool=0)
     commands = robot.fail("/a", A, 10.0)

@@ -32,7 +32,7 @@ class Hearing(Reach):
 
     def __init__(self, *told: Any) -> None:
         super().__init__(*told)
-        self._ending = False
+        self._ending = self._over = False
         self._untold: Agenda[str] = Agenda()  # failures in the table, by their service
         self._asked: Agenda[str] = Agenda()  # computers whose monitor owes its table
 

@@ -90,11 +90,13 @@ class Reconfigurator(Hearing):
 
     def handle(self, event: Event) -> List[Command]:
         """What is to be done about `event`."""
+        if self._over:
+            return []  # nobody would stop what is started now
         self._time = max(self._time, event.time)  # a failure is heard after it was seen
         self._forget_ended()
         commands = self._handlers[type(event)](event)
         commands += self._settle()
-        commands += self._refill()
+        commands += [] if self._over else self._refill()
         commands += self._watch()
         commands = self._strays.passed(self._time, commands)
         shown = self._substitutions.change()
@@ -172,6 +174,7 @@ class Reconfigurator(Hearing):
 
     def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
         """End every substitute, and the nodes that whoever ends us has started first."""
+        self._over = True
         self._records.forget()
         ended: List[Command] = [events.StopSubstitute(node) for node in self.substitutes]
         return ended + [events.StopNode(node) for node, ours in self._with_us.items() if ours]
