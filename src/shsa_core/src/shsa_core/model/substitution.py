@@ -16,7 +16,7 @@ class Substitution:
     process has neither `service` nor `code`. `host`: the computer that it runs on, empty: the
     reconfigurator's own. `on_partition`: what it does by itself while that cannot reach the
     reconfigurator. `yields`: it is still once another one is heard, as the node that it stands in
-    for was only silent, on another computer.
+    for was only silent, on another computer. `gated`: it publishes always, a gate chooses.
     """
 
     node: str
@@ -33,6 +33,7 @@ class Substitution:
     host: str = ""
     on_partition: OnPartition = OnPartition.WAIT
     yields: bool = False
+    gated: bool = False
 
     @property
     def idle(self) -> bool:

@@ -273,6 +273,8 @@ class Monitor:
             publisher = self._board.meet(topic, event.publisher, event.time)
         elif not publisher.connected:
             return
+        if self._board.substitutes.is_kept_back(topic.name, publisher.name):
+            return  # no consumer hears it
         previous = publisher.last_message
         publisher.note_message(event.time)
         if previous is None:

@@ -102,5 +102,5 @@ def formerly_healthy(table: msg.SomState) -> FormerlyHealthy:
 def _substitution(row: msg.Substitution) -> Substitution:
     topics: Tuple[str, ...] = tuple(dict.fromkeys(signal.topic for signal in row.outputs))
     outputs = tuple(Signal(topic, "", "", "", None, None) for topic in topics)
-    quality, publishing = row.quality, row.publishing
-    return Substitution(row.node, row.service, (), "", outputs, (), quality, publishing)
+    known = (), "", outputs, (), row.quality, row.publishing
+    return Substitution(row.node, row.service, *known, gated=row.gated)

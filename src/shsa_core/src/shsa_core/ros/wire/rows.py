@@ -67,6 +67,7 @@ def substitution_message(row: Substitution) -> msg.Substitution:
         host=row.host,
         on_partition=str(row.on_partition),
         yields=row.yields,
+        gated=row.gated,
     )
 
 
@@ -95,6 +96,7 @@ def substitution_row(message: msg.Substitution) -> Substitution:
         host=message.host,
         on_partition=OnPartition(on_partition),
         yields=message.yields,
+        gated=message.gated,
     )
 
 
