@@ -66,7 +66,7 @@ def generate_values(values: Sequence[Tuple[Source, float]]) -> Program:
         lines.append(f"def {name}(): # safe value: {source.property}\n  return {_number(value)}")
         lines.append(f"t{i}={name}()")
     lines.append(_result([f"t{i}" for i in range(len(values))]))
-    return Program((), "\n".join(lines) + "\n", tuple(source.path for source, _ in values))
+    return Program((), "\n".join(lines) + "\n", tuple(source.output for source, _ in values))
 
 
 def _result(variables: Sequence[str]) -> str:

@@ -192,7 +192,7 @@ def program_of(
     ontology: Ontology, derivations: Sequence[Derivation], outputs: Sequence[Source]
 ) -> Program:
     """The program that derives each output. Raises GenerationError."""
-    parts = [(derivation, source.path) for derivation, source in zip(derivations, outputs)]
+    parts = [(derivation, source.output) for derivation, source in zip(derivations, outputs)]
     return generate(parts, ontology.constants)
 
 

@@ -104,7 +104,7 @@ class _Doubts:
     def of(self, source: Source) -> List[str]:
         """In words, for one source."""
         of, who = source.service, f"{source.path} ({source.service.name})"
-        if self._service.name in of.upstream or self._service.topic in of.upstream:
+        if not {self._service.name, *self._service.topics}.isdisjoint(of.upstream):
             return [f"{who} is computed from the lost service"]
         if of.node in self._faulty:
             return [f"{who} is published by the failed node {of.node}"]

@@ -67,7 +67,7 @@ def compare(som: Som, incident: Incident, recording: Recording) -> Tuple[Truth, 
     sources = [_source(som, path, incident) for path in incident.inputs]
     found = []
     for place, path in enumerate(incident.outputs):
-        output = next((each for each in service.sources if each.path == path), None)
+        output = next((each for each in service.sources if each.output == path), None)
         if output is None:
             raise ShsaError(f"the SOM's {service.name} has no {path}")
         if recorded(recording, output) is None:

@@ -29,12 +29,12 @@ __all__ = [
 
 PARAMETER = "shsa/som"
 FROM_FILE_ALONE = (
-    *("topic", "type", "node", "policy", "contain"),
+    *("topic", "heard", "type", "node", "policy", "contain"),
     *("host", "placement", "on_partition"),
 )
 """What decides whom healing may kill or start, and where: never taken from parameters."""
 SECTIONS = ("services", "hosts")
-NAMES = ("topic", "node")
+NAMES = ("topic", "gate", "node")
 """What a SOM may name relative to the namespace in which healing runs."""
 
 
@@ -136,13 +136,17 @@ def _service(
             errors += error.errors
     if errors:
         raise ModelErrors(errors)
-    given.update({key: full_name(given[key], namespace) for key in NAMES})
+    given.update({key: full_name(given[key], namespace) for key in NAMES if key in given})
     given["derived_from"] = tuple(
         each if each in services else full_name(each, namespace)
         for each in given.get("derived_from", ())
     )
-    if {name, given["topic"]} & set(given["derived_from"]):
+    if {name, given["topic"], given.get("gate")} & set(given["derived_from"]):
         raise entry["derived_from"].error(f"{name} cannot be derived from itself")
+    if given.get("gate") == given["topic"]:
+        raise entry["gate"].error("gate must be another topic than the one that consumers hear")
+    if "gate" in given:
+        given["beyond_gate"], given["topic"] = given["topic"], given.pop("gate")
     service = Service(name=name, where=value.where, **given)
     rates = {Kind.RATE_HIGH.value, Kind.RATE_LOW.value} & set(_keys(entry.get("checks")))
     if service.event_driven and rates:
@@ -243,9 +247,18 @@ class _Collector:
         self.errors: List[ModelError] = []
         self._types: Dict[str, Service] = {}
         self._publishers: Dict[Tuple[str, str], Service] = {}
+        self._topics: Dict[str, Service] = {}
 
     def add(self, service: Service) -> None:
         """Adds a service. Raises ModelError if it clashes with one that is there."""
+        for topic in service.topics:
+            sharer = self._topics.setdefault(topic, service)
+            if sharer is not service and (service.gated or sharer.gated):
+                raise ModelError(
+                    service.where,
+                    f"{topic} is that of the service {sharer.name} already ({sharer.where}); "
+                    "a topic that goes through a gate has one service",
+                )
         first = self._types.setdefault(service.topic, service)
         if service.type != first.type:
             raise ModelError(

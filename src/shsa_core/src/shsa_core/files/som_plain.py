@@ -32,7 +32,7 @@ def host_parameters(host: Host) -> Dict[str, float]:
 def service_parameters(service: Service) -> Dict[str, Any]:
     """A service as it lies on the parameter server."""
     plain: Dict[str, Any] = {
-        "topic": service.topic,
+        "topic": service.heard,
         "type": service.type,
         "node": service.node,
         "period": "none" if service.period is None else service.period,
@@ -47,6 +47,7 @@ def service_parameters(service: Service) -> Dict[str, Any]:
             checks[name] = getattr(service.checks, name)
     optional = {
         "deadline": _plain_deadline(service),
+        "gate": service.topic if service.gated else "",
         "fails_with": list(service.fails_with),
         "fault_tolerant_time": service.fault_tolerant_time,
         "derived_from": list(service.derived_from),

@@ -15,7 +15,8 @@ class Case:
     `protected`: why it is never killed unless the SOM says so; empty: it may be.
     `replaced`: something takes the failed service over. `costs`: the needed topics that would be
     lost with the node, and that nothing replaces. `useful`: the topics that it publishes well.
-    `was_good`: it has published the failed topic well before.
+    `was_good`: it has published the failed topic well before. `gated`: a gate stands between it and
+    the consumers of that topic.
     """
 
     node: str
@@ -29,6 +30,7 @@ class Case:
     costs: Tuple[str, ...] = ()
     useful: Tuple[str, ...] = ()
     was_good: bool = True
+    gated: bool = False
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,8 @@ def decide(case: Case) -> Verdict:
         return Verdict(False, f"{kept}: {case.protected}")
     if case.restarted:
         return Verdict(True, f"{killed}: its policy is to start it again")
+    if case.gated and case.kind not in (*QUIET, Kind.REQUESTED):
+        return Verdict(False, f"{kept}: a gate keeps from consumers what it publishes on {topic}")
     if case.costs:
         lost = f"killing it would cost {_enumerated(case.costs)}, which nothing can replace"
         return Verdict(False, f"{kept}: {lost}")

@@ -37,7 +37,7 @@ class FaultyNode:
 
     @property
     def babbles(self) -> bool:
-        """Whether it is kept although it publishes what is wrong."""
+        """Whether it is kept although consumers hear what is wrong of it."""
         return self.kept and self.heard
 
     def failed(self, name: str, kind: Kind) -> None:
@@ -74,7 +74,7 @@ class FaultyNode:
             if kill.only_here and now.parted:
                 self.heard = False  # its kill may wait for its computer, and nobody hears it
             return [kill]
-        self.heard = self.kind not in QUIET
+        self.heard = self.kind not in QUIET and not now.service.gated
         if gone and not again and now.service.policy is not Policy.ADVISE:
             return [KillNode(self.name, False, True, now.service.topic)]
         return []

@@ -154,7 +154,7 @@ class Planner:
         return self._answer
 
     def _outputs(self, plan: AnyPlan, known: Calibrated) -> Tuple[Signal, ...]:
-        signals = self._signals(plan.outputs)
+        signals = self._signals(plan.outputs, written=True)
         if not isinstance(plan, Plan):
             return signals
         found = (replace(signal, error=error) for signal, error in zip(signals, plan.errors))
@@ -177,13 +177,13 @@ class Planner:
                 found[i] = replace(signals[i], gain=gain, offset=offset, error=shown)
         return tuple(found)
 
-    def _signals(self, sources: Tuple[Source, ...]) -> Tuple[Signal, ...]:
+    def _signals(self, sources: Tuple[Source, ...], written: bool = False) -> Tuple[Signal, ...]:
         """As the SOM says now: a period may have changed since the plan was made."""
-        return tuple(self._signal(source) for source in sources)
+        return tuple(self._signal(source, written) for source in sources)
 
-    def _signal(self, source: Source) -> Signal:
+    def _signal(self, source: Source, written: bool) -> Signal:
         deadlines = self._settings.deadlines
         current = self.som.services.get(source.service.name)
         if current is None:  # what the SOM has no more does not follow who else is on its topic
-            return replace(self.som.signal(source, deadlines), node=source.node)
-        return self.som.signal(Source(current, source.provision), deadlines)
+            return replace(self.som.signal(source, deadlines, written), node=source.node)
+        return self.som.signal(Source(current, source.provision), deadlines, written)

@@ -100,7 +100,8 @@ class Pool:
         self.forget(service.name)
         self._wanted[host] += 1
         outputs = tuple(
-            planner.som.signal(source, self._settings.deadlines) for source in service.sources
+            planner.som.signal(source, self._settings.deadlines, written=True)
+            for source in service.sources
         )
         if plan is None:
             self.plans[service.name] = Substitution("", service.name, (), "", outputs, host=host)

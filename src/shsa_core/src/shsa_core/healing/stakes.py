@@ -62,6 +62,7 @@ class Stakes:
             tuple(sorted(self._costs(planner, service, node))),
             tuple(sorted(self._useful(planner, service, node))),
             self._nodes.was_good(service.topic, node),
+            service.gated,
         )
         verdict = decide(case)
         if service.policy is Policy.ADVISE:

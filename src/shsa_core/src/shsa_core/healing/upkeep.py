@@ -333,13 +333,14 @@ class Upkeep:
             plan.relations if isinstance(plan, Plan) else (),
             plan.quality if isinstance(plan, Plan) else 0.0,
             healing.publishes,
-            healing.original,
+            "" if service.gated else healing.original,
             service.others,
             healing.last_message,
             healing.substitute.host,
             service.on_partition if parted else OnPartition.WAIT,
             parted and healing.yields,
             self._bridge(service, healing),
+            gated=service.gated,
         )
         self._substitutions.set(healing.node, row)
         return row

@@ -74,7 +74,8 @@ class Service:
     written on this computer, so that nothing can take it over, or empty; `fault_tolerant_time`: s
     without good data that its users tolerate, None: not known; `derived_from`: the services and
     topics that its values are computed from; `upstream`: the same, and what those are computed from
-    (the SOM sees to that); `host`: the computer that its node runs on, empty: not said;
+    (the SOM sees to that); `beyond_gate`: the topic on which a gate publishes what it finds good
+    of `topic`, empty: there is no gate; `host`: the computer that its node runs on, empty: not said;
     `placement`: where a substitute of it may run; `on_partition`: what is done while that computer
     cannot be reached; `bridge`: periods after which a substitute that stands by fills in for a late
     message, 0: never, None: as usual; `where`: file and line, or parameter.
@@ -99,6 +100,7 @@ class Service:
     fails_with: Tuple[str, ...] = ()
     fault_tolerant_time: Optional[float] = None
     derived_from: Tuple[str, ...] = ()
+    beyond_gate: str = ""
     host: str = ""
     placement: Placement = Placement()
     on_partition: OnPartition = OnPartition.HEAL
@@ -113,6 +115,21 @@ class Service:
 
     def __hash__(self) -> int:
         return hash(self.name)
+
+    @property
+    def gated(self) -> bool:
+        """Whether a gate stands between its node and its consumers."""
+        return bool(self.beyond_gate)
+
+    @property
+    def heard(self) -> str:
+        """The topic that its consumers hear; its node publishes on `topic`."""
+        return self.beyond_gate or self.topic
+
+    @property
+    def topics(self) -> Tuple[str, ...]:
+        """Both, each once."""
+        return tuple(dict.fromkeys((self.topic, self.heard)))
 
     @property
     def properties(self) -> Tuple[str, ...]:
@@ -156,8 +173,11 @@ class Service:
 
     @property
     def bridges(self) -> Optional[float]:
-        """The periods after which a substitute that stands by fills in; None: it never does."""
-        if self.period is None:
+        """The periods after which a substitute that stands by fills in; None: it never does.
+
+        Behind a gate it has no need to.
+        """
+        if self.period is None or self.gated:
             return None
         usual = USUAL_BRIDGE if self.standby is Standby.HOT else 0.0
         return (usual if self.bridge is None else self.bridge) or None
@@ -185,7 +205,7 @@ class Source:
     @property
     def topic(self) -> str:
         """The topic that it is read from."""
-        return self.service.topic
+        return self.service.heard
 
     @property
     def node(self) -> str:
@@ -199,11 +219,16 @@ class Source:
         And the services that it is computed from: where one is lost, its own loss would come back.
         """
         of = self.service
-        return of.name, of.topic, of.node, *of.shared, *of.upstream
+        return of.name, *of.topics, of.node, *of.shared, *of.upstream
 
     @property
     def path(self) -> str:
         """Topic and field as `rostopic echo` takes them: `/odom/twist/twist/linear/x`."""
+        return signal_path(self.service.heard, self.provision.field)
+
+    @property
+    def output(self) -> str:
+        """Topic and field where a substitute writes it: where its node does."""
         return signal_path(self.service.topic, self.provision.field)
 
     @property  # the last one: from here on the class has a `property` of its own

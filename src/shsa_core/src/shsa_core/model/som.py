@@ -19,9 +19,12 @@ class Som:
         self.services: Dict[str, Service] = {service.name: service for service in services}
         self._see_upstream()
         self._of_topic: Dict[str, List[Service]] = {}
+        self._beyond_gate: Dict[str, Service] = {}
         self._of_property: Dict[str, List[Source]] = {}
         for service in self.services.values():
             self._of_topic.setdefault(service.topic, []).append(service)
+            if service.gated:
+                self._beyond_gate[service.heard] = service
             for source in service.sources:
                 self._of_property.setdefault(source.property, []).append(source)
 
@@ -29,7 +32,8 @@ class Som:
         """Fill in what each service is computed from, by however many steps."""
         of_topic: Dict[str, List[str]] = {}
         for service in self.services.values():
-            of_topic.setdefault(service.topic, []).append(service.name)
+            for topic in service.topics:
+                of_topic.setdefault(topic, []).append(service.name)
         for name, service in self.services.items():
             upstream: Dict[str, None] = {}
             open_ = list(service.derived_from)
@@ -74,11 +78,12 @@ class Som:
         return tuple(self._of_property.get(name, ()))
 
     def of_topic(self, topic: str) -> Tuple[Service, ...]:
-        """The services that share `topic`."""
-        return tuple(self._of_topic.get(topic, ()))
+        """The services that share `topic`, or the one that a gate passes on there."""
+        beyond = self._beyond_gate.get(topic)
+        return tuple(self._of_topic.get(topic, ())) if beyond is None else (beyond,)
 
     def topics(self) -> Tuple[str, ...]:
-        """The topics, each once, in the order of the SOM."""
+        """The topics that nodes publish on, each once, in the order of the SOM."""
         return tuple(self._of_topic)
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
@@ -99,12 +104,12 @@ class Som:
         """The services that are healed when they fail."""
         return tuple(service for service in self if service.needed)
 
-    def signal(self, source: Source, deadlines: Deadlines) -> Signal:
-        """What a substitute must know of a source."""
+    def signal(self, source: Source, deadlines: Deadlines, written: bool = False) -> Signal:
+        """What a substitute must know of a source that it reads, or of one that it writes."""
         service = source.service
         shared = len(self._of_topic.get(service.topic, ())) > 1
         return Signal(
-            service.topic,
+            service.topic if written else service.heard,
             source.provision.field,
             service.type,
             service.node if shared else "",

@@ -17,7 +17,9 @@ class Substitution:
     process has neither `service` nor `code`. `host`: the computer that it runs on, empty: the
     reconfigurator's own. `on_partition`: what it does by itself while that cannot reach the
     reconfigurator. `yields`: it is still once another one is heard, as the node that it stands in
-    for was only silent, on another computer.
+    for was only silent, on another computer. `bridge`: the silence in s of others after
+    which it fills in while it is muted, 0: it does not. `gated`: it publishes always, a gate
+    chooses.
     """
 
     node: str
@@ -35,6 +37,7 @@ class Substitution:
     on_partition: OnPartition = OnPartition.WAIT
     yields: bool = False
     bridge: float = 0.0
+    gated: bool = False
 
     @property
     def idle(self) -> bool:

@@ -281,6 +281,8 @@ class Monitor:
             return
         if self._board.bridge(topic, publisher.name, event.time):
             return
+        if self._board.substitutes.is_kept_back(topic.name, publisher.name):
+            return  # no consumer hears it
         previous = publisher.last_message
         granted = publisher.granted
         teaches = publisher.is_healthy and not granted and not publisher.interrupted

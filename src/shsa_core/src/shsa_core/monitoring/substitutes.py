@@ -54,6 +54,11 @@ class Substitutes:
         # An idle one, or one that publishes elsewhere, may have advertised this topic as well.
         return row is not None and not publishes(row, topic)
 
+    def is_kept_back(self, topic: str, node: str) -> bool:
+        """Whether what a substitute publishes is kept back by a gate for the time being."""
+        row = self._rows.get(node)
+        return row is not None and row.gated and topic in row.topics and not row.publishing
+
 
 def publishes(row: Optional[Substitution], topic: str) -> bool:
     """Whether a substitute is to publish on `topic`."""

@@ -102,7 +102,7 @@ class Substitute:
     def publishing(self) -> bool:
         """Whether it publishes; it does not where its program is not for what its row names."""
         job = self._job
-        publishes = self._cut_off.publishes or self._bridging.on
+        publishes = self._cut_off.publishes or self._bridging.on or self._row.gated
         return publishes and job is not None and job.topic in self._row.topics
 
     def validate(self) -> None:
@@ -418,7 +418,7 @@ class Substitute:
 
     def _complaints(self, job: Job) -> List[Command]:
         """What is said once of a program that integrates from nobody knows where."""
-        if self._complained:
+        if self._complained or (self._row.gated and not self._row.publishing):
             return []
         self._complained = True
         said: List[Command] = []

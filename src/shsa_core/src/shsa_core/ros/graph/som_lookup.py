@@ -44,7 +44,9 @@ def _som_signals() -> Dict[str, Signal]:
         som, _ = read_tree(from_parameters(value, PARAMETER), rospy.get_namespace())
     except ShsaError:
         som = Som()
-    signals = (som.signal(source, Deadlines()) for source in som.sources)
+    signals = (
+        som.signal(source, Deadlines(), written) for source in som.sources for written in (False, True)
+    )
     return {signal.path: dataclasses.replace(signal, node="") for signal in signals}
 
 

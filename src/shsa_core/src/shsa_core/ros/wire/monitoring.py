@@ -111,4 +111,5 @@ def _substitution(row: msg.Substitution) -> Substitution:
         quality=row.quality,
         publishing=row.publishing,
         bridge=row.bridge,
+        gated=row.gated,
     )

@@ -68,6 +68,7 @@ def substitution_message(row: Substitution) -> msg.Substitution:
         on_partition=str(row.on_partition),
         yields=row.yields,
         bridge=row.bridge,
+        gated=row.gated,
     )
 
 
@@ -99,6 +100,7 @@ def substitution_row(message: msg.Substitution) -> Substitution:
         on_partition=OnPartition(on_partition),
         yields=message.yields,
         bridge=message.bridge,
+        gated=message.gated,
     )
 
 

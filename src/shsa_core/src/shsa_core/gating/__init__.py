@@ -1,0 +1,1 @@
+"""The gate: what the consumers of a service hear, message by message."""

@@ -1,0 +1,73 @@
+"""What the gate's core hears (events) and says (commands). Times in s on one monotonic clock."""
+from dataclasses import dataclass
+from typing import Optional, Union
+
+from shsa_core.monitoring.events import Message, SubstitutionsChanged
+
+
+@dataclass(frozen=True)
+class Arrived:
+    """A message came on the topic that the node publishes on.
+
+    `stamp`: of its header in ns, 0: none. `newest`: no later one of its publisher has come yet.
+    """
+
+    message: Message
+    data: bytes
+    stamp: int = 0
+    newest: bool = True
+
+    @property
+    def time(self) -> float:
+        """When it came."""
+        return self.message.time
+
+
+@dataclass(frozen=True)
+class Overheard:
+    """Somebody else published on the topic that consumers hear; `stamp` as above."""
+
+    time: float
+    publisher: str
+    stamp: int = 0
+
+
+@dataclass(frozen=True)
+class GateLeft:
+    """A node that published there is gone."""
+
+    time: float
+    publisher: str
+
+
+@dataclass(frozen=True)
+class Tick:
+    """Time has passed."""
+
+    time: float
+
+
+Event = Union[SubstitutionsChanged, Arrived, Overheard, GateLeft, Tick]
+
+
+@dataclass(frozen=True)
+class Pass:
+    """Consumers hear this, byte for byte; `stamp`: in ns, written into its header, None: as it is.
+
+    `publisher`: whose message it is.
+    """
+
+    data: bytes
+    publisher: str
+    stamp: Optional[int] = None
+
+
+@dataclass(frozen=True)
+class Log:
+    """Say this to people; `bad`: something is wrong."""
+
+    text: str
+    bad: bool = True
+
+
+Command = Union[Pass, Log]

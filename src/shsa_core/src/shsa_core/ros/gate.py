@@ -1,0 +1,197 @@
+"""The gate's ROS shell: reads what the node and its substitutes publish, and publishes what its
+core lets pass, byte for byte.
+"""
+import argparse
+import struct
+import sys
+from dataclasses import replace
+from typing import Any, Callable, Dict, List, Type
+
+import genpy
+import rospy
+from shsa_msgs import msg
+
+from shsa_core import dispatch
+from shsa_core.errors import ModelError
+from shsa_core.files.som_file import read_som
+from shsa_core.gating import events
+from shsa_core.gating.machine import Gate
+from shsa_core.gating.settings import Settings
+from shsa_core.message_types import message_class
+from shsa_core.model.names import full_name
+from shsa_core.model.service import Service
+from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.connections import (
+    Arrived,
+    Closed,
+    Connections,
+    Happening,
+    Lost,
+    Made,
+)
+from shsa_core.ros.graph.identities import Identified
+from shsa_core.ros.graph.inbox import Inbox
+from shsa_core.ros.graph.reader import Reader
+from shsa_core.ros.graph.reconnection import Answered
+from shsa_core.ros.graph.signing import Signing
+from shsa_core.ros.graph.tables import TableSubscriber
+from shsa_core.ros.node import run
+from shsa_core.ros.wire import monitoring as wire
+from shsa_core.ros.wire import names
+
+LONGEST_WAIT_S = 0.1
+RECONNECT_S = 1.0
+QUEUE = 10
+"""Messages that wait for a consumer that does not read; the others do not wait for it."""
+
+
+class GateNode:
+    """Brings events to the core, and carries out what it says.
+
+    Raises ModelError if the SOM is not valid, or has no such service with a gate, and ShsaError if
+    its type is not built here.
+    """
+
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        self._service = _service(arguments)
+        first = arguments.standby and full_name(arguments.standby, rospy.get_namespace())
+        signing = Signing(arguments.secret)
+        self._kind = message_class(self._service.type)
+        self._core = Gate(self._service, Settings(standby_for=first), clock.now())
+        self._inbox = Inbox()
+        self._connections = Connections(self._inbox, RECONNECT_S, signing.refusals.note)
+        self._reader = Reader()
+        self._looked = clock.now()
+        self._bytes = _bytes_of(self._kind)
+        self._publisher = rospy.Publisher(
+            self._service.heard,
+            self._kind,
+            queue_size=QUEUE,
+            tcp_nodelay=True,
+            latch=self._service.latched,
+        )
+        self._carry_out: dispatch.Table[None] = dispatch.table(
+            events.Command, {events.Pass: self._pass, events.Log: self._log}
+        )
+        self._connections.subscribe(self._service.topic)
+        if first:
+            self._connections.subscribe(self._service.heard)
+        TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, self._inbox.put, signing)
+
+    def spin(self) -> None:
+        """Handle events until ROS shuts down."""
+        while not rospy.is_shutdown():
+            try:
+                self._turn()
+            except Exception as error:  # whatever it is, the gate goes on
+                if not rospy.core.is_shutdown_requested():
+                    text = f"Gate: {type(error).__name__}: {error}"
+                    rospy.logerr_throttle_identical(10.0, text)
+
+    def _turn(self) -> None:
+        """Wait for something to do, read everything that has come, then let time pass."""
+        now = clock.now()
+        self._inbox.wait(min(self._core.next_deadline, now + LONGEST_WAIT_S) - now)
+        before, self._looked = self._looked, clock.now()
+        ready = self._inbox.ready()
+        happenings: List[Happening] = []
+        for item in self._inbox.take():
+            if isinstance(item, (Made, Closed, Answered, Identified)):
+                happenings += self._connections.heed(item)
+            else:
+                self._feed(wire.substitutions_changed(item))
+        happenings += self._connections.read(ready)
+        newest = {each.connection: each.data for each in happenings if isinstance(each, Arrived)}
+        for happening in happenings:
+            if isinstance(happening, Arrived):
+                last = newest[happening.connection] is happening.data
+                self._arrived(happening, self._looked - before, last)
+            elif isinstance(happening, Lost) and happening.topic == self._service.heard:
+                self._feed(events.GateLeft(clock.now(), happening.publisher))
+        self._feed(events.Tick(self._looked))
+
+    def _arrived(self, arrived: Arrived, waited: float, newest: bool) -> None:
+        connection, data = arrived
+        now, ros_time = clock.both()
+        stamp = _stamp(data) if self._kind._has_header else 0
+        if connection.topic == self._service.heard:
+            self._feed(events.Overheard(now, connection.publisher, stamp))
+            return
+        judged = self._core.service_of(connection.publisher)
+        ahead = ros_time - now
+        message = self._reader.event(now, waited, connection, data, judged, ahead)
+        sent = connection.header
+        if (sent["type"], sent["md5sum"]) != (self._kind._type, self._kind._md5sum):
+            text = f"it is a {sent['type']} of another version or type than {self._kind._type} here"
+            message = replace(message, error=text)
+        self._feed(events.Arrived(message, data, stamp, newest))
+
+    def _feed(self, event: events.Event) -> None:
+        for command in self._core.handle(event):
+            self._carry_out[type(command)](command)
+
+    def _pass(self, command: events.Pass) -> None:
+        data = command.data
+        if command.stamp is not None:
+            written = bytearray(data)
+            struct.pack_into("<II", written, 4, *divmod(command.stamp, 10 ** 9))
+            data = bytes(written)
+        self._publisher.publish(self._bytes(data))
+
+    def _log(self, command: events.Log) -> None:
+        say: Callable[..., None] = rospy.logwarn if command.bad else rospy.loginfo
+        say("%s.", command.text)
+
+
+def _bytes_of(kind: Type[genpy.Message]) -> Callable[[bytes], genpy.Message]:
+    """Makes messages that are serialized already: rospy neither encodes nor numbers them."""
+
+    class Bytes(kind):  # type: ignore[misc,valid-type]
+        """A message as it came."""
+
+        __slots__ = ("serialized_",)
+        _has_header = False
+
+        def __init__(self, data: bytes) -> None:
+            self.serialized_ = data
+
+        def serialize(self, buff: Any) -> None:
+            """Write it as it is."""
+            buff.write(self.serialized_)
+
+    return Bytes
+
+
+def _stamp(data: bytes) -> int:
+    """The stamp in ns in the std_msgs/Header that a message begins with; 0: none."""
+    if len(data) < 12:
+        return 0
+    seconds, nanoseconds = struct.unpack_from("<4xII", data)
+    return int(seconds * 10 ** 9 + nanoseconds)
+
+
+def _service(arguments: argparse.Namespace) -> Service:
+    som = read_som(arguments.som, rospy.get_namespace())
+    gated: Dict[str, Service] = {each.name: each for each in som if each.gated}
+    if arguments.service not in gated:
+        known = ", ".join(gated) or "none"
+        text = f"there is no service {arguments.service!r} with a gate; there are: {known}"
+        raise ModelError(f"{arguments.som}/services", text)
+    return gated[arguments.service]
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="gate", description=__doc__.splitlines()[0])
+    parser.add_argument("service", help="the name of the service in the SOM; it has a gate there")
+    parser.add_argument("--som", required=True, help="the SOM file")
+    parser.add_argument("--secret", default="", help="the file with the secret of healing")
+    parser.add_argument(
+        "--standby", default="", metavar="NODE", help="stand by for this gate, muted"
+    )
+    return parser.parse_args(rospy.myargv(sys.argv)[1:])
+
+
+def main() -> None:
+    """Run the node `gate`."""
+    arguments = _arguments()
+    run("gate", lambda: GateNode(arguments).spin())

@@ -1,0 +1,325 @@
+"""The gate's core: what consumers hear, message by message, and who speaks to them."""
+import math
+from dataclasses import replace
+from typing import Any, Dict, List, Optional, Tuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from monitor_bench import NODE, PERIOD, provision, row, service, with_value_checks
+
+from shsa_core.gating.events import Arrived, GateLeft, Log, Overheard, Pass, Tick
+from shsa_core.gating.machine import Gate
+from shsa_core.gating.settings import Settings
+from shsa_core.model.checks import Jump, Stuck
+from shsa_core.model.service import Service
+from shsa_core.monitoring.events import Message, SubstitutionsChanged
+
+RAW, HEARD = "/battery_current/raw", "/battery_current"
+SUBSTITUTE, FIRST = "/substitute_battery_current_1", "/gate"
+LOW, HIGH = -5.0, 60.0
+GATED = service(topic=RAW, beyond_gate=HEARD)
+NS = 10 ** 9
+
+
+class Stand:
+    """A gate whose time is moved by hand; collects what consumers hear, and when."""
+
+    def __init__(self, gated: Service = GATED, standby_for: str = "") -> None:
+        self.core = Gate(gated, Settings(standby_for=standby_for))
+        self.time = 0.0
+        self.heard: List[Tuple[float, Pass]] = []
+        self.said: List[str] = []
+
+    def feed(self, event: Any) -> List[Pass]:
+        passed = []
+        for command in self.core.handle(event):
+            if isinstance(command, Log):
+                self.said.append(command.text)
+            else:
+                passed.append(command)
+        self.core.validate()
+        self.heard += [(event.time, each) for each in passed]
+        return passed
+
+    def until(self, time: float) -> None:
+        """Let time pass: the core is woken when it wants to be."""
+        for _ in range(100):
+            due = self.core.next_deadline
+            if due > time:
+                break
+            self.time = max(self.time, due)
+            self.feed(Tick(self.time))
+        self.time = time
+
+    def message(
+        self, value: float, node: str = NODE, stamp: int = 0, waited: float = 0.0, **more: Any
+    ) -> List[Pass]:
+        message = Message(self.time, RAW, node, (value,), waited=waited)
+        return self.feed(Arrived(message, f"{value} {node}".encode(), stamp, **more))
+
+    def substitute(self, publishing: bool = False, gone: bool = False) -> None:
+        """The table says what the substitute does."""
+        rows = () if gone else (replace(row(SUBSTITUTE, publishing, RAW), gated=True),)
+        removed = (SUBSTITUTE,) if gone else ()
+        self.feed(SubstitutionsChanged(self.time, rows, removed))
+
+    def values(self) -> List[float]:
+        return [float(each.data.split()[0]) for _, each in self.heard]
+
+    def gap(self, since: float = 0.0) -> float:
+        times = [at for at, _ in self.heard if at >= since]
+        return max(later - at for at, later in zip(times, times[1:]))
+
+    def run(self, count: int, original: Any = 1.0, substitute: Any = 2.0, phase: float = 0.4) -> None:
+        """Some periods; None: says nothing. A list: one value a period."""
+        for i in range(count):
+            begin = self.time
+            for at, node, values in ((0.0, NODE, original), (phase, SUBSTITUTE, substitute)):
+                value = values[i] if isinstance(values, list) else values
+                self.until(begin + at * PERIOD)
+                if value is not None:
+                    self.message(value, node)
+            self.until(begin + PERIOD)
+
+
+@pytest.fixture
+def stand() -> Stand:
+    stand = Stand()
+    stand.substitute()
+    return stand
+
+
+def test_good_messages_pass_at_once_and_as_they_are() -> None:
+    stand = Stand()
+    assert stand.message(1.0) == [Pass(b"1.0 /amperemeter", NODE)]
+    stand.until(PERIOD)
+    assert stand.message(1.0) == [Pass(b"1.0 /amperemeter", NODE)]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 61.0, -5.1])
+def test_one_bad_message_is_replaced_at_once(stand: Stand, bad: float) -> None:
+    stand.run(10, [1.0] * 5 + [bad] + [1.0] * 4)
+    assert stand.values() == [1.0] * 5 + [2.0] + [1.0] * 4
+    assert stand.gap() == pytest.approx(PERIOD)
+
+
+def test_a_lasting_fault_is_replaced_until_it_is_good_for_long_enough(stand: Stand) -> None:
+    stand.run(40, [1.0] * 5 + [61.0] * 10 + [1.0] * 25)
+    assert stand.values()[:5] == [1.0] * 5 and stand.values()[-1] == 1.0
+    assert set(stand.values()) == {1.0, 2.0}
+    assert stand.gap() <= 1.5 * PERIOD + 1e-9
+    assert "is not heard now: battery_current is 61" in stand.said[0]
+    assert "is good again" in stand.said[1]
+
+
+def test_without_a_substitute_bad_messages_are_missing_and_no_more() -> None:
+    stand = Stand()
+    stand.run(10, [1.0] * 5 + [math.nan] + [3.0] * 4, None)
+    assert stand.values() == [1.0] * 5 + [3.0] * 4
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.2, 0.4, 0.6, 0.9])
+def test_a_silent_node_leaves_a_gap_of_a_period_and_a_half(phase: float) -> None:
+    stand = Stand()
+    stand.substitute()
+    stand.run(10, phase=phase)
+    stand.run(20, None, phase=phase)
+    stand.run(5, phase=phase)
+    assert stand.gap() <= 1.5 * PERIOD + 1e-9
+    counts = len(stand.heard)
+    assert 34 <= counts <= 36
+
+
+def test_while_the_table_says_so_the_node_is_not_believed(stand: Stand) -> None:
+    stand.run(5)
+    stand.substitute(publishing=True)
+    stand.run(10)
+    assert stand.values()[5:] == [2.0] * 10
+    stand.substitute()
+    stand.run(5)
+    assert stand.values()[-5:] == [1.0] * 5
+    assert stand.gap() <= 1.5 * PERIOD + 1e-9
+
+
+def test_a_substitute_that_is_gone_leaves_the_node_to_its_checks(stand: Stand) -> None:
+    stand.substitute(publishing=True)
+    stand.run(3)
+    stand.substitute(gone=True)
+    stand.run(3, substitute=None)
+    assert stand.values()[-3:] == [1.0] * 3
+
+
+@pytest.mark.parametrize("bad", [math.nan, 61.0])
+def test_a_substitutes_bad_value_is_not_heard(stand: Stand, bad: float) -> None:
+    stand.run(5)
+    stand.run(5, None, bad)
+    assert stand.values() == [1.0] * 5
+
+
+def test_an_old_value_of_a_substitute_is_not_heard(stand: Stand) -> None:
+    stand.run(5)
+    stand.run(10, substitute=None)
+    stand.run(5, math.nan, None)
+    assert stand.values() == [1.0] * 15
+
+
+def test_strangers_are_not_heard_and_named_once(stand: Stand) -> None:
+    stand.run(100, None, None)
+    for _ in range(100):
+        stand.message(1.0, "/stranger")
+        stand.until(stand.time + PERIOD)
+    assert not stand.heard
+    (text,) = stand.said
+    assert text.startswith("/stranger publishes on /battery_current/raw")
+
+
+def test_jumps_are_held_back() -> None:
+    stand = Stand(replace(GATED, provides=(with_value_checks(Jump(5.0)),)))
+    stand.substitute()
+    stand.run(30, [1.0] * 5 + [20.0] + [1.0] * 4 + [30.0] * 20)
+    assert stand.values()[:10] == [1.0] * 5 + [2.0] + [1.0] * 4
+    assert 30.0 not in stand.values()[:12]
+    assert stand.values()[-1] == 30.0  # it is steady there
+
+
+def test_a_stuck_value_is_held_back_once_that_is_known() -> None:
+    stand = Stand(replace(GATED, provides=(provision(checks=(Stuck(0.2),)),)))
+    stand.substitute()
+    stand.run(40, [float(i % 7) for i in range(10)] + [5.0] * 30)
+    assert stand.values()[-10:] == [2.0] * 10  # which never changes: only the node must
+
+
+def test_of_a_node_that_is_too_fast_only_what_the_som_allows_passes(stand: Stand) -> None:
+    for _ in range(2000):
+        stand.until(stand.time + PERIOD / 10)
+        stand.message(1.0)
+    assert len(stand.heard) <= 1.5 * 200 + 5
+
+
+def test_what_a_held_up_gate_reads_late_is_not_poured_out(stand: Stand) -> None:
+    stand.run(5)
+    stand.until(stand.time + 1.0)
+    before = len(stand.heard)
+    for i in range(50):
+        stand.message(1.0, waited=1.0, newest=i == 49)
+    assert len(stand.heard) == before + 1
+
+
+def test_stamps_grow_across_substitute_and_node(stand: Stand) -> None:
+    lag = 5 * round(PERIOD * NS)  # the node stamps what it measured, its substitute what it read
+    now = lambda: round((stand.time + 100.0) * NS)
+    for i in range(60):
+        begin = stand.time
+        if not (10 <= i < 20 or i in (30, 40)):
+            stand.message(1.0, stamp=now() - lag)
+        elif i >= 30:
+            stand.message(math.nan, stamp=now() - lag)
+        stand.until(begin + 0.4 * PERIOD)
+        stand.message(2.0, SUBSTITUTE, stamp=now())
+        stand.until(begin + PERIOD)
+    times = []
+    for (_, each), value in zip(stand.heard, stand.values()):
+        if each.stamp is not None:
+            times.append(each.stamp)
+    assert stand.values().count(1.0) == 48, "the node came back each time, at once"
+    assert times == sorted(times) and stand.gap() <= 1.5 * PERIOD + 1e-9
+
+
+def test_a_clock_that_was_set_locks_nobody_out(stand: Stand) -> None:
+    stand.message(1.0, stamp=1000 * NS)
+    stand.until(2 * PERIOD)
+    stand.message(2.0, SUBSTITUTE, stamp=1000 * NS + 5)
+    stand.until(3 * PERIOD)
+    assert stand.message(1.0, stamp=500 * NS)
+
+
+def test_an_event_driven_service_is_filtered_and_never_late() -> None:
+    stand = Stand(replace(GATED, period=None))
+    stand.substitute()
+    assert stand.core.next_deadline == math.inf
+    assert stand.message(1.0) and not stand.message(math.nan)
+
+
+# A second gate.
+
+
+@pytest.fixture
+def second() -> Stand:
+    stand = Stand(standby_for=FIRST)
+    stand.substitute()
+    for _ in range(10):
+        stand.feed(Overheard(stand.time, FIRST))
+        stand.run(1)
+    assert not stand.heard
+    return stand
+
+
+def test_a_second_gate_takes_over_after_two_periods_of_silence(second: Stand) -> None:
+    died = second.time
+    second.run(10)
+    assert second.heard[0][0] - died <= 2.0 * PERIOD and len(second.heard) >= 8
+    assert second.gap() <= 1.5 * PERIOD + 1e-9
+
+
+def test_a_second_gate_takes_over_at_once_when_the_first_is_gone(second: Stand) -> None:
+    second.feed(GateLeft(second.time, FIRST))
+    second.run(10)
+    assert len(second.heard) == 10
+
+
+def test_a_second_gate_yields_at_the_first_word_of_the_first(second: Stand) -> None:
+    second.run(10)
+    heard = len(second.heard)
+    second.feed(Overheard(second.time, FIRST))
+    second.message(1.0)
+    second.until(second.time + PERIOD)
+    assert len(second.heard) == heard
+
+
+def test_a_stranger_does_not_mute_a_second_gate(second: Stand) -> None:
+    for _ in range(10):
+        second.feed(Overheard(second.time, "/stranger"))
+        second.run(1)
+    assert len(second.heard) >= 8
+
+
+def test_a_second_gate_waits_until_it_could_hear_the_first() -> None:
+    stand = Stand(standby_for=FIRST)
+    stand.run(50)
+    assert not stand.heard
+    stand.run(100)
+    assert stand.heard
+
+
+# Any story.
+
+VALUES = st.sampled_from([1.0, 59.0, -5.0, 60.5, -6.0, math.nan, math.inf, None])
+STEPS = st.tuples(
+    st.sampled_from(["node", "substitute", "stranger", "plays", "rests", "ends"]),
+    VALUES,
+    st.floats(0.0, 3 * PERIOD),
+)
+
+
+@given(st.lists(STEPS, max_size=60), st.booleans())
+def test_no_story_lets_a_bad_value_through(steps: List[Any], standby: bool) -> None:
+    stand = Stand(standby_for=FIRST if standby else "")
+    stamp = 0
+    for what, value, pause in steps:
+        stand.until(stand.time + pause)
+        stamp += round(pause * NS) + 1
+        if what in ("plays", "rests", "ends"):
+            stand.substitute(what == "plays", what == "ends")
+        elif value is not None:
+            names: Dict[str, str] = {"node": NODE, "substitute": SUBSTITUTE}
+            stand.message(value, names.get(what, "/stranger"), stamp)
+        elif standby:
+            stand.feed(Overheard(stand.time, FIRST, stamp))
+    for value in stand.values():
+        assert math.isfinite(value) and LOW <= value <= HIGH
+    last: Optional[float] = None
+    for time, each in stand.heard:
+        substitutes = each.publisher == SUBSTITUTE
+        assert not (substitutes and last is not None and time - last < PERIOD / 2 - 1e-9)
+        last = time
