@@ -174,6 +174,9 @@ class AnyRobot(RuleBasedStateMachine):
             if plan is not None:
                 service = core._som.services[name]
                 parted = core._where.parted(service)
+                well = healing.incident is None and len(core._som.of_topic(service.topic)) == 1
+                beside = healing.substitute.host == core._where.host_of(service.node)
+                bridges = well and beside and isinstance(plan, Plan) and service.policy.substitutes
                 rows[healing.node] = Substitution(
                     healing.node,
                     name,
@@ -187,6 +190,7 @@ class AnyRobot(RuleBasedStateMachine):
                     host=healing.substitute.host,
                     on_partition=service.on_partition if parted else OnPartition.WAIT,
                     yields=parted and healing.yields,
+                    bridge=(service.bridges or 0.0) * (service.period or 0.0) if bridges else 0.0,
                 )
         assert self.shown == rows
         assert set(core.substitutes) <= self.running

@@ -185,6 +185,8 @@ def test_a_late_original_is_as_late_beside_who_fills_in(bench: Bench) -> None:
     filled_in(bench, count=40, period=PERIOD)
     assert bench.kinds() == [(NODE, "silent")]
     assert bench.failures[0].time - since == pytest.approx(DEADLINE)
+    assert bench.state("/substitute_1") == "healthy"  # it is to take over any moment
+    assert bench.core.overview()[0].bridged == 1
 
 
 def test_nothing_is_learned_from_who_fills_in(bench: Bench) -> None:

@@ -110,9 +110,16 @@ class Board:
     # Changes
 
     def bridge(self, topic: WatchedTopic, publisher: str, time: float) -> bool:
-        """Count a message of a muted substitute that fills in; whether it was one."""
+        """Count a message of a muted substitute that fills in; whether it was one.
+
+        Once the original has failed it is none: the substitute may know sooner that it took over.
+        """
         row = self.substitutes.bridging(topic.name, publisher)
         if row is None:
+            return False
+        watched = topic.services.get(row.service)
+        original = topic.publishers.get(watched.service.node) if watched else None
+        if original is not None and original.state is FAILED:
             return False
         bridged = self.bridges.heard((topic.name, publisher), row, time)
         if bridged is not None:

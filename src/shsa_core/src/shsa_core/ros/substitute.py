@@ -6,7 +6,6 @@ import threading
 from dataclasses import replace
 from typing import TYPE_CHECKING, Callable, Iterable, Iterator, Optional, Tuple
 
-import genpy
 import rospy
 from shsa_msgs import msg
 

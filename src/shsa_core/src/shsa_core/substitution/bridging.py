@@ -92,7 +92,7 @@ class Bridging:
         self._look = event.time + max(self._after, LOOK_AGAIN_S)
 
     def due(self, now: float) -> Optional[LookAtOthers]:
-        """The look that is due: what has come may not be read yet, and the connection have ended."""
+        """The look that is due: what has come may not be read yet, or the connection has ended."""
         last = self._others.last
         if last is None or self._awaited is not None or not self._waits or now < self.next(now):
             return None

@@ -1,7 +1,6 @@
 """What others publish on a substitute's own topic, heard beside what it reads and publishes."""
 import io
 import select
-import socket
 import time
 from typing import Any, Callable, Dict, List
 
@@ -13,6 +12,8 @@ from shsa_core.ros.graph.messages import message_class
 
 READ_S = 0.0005
 """What rospy's threads have received is told by then: they need the lock of the interpreter."""
+
+ENDED = select.POLLRDHUP | select.POLLHUP | select.POLLERR | select.POLLNVAL
 
 
 class Overhearing:
@@ -53,19 +54,14 @@ class Overhearing:
         time.sleep(READ_S)
         found = False
         for transport in self._connections(topic):
-            connection = transport.socket
-            if transport.callerid_pub == self._name or transport.done or connection is None:
+            if transport.callerid_pub == self._name or transport.done:
                 continue
-            ended = waiting = False
-            try:
-                if select.select([connection], [], [], 0.0)[0]:
-                    waiting = bool(connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT))
-                    ended = not waiting
-            except (OSError, ValueError):
-                ended = True  # it was closed meanwhile
-            if waiting:
+            state = _poll(transport.socket)
+            if state & ENDED:
+                continue
+            if state & select.POLLIN:
                 self._heard(topic, transport.callerid_pub, 0)
-            found = found or (transport.callerid_pub == publisher and not ended)
+            found = found or transport.callerid_pub == publisher
         return found
 
     def _connections(self, topic: str) -> List[Any]:
@@ -82,4 +78,14 @@ class Overhearing:
             return
         self._newest[topic] = message
         stamp = message.header.stamp.to_nsec() if message._has_header else 0
-        self._heard(topic, publisher, min(stamp, clock.ros_ns()))
+        self._heard(topic, publisher, min(stamp, clock.ros_ns()) if stamp else 0)
+
+
+def _poll(connection: Any) -> int:
+    """What is with a socket. Nothing is read: rospy's thread may do that meanwhile."""
+    poll = select.poll()
+    try:
+        poll.register(connection, select.POLLIN | select.POLLRDHUP)
+    except (TypeError, ValueError):  # it was closed
+        return ENDED
+    return next((events for _, events in poll.poll(0)), 0)
