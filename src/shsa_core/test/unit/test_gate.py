@@ -154,7 +154,7 @@ def test_a_substitute_that_is_gone_leaves_the_node_to_its_checks(stand: Stand) -
 def test_a_substitutes_bad_value_is_not_heard(stand: Stand, bad: float) -> None:
     stand.run(5)
     stand.run(5, None, bad)
-    assert stand.values() == [1.0] * 5
+    assert stand.values() == [1.0] * 5 + [2.0]  # the last good one, while it is fresh
 
 
 def test_an_old_value_of_a_substitute_is_not_heard(stand: Stand) -> None:
