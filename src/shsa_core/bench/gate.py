@@ -99,7 +99,9 @@ def main() -> int:
         source = graph.python(
             BENCH / "gate_source.py", str(count), str(options.seed), str(PERIOD_S)
         )
-        believed = lambda c: any(m.topic == HEARD and m.node and 50 < m.value < 1e5 for m in c.messages)
+        believed = lambda c: any(
+            m.topic == HEARD and m.node and 50 < m.value < 1e5 for m in c.messages
+        )
         wait_until(lambda: all(map(believed, consumers)), PATIENCE_S, "the node")
         since = time.monotonic()
         used = psutil.Process(process.pid).cpu_times()

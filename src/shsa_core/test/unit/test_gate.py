@@ -19,7 +19,7 @@ RAW, HEARD = "/battery_current/raw", "/battery_current"
 SUBSTITUTE, FIRST = "/substitute_battery_current_1", "/gate"
 LOW, HIGH = -5.0, 60.0
 GATED = service(topic=RAW, beyond_gate=HEARD)
-NS = 10 ** 9
+NS = 10**9
 
 
 class Stand:
@@ -71,7 +71,9 @@ class Stand:
         times = [at for at, _ in self.heard if at >= since]
         return max(later - at for at, later in zip(times, times[1:]))
 
-    def run(self, count: int, original: Any = 1.0, substitute: Any = 2.0, phase: float = 0.4) -> None:
+    def run(
+        self, count: int, original: Any = 1.0, substitute: Any = 2.0, phase: float = 0.4
+    ) -> None:
         """Some periods; None: says nothing. A list: one value a period."""
         for i in range(count):
             begin = self.time
