@@ -182,13 +182,20 @@ PARTS: Dict[str, Callable[[], str]] = {
 """Every part by its name, as pages ask for it."""
 
 
+HELD_AS = {"gate": "beyond_gate"}
+"""Keys by whose name the model has no field."""
+
+
 def _keyed(key: str, form: str, means: str, default: str) -> Tuple[str, str, str, str]:
     return code(key), form, means, default
 
 
 def _keys(keys: Mapping[str, som_values.Key], kind: Type[Any]) -> List[Tuple[str, str, str, str]]:
     fields = {field.name: field for field in dataclasses.fields(kind)}
-    return [(key, each.form, each.means, _default(fields[key])) for key, each in keys.items()]
+    return [
+        (key, each.form, each.means, _default(fields[HELD_AS.get(key, key)]))
+        for key, each in keys.items()
+    ]
 
 
 def _default(field: "dataclasses.Field[Any]") -> str:

@@ -9,7 +9,7 @@ PAGE = ROOT / "docs" / "architecture.md"
 PARTS = (
     "",
     *("language", "model", "files", "search", "codegen", "journal", "monitoring"),
-    *("substitution", "healing", "analysis", "learning", "explaining", "cli"),
+    *("substitution", "gating", "healing", "analysis", "learning", "explaining", "cli"),
     *("ros/graph", "ros/wire", "ros/host", "ros"),
 )
 

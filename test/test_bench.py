@@ -17,11 +17,12 @@ TRANSFER = ("start", "up", "shut", "down", "registered", "unregistered", "gone")
 ROWS = {
     "healthy_traffic": {"fixed", "learned"},
     "failover": {"hot", "respawn, rospy, slow", "rosrun by hand, rospy"},
+    "gate": {"rospy", "roscpp"},
     "interference": {"hot"},
     "transfer_nodes": {*TRANSFER, "warm", "hot"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
-SELDOM = ("healthy_traffic", "interference", "transfer_nodes")
+SELDOM = ("gate", "healthy_traffic", "interference", "transfer_nodes")
 """They only measure what others test: in `make test-long`."""
 NO_PICTURE = ("healthy_traffic",)
 

@@ -97,6 +97,14 @@ def test_findings_of_a_model(check: Check, tmp_path: pathlib.Path) -> None:
     assert str(Finding("error", "f:1", "what")) == "f:1: error: what"
 
 
+def test_a_gate_without_a_hot_substitute_is_named(check: Check) -> None:
+    gated = SOM.replace("{topic: /i,", "{topic: /i, gate: /i/raw,")
+    said = "amps has a gate, but no hot substitute"
+    assert any(said in each.what for each in check(ONTOLOGY, gated))
+    hot = gated.replace("needed: true,", "needed: true, standby: hot,")
+    assert not any(said in each.what for each in check(ONTOLOGY, hot))
+
+
 def test_what_stands_in_the_way_of_a_substitute_is_named(check: Check) -> None:
     som = "\n".join(SOM.splitlines()[:3]) + "\n"
     what = [f.what for f in check(ONTOLOGY, som) if "is needed" in f.what]

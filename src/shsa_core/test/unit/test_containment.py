@@ -28,6 +28,7 @@ from shsa_core.model.kinds import Contain, Kind, Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Service
 from shsa_core.model.som import Som
+from shsa_core.monitoring.events import PublisherState
 
 WRONG, SILENT = Kind.OUT_OF_RANGE, Kind.SILENT
 ROWS: List[Any] = [
@@ -57,6 +58,11 @@ ROWS: List[Any] = [
     (SILENT, {"contain": Contain.NODE}, True, "the SOM says so of /a"),
     (WRONG, {"contain": Contain.NONE, "replaced": True}, False, "the SOM says so of /a"),
     (WRONG, {"restarted": True, "costs": ("/x",)}, True, "its policy is to start it again"),
+    # A gate stands between it and the consumers.
+    (WRONG, {"gated": True, "replaced": True}, False, "a gate keeps from consumers what it"),
+    (WRONG, {"gated": True, "contain": Contain.NODE}, True, "the SOM says so of /a"),
+    (SILENT, {"gated": True, "replaced": True}, True, "what is needed of it is taken over"),
+    (Kind.REQUESTED, {"gated": True, "replaced": True}, True, "what is needed of it is taken"),
     (WRONG, {"protected": "it is P", "replaced": True}, False, "/n is kept: it is P"),
     (WRONG, {"protected": "it is P", "restarted": True}, False, "/n is kept: it is P"),
     (WRONG, {"protected": "it is P", "contain": Contain.NODE}, True, "the SOM says so of /a"),
@@ -95,6 +101,36 @@ def test_a_wrong_node_that_gives_what_nothing_replaces_is_kept_and_only_advised_
     assert incident.decision == why and why in incident.detail
     assert incident.inputs == ("/b/data",) and "could be replaced: quality 0.9" in incident.detail
     assert any(why in each.text for each in commands if isinstance(each, events.Log))
+
+
+def test_behind_a_gate_a_wrong_node_is_contained_without_a_kill_and_the_rest_goes_on() -> None:
+    gated = dict(topic="/a/raw", beyond_gate="/a", standby=Standby.HOT)
+    robot = Robot(changed(SHARED, "a", **gated), WITH_D)
+    (ready,) = robot.working()
+    assert ready.gated and not ready.publishing
+    assert [each.topic for each in ready.outputs] == ["/a/raw"]
+    commands = robot.fail("/a/raw", A, 10.0, "out_of_range")
+    assert not has(robot.said, events.FindNode)
+    incident = last_incident(commands)
+    assert incident.kept and incident.decision.startswith(f"{A} is kept: a gate keeps")
+    assert incident.substitute == ready.node and publishing(robot) == (True,)
+    (row,) = robot.working()
+    assert row.original == ""
+    assert robot.rows["/d", A].state is PublisherState.HEALTHY
+    robot.row("/a/raw", ready.node, "healthy", 10.02, first=10.02)
+    assert last_incident(robot.table(10.02)).state is State.HEALED
+    robot.row("/a/raw", A, "healthy", 12.0)
+    assert last_incident(robot.table(12.0)).state is State.RETURNING
+    assert last_incident(robot.handle(events.Tick(15.0))).state is State.ENDED
+    assert publishing(robot) == (False,)
+
+
+def test_behind_a_gate_a_silent_node_is_killed_as_ever() -> None:
+    robot = Robot(changed(SHARED, "a", topic="/a/raw", beyond_gate="/a"), BOTH)
+    robot.fail("/a/raw", A, 10.0, "silent")
+    node = robot.working()[0].node
+    robot.row("/a/raw", node, "healthy", 10.5, first=10.5)
+    assert only(robot.table(10.5), events.FindNode).node == A
 
 
 def test_it_is_killed_if_all_that_is_needed_of_it_is_taken_over() -> None:

@@ -1,12 +1,17 @@
 """The gate's core: what consumers hear, message by message, and who speaks to them."""
+import io
 import math
 from dataclasses import replace
 from typing import Any, Dict, List, Optional, Tuple
 
 import pytest
+import rospy
 from hypothesis import given
 from hypothesis import strategies as st
 from monitor_bench import NODE, PERIOD, provision, row, service, with_value_checks
+from rospy.msg import serialize_message
+from shsa_msgs.msg import Float64Stamped
+from std_msgs.msg import Header
 
 from shsa_core.gating.events import Arrived, GateLeft, Log, Overheard, Pass, Tick
 from shsa_core.gating.machine import Gate
@@ -14,12 +19,13 @@ from shsa_core.gating.settings import Settings
 from shsa_core.model.checks import Jump, Stuck
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message, SubstitutionsChanged
+from shsa_core.ros.gate import _bytes_of, _stamp
 
 RAW, HEARD = "/battery_current/raw", "/battery_current"
 SUBSTITUTE, FIRST = "/substitute_battery_current_1", "/gate"
 LOW, HIGH = -5.0, 60.0
 GATED = service(topic=RAW, beyond_gate=HEARD)
-NS = 10 ** 9
+NS = 10**9
 
 
 class Stand:
@@ -71,7 +77,9 @@ class Stand:
         times = [at for at, _ in self.heard if at >= since]
         return max(later - at for at, later in zip(times, times[1:]))
 
-    def run(self, count: int, original: Any = 1.0, substitute: Any = 2.0, phase: float = 0.4) -> None:
+    def run(
+        self, count: int, original: Any = 1.0, substitute: Any = 2.0, phase: float = 0.4
+    ) -> None:
         """Some periods; None: says nothing. A list: one value a period."""
         for i in range(count):
             begin = self.time
@@ -154,7 +162,7 @@ def test_a_substitute_that_is_gone_leaves_the_node_to_its_checks(stand: Stand) -
 def test_a_substitutes_bad_value_is_not_heard(stand: Stand, bad: float) -> None:
     stand.run(5)
     stand.run(5, None, bad)
-    assert stand.values() == [1.0] * 5
+    assert stand.values() == [1.0] * 5 + [2.0]  # the last good one, while it is fresh
 
 
 def test_an_old_value_of_a_substitute_is_not_heard(stand: Stand) -> None:
@@ -239,6 +247,16 @@ def test_an_event_driven_service_is_filtered_and_never_late() -> None:
     stand.substitute()
     assert stand.core.next_deadline == math.inf
     assert stand.message(1.0) and not stand.message(math.nan)
+
+
+def test_what_goes_out_has_the_very_bytes_that_came() -> None:
+    message = Float64Stamped(Header(seq=7, stamp=rospy.Time(5, 6), frame_id="f"), 1.5)
+    came, goes = io.BytesIO(), io.BytesIO()
+    message.serialize(came)
+    serialize_message(goes, 99, _bytes_of(Float64Stamped)(came.getvalue()))
+    assert goes.getvalue()[4:] == came.getvalue()
+    assert isinstance(_bytes_of(Float64Stamped)(b""), Float64Stamped)
+    assert _stamp(came.getvalue()) == 5 * NS + 6
 
 
 # A second gate.

@@ -40,6 +40,23 @@ def test_a_muted_substitute_is_never_silent(bench: Bench) -> None:
     assert bench.failures == [] and bench.state("/substitute_1") is None
 
 
+def test_what_a_gate_keeps_back_is_no_failure_and_no_health(bench: Bench) -> None:
+    node = "/substitute_1"
+    row_of = lambda publishing: replace(row(node, publishing, TOPIC), gated=True)
+    bench.send(SubstitutionsChanged(bench.now, (row_of(False),)))
+    bench.connect(node)
+    for _ in range(200):
+        bench.message(node=node, value=1000.0)
+        bench.stream(1)
+    assert bench.failures == [] and bench.state(node) == "unknown"
+    began = bench.now
+    bench.send(SubstitutionsChanged(bench.now, (row_of(True),)))
+    bench.message(node=node)
+    assert bench.state(node) == "healthy"
+    (health,) = [each for each in bench.core.table() if each.publisher == node]
+    assert health.first_message is not None and health.first_message >= began
+
+
 def test_an_idle_process_that_advertised_a_topic_is_not_to_blame_for_it() -> None:
     bench = Bench()
     idle = row("/substitute_standby_1", False, TOPIC, "/elsewhere", service="")

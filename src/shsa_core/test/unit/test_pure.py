@@ -21,6 +21,7 @@ ORDER = [
     ("codegen",),
     ("journal",),
     ("monitoring", "substitution"),
+    ("gating",),
     ("healing",),
     ("analysis", "learning"),
     ("explaining",),
@@ -31,7 +32,7 @@ ORDER = [
 ROOT = "the package itself"
 LEVEL = {part: level for level, row in enumerate([(ROOT,), *ORDER]) for part in row}
 # The running nodes' cores read no file.
-NO_FILES = ("search", "codegen", "monitoring", "substitution", "healing")
+NO_FILES = ("search", "codegen", "monitoring", "substitution", "gating", "healing")
 
 
 def name_of(path: pathlib.Path) -> str:

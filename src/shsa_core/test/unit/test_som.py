@@ -74,6 +74,32 @@ def test_what_is_computed_from_a_service_is_left_out_with_it() -> None:
             som_of(changed("derived_from", wrong))
 
 
+def test_a_service_behind_a_gate_is_heard_elsewhere_than_its_node_publishes() -> None:
+    other = {**SERVICE, "topic": "/o", "node": "/o", "provides": {"v": {"field": "data"}}}
+    som = som_of(changed("gate", "/t/raw", o=other))
+    service = som.services["v"]
+    assert (service.topic, service.heard, service.gated) == ("/t/raw", "/t", True)
+    assert som.of_topic("/t") == som.of_topic("/t/raw") == (service,)
+    assert som.topics() == ("/t/raw", "/o")
+    assert som_of(som_parameters(som)) == som
+    (source,) = service.sources
+    assert (source.path, source.output) == ("/t/data", "/t/raw/data")
+    assert {"/t", "/t/raw"} < set(source.names)
+    assert som.signal(source, Deadlines()).topic == "/t"
+    assert som.signal(source, Deadlines(), written=True).topic == "/t/raw"
+    plain = som.services["o"]
+    assert (plain.topic, plain.heard, plain.gated) == ("/o", "/o", False)
+
+
+@pytest.mark.parametrize("topic", ["/t", "/t/raw"])
+def test_a_topic_at_a_gate_has_one_service(topic: str) -> None:
+    other = {**SERVICE, "topic": topic, "node": "/o"}
+    with pytest.raises(ModelError, match=f"{topic} is that of the service v already"):
+        som_of(changed("gate", "/t/raw", o=other))
+    with pytest.raises(ModelError, match="gate must be another topic"):
+        som_of(changed("gate", "/t"))
+
+
 def test_a_good_file(good: Som, tmp_path: pathlib.Path) -> None:
     current, odometry, imu = good
     assert current == Service(

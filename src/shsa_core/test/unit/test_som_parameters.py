@@ -45,7 +45,7 @@ def test_a_number_is_one_parameter(good: Som) -> None:
 @pytest.mark.parametrize("key", FROM_FILE_ALONE)
 def test_what_decides_whom_healing_kills_comes_from_the_file_alone(key: str) -> None:
     others: Dict[str, Any] = {"topic": "/x", "type": "a/B", "node": "/x", "policy": "restart"}
-    others["contain"] = "none"
+    others.update(contain="none", gate="/t/raw")
     others.update(host="pi", placement={"forbid": ["pi"]}, on_partition="wait")
     hosts: Dict[str, Dict[str, float]] = {"pi": {}, "board": {"cores": 2.0}}
     old = som_of({**changed("period", 0.1), "hosts": hosts})

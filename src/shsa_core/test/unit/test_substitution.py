@@ -43,6 +43,20 @@ def test_muted_it_computes_and_never_publishes() -> None:
     assert driver.core.next_deadline() == pytest.approx(1.0)
 
 
+def test_behind_a_gate_it_publishes_always() -> None:
+    driver = Driver(replace(row(), gated=True))
+    driver.ready()
+    driver.stream(0.1, 3.0)
+    heard = [time for time, _ in driver.published()]
+    driver.change(replace(row(publishing=True), gated=True))
+    driver.stream(0.2, 3.0)
+    driver.change(replace(row(), gated=True))
+    driver.stream(0.3, 3.0)
+    heard = [time for time, _ in driver.published()]
+    assert len(heard) in (15, 16)
+    assert max(b - a for a, b in zip(heard, heard[1:])) == pytest.approx(PERIOD)
+
+
 def test_it_publishes_at_once_when_it_takes_over_and_goes_on_from_there() -> None:
     driver = running()
     driver.stream(0.1)

@@ -16,6 +16,7 @@ from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.language.interval import Interval
 from shsa_core.language.units import Unit, parse_unit
+from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
@@ -63,6 +64,7 @@ def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
         findings += _check_reach(ontology, known)
         findings += _check_needed(ontology, som)
         findings += check_healable(som)
+        findings += _check_gates(som)
         findings += check_budgets(som)
         findings += check_placements(ontology, som)
     return findings
@@ -239,6 +241,19 @@ def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
         else:
             causes = service.shared if apart else service.fails_with
             yield from _check_takeover(service, takeover, causes)
+
+
+def _check_gates(som: Som) -> Iterator[Finding]:
+    """A gate has nothing to publish in a message's place without a hot substitute."""
+    for service in som:
+        if service.gated and not (service.needed and service.standby is Standby.HOT):
+            yield Finding(
+                "warning",
+                service.where,
+                f"{service.name} has a gate, but no hot substitute: "
+                "what the gate suppresses is missing",
+                "Say 'needed: true' and 'standby: hot'",
+            )
 
 
 def _check_takeover(

@@ -74,6 +74,8 @@ def save_som(som: Som, path: str, namespace: str = "/") -> None:
     section = _section(tree, "services", True)
     for name in changed.keys() & section.keys():
         for key in NAMES:
+            if key not in section[name] or key not in changed[name]:
+                continue
             if full_name(section[name][key], namespace) == changed[name][key]:
                 changed[name][key] = section[name][key]
     _update(section, som.services, changed)

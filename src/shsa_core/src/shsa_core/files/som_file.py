@@ -29,11 +29,13 @@ __all__ = [
 
 PARAMETER = "shsa/som"
 FROM_FILE_ALONE = (
-    *("topic", "heard", "type", "node", "policy", "contain"),
+    *("topic", "gate", "type", "node", "policy", "contain"),
     *("host", "placement", "on_partition"),
 )
 """What decides whom healing may kill or start, and where: never taken from parameters."""
 SECTIONS = ("services", "hosts")
+HELD_AS = {"topic": "heard", "gate": "topic"}
+"""Keys by whose name the model has something else."""
 NAMES = ("topic", "gate", "node")
 """What a SOM may name relative to the namespace in which healing runs."""
 
@@ -222,10 +224,9 @@ def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
     Raises ModelError if it goes too far.
     """
     for key in FROM_FILE_ALONE:
-        if getattr(service, key) != getattr(old, key):
-            raise entry.error(
-                f"{key} is {getattr(old, key)} in the SOM file, and can be changed there alone"
-            )
+        asked, meant = (getattr(each, HELD_AS.get(key, key)) for each in (service, old))
+        if asked != meant:
+            raise entry.error(f"{key} is {meant} in the SOM file, and can be changed there alone")
     fields = [(p.property, p.field) for p in old.provides]
     if sorted((p.property, p.field) for p in service.provides) != sorted(fields):
         raise entry.error("properties and fields can be changed in the SOM file alone")

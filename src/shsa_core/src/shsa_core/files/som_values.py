@@ -264,11 +264,6 @@ SERVICE: Dict[str, Key] = {
         "name",
         "name of the topic; relative: in the namespace in which healing runs",
     ),
-    "gate": Key(
-        _matching(_GRAPH_NAME, "/battery_current/raw or battery_current/raw"),
-        "name",
-        "the topic that its node publishes on, where a gate checks it and publishes `topic`",
-    ),
     "type": Key(_matching(_TYPE, "std_msgs/Float64"), "package/Type", "the message type"),
     "node": Key(
         _matching(_GRAPH_NAME, "/amperemeter or amperemeter"),
@@ -294,6 +289,11 @@ SERVICE: Dict[str, Key] = {
         _last_resort,
         "stop, or mapping",
         "what is done when nothing can substitute",
+    ),
+    "gate": Key(
+        _matching(_GRAPH_NAME, "/battery_current/raw or battery_current/raw"),
+        "name",
+        "the topic that its node publishes on, where a gate checks it and publishes `topic`",
     ),
     "contain": Key(
         _one_of(Contain),

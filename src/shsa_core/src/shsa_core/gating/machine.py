@@ -26,7 +26,7 @@ MOST_NAMED = 20
 """So many strangers are named."""
 STRANGER_S = 1.0
 """Who publishes for so long without a row in the table of substitutions is a stranger."""
-CLOCK_SET_NS = 10 ** 9
+CLOCK_SET_NS = 10**9
 """A stamp that goes back by more is of a clock that was set."""
 ALWAYS_JUDGED = (NotANumber, OutOfRange)
 """The checks that a substitute's values must pass: it owes nobody the original's history."""
@@ -88,7 +88,9 @@ class Gate:
     the node's is bad, and from when it is late until it is there again.
     """
 
-    def __init__(self, service: Service, settings: Settings = Settings(), time: float = 0.0) -> None:
+    def __init__(
+        self, service: Service, settings: Settings = Settings(), time: float = 0.0
+    ) -> None:
         self._settings = settings
         self._rows: Dict[str, Substitution] = {}
         self._judges: Dict[str, Evidence] = {}

@@ -74,8 +74,8 @@ class Service:
     written on this computer, so that nothing can take it over, or empty; `fault_tolerant_time`: s
     without good data that its users tolerate, None: not known; `derived_from`: the services and
     topics that its values are computed from; `upstream`: the same, and what those are computed from
-    (the SOM sees to that); `beyond_gate`: the topic on which a gate publishes what it finds good
-    of `topic`, empty: there is no gate; `host`: the computer that its node runs on, empty: not said;
+    (the SOM sees to that); `beyond_gate`: where a gate publishes what it finds good of `topic`,
+    empty: there is no gate; `host`: the computer that its node runs on, empty: not said;
     `placement`: where a substitute of it may run; `on_partition`: what is done while that computer
     cannot be reached; `bridge`: periods after which a substitute that stands by fills in for a late
     message, 0: never, None: as usual; `where`: file and line, or parameter.

@@ -134,7 +134,7 @@ class GateNode:
         data = command.data
         if command.stamp is not None:
             written = bytearray(data)
-            struct.pack_into("<II", written, 4, *divmod(command.stamp, 10 ** 9))
+            struct.pack_into("<II", written, 4, *divmod(command.stamp, 10**9))
             data = bytes(written)
         self._publisher.publish(self._bytes(data))
 
@@ -167,7 +167,7 @@ def _stamp(data: bytes) -> int:
     if len(data) < 12:
         return 0
     seconds, nanoseconds = struct.unpack_from("<4xII", data)
-    return int(seconds * 10 ** 9 + nanoseconds)
+    return int(seconds * 10**9 + nanoseconds)
 
 
 def _service(arguments: argparse.Namespace) -> Service:

@@ -45,7 +45,9 @@ def _som_signals() -> Dict[str, Signal]:
     except ShsaError:
         som = Som()
     signals = (
-        som.signal(source, Deadlines(), written) for source in som.sources for written in (False, True)
+        som.signal(source, Deadlines(), written)
+        for source in som.sources
+        for written in (False, True)
     )
     return {signal.path: dataclasses.replace(signal, node="") for signal in signals}
 
