@@ -18,9 +18,12 @@ ROWS = {
     "failover": {"hot", "rosrun by hand, rospy"},
     "interference": {"hot"},
     "transfer_nodes": {*TRANSFER, "warm", "hot"},
+    "large_messages": {"nothing comes", "copied", "dropped"},
+    "kilohertz": {"1000"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
-SELDOM = ("interference", "transfer_nodes")
+UNDRAWN = ("large_messages", "kilohertz")
+SELDOM = ("interference", "transfer_nodes", *UNDRAWN)
 """They only measure what others test: in `make test-long`."""
 
 
@@ -51,7 +54,8 @@ def failure(name: str, results: Path) -> str:
         rows = list(csv.reader(file))
     assert {row[0] for row in rows[1:]} == ROWS[name]
     assert all(len(row) == len(rows[0]) for row in rows)
-    assert (results / f"{name}.png").stat().st_size > 10000
+    if name not in UNDRAWN:
+        assert (results / f"{name}.png").stat().st_size > 10000
     assert not marked("SHSA_TEST", mark)
     return ""
 
