@@ -8,7 +8,6 @@ import itertools
 import re
 import sys
 import time
-from pathlib import Path
 from typing import Dict, List
 
 import numpy as np
