@@ -72,11 +72,11 @@ class Fast(Healed):
         begin = time.monotonic()
         time.sleep(seconds)
         came = [moments(each, takeover.substitute, begin, seconds) for each in self._consumers]
-        rates = [(len(each) - 1) / (each[-1] - each[0]) for each in came]
+        at_rospy, at_roscpp = ((len(each) - 1) / (each[-1] - each[0]) for each in came)
         lost = round((came[1][-1] - came[1][0]) / self.period) - (len(came[1]) - 1)
         longest = 1e3 * float(np.max(np.diff(came[1])))
         self.bring_back()
-        return Run(takeover, *rates, lost, longest)
+        return Run(takeover, at_rospy, at_roscpp, lost, longest)
 
 
 def moments(consumer: Consumer, node: str, begin: float, seconds: float) -> List[float]:
@@ -88,9 +88,9 @@ def moments(consumer: Consumer, node: str, begin: float, seconds: float) -> List
 def main() -> int:
     """Measure, print and judge; 1 if a failure was not healed in time."""
     options = arguments(str(__doc__), "failures", 20, short="1 kHz, once, 2 s")
-    periods, failures, seconds = PERIODS_S, options.failures, RATE_S
+    periods, failures, seconds = list(PERIODS_S), options.failures, RATE_S
     if options.short:
-        periods, failures, seconds = (GOAL_S,), 1, SHORT_RATE_S
+        periods, failures, seconds = [GOAL_S], 1, SHORT_RATE_S
     runs: Dict[float, List[Run]] = {}
     misses = 0
     with Graph() as graph:
@@ -114,12 +114,13 @@ def main() -> int:
     write_table(options.results / "kilohertz.csv", COLUMNS, rows)
     show(runs)
     goals = Goals()
-    for number, consumer in enumerate(("rospy", "roscpp")):
-        outages = [each.takeover[number] / (1e3 * GOAL_S) for each in runs[GOAL_S]]
-        if outages:
-            goals.at_most("1 kHz: p50, periods", consumer, GOAL_PERIODS, np.median(outages), "")
-            share = np.median([each[1 + number] for each in runs[GOAL_S]]) * GOAL_S
-            goals.within("1 kHz: rate", consumer, (1 - GOAL_SHARE, 1 + GOAL_SHARE), share)
+    for consumer in ("rospy", "roscpp") if runs[GOAL_S] else ():
+        outages = [getattr(each.takeover, f"{consumer}_ms") for each in runs[GOAL_S]]
+        periods_out = float(np.median(outages)) / (1e3 * GOAL_S)
+        goals.at_most("1 kHz: p50, periods", consumer, GOAL_PERIODS, periods_out, "")
+        rate = float(np.median([getattr(each, f"{consumer}_rate") for each in runs[GOAL_S]]))
+        limits = (1.0 - GOAL_SHARE, 1.0 + GOAL_SHARE)
+        goals.within("1 kHz: rate", consumer, limits, rate * GOAL_S)
     goals.show(options.results / "kilohertz_goals.csv")
     return 1 if misses else 0
 
