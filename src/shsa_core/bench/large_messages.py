@@ -37,8 +37,9 @@ COLUMNS = ("mode", "bytes", "round", "rate_hz", "monitor_cpu_percent")
 
 def measure(graph: Graph, mode: str, size: int, seconds: float) -> Dict[str, float]:
     """One run: how often messages came to the monitor in Hz, and its share of a core in percent."""
-    service = {"topic": TOPIC, "type": "sensor_msgs/Image", "node": NODE, "period": PERIOD_S}
-    path = write_som(graph.folder / "som.yaml", [{**service, "provides": {"picture": UNJUDGED}}])
+    camera: Dict[str, object] = dict(topic=TOPIC, type="sensor_msgs/Image", node=NODE)
+    camera.update(period=PERIOD_S, provides={"picture": UNJUDGED})
+    path = write_som(graph.folder / "som.yaml", [camera])
     source = None
     if mode != NOTHING:
         source = graph.python(BENCH / "large_source.py", TOPIC, str(size), str(PERIOD_S))
