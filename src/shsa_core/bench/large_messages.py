@@ -24,7 +24,7 @@ TOPIC, NODE, PERIOD_S = "/image", "/large_source", 1.0 / 30.0
 SIZES_B = (100_000, 1_000_000, 6_000_000)
 GOAL_B, GOAL_PERCENT = 1_000_000, 1.5
 SETTLING_TIME_S, RUN_S, SHORT_RUN_S = 4.0, 10.0, 4.0
-UNJUDGED = {"field": "height", "checks": {"not_a_number": False}}
+UNJUDGED = {"field": "height", "checks": {"not_a_number": False, "stuck": False}}
 COPYING = """
 from shsa_core.ros import monitor
 from shsa_core.ros.graph import reader
