@@ -2,12 +2,13 @@
 
 The original and the input of the substitute are roscpp nodes of the same rate; the original is
 killed with `kill -9`. The substitute's rate is what its consumers heard, a second after the
-takeover. Writes results/bench/kilohertz.csv.
+takeover; beside it stands what the original kept just before on the same machine, and the
+substitute's share of a core. Writes results/bench/kilohertz.csv.
 """
 import subprocess
 import sys
 import time
-from typing import Dict, List, NamedTuple
+from typing import Dict, List, NamedTuple, Tuple
 
 import numpy as np
 from tqdm import tqdm
@@ -15,14 +16,17 @@ from tqdm import tqdm
 from contenders import Healed, kill_hard, repeat
 from graph import Graph
 from report import Goals, arguments, in_words, print_table, write_table
-from robot import TOPIC, Consumer, Consumers, HealthyRobot
+from robot import NODE, TOPIC, Consumers, HealthyRobot
+from shsa_testing.graph import node_pid
+from substitute_cost import cpu_time
 from takeover import STEPS, Takeover
 
 PERIODS_S = (0.01, 0.002, 0.001, 0.0005)
 GOAL_S, GOAL_PERIODS, GOAL_SHARE = 0.001, 5.0, 0.005
 SETTLING_TIME_S, RATE_S, SHORT_RATE_S = 1.0, 10.0, 2.0
 COLUMNS = (
-    *("hz", "number", "rospy_rate_hz", "roscpp_rate_hz", "lost_slots", "longest_gap_ms"),
+    *("hz", "number", "rospy_rate_hz", "roscpp_rate_hz", "original_rate_hz", "cpu_percent"),
+    *("lost_slots", "longest_gap_ms", "original_longest_gap_ms"),
     *("rospy_outage_ms", "roscpp_outage_ms", *(f"{step}_ms" for step in STEPS)),
 )
 
@@ -41,15 +45,17 @@ class Run(NamedTuple):
     takeover: Takeover
     rospy_rate: float
     roscpp_rate: float
+    original_rate: float
+    cpu: float
     lost: int
     longest_ms: float
+    original_ms: float
 
     def columns(self) -> List[float]:
         """A row of the CSV file, without what names it."""
-        told = (self.rospy_rate, self.roscpp_rate, self.lost, self.longest_ms)
         outages = (self.takeover.rospy_ms, self.takeover.roscpp_ms)
         steps = (getattr(self.takeover, f"{step}_ms") for step in STEPS)
-        return [round(each, 3) for each in (*told, *outages, *steps)]
+        return [round(each, 3) for each in (*self[1:], *outages, *steps)]
 
 
 class Fast(Healed):
@@ -65,32 +71,40 @@ class Fast(Healed):
         self._robot.await_well()
 
     def run(self, seconds: float) -> Run:
-        """Fail once, listen to the substitute for so long, and come back."""
+        """Listen to the original for so long, fail once, listen to the substitute, come back."""
         self.await_well()
+        before = self._listen(NODE, seconds)[1]
         takeover = self.take_over()
         time.sleep(SETTLING_TIME_S)
+        pid = node_pid(takeover.substitute)
+        spent, begin = cpu_time(pid), time.monotonic()
+        at_rospy, after = self._listen(takeover.substitute, seconds)
+        share = (cpu_time(pid) - spent) / (time.monotonic() - begin)
+        self.bring_back()
+        lost = round((after[-1] - after[0]) / self.period) - (len(after) - 1)
+        rates = [rate(each) for each in (at_rospy, after, before)]
+        gaps = [1e3 * float(np.max(np.diff(each))) for each in (after, before)]
+        return Run(takeover, rates[0], rates[1], rates[2], 100.0 * share, lost, *gaps)
+
+    def _listen(self, node: str, seconds: float) -> Tuple[List[float], List[float]]:
+        """When messages of a node came to the rospy consumer, and to the roscpp one."""
         begin = time.monotonic()
         time.sleep(seconds)
-        came = [moments(each, takeover.substitute, begin, seconds) for each in self._consumers]
-        rates = [(len(each) - 1) / (each[-1] - each[0]) for each in came]
-        lost = round((came[1][-1] - came[1][0]) / self.period) - (len(came[1]) - 1)
-        longest = 1e3 * float(np.max(np.diff(came[1])))
-        self.bring_back()
-        return Run(takeover, *rates, lost, longest)
+        heard = [[m for m in each.since(begin) if m.node == node] for each in self._consumers]
+        return [m.at for m in heard[0]], [m.at for m in heard[1]]
 
 
-def moments(consumer: Consumer, node: str, begin: float, seconds: float) -> List[float]:
-    """When messages of a node came."""
-    heard = consumer.since(begin)
-    return [each.at for each in heard if each.node == node and each.at <= begin + seconds]
+def rate(moments: List[float]) -> float:
+    """How often something came, in Hz."""
+    return (len(moments) - 1) / (moments[-1] - moments[0])
 
 
 def main() -> int:
     """Measure, print and judge; 1 if a failure was not healed in time."""
     options = arguments(str(__doc__), "failures", 20, short="1 kHz, once, 2 s")
-    periods, failures, seconds = PERIODS_S, options.failures, RATE_S
+    periods, failures, seconds = list(PERIODS_S), options.failures, RATE_S
     if options.short:
-        periods, failures, seconds = (GOAL_S,), 1, SHORT_RATE_S
+        periods, failures, seconds = [GOAL_S], 1, SHORT_RATE_S
     runs: Dict[float, List[Run]] = {}
     misses = 0
     with Graph() as graph:
@@ -114,12 +128,13 @@ def main() -> int:
     write_table(options.results / "kilohertz.csv", COLUMNS, rows)
     show(runs)
     goals = Goals()
-    for number, consumer in enumerate(("rospy", "roscpp")):
-        outages = [each.takeover[number] / (1e3 * GOAL_S) for each in runs[GOAL_S]]
-        if outages:
-            goals.at_most("1 kHz: p50, periods", consumer, GOAL_PERIODS, np.median(outages), "")
-            share = np.median([each[1 + number] for each in runs[GOAL_S]]) * GOAL_S
-            goals.within("1 kHz: rate", consumer, (1 - GOAL_SHARE, 1 + GOAL_SHARE), share)
+    for consumer in ("rospy", "roscpp") if runs[GOAL_S] else ():
+        outages = [getattr(each.takeover, f"{consumer}_ms") for each in runs[GOAL_S]]
+        periods_out = float(np.median(outages)) / (1e3 * GOAL_S)
+        goals.at_most("1 kHz: p50, periods", consumer, GOAL_PERIODS, periods_out, "")
+        rate = float(np.median([getattr(each, f"{consumer}_rate") for each in runs[GOAL_S]]))
+        limits = (1.0 - GOAL_SHARE, 1.0 + GOAL_SHARE)
+        goals.within("1 kHz: rate", consumer, limits, rate * GOAL_S)
     goals.show(options.results / "kilohertz_goals.csv")
     return 1 if misses else 0
 
@@ -133,12 +148,18 @@ def show(runs: Dict[float, List[Run]]) -> None:
         of = lambda name: [getattr(each, name) for each in found]
         taken = lambda name: [getattr(each.takeover, name) for each in found]
         figures = (in_words(taken("rospy_ms")), in_words(taken("roscpp_ms")))
-        kept = f"{100 * np.median(of('roscpp_rate')) * period:.2f}"
-        lost = f"{np.median(of('lost')):g}"
-        table.append((f"{1 / period:g} Hz", kept, lost, in_words(of("longest_ms")), *figures))
+        kept = [
+            f"{100 * np.median(of(name)) * period:.2f}" for name in ("roscpp_rate", "original_rate")
+        ]
+        told = (f"{np.median(of('cpu')):.0f}", f"{np.median(of('lost')):g}")
+        gaps = [in_words(of(name)) for name in ("longest_ms", "original_ms")]
+        table.append((f"{1 / period:g} Hz", *kept, *told, *gaps, *figures))
         medians = (f"{np.median(taken(step + '_ms')):.1f}" for step in STEPS)
         steps.append((f"{1 / period:g} Hz", *medians))
-    columns = ("", "kept, %", "lost", "longest gap", "outage, rospy", "outage, roscpp")
+    columns = (
+        *("", "kept, %", "by the original", "core, %", "lost", "longest gap", "of the original"),
+        *("outage, rospy", "outage, roscpp"),
+    )
     print_table("The hot substitute, ms: median / p95 / max", columns, table)
     print_table("Steps of the outage at the rospy consumer, ms: medians", ("", *STEPS), steps)
 

@@ -167,7 +167,9 @@ def test_a_babbling_publisher_has_a_bounded_share_of_a_turn(wanted: Wanted) -> N
     assert endless.reads == READS_A_TURN and len(reader.take()) <= READS_A_TURN
 
 
-SIZES = st.one_of(st.integers(0, 20), st.sampled_from((999, 1000, 1001, CHUNK, CHUNK + 505, 200_000)))
+SIZES = st.one_of(
+    st.integers(0, 20), st.sampled_from((999, 1000, 1001, CHUNK, CHUNK + 505, 200_000))
+)
 
 
 class Pieces:

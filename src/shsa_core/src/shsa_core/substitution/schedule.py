@@ -4,8 +4,10 @@ from typing import Optional
 
 SHORTEST_SHARE = 0.5  # of the period; no less is between two messages
 MADE_UP_S = 0.02
-"""What is late by no more loses no slot: the next ones follow each other faster, until none is
-missing. What is later was a stall: its slots are left out, and nobody gets a burst of old values."""
+"""What is late by no more loses no slot: the next ones follow sooner, until none is missing.
+
+What is later was a stall: its slots are left out, so that it is followed by no burst.
+"""
 
 
 class Schedule:
