@@ -28,7 +28,8 @@ SPARE = 1.5
 """The longest healthy gap of the blocks is always allowed, so many times over."""
 LOOK_S = 10.0
 """The tail is looked at so often, and at once at a gap that comes near to what is allowed."""
-MOST_SHAPE = 0.5
+MOST_SHAPE = 0.25
+"""Few gaps may look like any tail. What is heavier than this SPARE has to cover."""
 LEAST_PERIODS = 2.5
 BUSY_S = 0.08
 """Late by this was a healthy 50 Hz stream beside 8 busy processes on 2 cores, docs/experiments.md:
