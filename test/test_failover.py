@@ -1,4 +1,4 @@
-"""What failover.py makes of the messages that a consumer heard: outage, when it was over, tables."""
+"""What failover.py makes of the messages that a consumer heard: outages, tables, picture."""
 import sys
 from math import inf
 from pathlib import Path

@@ -87,7 +87,7 @@ def judge(rows: Takeovers) -> Goals:
 
 def show(rows: Takeovers, markdown: bool) -> None:
     """Print the outages, and the medians of the steps."""
-    columns = ("", "n", "rospy consumer", "roscpp consumer", "over", "bad messages", "late messages")
+    heads = ("rospy consumer", "roscpp consumer", "over", "bad messages", "late messages")
     outages: List[Tuple[str, ...]] = []
     steps: List[Tuple[str, ...]] = []
     digits = 0 if markdown else 1
@@ -105,7 +105,9 @@ def show(rows: Takeovers, markdown: bool) -> None:
         )
         if takeovers and FAULTS[BY_NAME[name].fault].at_once and takeovers[0].substitute:
             steps.append((title, *(f"{summary(of(step + '_ms'))[0]:.1f}" for step in STEPS)))
-    print_table("Outage at a consumer, ms: median / p95 / max", columns, outages, markdown)
+    print_table(
+        "Outage at a consumer, ms: median / p95 / max", ("", "n", *heads), outages, markdown
+    )
     title = "Steps of the outage at the rospy consumer, ms: medians"
     print_table(title, ("", *STEPS), steps, markdown)
 

@@ -228,9 +228,7 @@ def talker(node: str, topic: str, value: float, period: float) -> Sequence[str]:
     return (f"_topic:={topic}", f"_value:={value}", f"_period:={period}", name)
 
 
-def write_model(
-    folder: Path, standby: str, period: float, **more: object
-) -> Tuple[Path, Path]:
+def write_model(folder: Path, standby: str, period: float, **more: object) -> Tuple[Path, Path]:
     """The small robot's ontology and SOM, as files; `more`: what is said of `/lost` besides."""
     ontology, som = folder / "ontology.yaml", folder / "som.yaml"
     ontology.write_text(ONTOLOGY)
