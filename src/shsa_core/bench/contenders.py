@@ -151,7 +151,7 @@ class Respawned:
         self._consumers = consumers
         self._fault = fault
         self._patience = patience
-        package, arguments = "shsa_core", f"{TOPIC} {self.period}"
+        package, arguments = "shsa_core", f"{TOPIC} {self.period} 1.0"
         self._obeys = executable == "faulty_publisher"
         if self._obeys:
             package = "shsa_testing"

@@ -70,10 +70,12 @@ class Watched(NamedTuple):
 def watched(good: Sequence[float], failed_at: float, until: float, period: float) -> Watched:
     """The longest pause and when all was over, as Takeover has them.
 
-    `good`: when good messages came, at least one of them before `failed_at`; looked at `until`.
+    `good`: when good messages came; looked at `until`. Raises AssertionError if none came before
+    `failed_at`.
     """
-    last = max(at for at in good if at <= failed_at)
-    moments = [last, *(at for at in good if failed_at < at <= until)]
+    before = [at for at in good if at <= failed_at]
+    assert before, "nothing good was heard before the failure"
+    moments = [max(before), *(at for at in good if failed_at < at <= until)]
     if until - moments[-1] > CALM_S:
         return Watched(NEVER, NEVER)
     pauses = [(after - before, after) for before, after in zip(moments, moments[1:])]
