@@ -12,6 +12,7 @@ from takeover import Takeover
 COLOURS = {
     HOT: "tab:blue",
     f"{HOT}, no bridge": "lightskyblue",
+    f"{HOT}, behind a gate": "tab:green",
     WARM: "tab:cyan",
     "cold": "tab:purple",
     "respawn, rospy": "tab:orange",
