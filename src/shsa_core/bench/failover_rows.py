@@ -1,10 +1,9 @@
 """The rows of failover.py: what fails, how, and what helps against it."""
-from dataclasses import fields
 from typing import Mapping, NamedTuple, Tuple
 
 from faults import FAULTS, SILENT, WRONG
 from robot import RAW_TOPIC
-from shsa_core.model.service import Service
+from shsa_core.files.som_values import SERVICE
 
 HOT, WARM, COLD = "hot", "warm", "cold"
 BY_HAND = "rosrun by hand, rospy"
@@ -13,7 +12,7 @@ UNANSWERED = 5
 """Failures that nobody answers are waited for as often at most."""
 NO_BRIDGE: Mapping[str, object] = {"bridge": False}
 BEHIND_GATE: Mapping[str, object] = {"gate": RAW_TOPIC}
-KNOWN = {field.name for field in fields(Service)}
+KNOWN = {*SERVICE}
 """What the SOM of this version can say of a service: rows that say more are left out."""
 
 
