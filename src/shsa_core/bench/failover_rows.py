@@ -71,7 +71,7 @@ class Row(NamedTuple):
 
 def of_fault(fault: str) -> Tuple[Row, ...]:
     """A fault that ends in silence: bridged, unbridged, behind a gate, and what ROS alone does."""
-    rows = tuple(Row(HOT, fault, som=som) for som in ({}, NO_BRIDGE, BEHIND_GATE))
+    rows = (Row(HOT, fault), *(Row(HOT, fault, som=som) for som in (NO_BRIDGE, BEHIND_GATE)))
     # A roscpp talker takes no commands.
     by_process = fault in ("kill -9", "rosnode kill", "SIGSTOP")
     helps = tuple(RESPAWNED)[: 2 if by_process else 1]
