@@ -1,8 +1,9 @@
-"""What failover.py makes of the messages that a consumer heard: outage, when it was over, tables."""
+"""What failover.py makes of the messages that a consumer heard: outages, tables, picture."""
 import sys
 from math import inf
 from pathlib import Path
-from typing import List
+from types import SimpleNamespace
+from typing import Any, Dict, List
 
 import pytest
 
@@ -10,10 +11,12 @@ BENCH = Path(__file__).resolve().parent.parent / "src" / "shsa_core" / "bench"
 sys.path.insert(0, str(BENCH))
 
 import failover  # noqa: E402
+import takeover as told  # noqa: E402
 import failover_rows as of  # noqa: E402
 from failover_plot import plot  # noqa: E402
+from robot import NODE, Heard  # noqa: E402
 from report import in_words, summary  # noqa: E402
-from takeover import Takeover, from_words, watched  # noqa: E402
+from takeover import STEPS, Takeover, from_words, watched  # noqa: E402
 
 PERIOD_S = 0.02
 UNTIL = 3.0
@@ -51,6 +54,44 @@ def test_a_node_that_stays_slow_pauses_shortly_and_is_never_over() -> None:
 def test_it_is_not_over_while_the_next_message_is_overdue() -> None:
     """As a node does that sends a little more before it leaves."""
     assert heard(stream(0.0, UNTIL - 0.48), 2.45)[1] == inf
+
+
+class Ear:
+    """A consumer that heard the node until it hung at 1.0 s, and then its substitute."""
+
+    contacts: Dict[str, float] = {}
+
+    def __init__(self, filled_at: float) -> None:
+        last = [Heard(at, "/lost", NODE, 1.0) for at in stream(0.0, 1.0)]
+        filled = [Heard(at, "/lost", "/s", 1.0) for at in stream(filled_at, UNTIL)]
+        self.messages = [*last, *filled]
+
+    def since(self, moment: float) -> List[Heard]:
+        return [each for each in self.messages if each.at > moment]
+
+
+def steps(filled_at: float, monkeypatch: pytest.MonkeyPatch) -> Dict[str, int]:
+    """The steps in ms, above 0, of a hang at 1 s that is detected at 1.1 s."""
+    monkeypatch.setattr(told.clock, "from_stamp", lambda stamp: stamp)
+    monkeypatch.setattr(told, "uri_of", lambda node: "")
+    times = {"detected": 1.1, "found": 1.101, "spawned": 1.103, "killed": 0.0}
+    incident: Any = SimpleNamespace(substitute="/s", kind="silent", **times)
+    both: Any = SimpleNamespace(rospy=Ear(filled_at))
+    found = told.with_steps(Takeover(0.0, 0.0), both, 1.0, incident)
+    figures = {step: round(getattr(found, f"{step}_ms")) for step in STEPS}
+    assert told.with_substitute(found, both, 1.0, incident).late == 0
+    return {step: figure for step, figure in figures.items() if figure}
+
+
+def test_a_substitute_that_is_told_has_no_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = {"waited": 20, "detect": 100, "decide": 1, "start": 2, "first": 2}
+    assert steps(1.105, monkeypatch) == expected
+
+
+def test_one_that_fills_in_before_anybody_knows_has_only_a_bridge(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert steps(1.03, monkeypatch) == {"waited": 20, "bridge": 30}
 
 
 def test_figures_with_a_never_among_them() -> None:

@@ -104,18 +104,20 @@ class Healed:
     def take_over(self) -> Takeover:
         """Fail once, without coming back. Raises AssertionError if the topic is not healed."""
         robot, consumers = self._robot, self._consumers
-        before = robot.healing.latest(TOPIC)
+        before = robot.healing.latest(robot.topic)
         number = 0 if before is None else before.id
         patient = Patient(NODE, robot.failing.pid, self.period, robot.fault)
         failed_at = time.monotonic()
         self._fault.cause(patient)
 
         def is_healed() -> bool:
-            incident = robot.healing.latest(TOPIC)
+            incident = robot.healing.latest(robot.topic)
             return incident is not None and incident.id > number and incident.state == "healed"
 
         wait_until(is_healed, PATIENCE_S, "the topic is healed")
-        incident = robot.healing.latest(TOPIC)
+        if robot.heard != NODE:  # a gate is heard whoever publishes
+            return _once_over(consumers, failed_at, self.period)
+        incident = robot.healing.latest(robot.topic)
         assert incident is not None
         consumers.await_node(incident.substitute, failed_at)
         takeover = _once_over(consumers, failed_at, self.period)
@@ -151,7 +153,7 @@ class Respawned:
         self._consumers = consumers
         self._fault = fault
         self._patience = patience
-        package, arguments = "shsa_core", f"{TOPIC} {self.period}"
+        package, arguments = "shsa_core", f"{TOPIC} {self.period} 1.0"
         self._obeys = executable == "faulty_publisher"
         if self._obeys:
             package = "shsa_testing"

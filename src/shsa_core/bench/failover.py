@@ -21,6 +21,7 @@ from tqdm import tqdm
 from contenders import WAITED_S, ByHand, Contender, Healed, Respawned, repeat
 from failover_plot import plot
 from failover_rows import (
+    BEHIND_GATE,
     BY_HAND,
     BY_NAME,
     HOT,
@@ -72,6 +73,12 @@ def judge(rows: Takeovers) -> Goals:
         at_most(Row(HOT), 28.0, "1 period + 8 ms")
         for fault in SILENT[1:]:
             at_most(Row(HOT, fault), 60.0, "3 periods")
+        for fault in FAULTS:
+            row = Row(HOT, fault, som=BEHIND_GATE)
+            at_most(row, 40.0, "2 periods")
+            if rows.get(row.name):
+                bad = sum(getattr(each, consumer + "_bad") for each in rows[row.name])
+                goals.at_most(f"{row.name}: bad messages", consumer, 0.0, bad, "")
         deadline = 1e3 * SILENCE_S + 30.0
         at_most(Row(HOT, "SIGSTOP", som=NO_BRIDGE), deadline, "the deadline and 1.5 periods")
         at_most(Row(HOT, period=0.01), 20.0, "2 periods")
@@ -87,7 +94,7 @@ def judge(rows: Takeovers) -> Goals:
 
 def show(rows: Takeovers, markdown: bool) -> None:
     """Print the outages, and the medians of the steps."""
-    columns = ("", "n", "rospy consumer", "roscpp consumer", "over", "bad messages", "late messages")
+    heads = ("rospy consumer", "roscpp consumer", "over", "bad messages", "late messages")
     outages: List[Tuple[str, ...]] = []
     steps: List[Tuple[str, ...]] = []
     digits = 0 if markdown else 1
@@ -105,7 +112,9 @@ def show(rows: Takeovers, markdown: bool) -> None:
         )
         if takeovers and FAULTS[BY_NAME[name].fault].at_once and takeovers[0].substitute:
             steps.append((title, *(f"{summary(of(step + '_ms'))[0]:.1f}" for step in STEPS)))
-    print_table("Outage at a consumer, ms: median / p95 / max", columns, outages, markdown)
+    print_table(
+        "Outage at a consumer, ms: median / p95 / max", ("", "n", *heads), outages, markdown
+    )
     title = "Steps of the outage at the rospy consumer, ms: medians"
     print_table(title, ("", *STEPS), steps, markdown)
 

@@ -12,6 +12,7 @@ from takeover import Takeover
 COLOURS = {
     HOT: "tab:blue",
     f"{HOT}, no bridge": "lightskyblue",
+    f"{HOT}, behind a gate": "tab:green",
     WARM: "tab:cyan",
     "cold": "tab:purple",
     "respawn, rospy": "tab:orange",
@@ -61,8 +62,8 @@ def plot(rows: Dict[str, List[Takeover]], path: Path) -> None:
             **{"ha": "right", "va": "center", "fontsize": 9.5, "fontweight": "bold"},
         )
     told = (
-        "outage in ms: median / 95th percentile (whisker); hatched: the topic did not become as it was "
-        f"while one waited; dotted: {PERIODS} periods at 50 Hz"
+        "outage in ms: median / 95th percentile (whisker); hatched: the topic did not become as it "
+        f"was while one waited; dotted: {PERIODS} periods at 50 Hz"
     )
     figure.text(0.5, 0.08 / height, told, ha="center", va="bottom", fontsize=8)
     figure.tight_layout(rect=(0.0, 0.22 / height, 1.0, 1.0))

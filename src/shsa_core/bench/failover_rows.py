@@ -1,9 +1,9 @@
 """The rows of failover.py: what fails, how, and what helps against it."""
-from dataclasses import fields
 from typing import Mapping, NamedTuple, Tuple
 
-from faults import FAULTS, SILENT
-from shsa_core.model.service import Service
+from faults import FAULTS, SILENT, WRONG
+from robot import RAW_TOPIC
+from shsa_core.files.som_values import SERVICE
 
 HOT, WARM, COLD = "hot", "warm", "cold"
 BY_HAND = "rosrun by hand, rospy"
@@ -11,7 +11,8 @@ RESPAWNED = {"respawn, rospy": "faulty_publisher", "respawn, roscpp": "bench_tal
 UNANSWERED = 5
 """Failures that nobody answers are waited for as often at most."""
 NO_BRIDGE: Mapping[str, object] = {"bridge": False}
-KNOWN = {field.name for field in fields(Service)}
+BEHIND_GATE: Mapping[str, object] = {"gate": RAW_TOPIC}
+KNOWN = {*SERVICE}
 """What the SOM of this version can say of a service: rows that say more are left out."""
 
 
@@ -27,7 +28,8 @@ class Row(NamedTuple):
     @property
     def contender(self) -> str:
         """What helps, and how."""
-        return ", ".join([self.help, *(f"no {key}" for key, to in self.som.items() if not to)])
+        said = (f"behind a {key}" if to else f"no {key}" for key, to in self.som.items())
+        return ", ".join((self.help, *said))
 
     @property
     def circumstances(self) -> str:
@@ -68,12 +70,17 @@ class Row(NamedTuple):
 
 
 def of_fault(fault: str) -> Tuple[Row, ...]:
-    """A fault that ends in silence: with a bridge, without one, and what ROS alone does."""
-    rows = (Row(HOT, fault), Row(HOT, fault, som=NO_BRIDGE))
+    """A fault that ends in silence: bridged, unbridged, behind a gate, and what ROS alone does."""
+    rows = (Row(HOT, fault), *(Row(HOT, fault, som=som) for som in (NO_BRIDGE, BEHIND_GATE)))
     # A roscpp talker takes no commands.
     by_process = fault in ("kill -9", "rosnode kill", "SIGSTOP")
     helps = tuple(RESPAWNED)[: 2 if by_process else 1]
     return (*rows, *(Row(help, fault) for help in helps))
+
+
+def of_values(fault: str) -> Tuple[Row, ...]:
+    """A fault of values."""
+    return Row(HOT, fault), Row(HOT, fault, som=BEHIND_GATE), Row("respawn, rospy", fault)
 
 
 CRASHES = (
@@ -85,12 +92,11 @@ CRASHES = (
 )
 """`kill -9` with everything else that is compared."""
 ROWS = (
-    *of_fault("kill -9")[:2],
+    *of_fault("kill -9")[:3],
     *CRASHES,
-    *of_fault("kill -9")[2:],
+    *of_fault("kill -9")[3:],
     *(row for fault in SILENT[1:] for row in of_fault(fault)),
-    Row(HOT, "out of range"),
-    Row("respawn, rospy", "out of range"),
+    *(row for fault in WRONG for row in of_values(fault)),
 )
 """All rows, in the order of table and picture: sorted by fault."""
 BY_NAME: Mapping[str, Row] = {row.name: row for row in ROWS}

@@ -1,4 +1,4 @@
-"""A graph that this computer shares with another one, made of namespaces, by a link that can be cut.
+"""A graph shared with another computer, made of namespaces, whose link can be cut.
 
 Needs the right to make namespaces.
 """

@@ -71,5 +71,5 @@ FAULTS: Dict[str, Fault] = {
     "out of range": Fault(commanded("value 1000")),
     "not a number": Fault(commanded("nan 1")),
 }
-SILENT = tuple(FAULTS)[:5]
-"""Those that end in silence."""
+SILENT, WRONG = tuple(FAULTS)[:5], tuple(FAULTS)[5:]
+"""Those that end in silence, and those of values."""

@@ -14,9 +14,7 @@ matplotlib.use("Agg")
 COLUMNS = ("goal", "consumer", "at most", "measured", "verdict")
 
 
-def arguments(
-    told: str, times: str, default: int, short: str, **flags: str
-) -> argparse.Namespace:
+def arguments(told: str, times: str, default: int, short: str, **flags: str) -> argparse.Namespace:
     """The arguments of a benchmark that measures rows, each some `times`; makes its folder.
 
     `short`: what is measured in its short form; `flags`: what it can be told besides, and what for.

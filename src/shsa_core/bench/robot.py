@@ -8,13 +8,25 @@ from typing import Dict, Iterator, List, NamedTuple, Sequence, Tuple
 import psutil
 import rosgraph
 import rospy
+from shsa_msgs.msg import Substitution
 from std_msgs.msg import String
 
-from graph import BENCH, FAULTY_PUBLISHER, PATIENCE_S, Graph, ask_to_leave, service, write_som
+from graph import (
+    BENCH,
+    FAULTY_PUBLISHER,
+    MONITOR,
+    PATIENCE_S,
+    Graph,
+    ask_to_leave,
+    service,
+    write_som,
+)
 from shsa_testing.graph import is_connected, node_pid, registered_nodes
 from shsa_testing.waiting import wait_until
 
 TOPIC, NODE = "/lost", "/failing"
+RAW_TOPIC, GATE = "/lost/raw", "/lost_gate"
+"""Behind a gate, the node publishes there, and the gate is heard."""
 KEPT_TOPIC, KEPT_NODE = "/kept", "/steady"
 LIMIT = 10.0  # of the good values of TOPIC
 SILENCE_S = 0.1  # the monitor's deadline for a topic at 50 Hz: five periods
@@ -142,12 +154,15 @@ class Consumers:
 class HealthyRobot:
     """`/failing` publishes `/lost`, `/steady` publishes `/kept`, and healing watches over both.
 
-    `more`: what the SOM says of `/lost` besides.
+    `more`: what the SOM says of `/lost` besides; with a `gate`, `/lost_gate` stands before
+    consumers. `topic` is where the node publishes, and `heard` who is heard.
     """
 
     def __init__(
         self, graph: Graph, consumers: Consumers, standby: str, period: float, **more: object
     ) -> None:
+        self.topic = str(more.get("gate", TOPIC))
+        self.heard = GATE if self.topic != TOPIC else NODE
         self.standby = standby
         self.period = period
         self.healing = graph.healing
@@ -155,7 +170,7 @@ class HealthyRobot:
         self._graph = graph
         self._consumers = consumers
         self._steady = self._talker(KEPT_NODE, KEPT_TOPIC, 2.0)
-        self.failing = self._talker(NODE, TOPIC, 1.0)
+        self.failing = self._talker(NODE, self.topic, 1.0)
         paths = write_model(graph.folder, standby, period, **more)
         for name, value in TIRELESS.items():
             rospy.set_param(f"/reconfigurator/{name}", value)
@@ -165,30 +180,42 @@ class HealthyRobot:
             f"minimum_deadline:={SILENCE_S}",
             *(f"pool:={POOL}", f"incident_log:={graph.folder / 'incidents.jsonl'}"),
         )
+        words = (TOPIC[1:], "--som", str(paths[1]), f"__name:={GATE[1:]}")
+        gated = self.topic != TOPIC
+        self._gates = [graph.python(MONITOR.with_name("gate"), *words)] if gated else []
 
     def await_well(self) -> None:
         """Wait until no incident is open, the original is heard, and what stands by is ready."""
         consumers, healing = self._consumers, self.healing
         wait_until(lambda: not self._open(), PATIENCE_S, "the incident's end")
-        healing.await_available(TOPIC, KEPT_TOPIC, seconds=PATIENCE_S)
-        consumers.await_node(NODE, time.monotonic())
+        healing.await_available(self.topic, KEPT_TOPIC, seconds=PATIENCE_S)
+        consumers.await_node(self.heard, time.monotonic())
         hot = self.standby == "hot"
         rows = lambda: [r for r in healing.substitutions if r.service == TOPIC.strip("/")]
         wait_until(lambda: len(rows()) == hot, PATIENCE_S, "what stands by is as it should be")
         if hot:
             served = lambda: any(self._served_by(row.node) for row in rows())
             wait_until(served, PATIENCE_S, "all are connected")
+            ready = lambda: any(self._fills_in(row) for row in rows())
+            wait_until(ready, PATIENCE_S, "the substitute hears whom it fills in for")
         if self.standby == "warm":
             wait_until(self._pool_ready, PATIENCE_S, "the pool is full")
         for each in consumers:
             each.forget()
 
     def _served_by(self, node: str) -> bool:
-        """Whether every consumer is connected to a node."""
-        return all(is_connected(each.node, TOPIC, node) for each in self._consumers)
+        """Whether every consumer, or the gate before them, is connected to a node."""
+        gated = self.topic != TOPIC
+        of = [GATE] if gated else [each.node for each in self._consumers]
+        return all(is_connected(each, self.topic, node) for each in of)
+
+    def _fills_in(self, row: Substitution) -> bool:
+        """Whether a substitute hears the node, if it fills in for late messages."""
+        bridge = getattr(row, "bridge", 0.0)
+        return not bridge or is_connected(row.node, self.topic, NODE)
 
     def _open(self) -> bool:
-        incident = self.healing.latest(TOPIC)
+        incident = self.healing.latest(self.topic)
         return incident is not None and incident.state != "ended"
 
     def _pool_ready(self) -> bool:
@@ -208,12 +235,12 @@ class HealthyRobot:
         """Start the node that failed again, as somebody would."""
         self.failing.kill()
         self.failing.wait()
-        self.failing = self._talker(NODE, TOPIC, 1.0)
+        self.failing = self._talker(NODE, self.topic, 1.0)
 
     def end(self) -> None:
         """Stop healing, then the nodes."""
         ask_to_leave(self._launch, 30.0)
-        for process in (self.failing, self._steady):
+        for process in (self.failing, self._steady, *self._gates):
             ask_to_leave(process)
         self.fault.unregister()
         self.healing.incidents.clear()
@@ -228,9 +255,7 @@ def talker(node: str, topic: str, value: float, period: float) -> Sequence[str]:
     return (f"_topic:={topic}", f"_value:={value}", f"_period:={period}", name)
 
 
-def write_model(
-    folder: Path, standby: str, period: float, **more: object
-) -> Tuple[Path, Path]:
+def write_model(folder: Path, standby: str, period: float, **more: object) -> Tuple[Path, Path]:
     """The small robot's ontology and SOM, as files; `more`: what is said of `/lost` besides."""
     ontology, som = folder / "ontology.yaml", folder / "som.yaml"
     ontology.write_text(ONTOLOGY)

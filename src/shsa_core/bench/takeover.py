@@ -1,5 +1,5 @@
 """One failure and its repair, step by step."""
-from typing import List, Mapping, NamedTuple, Sequence, Tuple, get_type_hints
+from typing import Any, Dict, List, Mapping, NamedTuple, Sequence, Tuple, get_type_hints
 
 from shsa_msgs.msg import Incident
 
@@ -70,10 +70,12 @@ class Watched(NamedTuple):
 def watched(good: Sequence[float], failed_at: float, until: float, period: float) -> Watched:
     """The longest pause and when all was over, as Takeover has them.
 
-    `good`: when good messages came, at least one of them before `failed_at`; looked at `until`.
+    `good`: when good messages came; looked at `until`. Raises AssertionError if none came before
+    `failed_at`.
     """
-    last = max(at for at in good if at <= failed_at)
-    moments = [last, *(at for at in good if failed_at < at <= until)]
+    before = [at for at in good if at <= failed_at]
+    assert before, "nothing good was heard before the failure"
+    moments = [max(before), *(at for at in good if failed_at < at <= until)]
     if until - moments[-1] > CALM_S:
         return Watched(NEVER, NEVER)
     pauses = [(after - before, after) for before, after in zip(moments, moments[1:])]
@@ -86,14 +88,16 @@ def watched(good: Sequence[float], failed_at: float, until: float, period: float
 
 def measured(consumers: Consumers, failed_at: float, until: float, period: float) -> Takeover:
     """What both consumers heard of a failure, without its steps."""
-    heard = [
+    rospy, roscpp = (
         watched([m.at for m in list(each.messages) if m.good], failed_at, until, period)
         for each in consumers
-    ]
+    )
     bad = [sum(not m.good for m in each.since(failed_at)) for each in consumers]
+    over = max(rospy.over, roscpp.over)
     return Takeover(
-        *(1e3 * each.outage for each in heard),
-        over_ms=1e3 * max(each.over for each in heard),
+        1e3 * rospy.outage,
+        1e3 * roscpp.outage,
+        1e3 * over,
         rospy_bad=bad[0],
         roscpp_bad=bad[1],
     )
@@ -117,7 +121,8 @@ def with_steps(
     for number, moment in enumerate(moments[1:], 1):
         moments[number] = min(first, max(moment, moments[number - 1]))
         steps.append(1e3 * (moments[number] - moments[number - 1]))
-    return takeover._replace(**{f"{step}_ms": value for step, value in zip(STEPS, steps)})
+    named: Dict[str, Any] = {f"{step}_ms": value for step, value in zip(STEPS, steps)}
+    return takeover._replace(**named)
 
 
 def with_substitute(

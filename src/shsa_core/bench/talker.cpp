@@ -1,4 +1,4 @@
-// Publishes a count, or always the same value, on a topic at a steady rate.
+// Publishes a count, or one value, on a topic at a steady rate.
 // Usage: bench_talker TOPIC PERIOD [VALUE]: PERIOD in s.
 #include <ros/ros.h>
 #include <shsa_msgs/Float64Stamped.h>
@@ -11,8 +11,7 @@
 int main(int argc, char** argv)
 {
   ros::init(argc, argv, "talker", ros::init_options::AnonymousName);
-  const bool steady = argc == 4;
-  const double period = argc == 3 || steady ? std::atof(argv[2]) : 0.0;
+  const double period = argc >= 3 ? std::atof(argv[2]) : 0.0;
   if (period <= 0.0)
   {
     std::cerr << "usage: bench_talker TOPIC PERIOD [VALUE]" << std::endl;
@@ -23,11 +22,13 @@ int main(int argc, char** argv)
   ros::NodeHandle node;
   ros::Publisher publisher = node.advertise<shsa_msgs::Float64Stamped>(argv[1], 100);
   shsa_msgs::Float64Stamped message;
+  const bool counts = argc < 4;
+  message.data = counts ? 0.0 : std::atof(argv[3]);
   for (auto due = Clock::now(); ros::ok(); due += step)
   {
     std::this_thread::sleep_until(due);
     message.header.stamp = ros::Time::now();
-    message.data = steady ? std::atof(argv[3]) : message.data + 1.0;
+    message.data += counts ? 1.0 : 0.0;
     publisher.publish(message);
   }
   return 0;

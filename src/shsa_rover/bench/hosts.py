@@ -11,7 +11,6 @@ were heard with fresh messages; `ended`, nodes that healing ended though only th
 
 Writes hosts.csv, hosts_goals.csv and hosts.png. Needs the right to make namespaces.
 """
-import argparse
 import csv
 import json
 import subprocess
@@ -23,7 +22,7 @@ import matplotlib.pyplot as plt
 from tqdm import tqdm
 
 from hosts_row import DEADLINE_S, PERIOD_S, ROWS, Outcome
-from report import Goals, in_words, print_table, summary
+from report import Goals, arguments, in_words, print_table, summary
 from shsa_testing.computers import refusal
 
 MISSES = 3
@@ -116,15 +115,7 @@ def plot(rows: Dict[str, List[Outcome]], path: Path) -> None:
 
 def main() -> int:
     """Measure every row; 1 if a failure was not healed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--repetitions", type=int, default=20, help="of each row")
-    parser.add_argument(
-        "--only", nargs="+", default=[""], help="only rows whose name contains one of these"
-    )
-    parser.add_argument("--short", action="store_true", help="two of each row, as a check")
-    parser.add_argument("--results", type=Path, default=Path("results/bench"))
-    options = parser.parse_args()
-    options.results.mkdir(parents=True, exist_ok=True)
+    options = arguments(str(__doc__), "repetitions", 20, short="two of each row")
     reason = refusal()
     if reason:
         print(f"Not measured, {', '.join(row.name for row in ROWS)}: {reason}")
