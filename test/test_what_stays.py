@@ -3,7 +3,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-
 import rostests
 
 ROSTEST = """#!/usr/bin/python3
