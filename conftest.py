@@ -1,26 +1,30 @@
-"""The order of the tests: robots and what computes side by side, the latter giving way.
+"""The order of the tests: robots, and beside them what computes for long, giving way to them.
 
-Of three or more workers (`pytest -n 3`) the last one runs what only computes, and only in the time
-that robots leave: they wait half of theirs. Fewer workers run the robots last, beside nothing else.
-The run is closed with `N passed, N failed`.
+Of three or more workers (`pytest -n 3`) the last one computes, in the time that robots leave: they
+wait for much of theirs. Fewer workers run the robots last, beside nothing else. The run is closed
+with `N passed, N failed`.
 """
 import os
-from typing import Any, List
+from typing import Any, List, Tuple
 
 import pytest
 from hypothesis import settings
 
-FIRST = ("test_packages", "test_install", "test_learn", "test_style", "test_models")
-"""Files that compute for long: none of them is left when the robots begin."""
-ROBOTS = (
-    *("test_reliability", "test_master", "test_rostests", "test_rostests_of_robots"),
-    *("test_bench", "test_three_computers", "test_tutorials", "test_live_page", "test_partition"),
-    *("test_start", "test_cut_off"),
+COMPUTING = (
+    *("test_style", "test_packages", "test_learn", "test_site", "test_models", "test_plans"),
+    *("test_monitoring_learned", "test_learning_tutorial", "test_charge_estimator", "test_init"),
+    *("test_search", "test_endurance", "test_checked_code", "test_faults", "test_resilience"),
 )
-"""Files of tests on real processes: they judge real time."""
+"""Files that compute for long, and in which nothing waits with a deadline."""
+ROBOTS = (
+    *("test_tutorials", "test_three_computers", "test_master", "test_live_page", "test_install"),
+    *("test_reliability", "test_rostests", "test_rostests_of_robots", "test_bench"),
+    *("test_start", "test_cut_off", "test_partition"),
+)
+"""Files of tests on real processes: they judge real time. What stays together long goes first."""
 ALONE = ("test_reliability", "test_rostests", "test_rostests_of_robots", "test_bench")
 """Those of them whose tests share nothing: any of them may run beside any other."""
-LONGEST = ("flapping", "heal_amperemeter", "inject", "healers_die")
+LONGEST = ("flapping", "inject", "healers_die", "two_robots")
 """The rostests to begin with."""
 SHARE, LOWEST = "/proc/self/autogroup", "19"
 """Of processor time, of all processes in a session."""
@@ -53,14 +57,14 @@ def pytest_configure(config: Any) -> None:
 
 
 def pytest_collection_modifyitems(items: List[Any]) -> None:
-    """Those last: then some of them run side by side, and nothing that only computes."""
+    """What computes for long first, and robots last: then some of them run side by side."""
 
-    def turn(item: Any) -> int:
+    def turn(item: Any) -> Tuple[int, int]:
         name = module(item.nodeid)
         if name not in ROBOTS:
-            return 0 if name in FIRST else 1
+            return (0, COMPUTING.index(name)) if name in COMPUTING else (1, 0)
         case = item.nodeid.partition("[")[2][:-1]
-        return 2 if case in LONGEST else 3 + ROBOTS.index(name)
+        return (2, 0) if case in LONGEST else (3, ROBOTS.index(name))
 
     items.sort(key=turn)
 
@@ -75,16 +79,15 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
             return nodeid if module(nodeid) in ALONE else nodeid.split("::")[0]
 
         def _assign_work_unit(self, node: Any) -> None:
-            """Robots first, where there is a worker for the rest; that one is given no robot."""
+            """Where there is a worker that gives way: it computes, and the others do so last."""
             if self.numnodes >= 3:
-                robots = [scope for scope in self.workqueue if module(scope) in ROBOTS]
-                others = [scope for scope in self.workqueue if module(scope) not in ROBOTS]
                 last = gives_way(node.gateway.id, self.numnodes)
-                if last and not others:
+                turn = lambda scope: (module(scope) in COMPUTING, module(scope) not in ROBOTS)
+                scopes = [scope for scope in self.workqueue if not last or turn(scope)[0]]
+                if not scopes:
                     node.shutdown()
                     return
-                first = others if last or not robots else robots
-                self.workqueue.move_to_end(first[0], last=False)
+                self.workqueue.move_to_end(min(scopes, key=turn), last=False)
             super()._assign_work_unit(node)
 
     return Scheduling(config, log)

@@ -40,13 +40,13 @@ def _failure(path: Path) -> str:
     environment = {**os.environ, MARK: mark, "PYTHONFAULTHANDLER": "1"}
     # A file, not a pipe: that is at its end only when the last one who writes to it has ended.
     with tempfile.TemporaryFile("w+", errors="replace") as said:
+        done = subprocess.Popen(
+            ["rostest", package, path.name],
+            stdout=said,
+            stderr=subprocess.STDOUT,
+            env=environment,
+        )
         try:
-            done = subprocess.Popen(
-                ["rostest", package, path.name],
-                stdout=said,
-                stderr=subprocess.STDOUT,
-                env=environment,
-            )
             failed = _waited(done, mark)
         finally:
             for process in marked(MARK, mark):

@@ -1,4 +1,4 @@
-"""The order of the tests, in conftest.py at the top: it names what there is, and robots go first."""
+"""The order of the tests, in conftest.py at the top: it names what there is."""
 import os
 import shutil
 import subprocess
@@ -18,25 +18,26 @@ def test_it():
 
 def test_the_files_that_have_their_turn_are_there() -> None:
     files = {path.stem for folder in ("src", "test") for path in (ROOT / folder).rglob("test_*.py")}
-    assert {*conftest.FIRST, *conftest.ROBOTS} <= files
+    assert {*conftest.COMPUTING, *conftest.ROBOTS} <= files
     assert {*conftest.ALONE} <= {*conftest.ROBOTS}
 
 
 def test_the_rostests_to_begin_with_are_there() -> None:
-    assert {*conftest.LONGEST} <= {path.stem for path in ROOT.glob("src/*/test/rostest/*.test")}
+    assert {*conftest.LONGEST} <= {path.stem for path in ROOT.glob("*/*/test/rostest/*.test")}
 
 
-def test_the_last_worker_gives_way_and_runs_no_robot(tmp_path: Path) -> None:
+def test_the_last_worker_gives_way_and_only_computes(tmp_path: Path) -> None:
     shutil.copy(str(ROOT / "conftest.py"), str(tmp_path))
-    for name in (*conftest.ROBOTS, "test_one", "test_other"):
+    names = (*conftest.ROBOTS, *conftest.COMPUTING[:3], "test_one", "test_other")
+    for name in names:
         (tmp_path / f"{name}.py").write_text(TEST)
     command = [sys.executable, "-m", "pytest", "-n", "3", "-p", "no:cacheprovider", "."]
     done = subprocess.run(command, cwd=str(tmp_path), stdout=subprocess.PIPE)
     assert done.returncode == 0, done.stdout.decode()
     ran = [line.split() for line in (tmp_path / "ran").read_text().splitlines()]
-    assert len(ran) == len(conftest.ROBOTS) + 2
+    assert sorted(name for name, _, _ in ran) == sorted(names)
     last = [name for name, worker, _ in ran if worker == "gw2"]
-    assert last and not {*last} & {*conftest.ROBOTS}
+    assert last and {*last} <= {*conftest.COMPUTING}
     for _, worker, policy in ran:
         idle = int(policy) == os.SCHED_IDLE
         assert idle or worker != "gw2"
