@@ -47,6 +47,7 @@ from shsa_core.ros.graph.workers import Workers
 from shsa_core.ros.host.agents import Agents
 from shsa_core.ros.host.host import HostCommand
 from shsa_core.ros.host.hosts import Hosts
+from shsa_core.ros.graph.processes import Forks
 from shsa_core.ros.host.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import run
@@ -112,8 +113,10 @@ class ReconfiguratorNode:
         self._companion = Companion(MONITOR, signs)
         prefix = self._core.names.prefix
         journals = _substitute_journals(journal)
+        types = sorted({service.type for service in som if service.type})
+        forks = Forks(prefix.rsplit("/", 1)[0], types) if arguments.prepared else None
         self._local = LocalHost(
-            self._told, signs, prefix, journals, signing.path, arguments.sandbox
+            self._told, signs, prefix, journals, signing.path, arguments.sandbox, "", forks
         )
         self._agents = Agents(signing, self._told, arguments.host)
         self._hosts = Hosts(self._local, self._agents, self._told, arguments.host)
@@ -417,6 +420,12 @@ def main() -> None:
     parser.add_argument("--host", default="", help="what the SOM calls this computer")
     sandbox = "a program and its arguments to run the substitutes in"
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
+    parser.add_argument(
+        "--no-prepared",
+        dest="prepared",
+        action="store_false",
+        help="start each substitute by rosrun, and fork none from a prepared process",
+    )
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     await_turn("reconfigurator")
     ending = Ending()

@@ -14,6 +14,7 @@ from roslib.packages import find_node
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.names import full_name
+from shsa_core.ros.graph.prepared import OPTION
 from shsa_injection.errors import Refused
 
 PACKAGE = "shsa_core"
@@ -55,8 +56,8 @@ def _running(programs: Sequence[str]) -> Iterator[Healer]:
                 continue
             words = process.cmdline()
             program = _program(words, programs)
-            if not program:
-                continue
+            if not program or OPTION in words:
+                continue  # who only forks substitutes is none
             environment = process.environ()
         except (psutil.Error, OSError):
             continue  # it has ended meanwhile

@@ -102,7 +102,7 @@ class Heart:
         try:
             while True:
                 answer, extra, _, _ = self._socket.recvmsg(LONGEST, SPACE)
-                if _sender(extra) is not None:
+                if sender(extra) is not None:
                     cut_off = answer == CUT_OFF
                     self._cut_off = time.monotonic() if cut_off else float("-inf")
         except OSError:
@@ -149,7 +149,7 @@ class Signs:
         assert self._socket is not None
         while True:
             name, extra, _, address = self._socket.recvmsg(LONGEST, SPACE)
-            pid = _sender(extra)
+            pid = sender(extra)
             if pid is not None:
                 told = name.decode("utf-8", "replace")
                 self._last[told] = Sign(pid, time.monotonic())
@@ -218,7 +218,7 @@ class Watch:
             self._silent(name)
 
 
-def _sender(extra: Iterable[Tuple[int, int, bytes]]) -> Optional[int]:
+def sender(extra: Iterable[Tuple[int, int, bytes]]) -> Optional[int]:
     """The number of the process that has sent a datagram; None: it is not of our user."""
     for level, kind, data in extra:
         if level == socket.SOL_SOCKET and kind == socket.SCM_CREDENTIALS:

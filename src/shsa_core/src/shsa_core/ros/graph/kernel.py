@@ -159,23 +159,23 @@ def kill(process: psutil.Process) -> None:
 
     Raises PermissionError if it is not ours, ProcessLookupError if it has ended.
     """
-    descriptor = _descriptor(process.pid)
+    opened = descriptor(process.pid)
     try:
         # From here on the descriptor, if there is one, names what this looks at.
         if gone(process):
             raise ProcessLookupError(process.pid)
         if not is_ours(process):
             raise PermissionError(f"it belongs to {user(process)}")
-        if descriptor is None:
+        if opened is None:
             os.kill(process.pid, signal.SIGKILL)
         else:
-            signal.pidfd_send_signal(descriptor, signal.SIGKILL)  # type: ignore[attr-defined]
+            signal.pidfd_send_signal(opened, signal.SIGKILL)  # type: ignore[attr-defined]
     finally:
-        if descriptor is not None:
-            os.close(descriptor)
+        if opened is not None:
+            os.close(opened)
 
 
-def _descriptor(pid: int) -> Optional[int]:
+def descriptor(pid: int) -> Optional[int]:
     """A descriptor of a process; None: Python before 3.9 or Linux before 5.3 has none."""
     try:
         return int(os.pidfd_open(pid))  # type: ignore[attr-defined]

@@ -1,10 +1,10 @@
-"""The substitutes' processes, each started by rosrun."""
+"""The substitutes' processes: each forked from a prepared one, or started by rosrun."""
 import itertools
 import os
 import signal
 import subprocess
 import threading
-from typing import Callable, Dict, List, Optional, Sequence, Set, Union
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Union
 
 import psutil
 from roslib.packages import find_node, get_pkg_dir
@@ -14,14 +14,23 @@ from shsa_core.healing.events import StartSubstitute
 from shsa_core.ros.graph import secret
 from shsa_core.ros.graph.children import Children, Status
 from shsa_core.ros.graph.confinement import environment, wrapper
+from shsa_core.ros.graph.forking import UNKNOWN, Forked, Forking
 from shsa_core.ros.graph.heartbeats import HOST
 from shsa_core.ros.graph.kernel import gone, is_ours
 from shsa_core.ros.graph.places import master_place
 from shsa_core.substitution import signals
 
 PACKAGE = "shsa_core"
+
+
+class Forks(NamedTuple):
+    """What a prepared process is for: substitutes in a `namespace`, and these message `types`."""
+
+    namespace: str
+    types: Sequence[str] = ()
+
+
 STOP_TIMEOUT_S = 2.0
-UNKNOWN = "unknown"
 
 
 class Processes:
@@ -32,7 +41,8 @@ class Processes:
     `journals`: what the paths of the substitutes' journals begin with; empty: they keep none. Who
     comes later takes the path of one that has ended, so that there are never many. `secret_file`:
     by which they know their reconfigurator. `host`: the name of the agent that we are part of;
-    empty: of none.
+    empty: of none. `forks`: substitutes are forked from a prepared process; not in a sandbox of the
+    user's, of which each one has its own.
     """
 
     def __init__(
@@ -43,6 +53,7 @@ class Processes:
         secret_file: str,
         sandbox: Sequence[str] = (),
         host: str = "",
+        forks: Optional[Forks] = None,
     ) -> None:
         self._ended = ended
         self._cleared = cleared
@@ -60,6 +71,11 @@ class Processes:
         folder = get_pkg_dir(PACKAGE)
         # As paths in the package: rosrun takes twice as long where it has to look for a name.
         self._executables = {name: os.path.relpath(each[0], folder) for name, each in found.items()}
+        self._paths = {name: each[0] for name, each in found.items()}
+        self._forking: Optional[Forking] = None
+        if forks is not None and not sandbox:
+            words = [*self._wrapper, "rosrun", PACKAGE, self._executables["substitute"]]
+            self._forking = Forking(words, self._environment(forks.namespace), forks.types)
 
     def start(self, command: StartSubstitute) -> None:
         """Start a muted substitute, idle without a program.
@@ -68,27 +84,35 @@ class Processes:
         """
         node, program = command.node, command.program
         namespace, name = node.rsplit("/", 1)
-        variables = {**environment(os.environ), "ROS_NAMESPACE": namespace or "/"}
-        variables.update({secret.VARIABLE: self._secret_file, HOST: self._host})
-        words = ["rosrun", PACKAGE, self._executables["standby"]]
+        variables = self._environment(namespace)
+        executable, words = "standby", [f"__name:={name}"]
         if program is not None:
             strings = (",".join(program.inputs), program.code, ",".join(program.outputs))
-            words = ["rosrun", PACKAGE, self._executables["substitute"], *strings]
+            executable, words = "substitute", [*strings, *words]
             variables[signals.VARIABLE] = signals.encode(command.inputs, command.outputs)
         slot = self._free_slot()
         if self._journals:
             variables[signals.JOURNAL] = f"{self._journals}{slot}.journal"
-        words.append(f"__name:={name}")
-        process = subprocess.Popen(
-            [*self._wrapper, *words],
-            env=variables,
-            stdin=subprocess.DEVNULL,
-            start_new_session=True,
-        )
+        process: Optional[AnyProcess] = None
+        if self._forking is not None:
+            process = self._forking.start([self._paths[executable], *words], variables)
+        if process is None:
+            process = subprocess.Popen(
+                [*self._wrapper, "rosrun", PACKAGE, self._executables[executable], *words],
+                env=variables,
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,
+            )
         with self._lock:
             self._running[node] = process
             self._slots[node] = slot
         self._children.watch(process, lambda status: self._over(node, status))
+
+    def _environment(self, namespace: str) -> Dict[str, str]:
+        """What every substitute in a namespace finds in its environment."""
+        variables = {**environment(os.environ), "ROS_NAMESPACE": namespace or "/"}
+        variables.update({secret.VARIABLE: self._secret_file, HOST: self._host})
+        return variables
 
     def take_up(self, node: str, process: psutil.Process) -> None:
         """A substitute of a former reconfigurator is ours now."""
@@ -212,11 +236,13 @@ class FormerProcess:
         return UNKNOWN if gone(self._process) else None
 
 
-AnyProcess = Union["subprocess.Popen[bytes]", FormerProcess]
+AnyProcess = Union["subprocess.Popen[bytes]", FormerProcess, Forked]
 
 
 def end(process: AnyProcess, answers: bool = True) -> None:
     """End a process and all that it started, unasked if it is stopped or does not answer."""
+    if process.poll() is not None:
+        return  # its number may be another one's by now
     try:
         stopped = psutil.Process(process.pid).status() == psutil.STATUS_STOPPED
     except psutil.NoSuchProcess:

@@ -30,6 +30,7 @@ from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.host.agent_records import AgentRecords
 from shsa_core.ros.host.host import HostCommand, HostEvent
 from shsa_core.ros.host.line import Line
+from shsa_core.ros.graph.processes import Forks
 from shsa_core.ros.host.local import LocalHost
 from shsa_core.ros.host.remote import LOST_S
 from shsa_core.ros.host.texts import event_text, read_command
@@ -97,14 +98,16 @@ class AgentNode:
         topic = names.host_events(self._name)
         self._sign = signing.signer(topic, msg.HostEvent)
         self._publisher: Optional[rospy.Publisher] = None
+        prefix = Names(rospy.get_namespace()).prefix
         self._host = LocalHost(
             self._tell,
             Signs(hearer(self._name), cut_off=self._cut_off),
-            Names(rospy.get_namespace()).prefix,
+            prefix,
             arguments.journal,
             signing.path,
             arguments.sandbox,
             self._name,
+            Forks(prefix.rsplit("/", 1)[0]) if arguments.prepared else None,
         )
         self._records = AgentRecords(self._name)
         restarted = list(self._records.take_up(self._host.restarts))
@@ -237,6 +240,12 @@ def main() -> None:
     parser.add_argument("--restart-as-root", action="store_true", help="also if we are root")
     sandbox = "a program and its arguments to run the substitutes in"
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
+    parser.add_argument(
+        "--no-prepared",
+        dest="prepared",
+        action="store_false",
+        help="start each substitute by rosrun, and fork none from a prepared process",
+    )
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     node = f"agent_{arguments.name}"
     await_turn(node)

@@ -13,7 +13,7 @@ from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.coming_up import ComingUp
 from shsa_core.ros.graph.fence import Fence, Known
 from shsa_core.ros.graph.heartbeats import Signs, Watch
-from shsa_core.ros.graph.processes import Processes
+from shsa_core.ros.graph.processes import Forks, Processes
 from shsa_core.ros.graph.protection import Protection
 from shsa_core.ros.graph.restarts import Restarts
 from shsa_core.ros.graph.workers import Workers
@@ -27,7 +27,7 @@ class LocalHost:
     """A Host of this computer.
 
     `signs`: who hears the heartbeats of the substitutes, whose names begin with `prefix`.
-    `journals`, `secret_file`, `sandbox`, `name`: as in Processes; `name` is its `host`.
+    `journals`, `secret_file`, `sandbox`, `name`, `forks`: as in Processes; `name` is its `host`.
     """
 
     def __init__(
@@ -39,6 +39,7 @@ class LocalHost:
         secret_file: str,
         sandbox: Sequence[str] = (),
         name: str = "",
+        forks: Optional[Forks] = None,
     ) -> None:
         self._tell = tell
         self.prefix = prefix
@@ -53,6 +54,7 @@ class LocalHost:
             secret_file,
             sandbox,
             name,
+            forks,
         )
         self.restarts = Restarts(lambda node: tell(events.StarterEnded(clock.now(), node)))
         self._coming_up = ComingUp(self.restarts.started_again, self._came_up)

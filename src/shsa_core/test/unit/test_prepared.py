@@ -1,0 +1,216 @@
+"""Substitutes forked from a prepared process: real ones, without a ROS master."""
+import errno
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Dict, Iterator
+
+import psutil
+import pytest
+from roslib.packages import find_node
+
+from shsa_core.codegen.generator import Program
+from shsa_core.healing.events import StartSubstitute
+from shsa_core.model.service import Signal
+from shsa_core.ros.graph import forking, processes
+from shsa_core.ros.graph import prepared as prepared_process
+from shsa_core.ros.graph.forking import Forked
+from shsa_core.ros.graph.processes import Forks, Processes
+from shsa_testing.waiting import wait_until
+
+NAMESPACE = "/robot"
+START_S = 20.0
+
+
+class Bench:
+    """Substitutes, forked where that can be done, and what was told of their ends."""
+
+    def __init__(self) -> None:
+        self.ended: Dict[str, str] = {}
+        self.ours = self.processes()
+
+    def processes(self) -> Processes:
+        """As a reconfigurator, or one that follows it, has them."""
+        told = self.ended.__setitem__
+        return Processes(told, lambda _: None, "", "", forks=Forks(NAMESPACE, ["std_msgs/Bool"]))
+
+    @property
+    def forking(self) -> forking.Forking:
+        """What has the prepared process."""
+        assert self.ours._forking is not None
+        return self.ours._forking
+
+    def ready(self, but: int = 0) -> psutil.Process:
+        """Wait until there is a prepared process, and another one than `but`."""
+        wait_until(lambda: self.forking.pid not in (0, but), START_S, "a prepared process")
+        return psutil.Process(self.forking.pid)
+
+    def start(self, number: int = 1) -> psutil.Process:
+        """Start an idle substitute."""
+        node = f"{NAMESPACE}/substitute_a_{number}"
+        self.ours.start(StartSubstitute(node, None))
+        return psutil.Process(self.ours._running[node].pid)
+
+    def is_forked(self, number: int = 1) -> bool:
+        """Or was it started by rosrun?"""
+        return isinstance(self.ours._running[f"{NAMESPACE}/substitute_a_{number}"], Forked)
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    monkeypatch.setenv("ROS_MASTER_URI", "http://localhost:1")
+    monkeypatch.setattr(forking, "PAUSES_S", (0.01, 60.0))
+    made = Bench()
+    yield made
+    for node in made.ours.running():
+        made.ours.stop(node, answers=False)
+    made.forking.close()
+
+
+def test_a_fork_is_a_process_of_its_own_as_rosrun_would_have_started_it(bench: Bench) -> None:
+    prepared = bench.ready()
+    assert prepared.num_threads() == 1
+    process = bench.start()
+    assert bench.is_forked() and process.parent() == prepared
+    assert os.getsid(process.pid) == os.getpgid(process.pid) == process.pid
+    assert "__name:=substitute_a_1" in process.cmdline()
+    (standby,) = find_node("shsa_core", "standby")[:1]
+    assert process.cmdline()[1] == standby
+    assert os.readlink(f"/proc/{process.pid}/fd/0") == os.devnull
+    status = Path(f"/proc/{process.pid}/status").read_text()
+    assert "NoNewPrivs:\t1" in status
+    limits = {n: psutil.Process(process.pid).rlimit(n) for n in (psutil.RLIMIT_CORE,)}
+    assert limits[psutil.RLIMIT_CORE] == (0, 0)
+
+
+def test_a_fork_with_a_program_shows_its_name_however_long_its_code_is(bench: Bench) -> None:
+    bench.ready()
+    node = f"{NAMESPACE}/substitute_b_1"
+    code = "y=" + "+".join(["x[0]"] * 3000)
+    signals = [(Signal(t, "data", "std_msgs/Float64", "", 0.1, 0.5),) for t in ("/a", "/b")]
+    program = Program(("/a/data",), code, ("/b/data",))
+    bench.ours.start(StartSubstitute(node, program, *signals))
+    process = psutil.Process(bench.ours._running[node].pid)
+    assert isinstance(bench.ours._running[node], Forked)
+    assert "__name:=substitute_b_1" in process.cmdline()
+    assert bench.ours.runs_ours(node, process)
+
+
+def test_the_end_of_a_fork_is_told_as_that_of_a_started_one(bench: Bench) -> None:
+    bench.ready()
+    process = bench.start()
+    process.kill()
+    wait_until(lambda: bench.ended, 5.0, "its end is told")
+    assert bench.ended == {f"{NAMESPACE}/substitute_a_1": "exit status -9"}
+    wait_until(lambda: not psutil.pid_exists(process.pid), 5.0, "no zombie is left")
+
+
+def test_twenty_at_once(bench: Bench) -> None:
+    bench.ready()
+    started = [bench.start(number) for number in range(1, 21)]
+    assert all(bench.is_forked(number) for number in range(1, 21))
+    assert len({process.pid for process in started}) == 20
+    bench.ours.stop(f"{NAMESPACE}/substitute_a_3", answers=False)
+    wait_until(lambda: not started[2].is_running(), 5.0, "one has ended")
+    assert all(each.is_running() for each in started if each != started[2])
+
+
+def test_what_was_forked_goes_on_when_who_forked_it_is_killed_and_is_known(bench: Bench) -> None:
+    prepared = bench.ready()
+    process = bench.start()
+    prepared.kill()
+    again = bench.ready(but=prepared.pid)
+    assert process.is_running() and not bench.ended
+    follower = Processes(lambda *_: None, lambda _: None, "", "")
+    left = follower.left_behind(f"{NAMESPACE}/substitute_")
+    assert left == {f"{NAMESPACE}/substitute_a_1": process}
+    process.kill()
+    wait_until(lambda: bench.ended, 5.0, "its end is told")
+    assert bench.ended == {f"{NAMESPACE}/substitute_a_1": "exit status unknown"}
+    bench.start(2)
+    assert bench.is_forked(2) and again.is_running()
+
+
+def test_one_that_is_stopped_is_passed_by_at_once_and_replaced(bench: Bench) -> None:
+    prepared = bench.ready()
+    prepared.suspend()
+    wait_until(lambda: prepared.status() == psutil.STATUS_STOPPED, 5.0, "it is stopped")
+    bench.start()
+    assert not bench.is_forked()
+    bench.ready(but=prepared.pid)
+    bench.start(2)
+    assert bench.is_forked(2)
+
+
+def test_an_order_that_was_given_up_is_never_carried_out(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It stops after it was looked at, and hears the order when it is given up by then."""
+    prepared = bench.ready()
+    prepared.suspend()
+    with monkeypatch.context() as patched:
+        patched.setattr(forking, "stopped", lambda process: False)
+        patched.setattr(psutil.Process, "kill", lambda process: process.resume())
+        bench.start()
+    assert not bench.is_forked()
+    bench.forking.ready.set()
+    second = bench.start(2)  # after the first order
+    assert bench.is_forked(2)
+    wait_until(lambda: prepared.children() == [second], 5.0, "the first has ended without leave")
+
+
+def test_a_fork_that_is_refused_costs_neither_the_substitute_nor_the_next(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepared = bench.ready()
+    with monkeypatch.context() as patched:
+        patched.setattr(forking, "READY", b"other")
+        bench.start()
+    assert not bench.is_forked() and prepared.is_running()
+    bench.start(2)
+    assert bench.is_forked(2)
+
+
+def test_where_no_process_can_be_made_it_is_said(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def refuse() -> int:
+        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(os, "fork", refuse)
+    assert not prepared_process._fork({"words": ["standby", "__name:=substitute_a_1"]})
+    assert "substitute_a_1 cannot be forked: [Errno 11]" in capfd.readouterr().err
+
+
+def test_it_ends_with_who_gives_it_orders(bench: Bench) -> None:
+    prepared, process = bench.ready(), bench.start()
+    line = bench.forking._line
+    assert line is not None
+    line.shutdown(socket.SHUT_RDWR)
+    wait_until(lambda: not prepared.is_running(), 5.0, "it has ended")
+    assert process.is_running()
+
+
+def test_another_environment_is_not_forked(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.ready()
+    monkeypatch.setenv("ROS_IP", "127.0.0.2")
+    bench.start()
+    assert not bench.is_forked()
+
+
+def test_in_a_sandbox_each_is_started_by_itself() -> None:
+    none = Processes(lambda *_: None, lambda _: None, "", "", ["env"], forks=Forks("/"))
+    assert none._forking is None
+
+
+def test_orders_come_on_a_socket_alone() -> None:
+    (substitute,) = find_node("shsa_core", "substitute")[:1]
+    done = subprocess.run(
+        [sys.executable, substitute, "--prepared"],
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        timeout=START_S,
+    )
+    assert done.returncode == 1 and b"it takes orders on a socket" in done.stderr
