@@ -1,18 +1,16 @@
-"""Rows of the table of substitutions as messages, and a reader whom only its own rows concern."""
+"""Rows of the table of substitutions as messages, and whom each of them concerns."""
 from dataclasses import replace
-from io import BytesIO
+from typing import Dict
 
-import genpy
 import pytest
-from shsa_msgs.msg import Substitutions
-from std_msgs.msg import Header
+from shsa_msgs import msg
 from substitute_driver import IN, OUT, row, signal
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
-from shsa_core.ros.wire.rows import only_rows_of, substitution_message, substitution_row
+from shsa_core.ros.wire.rows import OwnRows, substitution_message, substitution_row
 
 ROWS = (
     row(True, (IN, signal("/joint", None, None, "/left", "position[2]")), original="/node"),
@@ -22,14 +20,6 @@ ROWS = (
     replace(row(), bridge=0.05),
     row(outputs=(replace(OUT, gain=1.2, offset=-0.5, error=Error(0.3, p95=0.7)),)),
 )
-
-
-def encoded(**of: object) -> bytes:
-    """A table as bytes."""
-    header = Header(seq=7, stamp=genpy.Time(3, 4), frame_id="map")
-    buffer = BytesIO()
-    Substitutions(header=header, sequence=2**40, **of).serialize(buffer)
-    return buffer.getvalue()
 
 
 @pytest.mark.parametrize("each", ROWS)
@@ -46,25 +36,34 @@ def test_a_row_that_says_of_a_cut_what_nobody_knows_is_refused() -> None:
     assert substitution_row(message).on_partition is OnPartition.WAIT
 
 
-@pytest.mark.parametrize("whole", [True, False])
-def test_rows_of_others_are_not_decoded_but_counted(whole: bool) -> None:
-    rows = [substitution_message(each) for each in ROWS]
-    data = encoded(whole=whole, substitutions=rows, removed=["/substitute_2"])
-    message = only_rows_of("/substitute_123", lambda: False)().deserialize(data)
-    assert (message.sequence, message.whole) == (2**40, whole)
-    assert (message.substitutions, message.removed) == ([], [])
-    assert message.header == Substitutions().deserialize(data).header
+def table(*rows: Substitution) -> Dict[str, msg.Substitution]:
+    return {each.node or each.service: substitution_message(each) for each in rows}
 
 
-@pytest.mark.parametrize("node", ["/substitute_1", "/substitute_12", "/idle", "/substitute_2"])
-def test_a_table_that_names_the_reader_is_decoded(node: str) -> None:
-    rows = [substitution_message(each) for each in ROWS]
-    data = encoded(substitutions=rows, removed=["/substitute_2"])
-    message = only_rows_of(node, lambda: False)().deserialize(data)
-    assert [substitution_row(each) for each in message.substitutions] == list(ROWS)
-    assert message.removed == ["/substitute_2"]
+PLAN = Substitution("", "warm", (IN,), "y=x[0]", (OUT,))
+BUSY = Substitution("/substitute_a_1", "a", (IN,), "y=x[0]", (OUT,))
+OTHER = replace(BUSY, node="/substitute_b_2", service="b")
+IDLE = Substitution("/substitute_standby_3", "", (), "", ())
+NEW = "/substitute_c_4"
+NAMES = BUSY.node, OTHER.node, IDLE.node, NEW
 
 
-def test_the_reader_subscribes_the_type_of_the_table() -> None:
-    reader = only_rows_of("/idle", lambda: False)
-    assert (reader._type, reader._md5sum) == (Substitutions._type, Substitutions._md5sum)
+def test_a_substitute_is_told_its_own_row_and_an_idle_one_the_plans_too() -> None:
+    own, rows = OwnRows("/substitute_"), table(PLAN, BUSY, OTHER, IDLE)
+    assert own.rows(BUSY.node, rows) == [rows[BUSY.node]]
+    assert own.rows(IDLE.node, rows) == [rows[IDLE.node], rows["warm"]]
+    assert own.rows(NEW, rows) == [rows["warm"]], "it has no row yet: it may be idle"
+
+
+def test_a_change_goes_to_whom_it_concerns() -> None:
+    own, rows = OwnRows("/substitute_"), table(PLAN, BUSY, OTHER, IDLE)
+    assert own.readers(BUSY.node, rows, NAMES) == [BUSY.node]
+    assert own.readers(BUSY.node, rows, (OTHER.node,)) == [], "it is not connected yet"
+    assert own.readers("warm", rows, NAMES) == [IDLE.node, NEW]
+    rows.update(table(replace(IDLE, code="y=x[0]")))
+    assert own.readers("warm", rows, NAMES) == [NEW], "it is at work now"
+
+
+@pytest.mark.parametrize("name", ["/monitor", "/reconfigurator", "/rostopic_1", "/ns/substitute_1"])
+def test_whoever_is_no_substitute_of_ours_is_told_all(name: str) -> None:
+    assert not OwnRows("/substitute_").addressed(name)

@@ -8,7 +8,7 @@ import pytest
 import rospy
 from hypothesis import given
 from hypothesis import strategies as st
-from shsa_msgs.msg import Failure, Health, PublisherHealth, Substitution, Substitutions
+from shsa_msgs.msg import Failure, Health, PublisherHealth, Substitutions
 
 from shsa_core.ros.graph import places
 from shsa_core.ros.graph.refusals import SENDERS, Refusals
@@ -25,7 +25,6 @@ from shsa_core.ros.graph.seal import (
     Seal,
 )
 from shsa_core.ros.graph.signing import Signing
-from shsa_core.ros.wire.rows import only_rows_of
 
 KEY = bytes(range(32))
 BOOT = b"the boot of ours"
@@ -198,17 +197,14 @@ def test_a_master_may_be_spelled_otherwise(spelled: str, monkeypatch: pytest.Mon
     assert places.master_place() == "localhost:11311"
 
 
-def test_a_substitute_reads_of_other_rows_no_more_than_where_the_table_is(own: Signing) -> None:
+def test_whom_a_table_is_meant_for_is_signed(own: Signing) -> None:
     signed = own.signed("table", Substitutions)
-    rows = [Substitution(node="/other", code="x" * 100)]
-    checked = own.checked("table", only_rows_of("/mine", lambda: False))
-    data = sent(signed(began=7, sequence=5, whole=True, substitutions=rows))
+    checked = own.checked("table", Substitutions)
+    data = sent(signed(began=7, sequence=5, whole=True, to="/mine"))
     read: Any = checked().deserialize(data)
-    assert (read.refusal, read.began, read.sequence, read.whole) == ("", 7, 5, True)
-    assert read.substitutions == []
-    stranger = sent(Substitutions(whole=True, substitutions=[Substitution(node="/mine")]))
-    mine: Any = own.checked("table", only_rows_of("/mine", lambda: True))().deserialize(stranger)
-    assert mine.refusal == "it is not signed" and mine.substitutions == []
+    assert (read.refusal, read.sequence, read.whole, read.to) == ("", 5, True, "/mine")
+    other: Any = checked().deserialize(data.replace(b"/mine", b"/them"))
+    assert other.refusal == WRONG and other.to == ""
 
 
 def test_the_signature_is_the_end_of_every_signed_type() -> None:

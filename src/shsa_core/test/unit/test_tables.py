@@ -1,11 +1,18 @@
-"""Which message of a table is taken on top of what was heard: in order, once, of one sender."""
+"""Which message of a table is taken on top of what was heard: in order, once, of one sender.
+
+And what a publisher sends to whom.
+"""
+import io
+import threading
 from typing import Any, Callable, List, Tuple
 
 import pytest
-from shsa_msgs.msg import Health
+import rospy
+from shsa_msgs.msg import Health, Substitution, Substitutions
 
 from shsa_core.ros.graph import tables
-from shsa_core.ros.graph.tables import TableSubscriber
+from shsa_core.ros.graph.tables import TablePublisher, TableSubscriber
+from shsa_core.ros.wire.rows import OwnRows
 
 
 class Trusting:
@@ -128,3 +135,125 @@ def test_a_whole_that_is_asked_for_is_awaited_before_anything_else_counts() -> N
     bench.subscriber.ask_again()
     assert not bench.send(7, 2, whole=False, sent=2)
     assert bench.send(7, 2, whole=True, sent=3) and bench.send(7, 3, whole=False, sent=4)
+
+
+def test_what_is_addressed_to_another_is_not_heard() -> None:
+    """It would say by its silence that we have no row."""
+    heard: List[int] = []
+    trusting: Any = Trusting()
+    subscriber = TableSubscriber(
+        "table", Substitutions, lambda each: heard.append(each.sequence), trusting, "/mine"
+    )
+    for number, to in enumerate(("/mine", "/other", "/mine", "")):
+        message = Addressed(began=1, sequence=number, whole=True, sent=10 + number, to=to)
+        message.sent_here = 10 + number
+        subscriber._received(message)
+    assert heard == [0, 2, 3]
+
+
+class Addressed(Substitutions):  # type: ignore[misc]
+    """A table that is not refused."""
+
+    sent_here = 0
+
+
+class Connection:
+    """One subscriber's, and what it was sent."""
+
+    def __init__(self, name: str) -> None:
+        self.endpoint_id, self.done = name, False
+        self.sent: List[bytes] = []
+
+    @property
+    def read(self) -> List[Substitutions]:
+        return [Substitutions().deserialize(data) for data in self.sent]
+
+
+class Impl:
+    """What rospy has of a publisher."""
+
+    def __init__(self) -> None:
+        self.connections: List[Connection] = []
+        self.publock = threading.RLock()
+
+    def publish(self, message: Any, connection_override: Connection) -> None:
+        data = io.BytesIO()
+        message.serialize(data)
+        connection_override.sent.append(data.getvalue())
+
+
+class Robot:
+    """A table with so many rows, and each row's substitute."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+        impl = Impl()
+        self._up = impl.connections
+        publisher = type("Publisher", (), {"impl": impl})()
+        monkeypatch.setattr(tables.rospy, "Publisher", lambda *_, **__: publisher)
+        monkeypatch.setattr(tables.rospy.Time, "now", staticmethod(rospy.Time))
+        self.table = TablePublisher(
+            "table",
+            Substitutions,
+            "substitutions",
+            lambda row: row.node or row.service,
+            addressing=OwnRows("/substitute_"),
+        )
+        self.names = [f"/substitute_{number:04}" for number in range(count)]
+        self.rows = [Substitution(node=name, service="s", code="y=1") for name in self.names]
+        self.table.update(self.rows)
+        self.substitutes = [self.connect(name) for name in self.names]
+
+    def connect(self, name: str) -> Connection:
+        connection = Connection(name)
+        self._up.append(connection)
+        self.table.peer_subscribe("table", None, lambda _: None)
+        return connection
+
+    def change_all(self) -> None:
+        for row in self.rows:
+            row.publishing = True
+            self.table.update([row])
+        self.table.update([], self.names[:1])
+
+
+def test_what_a_substitute_is_sent_does_not_grow_with_the_robot(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    sizes = []
+    for count in (3, 300):
+        robot = Robot(monkeypatch, count)
+        robot.change_all()
+        first, second = (each.read for each in robot.substitutes[:2])
+        assert [(each.sequence, each.whole, each.to) for each in second] == [
+            (0, True, robot.names[1]),
+            (1, False, robot.names[1]),
+        ]
+        assert [row.node for each in second for row in each.substitutions] == 2 * [robot.names[1]]
+        assert first[-1].removed == [robot.names[0]] and first[-1].sequence == 2
+        sizes.append(sum(len(data) for data in robot.substitutes[1].sent))
+    assert sizes[0] == sizes[1]
+
+
+def test_everybody_else_is_sent_the_whole_and_every_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = Robot(monkeypatch, 4)
+    person = robot.connect("/rostopic_1")
+    robot.change_all()
+    assert len(person.read[0].substitutions) == 4 and person.read[0].whole
+    assert [each.sequence for each in person.read] == list(range(1, 7))
+    assert {each.to for each in person.read} == {""}
+
+
+def test_who_is_connected_twice_is_sent_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = Robot(monkeypatch, 2)
+    second = robot.connect(robot.names[0])
+    robot.rows[0].publishing = True
+    robot.table.update(robot.rows[:1])
+    assert second.sent[-1] == robot.substitutes[0].sent[-1]
+
+
+def test_who_comes_back_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So no change that was kept back can ever follow on what he hears now."""
+    robot = Robot(monkeypatch, 2)
+    robot.substitutes[0].done = True
+    again = robot.connect(robot.names[0])
+    assert again.read[0].whole and again.read[0].began > robot.substitutes[0].read[0].began

@@ -95,6 +95,7 @@ class Reconfigurator(Hearing):
         self._time = max(self._time, event.time)  # a failure is heard after it was seen
         self._forget_ended()
         commands = self._handlers[type(event)](event)
+        commands += self._start_waiting()
         commands += self._settle()
         commands += [] if self._over else self._refill()
         commands += self._watch()
@@ -119,6 +120,7 @@ class Reconfigurator(Hearing):
         dues = (
             self._agenda.next(),
             self._pool.deadline,
+            self._starts.deadline,
             self._kills.deadline,
             self._acquaintance.deadline,
             self._untold.next(),
@@ -246,6 +248,7 @@ class Reconfigurator(Hearing):
         return self._ask(name, lambda healing, now: healing.started(event))
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
+        self._starts.over(event.node)
         if event.node in self._pool.nodes:
             commands = self._pool.died(event.time, event.node, event.detail)
             self._substitutions.set(event.node, None)
@@ -267,6 +270,7 @@ class Reconfigurator(Hearing):
 
     def _process_heard(self, event: events.ProcessHeard) -> List[Command]:
         self._pool.heard(event.node)
+        self._starts.over(event.node)
         return []
 
     def _process_hung(self, event: events.ProcessHung) -> List[Command]:

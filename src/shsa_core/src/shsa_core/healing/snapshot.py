@@ -29,6 +29,7 @@ class Snapshot:
     the two is taken each time. `verdict` decides about a faulty node: its name, the kind of
     failure, whether something takes the service over, and whether the node would be started again.
     `parted`: whether a cut may part the substitute from us or from the original.
+    `room`: whether a process may be started now that no failure needs; else it is asked later.
     `awaited`: whether a node that comes back may bring another service that nothing else gives.
     `far`: the service's node is on another computer, behind a link.
     """
@@ -48,6 +49,7 @@ class Snapshot:
     verdict: Callable[[str, Kind, bool, bool], Verdict]
     awaited: Callable[[str], bool]
     parted: bool
+    room: Callable[[], bool]
     far: bool = False
 
     def by_link(self, kind: Kind) -> bool:

@@ -133,10 +133,14 @@ class SubstituteProcess:
             return self.drop()
 
     def prepare(self, now: Snapshot) -> List[Command]:
-        """Follow the best plan for the case that the service's node fails."""
+        """Follow the best plan for the case that the service's node fails.
+
+        A process is started for it once there is room.
+        """
         try:
             plan = now.planner.ahead(now.service)
-            return [] if plan == self.plan else self.use(now, plan)
+            waits = not self.node and not now.room()
+            return [] if waits or plan == self.plan else self.use(now, plan)
         except ShsaError:
             return self.drop()
 

@@ -23,6 +23,7 @@ from shsa_core.healing.records import HealingRecord, Records, service_key
 from shsa_core.healing.settings import Settings
 from shsa_core.healing.snapshot import Request, Snapshot
 from shsa_core.healing.stakes import Stakes
+from shsa_core.healing.starts import Starts
 from shsa_core.healing.strays import Strays
 from shsa_core.healing.tables import SomTable, SubstitutionTable
 from shsa_core.healing.topic import TopicHealing
@@ -69,6 +70,7 @@ class Upkeep:
         self._calibrations = Calibrations(self._open)
         self._planner = self._planner_of(ontology)
         self._pool = Pool(settings)
+        self._starts = Starts()
         self._healings: Dict[str, TopicHealing] = {}
         self._agenda: Agenda[str] = Agenda()
         self._concern = Concern()
@@ -202,6 +204,13 @@ class Upkeep:
                 commands += self._ask(name, lambda healing, now: healing.changed(now, True))
         return commands
 
+    def _start_waiting(self) -> List[Command]:
+        """Prepare the hot services that waited, as far as there is room."""
+        commands: List[Command] = []
+        for name in self._starts.due(self._time):
+            commands += self._ask(name, lambda healing, now: healing.replan(now))
+        return commands
+
     def _refill(self) -> List[Command]:
         """Start the idle processes that are due."""
         commands: List[Command] = []
@@ -289,6 +298,7 @@ class Upkeep:
             awaited=partial(self._stakes.awaited, service),
             far=bool(self._where.host_of(service.node)),
             parted=self._where.parted(service),
+            room=partial(self._starts.room, self._time, service.name),
         )
 
     def _absorb(self, requests: Iterable[Request]) -> List[Command]:
@@ -313,6 +323,7 @@ class Upkeep:
                 running = (*self._concern.by_process, *self._pool.nodes)
                 self._nodes.substitutes.add(request.node, running)
                 self.names.use()
+                self._starts.began(self._time, request.node)
             elif isinstance(request, events.AssignSubstitute) and request.node in self._pool.nodes:
                 self._pool.take(self._time, request.node)
             commands.append(request)

@@ -55,7 +55,7 @@ from shsa_core.ros.services import Services
 from shsa_core.ros.succession import take_over
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
-from shsa_core.ros.wire.rows import substitution_message
+from shsa_core.ros.wire.rows import OwnRows, substitution_message
 
 LOG: Dict[Level, Callable[..., None]] = {
     Level.INFO: rospy.loginfo,
@@ -131,6 +131,7 @@ class ReconfiguratorNode:
             lambda row: row.node or row.service,
             signing,
             opened=False,
+            addressing=OwnRows(prefix),
         )
         self._som_state = TablePublisher(
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False

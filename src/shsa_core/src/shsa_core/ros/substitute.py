@@ -26,7 +26,7 @@ from shsa_core.ros.graph.overhearing import Overhearing
 from shsa_core.ros.graph import secret
 from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.wire import names
-from shsa_core.ros.wire.rows import only_rows_of, substitution_row
+from shsa_core.ros.wire.rows import substitution_row
 from shsa_core.ros.graph.tables import TableSubscriber
 from shsa_core.ros.graph.worker import Worker
 from shsa_core.ros.node import run
@@ -119,8 +119,8 @@ class SubstituteNode:
             events.Started(self._clock.now(), self._row, unusable(self._row), clock.ros_ns())
         )
         if self._signing is not None:
-            message_class = only_rows_of(self._name, lambda: self._idle)
-            TableSubscriber(names.SUBSTITUTIONS, message_class, self._table, self._signing)
+            table_of = msg.Substitutions, self._table, self._signing, self._name
+            TableSubscriber(names.SUBSTITUTIONS, *table_of)
             self._telling.put(self._failures)  # known before it has something to tell
         alone = cut_off = False
         while not rospy.is_shutdown():

@@ -3,8 +3,7 @@
 A module of its own: a substitute must start soon, and needs nothing else of the wire.
 """
 import math
-import struct
-from typing import Callable, List, Optional, Sequence, Type
+from typing import Collection, Dict, Iterable, List, Optional, Sequence
 
 from shsa_msgs import msg
 
@@ -13,41 +12,45 @@ from shsa_core.model.error import Error
 from shsa_core.model.kinds import OnPartition, Others
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
+from shsa_core.ros.graph.tables import Addressing
 from shsa_core.substitution import signals
 
-_LENGTH = struct.Struct("<I")
 NOT_KNOWN = math.nan
-_COUNTERS = struct.Struct("<QQB")
+Rows = Dict[str, msg.Substitution]
+"""By node, or by service where they have none."""
 
 
-def only_rows_of(node: str, all_: Callable[[], bool]) -> Type[msg.Substitutions]:
-    """The message type of the table, for a reader whom only the rows of `node` concern.
+class OwnRows(Addressing):
+    """Substitutes, whose names begin with `prefix`, are told their own row.
 
-    While `all_` says so, it is concerned by all.
-
-    It decodes a message that names the node, and of any other only its sequence and whether it is
-    the whole: else every substitute would decode the rows of all.
+    An idle one is told the rows of the plans too, which name no node.
     """
-    name = _LENGTH.pack(len(node.encode())) + node.encode()
 
-    class OwnRows(msg.Substitutions):  # type: ignore[misc]
-        """The table of substitutions as one of them sees it."""
+    def __init__(self, prefix: str) -> None:
+        self._prefix = prefix
 
-        def deserialize(self, data: bytes) -> msg.Substitutions:
-            """Read a message."""
-            if name in data or all_():
-                return super().deserialize(data)
-            # Of header.frame_id, behind sequence and stamp.
-            (length,) = _LENGTH.unpack_from(data, 12)
-            self.header.seq, self.header.stamp.secs, self.header.stamp.nsecs = struct.unpack_from(
-                "<3I", data
-            )
-            self.header.frame_id = data[16 : 16 + length].decode("utf-8", "replace")
-            self.began, self.sequence, whole = _COUNTERS.unpack_from(data, 16 + length)
-            self.whole = bool(whole)
-            return self
+    def addressed(self, subscriber: str) -> bool:
+        """Whether it is named as a substitute."""
+        return subscriber.startswith(self._prefix)
 
-    return OwnRows
+    def rows(self, subscriber: str, rows: Rows) -> List[msg.Substitution]:
+        """Its own, and the plans if it is idle."""
+        own = [rows[subscriber]] if subscriber in rows else []
+        if not _idle(subscriber, rows):
+            return own
+        return own + [row for row in rows.values() if not row.node]
+
+    def readers(self, key: str, rows: Rows, subscribers: Collection[str]) -> Iterable[str]:
+        """The node of a row, or all that are idle."""
+        node = rows[key].node
+        if node:
+            return [node] if node in subscribers else []
+        return [name for name in subscribers if _idle(name, rows)]
+
+
+def _idle(subscriber: str, rows: Rows) -> bool:
+    """Whether a substitute may have no program yet."""
+    return subscriber not in rows or not rows[subscriber].code
 
 
 def substitution_message(row: Substitution) -> msg.Substitution:

@@ -1,0 +1,53 @@
+"""Paces the starts of hot substitutes, so that the robot's own nodes are not starved by them."""
+from typing import Dict, List, Optional
+
+AT_ONCE = 2
+"""So many processes come up at a time: each costs most of a core until it is heard."""
+PATIENCE_S = 2.0
+"""So long at most is a process awaited: one that is never heard holds nobody up for good."""
+
+
+class Starts:
+    """Which processes are coming up, and which services wait for a hot substitute.
+
+    A failure never waits: only what is prepared asks for room.
+    """
+
+    def __init__(self) -> None:
+        self._began: Dict[str, float] = {}
+        self._waiting: Dict[str, None] = {}
+
+    @property
+    def deadline(self) -> Optional[float]:
+        """When the next one may be started at the latest, in s; None: nobody waits."""
+        if not self._waiting:
+            return None
+        return min((began + PATIENCE_S for began in self._began.values()), default=float("-inf"))
+
+    def began(self, time: float, node: str) -> None:
+        """A process is started."""
+        self._began[node] = time
+
+    def over(self, node: str) -> None:
+        """A process was heard, or has ended."""
+        self._began.pop(node, None)
+
+    def room(self, time: float, service: str) -> bool:
+        """Whether a service may have a hot substitute started now; else it waits for its turn."""
+        self._began = {
+            node: began for node, began in self._began.items() if time < began + PATIENCE_S
+        }
+        if len(self._began) < AT_ONCE:
+            return True
+        self._waiting[service] = None
+        return False
+
+    def due(self, time: float) -> List[str]:
+        """The services whose turn it is now: no more than have room."""
+        if not self._waiting:
+            return []
+        coming_up = sum(time < began + PATIENCE_S for began in self._began.values())
+        names = list(self._waiting)[: max(0, AT_ONCE - coming_up)]
+        for name in names:
+            del self._waiting[name]
+        return names
