@@ -1,6 +1,5 @@
 """How a substitute looks whether the others on its topic are silent, and not just unread."""
 import socket
-import threading
 from types import SimpleNamespace
 from typing import Any, Iterator, List, Tuple
 
@@ -18,7 +17,7 @@ class Bench:
     def __init__(self) -> None:
         self.heard: List[Tuple[str, str, int]] = []
         self.others = Overhearing(OURS, lambda *told: self.heard.append(told))
-        impl: Any = SimpleNamespace(connections=[], c_lock=threading.RLock())
+        impl: Any = SimpleNamespace(connections=[])
         self.connections = impl.connections
         self.others._subscribers[TOPIC] = SimpleNamespace(impl=impl)
         self.sockets: List[socket.socket] = []

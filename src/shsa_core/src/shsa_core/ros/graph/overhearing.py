@@ -67,10 +67,8 @@ class Overhearing:
     def _connections(self, topic: str) -> List[Any]:
         subscriber = self._subscribers.get(topic)
         impl = None if subscriber is None else subscriber.impl
-        if impl is None:
-            return []
-        with impl.c_lock:
-            return list(impl.connections)
+        # Once ROS shuts down there are none. rospy never changes the list itself.
+        return [] if impl is None else list(impl.connections or ())
 
     def _received(self, message: genpy.Message, topic: str) -> None:
         publisher = message._connection_header["callerid"]
