@@ -13,7 +13,7 @@ import psutil
 import rospy
 
 from shsa_core.ros.graph.children import Status
-from shsa_core.ros.graph.heartbeats import CREDENTIALS, SPACE, sender
+from shsa_core.ros.graph.heartbeats import SPACE, sender
 from shsa_core.ros.graph.kernel import descriptor, gone, stopped
 from shsa_core.ros.graph.prepared import GO, LARGEST_ORDER_B, READY, VARIABLES, arguments
 from shsa_core.substitution import signals
