@@ -1,6 +1,7 @@
-"""The start of healing on robots of many warm topics: does it blame or kill what is healthy?
+"""The start of healing on robots of many warm or hot topics: does it blame or kill what is healthy?
 
-    python3 start_of_robots.py [--topics N ...] [--starts N] [--seconds S] [--results DIR]
+    python3 start_of_robots.py [--topics N ...] [--standby warm|hot ...] [--starts N]
+                               [--seconds S] [--results DIR]
 
 The robot runs and is well; then healing starts beside it. An independent consumer in plain sockets
 notes each pause of the robot's topics, so that a failure that is told can be held against what
@@ -12,6 +13,7 @@ import sys
 import threading
 import time
 from concurrent.futures import ProcessPoolExecutor
+from itertools import product
 from pathlib import Path
 from typing import Any, Dict, List, NamedTuple, Tuple
 
@@ -32,11 +34,13 @@ STARTUP_S = 120.0
 class Start(NamedTuple):
     """What happened at one start; times in s.
 
-    `real`: failures by silence for which the consumer saw the same pause. `ready`: until the idle
-    processes were connected; `longest`: the longest pause before and after healing was started.
+    `real`: failures by silence for which the consumer saw the same pause. `ready`: until all the
+    processes were registered that wait for a failure, 0: not in time; `longest`: the longest pause
+    before and after healing was started.
     """
 
     topics: int
+    standby: str
     failures: int
     real: int
     killed: int
@@ -82,12 +86,14 @@ class Probe:
         )
 
 
-def write_models(graph: Graph, count: int, a_node: int, period: float) -> Tuple[Path, Path]:
+def write_models(
+    graph: Graph, count: int, a_node: int, period: float, standby: str
+) -> Tuple[Path, Path]:
     """Each topic can be computed from the one of the same place in the next node."""
     services, relations = [], {}
     for number in range(count):
         topic, node = f"/stream_{number}", f"/many_{number // a_node * a_node}"
-        services.append(service(topic, node, period, needed=True, standby="warm"))
+        services.append(service(topic, node, period, needed=True, standby=standby))
         other = f"stream_{(number + a_node) % count}"
         relations[f"r_{number}"] = {f"stream_{number}": f"2*{other}"}
     properties = {f"stream_{number}": {"unit": "m"} for number in range(count)}
@@ -96,7 +102,7 @@ def write_models(graph: Graph, count: int, a_node: int, period: float) -> Tuple[
     return ontology, write_som(graph.folder / "som.yaml", services)
 
 
-def start(count: int, a_node: int, period: float, seconds: float) -> Start:
+def start(count: int, standby: str, a_node: int, period: float, seconds: float) -> Start:
     """One robot, and one start of healing beside it."""
     with Graph() as graph:
         nodes = [
@@ -114,7 +120,7 @@ def start(count: int, a_node: int, period: float, seconds: float) -> Start:
         )
         time.sleep(5.0)
         begun = time.monotonic()
-        ontology, som = write_models(graph, count, a_node, period)
+        ontology, som = write_models(graph, count, a_node, period, standby)
         launch = graph.start(
             *("roslaunch", "shsa_core", "shsa.launch"),
             *(f"ontology:={ontology}", f"som:={som}"),
@@ -123,8 +129,8 @@ def start(count: int, a_node: int, period: float, seconds: float) -> Start:
         ready = 0.0
         while time.monotonic() < begun + seconds:
             time.sleep(0.5)
-            if not ready:
-                ready = _prepared(topics[-1], begun)
+            if not ready and _prepared() >= (2 if standby == "warm" else count):
+                ready = time.monotonic() - begun
         end = time.monotonic()
         killed = sum(process.poll() is not None for process in nodes)
         told = [
@@ -134,6 +140,7 @@ def start(count: int, a_node: int, period: float, seconds: float) -> Start:
         silent = [(at, each) for at, each in failures if each.kind == "silent"]
         found = Start(
             count,
+            standby,
             len(failures),
             sum(probe.saw(each.topic, at) for at, each in silent),
             killed,
@@ -154,36 +161,37 @@ def start(count: int, a_node: int, period: float, seconds: float) -> Start:
         return found
 
 
-def _prepared(topic: str, begun: float) -> float:
-    """When the pool is registered for the last topic, in s since `begun`; 0: not yet."""
-    idle = [name for name in registered_nodes() if "standby" in name]
-    return time.monotonic() - begun if len(idle) >= 2 else 0.0
+def _prepared() -> int:
+    """How many substitutes are registered."""
+    return sum(name.startswith("/substitute_") for name in registered_nodes())
 
 
 def main() -> int:
     """Start robots; 1 if anything healthy was killed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--topics", type=int, nargs="+", default=[10, 30, 100])
+    parser.add_argument("--topics", type=int, nargs="+", default=[10, 100, 300])
+    modes = ["warm", "hot"]
+    parser.add_argument("--standby", nargs="+", choices=modes, default=modes)
     parser.add_argument("--a-node", type=int, default=10, help="topics a node")
     parser.add_argument("--period", type=float, default=0.05)
-    parser.add_argument("--starts", type=int, default=2, help="starts of each robot")
+    parser.add_argument("--starts", type=int, default=20, help="starts of each robot")
     parser.add_argument("--seconds", type=float, default=40.0, help="how long each is looked at")
     parser.add_argument("--results", type=Path, default=Path("results/bench"))
     options = parser.parse_args()
     options.results.mkdir(parents=True, exist_ok=True)
     rows: List[Start] = []
-    for count in options.topics:
-        for _ in range(options.starts):
-            # A ROS node cannot start twice in one process.
-            with ProcessPoolExecutor(1) as once:
-                what = (count, options.a_node, options.period, options.seconds)
-                rows.append(once.submit(start, *what).result())
-            show = [[str(getattr(row, name)) for name in COLUMNS] for row in rows]
-            print_table("Starts of healing", COLUMNS, show)
-            document: List[Dict[str, Any]] = [row._asdict() for row in rows]
-            path = options.results / "start_of_robots.json"
-            path.write_text(json.dumps(document, indent=1) + "\n")
-    return 1 if any(row.killed for row in rows) else 0
+    robots = product(options.topics, options.standby, range(options.starts))
+    for count, standby, _ in robots:
+        # A ROS node cannot start twice in one process.
+        with ProcessPoolExecutor(1) as once:
+            what = (count, standby, options.a_node, options.period, options.seconds)
+            rows.append(once.submit(start, *what).result())
+        show = [[str(getattr(row, name)) for name in COLUMNS] for row in rows]
+        print_table("Starts of healing", COLUMNS, show)
+        document: List[Dict[str, Any]] = [row._asdict() for row in rows]
+        path = options.results / "start_of_robots.json"
+        path.write_text(json.dumps(document, indent=1) + "\n")
+    return 1 if any(row.killed or row.incidents for row in rows) else 0
 
 
 COLUMNS = tuple(name for name in Start._fields if name != "told")

@@ -64,6 +64,8 @@ def test_a_change_goes_to_whom_it_concerns() -> None:
     assert own.readers("warm", rows, NAMES) == [NEW], "it is at work now"
 
 
-@pytest.mark.parametrize("name", ["/monitor", "/reconfigurator", "/rostopic_1", "/ns/substitute_1"])
+@pytest.mark.parametrize(
+    "name", ["/monitor", "/rostopic_1", "/ns/substitute_a_1", "/substitute_test"]
+)
 def test_whoever_is_no_substitute_of_ours_is_told_all(name: str) -> None:
     assert not OwnRows("/substitute_").addressed(name)

@@ -198,7 +198,7 @@ class Robot:
             lambda row: row.node or row.service,
             addressing=OwnRows("/substitute_"),
         )
-        self.names = [f"/substitute_{number:04}" for number in range(count)]
+        self.names = [f"/substitute_a_{number:04}" for number in range(count)]
         self.rows = [Substitution(node=name, service="s", code="y=1") for name in self.names]
         self.table.update(self.rows)
         self.substitutes = [self.connect(name) for name in self.names]

@@ -8,6 +8,7 @@ from typing import Collection, Dict, Iterable, List, Optional, Sequence
 from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
+from shsa_core.healing.naming import NUMBERED
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import OnPartition, Others
 from shsa_core.model.service import Signal
@@ -21,7 +22,7 @@ Rows = Dict[str, msg.Substitution]
 
 
 class OwnRows(Addressing):
-    """Substitutes, whose names begin with `prefix`, are told their own row.
+    """Substitutes, named with `prefix` by healing/naming, are told their own row.
 
     An idle one is told the rows of the plans too, which name no node.
     """
@@ -31,7 +32,8 @@ class OwnRows(Addressing):
 
     def addressed(self, subscriber: str) -> bool:
         """Whether it is named as a substitute."""
-        return subscriber.startswith(self._prefix)
+        rest = subscriber[len(self._prefix) :]
+        return subscriber.startswith(self._prefix) and bool(NUMBERED.fullmatch(rest))
 
     def rows(self, subscriber: str, rows: Rows) -> List[msg.Substitution]:
         """Its own, and the plans if it is idle."""

@@ -1,0 +1,72 @@
+"""Hot substitutes are started a few at a time; what a failure needs never waits."""
+from typing import List
+
+from core_robot import B, Robot, function, service
+from shsa_core.healing import events
+from shsa_core.healing.starts import AT_ONCE, PATIENCE_S, Starts
+from shsa_core.model.kinds import Standby
+from shsa_core.model.ontology import Ontology, Property
+from shsa_core.model.som import Som
+
+HOT = ("u", "v", "w", "x", "y")
+
+
+def started(said: List[events.Command]) -> List[str]:
+    return [each.node for each in said if isinstance(each, events.StartSubstitute)]
+
+
+def test_no_more_than_a_few_come_up_at_a_time() -> None:
+    starts = Starts()
+    for number in range(AT_ONCE):
+        assert starts.room(1.0, f"s{number}")
+        starts.began(1.0, f"n{number}")
+    assert not starts.room(1.0, "next") and not starts.room(1.0, "last")
+    assert starts.due(1.1) == []
+    starts.over("n0")
+    assert starts.due(1.2) == ["next"] and starts.room(1.2, "next")
+
+
+def test_one_that_is_never_heard_holds_nobody_up_for_good() -> None:
+    starts = Starts()
+    for number in range(AT_ONCE):
+        starts.began(1.0, f"n{number}")
+    assert not starts.room(1.0, "next")
+    assert starts.deadline == 1.0 + PATIENCE_S
+    assert starts.due(1.0 + PATIENCE_S) == ["next"]
+    assert starts.deadline is None
+
+
+def hot_robot() -> Robot:
+    """Five hot services, each of a node of its own, and what computes them."""
+    lost = [service(name, f"/{name}_node", needed=True, standby=Standby.HOT) for name in HOT]
+    names = [*HOT, "b"]
+    functions = [function(f"r_{name}", name, "b + 1", 0.9) for name in HOT]
+    ontology = Ontology({name: Property(name) for name in names}, {}, functions)
+    return Robot(Som([*lost, service("b", B)]), ontology)
+
+
+def test_hot_substitutes_are_started_one_after_another_as_they_are_heard() -> None:
+    robot = hot_robot()
+    robot.said, first = [], started(robot.said)
+    assert len(first) == AT_ONCE
+    assert robot.core.deadline == 1.0 + PATIENCE_S
+    seen = list(first)
+    for node in first:
+        (following,) = started(robot.handle(events.ProcessHeard(1.5, node)))
+        seen.append(following)
+    assert started(robot.handle(events.ProcessExited(1.6, seen[-1], "it crashed"))), "its turn"
+
+
+def test_a_failure_is_taken_over_at_once_by_one_that_waits_for_its_start() -> None:
+    robot = hot_robot()
+    working = {row.service for row in robot.working()}
+    waits = next(name for name in HOT if name not in working)
+    commands = robot.fail(f"/{waits}", f"/{waits}_node", 1.1)
+    assert len(started(commands)) == 1
+
+
+def test_in_the_end_every_hot_service_has_its_substitute_though_none_is_ever_heard() -> None:
+    robot = hot_robot()
+    for step in range(1, len(HOT)):
+        robot.handle(events.Tick(1.0 + step * PATIENCE_S))
+    assert {row.service for row in robot.working()} == set(HOT)
