@@ -16,11 +16,15 @@ class Bench:
 
     def __init__(self) -> None:
         self.heard: List[Tuple[str, str, int]] = []
-        self.others = Overhearing(OURS, lambda *told: self.heard.append(told))
+        self.others = Overhearing(OURS, self.hear)
         impl: Any = SimpleNamespace(connections=[])
         self.connections = impl.connections
         self.others._subscribers[TOPIC] = SimpleNamespace(impl=impl)
         self.sockets: List[socket.socket] = []
+
+    def hear(self, topic: str, publisher: str, stamp: int) -> None:
+        """Somebody else was heard."""
+        self.heard.append((topic, publisher, stamp))
 
     def connect(self, node: str) -> socket.socket:
         """A connection to a publisher: its end."""
