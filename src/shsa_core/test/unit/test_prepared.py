@@ -92,7 +92,7 @@ def test_a_fork_with_a_program_shows_its_name_however_long_its_code_is(bench: Be
     code = "y=" + "+".join(["x[0]"] * 3000)
     signals = [(Signal(t, "data", "std_msgs/Float64", "", 0.1, 0.5),) for t in ("/a", "/b")]
     program = Program(("/a/data",), code, ("/b/data",))
-    bench.ours.start(StartSubstitute(node, program, *signals))
+    bench.ours.start(StartSubstitute(node, program, signals[0], signals[1]))
     process = psutil.Process(bench.ours._running[node].pid)
     assert isinstance(bench.ours._running[node], Forked)
     assert "__name:=substitute_b_1" in process.cmdline()

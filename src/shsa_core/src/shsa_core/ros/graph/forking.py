@@ -187,7 +187,7 @@ class Forking:
         with ours:
             with its:
                 process = subprocess.Popen(
-                    self._words, env=self._variables, stdin=its, start_new_session=True
+                    self._words, env=self._variables, stdin=its.fileno(), start_new_session=True
                 )
             try:
                 with self._lock:
