@@ -67,7 +67,7 @@ class Starts:
             (Signal(each, "data", TYPE, "", PERIOD_S, 0.5),) for each in ("/stream_0", topic)
         )
         code = "y=x[0]"
-        row = Substitution(f"/{name}", topic, read, code, written, publishing=publishes)
+        row = Substitution(f"/{name}", topic[1:], read, code, written, publishing=publishes)
         self._table.update([substitution_message(row)])
         words = ["/stream_0/data", code, f"{topic}/data", f"__name:={name}"]
         added = {signals.VARIABLE: signals.encode(read, written)}

@@ -4,6 +4,7 @@ import os
 import socket
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Dict, Iterator
 
@@ -91,7 +92,7 @@ def test_a_fork_with_a_program_shows_its_name_however_long_its_code_is(bench: Be
     code = "y=" + "+".join(["x[0]"] * 3000)
     signals = [(Signal(t, "data", "std_msgs/Float64", "", 0.1, 0.5),) for t in ("/a", "/b")]
     program = Program(("/a/data",), code, ("/b/data",))
-    bench.ours.start(StartSubstitute(node, program, *signals))
+    bench.ours.start(StartSubstitute(node, program, signals[0], signals[1]))
     process = psutil.Process(bench.ours._running[node].pid)
     assert isinstance(bench.ours._running[node], Forked)
     assert "__name:=substitute_b_1" in process.cmdline()
@@ -115,6 +116,15 @@ def test_twenty_at_once(bench: Bench) -> None:
     bench.ours.stop(f"{NAMESPACE}/substitute_a_3", answers=False)
     wait_until(lambda: not started[2].is_running(), 5.0, "one has ended")
     assert all(each.is_running() for each in started if each != started[2])
+
+
+def test_several_threads_may_wait_for_one() -> None:
+    with subprocess.Popen(["sleep", "60"]) as process:
+        forked = Forked(process.pid, {})
+        with ThreadPoolExecutor(4) as threads:
+            polled = [threads.submit(forked.poll) for _ in range(2000)]
+            assert {each.result() for each in polled} == {None}
+        process.kill()
 
 
 def test_what_was_forked_goes_on_when_who_forked_it_is_killed_and_is_known(bench: Bench) -> None:

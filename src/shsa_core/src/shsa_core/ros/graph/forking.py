@@ -40,9 +40,6 @@ class Forked:
         self._over = 0.0
         self._status: Optional[Status] = None
         self._descriptor = descriptor(pid)
-        self._poller = select.poll()
-        if self._descriptor is not None:
-            self._poller.register(self._descriptor, select.POLLIN)
 
     def poll(self) -> Optional[Status]:
         """The exit status; UNKNOWN if who has forked it cannot tell; None as long as it runs."""
@@ -67,7 +64,9 @@ class Forked:
             return True
         if self._descriptor is None:
             return gone(self._process)
-        return bool(self._poller.poll(0))
+        poller = select.poll()  # several threads may ask, and each needs its own
+        poller.register(self._descriptor, select.POLLIN)
+        return bool(poller.poll(0))
 
     def __del__(self) -> None:
         if self._descriptor is not None:
@@ -188,7 +187,7 @@ class Forking:
         with ours:
             with its:
                 process = subprocess.Popen(
-                    self._words, env=self._variables, stdin=its, start_new_session=True
+                    self._words, env=self._variables, stdin=its.fileno(), start_new_session=True
                 )
             try:
                 with self._lock:
