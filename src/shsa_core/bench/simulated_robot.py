@@ -95,6 +95,8 @@ class Robot:
             answer = self._answers.get(type(command), lambda c: None)(command)
             if answer is not None:
                 self._waiting.append(answer)
+            if isinstance(command, events.StartSubstitute):
+                self._waiting.append(events.ProcessHeard(self.time, command.node))
         return taken
 
     def send(self, event: events.Event) -> float:

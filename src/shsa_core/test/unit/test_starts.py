@@ -1,6 +1,8 @@
 """Hot substitutes are started a few at a time; what a failure needs never waits."""
 from typing import List
 
+import pytest
+
 from core_robot import B, Robot, function, service
 from shsa_core.healing import events
 from shsa_core.healing.starts import AT_ONCE, PATIENCE_S, Starts
@@ -70,3 +72,11 @@ def test_in_the_end_every_hot_service_has_its_substitute_though_none_is_ever_hea
     for step in range(1, len(HOT)):
         robot.handle(events.Tick(1.0 + step * PATIENCE_S))
     assert {row.service for row in robot.working()} == set(HOT)
+
+
+@pytest.mark.parametrize("end", [events.ShuttingDown, events.LaunchEnding])
+def test_what_still_waits_at_the_end_is_not_started(end: type) -> None:
+    robot = hot_robot()
+    time = 1.0 + PATIENCE_S
+    assert not started(robot.handle(end(time)))
+    assert not started(robot.handle(events.Tick(time + PATIENCE_S)))

@@ -178,12 +178,14 @@ class Reconfigurator(Hearing):
         """End every substitute, and the nodes that whoever ends us has started first."""
         self._over = True
         self._records.forget()
+        self._starts.forget()
         ended: List[Command] = [events.StopSubstitute(node) for node in self.substitutes]
         return ended + [events.StopNode(node) for node, ours in self._with_us.items() if ours]
 
     def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
         """What stops on purpose is not healed."""
         self._ending = True
+        self._starts.forget()
         return []
 
     def _som_changed(self, event: events.SomChanged) -> List[Command]:

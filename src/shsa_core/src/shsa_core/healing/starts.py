@@ -42,6 +42,10 @@ class Starts:
         self._waiting[service] = None
         return False
 
+    def forget(self) -> None:
+        """Nobody waits any more: we are about to end."""
+        self._waiting.clear()
+
     def due(self, time: float) -> List[str]:
         """The services whose turn it is now: no more than have room."""
         if not self._waiting:

@@ -136,7 +136,8 @@ class TablePublisher(rospy.SubscribeListener):
     ) -> None:
         """Called by rospy, in a thread of its own, once a subscriber has connected."""
         with self._lock:
-            up = list(self._publisher.impl.connections)
+            impl = self._publisher.impl
+            up = [] if impl is None else list(impl.connections)
             for channel in (self._everybody, *self._channels.values()):
                 channel.connections = [each for each in channel.connections if not each.done]
             self._channels = {name: c for name, c in self._channels.items() if c.connections}
@@ -169,9 +170,14 @@ class TablePublisher(rospy.SubscribeListener):
         sent = self._sent()
         sent.written = data.getvalue()
         impl = self._publisher.impl
-        with impl.publock:
+        if impl is None:
+            return  # we publish no more
+        impl.acquire()  # rospy's own way for one connection does not
+        try:
             for connection in connections:
                 impl.publish(sent, connection_override=connection)
+        finally:
+            impl.release()
 
     def _message(
         self, channel: _Channel, whole: bool, rows: List[genpy.Message], gone: List[str]
