@@ -13,7 +13,8 @@ from typing import Dict, List, NamedTuple, Tuple
 import numpy as np
 from tqdm import tqdm
 
-from contenders import Healed, kill_hard, repeat
+from contenders import Healed, repeat
+from faults import FAULTS
 from graph import Graph
 from report import Goals, arguments, in_words, print_table, write_table
 from robot import NODE, TOPIC, Consumers, HealthyRobot
@@ -65,7 +66,7 @@ class Fast(Healed):
         self.period = period
         self._consumers = consumers
         self._robot = FastRobot(graph, consumers, "hot", period)
-        self._fault = kill_hard
+        self._fault = FAULTS["kill -9"]
 
     def await_well(self) -> None:
         self._robot.await_well()

@@ -31,7 +31,7 @@ from shsa_core.ros.graph.connections import (
 )
 from shsa_core.ros.graph.identities import Identified
 from shsa_core.ros.graph.inbox import Inbox
-from shsa_core.ros.graph.reader import Reader
+from shsa_core.ros.graph.reader import ALL, Reader
 from shsa_core.ros.graph.reconnection import Answered
 from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.graph.tables import TableSubscriber
@@ -60,7 +60,7 @@ class GateNode:
         self._core = Gate(self._service, Settings(standby_for=first), clock.now())
         self._inbox = Inbox()
         self._connections = Connections(self._inbox, RECONNECT_S, signing.refusals.note)
-        self._reader = Reader()
+        self._reader = Reader(ALL)
         self._looked = clock.now()
         self._bytes = _bytes_of(self._kind)
         self._publisher = rospy.Publisher(
@@ -111,7 +111,7 @@ class GateNode:
         self._feed(events.Tick(self._looked))
 
     def _arrived(self, arrived: Arrived, waited: float, newest: bool) -> None:
-        connection, data = arrived
+        connection, data, whole = arrived
         now, ros_time = clock.both()
         stamp = _stamp(data) if self._kind._has_header else 0
         if connection.topic == self._service.heard:
@@ -119,7 +119,7 @@ class GateNode:
             return
         judged = self._core.service_of(connection.publisher)
         ahead = ros_time - now
-        message = self._reader.event(now, waited, connection, data, judged, ahead)
+        message = self._reader.event(now, waited, connection, data, whole, judged, ahead)
         sent = connection.header
         if (sent["type"], sent["md5sum"]) != (self._kind._type, self._kind._md5sum):
             text = f"it is a {sent['type']} of another version or type than {self._kind._type} here"

@@ -26,9 +26,13 @@ class _Needs(NamedTuple):
 
 
 class Reader:
-    """Reads the messages of every connection, each as the service needs it that it is judged by."""
+    """Reads the messages of every connection, each as the service needs it that it is judged by.
 
-    def __init__(self) -> None:
+    `unjudged`: what is wanted of messages of which no value is judged.
+    """
+
+    def __init__(self, unjudged: Wanted = HEAD) -> None:
+        self._unjudged = unjudged
         self._needs: Dict[Connection, _Needs] = {}
 
     def event(
@@ -83,5 +87,5 @@ class Reader:
                 text = "%s: the messages of %s are not checked: %s"
                 rospy.logwarn(text, connection.topic, connection.publisher, problem)
         self._needs[connection] = needs
-        connection.frames.wanted = ALL if needs.values is not None else HEAD
+        connection.frames.wanted = ALL if needs.values is not None else self._unjudged
         return needs
