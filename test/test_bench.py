@@ -16,7 +16,7 @@ TIMEOUT_S = 120.0
 TRANSFER = ("start", "up", "shut", "down", "registered", "unregistered", "gone")
 ROWS = {
     "failover": {"hot", "rosrun by hand, rospy"},
-    "gate": {"rospy", "roscpp"},
+    "gated": {"rospy", "roscpp"},
     "interference": {"hot"},
     "transfer_nodes": {*TRANSFER, "warm", "hot"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},

@@ -3,7 +3,7 @@
 A node fails again and again in seeded ways (values, stamps, steps, silence, lateness, too fast; see
 gate_source.py); a substitute publishes beside it. One consumer in rospy and one in roscpp hear both
 topics, so that what the gate adds to each message's way is measured beside the direct way.
-Writes gate.csv (a row a consumer), gate_goals.csv and gate.png.
+Writes gated.csv (a row a consumer), gated_goals.csv and gated.png.
 """
 import argparse
 import math
@@ -128,8 +128,8 @@ def main() -> int:
         for row, (name, late) in zip(rows, figures)
     ]
     print_table(f"{count} faults at {1 / PERIOD_S:g} Hz; times in ms", columns, shown)
-    write_table(options.results / "gate.csv", COLUMNS, rows)
-    goals.show(options.results / "gate_goals.csv")
+    write_table(options.results / "gated.csv", COLUMNS, rows)
+    goals.show(options.results / "gated_goals.csv")
     figure, axis = plt.subplots(figsize=(7, 4))
     for name, late in figures:
         axis.step(sorted(late), [i / len(late) for i in range(len(late))], label=name)
@@ -138,7 +138,7 @@ def main() -> int:
     axis.grid(True, alpha=0.3)
     axis.legend()
     figure.tight_layout()
-    figure.savefig(str(options.results / "gate.png"), dpi=120)
+    figure.savefig(str(options.results / "gated.png"), dpi=120)
     return 0
 
 
