@@ -17,7 +17,7 @@ TRANSFER = ("start", "up", "shut", "down", "registered", "unregistered", "gone")
 ROWS = {
     "healthy_traffic": {"fixed", "learned"},
     "failover": {"hot", "respawn, rospy, slow", "rosrun by hand, rospy"},
-    "behind_gate": {"rospy", "roscpp"},
+    "gated": {"rospy", "roscpp"},
     "interference": {"hot"},
     "transfer_nodes": {*TRANSFER, "warm", "hot"},
     "large_messages": {"nothing comes", "copied", "dropped"},
@@ -25,7 +25,7 @@ ROWS = {
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
 UNDRAWN = ("healthy_traffic", "large_messages", "kilohertz")
-SELDOM = ("behind_gate", "interference", "transfer_nodes", *UNDRAWN)
+SELDOM = ("gated", "interference", "transfer_nodes", *UNDRAWN)
 """They only measure what others test: in `make test-long`."""
 
 

@@ -72,16 +72,8 @@ def test_the_soms_of_the_examples_are_valid(tmp_path: pathlib.Path, block: str) 
 
 
 def test_every_key_check_and_setting_is_described() -> None:
-    ours = {
-        "name",
-        "property",
-        "sources",
-        "where",
-        "unreadable",
-        "unwritable",
-        "upstream",
-        "beyond_gate",
-    }
+    ours = {"name", "property", "sources", "where", "unreadable", "unwritable", "upstream"}
+    ours.add("beyond_gate")  # `gate` and `topic` say it
     given = {*_names(Service), *_names(Provision)} - ours  # which are not in a file
     counts = set(_names(Checks)) - {"each"}
     settings = {"~" + name for name in _names(Settings)}
