@@ -3,11 +3,7 @@
 A node fails again and again in seeded ways (values, stamps, steps, silence, lateness, too fast; see
 gate_source.py); a substitute publishes beside it. One consumer in rospy and one in roscpp hear both
 topics, so that what the gate adds to each message's way is measured beside the direct way.
-<<<<<<<< HEAD:src/shsa_core/bench/behind_gate.py
-Writes behind_gate.csv (a row a consumer), behind_gate_goals.csv and behind_gate.png.
-========
 Writes gated.csv (a row a consumer), gated_goals.csv and gated.png.
->>>>>>>> gate:src/shsa_core/bench/gated.py
 """
 import argparse
 import math
@@ -132,13 +128,8 @@ def main() -> int:
         for row, (name, late) in zip(rows, figures)
     ]
     print_table(f"{count} faults at {1 / PERIOD_S:g} Hz; times in ms", columns, shown)
-<<<<<<<< HEAD:src/shsa_core/bench/behind_gate.py
-    write_table(options.results / "behind_gate.csv", COLUMNS, rows)
-    goals.show(options.results / "behind_gate_goals.csv")
-========
     write_table(options.results / "gated.csv", COLUMNS, rows)
     goals.show(options.results / "gated_goals.csv")
->>>>>>>> gate:src/shsa_core/bench/gated.py
     figure, axis = plt.subplots(figsize=(7, 4))
     for name, late in figures:
         axis.step(sorted(late), [i / len(late) for i in range(len(late))], label=name)
@@ -147,11 +138,7 @@ def main() -> int:
     axis.grid(True, alpha=0.3)
     axis.legend()
     figure.tight_layout()
-<<<<<<<< HEAD:src/shsa_core/bench/behind_gate.py
-    figure.savefig(str(options.results / "behind_gate.png"), dpi=120)
-========
     figure.savefig(str(options.results / "gated.png"), dpi=120)
->>>>>>>> gate:src/shsa_core/bench/gated.py
     return 0
 
 
