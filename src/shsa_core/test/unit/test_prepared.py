@@ -72,7 +72,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
 
 def test_a_fork_is_a_process_of_its_own_as_rosrun_would_have_started_it(bench: Bench) -> None:
     prepared = bench.ready()
-    assert prepared.num_threads() == 1
+    assert prepared.num_threads() == 1 and prepared.cmdline()[2] == "--prepared"
     process = bench.start()
     assert bench.is_forked() and process.parent() == prepared
     assert os.getsid(process.pid) == os.getpgid(process.pid) == process.pid

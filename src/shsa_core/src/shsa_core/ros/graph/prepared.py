@@ -48,7 +48,7 @@ def serve() -> None:
     signal.signal(signal.SIGCHLD, lambda number, frame: None)
     signal.set_wakeup_fd(wake.fileno(), warn_on_full_buffer=False)
     _freeze()
-    _rename(sys.argv)  # raises OSError here and not in each fork
+    _rename(sys.argv[:2])  # raises OSError here and not in each fork
     line.send(json.dumps({"ready": os.getpid()}).encode())
     while True:
         readable, _, _ = select.select([line, woken], [], [])
