@@ -174,6 +174,12 @@ def test_a_short_fixed_deadline_is_never_made_longer_by_the_least() -> None:
     assert deadline.is_learned and deadline.allowed == 0.05
 
 
+def test_nobody_is_blamed_before_a_substitute_has_filled_in() -> None:
+    bridged = LearnedDeadline(PERIOD, 10.0, FIXED, MOST, bridge=8.0)
+    alarms(bridged, [PERIOD] * 1000)
+    assert bridged.is_learned and bridged.allowed == 8.0 * PERIOD
+
+
 GAPS = st.lists(
     st.tuples(st.floats(0.0, 5.0) | st.floats(0.0, 0.05) | st.just(PERIOD), st.integers(1, 1500)),
     max_size=20,

@@ -41,7 +41,8 @@ INSTANT_S = 1e-9
 class LearnedDeadline:
     """The silence in s that a stream of a `period` in s is allowed, for `false_alarms` an hour.
 
-    `fixed`: what is allowed before enough is known; `most`: what ever is. What was learned `before`
+    `fixed`: what is allowed before enough is known; `most`: what ever is; `bridge`: the periods
+    after which a substitute fills in, sooner than which nobody is blamed. What was learned `before`
     of a stream of the same period goes on to count. Costs the same for every message, but for the
     few that are among the longest.
     """
@@ -53,9 +54,11 @@ class LearnedDeadline:
         fixed: float,
         most: float,
         before: Optional["LearnedDeadline"] = None,
+        bridge: float = 0.0,
     ) -> None:
         self.period, self.false_alarms, self._fixed, self._most = period, false_alarms, fixed, most
-        self._least = min(fixed, max(LEAST_PERIODS * period, period + BUSY_S))
+        least = max(max(LEAST_PERIODS, bridge) * period, period + BUSY_S)
+        self._least = min(fixed, least)
         self.needed = max(LEARN_GAPS, ceil(LEARN_SHARE * HOUR_S / (false_alarms * period)))
         self._every = max(1, round(LOOK_S / period))
         same = before is not None and before.period == period

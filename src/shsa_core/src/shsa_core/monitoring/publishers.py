@@ -55,7 +55,8 @@ class WatchedService:
             return None
         fixed, most = (_seconds(each(service)) for each in (deadlines.of, deadlines.longest))
         rate = service.deadline.false_alarms
-        return LearnedDeadline(service.period, rate, fixed, most, self.gaps)
+        bridge = service.bridges or 0.0
+        return LearnedDeadline(service.period, rate, fixed, most, self.gaps, bridge)
 
     @property
     def allowed(self) -> float:
