@@ -107,12 +107,13 @@ class IncidentTold:
 class Figures:
     """What /diagnostics tells of a service, for display: rates in Hz by publisher, newest values.
 
-    `values` are by property, in its unit.
+    `values` are by property, in its unit; `bridged`: how often a late message was filled in for.
     """
 
     service: str
     rates: Mapping[str, float] = field(default_factory=dict)
     values: Mapping[str, float] = field(default_factory=dict)
+    bridged: int = 0
 
 
 @dataclass(frozen=True)

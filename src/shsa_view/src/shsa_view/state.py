@@ -174,6 +174,7 @@ class State:
             "publisher": judged.publisher,
             "substitute": active.node if active else None,
             "rate": rate,
+            "bridged": figures.bridged if figures else 0,
             "incident": incident.id if incident else None,
             "incident_key": key,
             "properties": self._properties(service, active, figures),

@@ -127,8 +127,8 @@ def test_without_a_reconfigurator_no_incident_is_open_until_it_is_told_again() -
 def test_figures_are_of_who_publishes() -> None:
     view = well()
     rates = {"/ammeter": 49.5, "/stranger": 3.0}
-    view.handle(facts.FiguresTold((facts.Figures("ammeter", rates, {"current": 2.5}),)))
-    assert row(view)["rate"] == 49.5
+    view.handle(facts.FiguresTold((facts.Figures("ammeter", rates, {"current": 2.5}, 3),)))
+    assert row(view)["rate"] == 49.5 and row(view)["bridged"] == 3
     assert row(view)["properties"]["current"]["value"] == 2.5
     gone(view)
     assert row(view)["rate"] is None

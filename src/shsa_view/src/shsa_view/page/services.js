@@ -147,7 +147,8 @@ class Row {
     const told = service.state === "well" || service.substitute ? "" : service.detail;
     setText(this.detail, told);
     setText(this.rate, known(service.rate) ? short(service.rate, 3) : "–");
-    setText(this.wanted, service.period ? ` of ${short(1 / service.period, 3)} Hz` : " Hz");
+    const wanted = service.period ? ` of ${short(1 / service.period, 3)} Hz` : " Hz";
+    setText(this.wanted, service.bridged ? `${wanted}, ${service.bridged} times late` : wanted);
     setName(this.publisher, service.publisher || "");
     this.publisher.hidden = !service.publisher;
     setAttribute(this.publisher, "title", service.host ? `on ${service.host}` : null);

@@ -15,7 +15,7 @@ from shsa_view import facts
 from shsa_view.plain import code
 
 RATE = re.compile(r"(?:^|, )([0-9.]+) Hz(?:,|$)")
-MASTER_ROW, HOST_ROW = "ROS master", "host "
+MASTER_ROW, HOST_ROW, BRIDGED = "ROS master", "host ", "times bridged"
 LEVELS = {DiagnosticStatus.OK: "heard", DiagnosticStatus.ERROR: "lost"}
 
 
@@ -134,7 +134,8 @@ def _figures(name: str, row: DiagnosticStatus) -> facts.Figures:
             value = _float(pair.value)
             if value is not None:
                 values[pair.key] = value
-    return facts.Figures(name, rates, values)
+    bridged = int(values.pop(BRIDGED, 0.0))
+    return facts.Figures(name, rates, values, bridged)
 
 
 def _float(text: str) -> Optional[float]:
