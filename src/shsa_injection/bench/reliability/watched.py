@@ -12,9 +12,9 @@ HOURS, SHORT_HOURS = 1.0, 0.03
 
 
 def overload(graph: Graph, seed: int, hours: float) -> Figures:
-    """Watch 60 topics at 50 Hz for a while, 8 busy processes beside them."""
+    """Watch 20 topics at 50 Hz for a while, 8 busy processes beside them."""
     command = [sys.executable, str(BENCH / "healthy_traffic.py"), "--hours", str(hours)]
-    command += ["--topics", "60", "--busy", "8"]
+    command += ["--topics", "20", "--busy", "8"]
     done = subprocess.run(
         [*command, "--results", str(graph.folder)],
         stdout=subprocess.PIPE,

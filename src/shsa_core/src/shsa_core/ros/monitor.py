@@ -210,6 +210,7 @@ class MonitorNode:
         happenings = self._connections.read(ready)
         self._heed_launch()
         for happening in happenings:
+            self._companion.beat()  # who has much to catch up with does not hang
             self._guarded(self._happened, happening, before)
         self._feed(events.Tick(looked, wanted, woke))
         self._show_health()
