@@ -280,6 +280,25 @@ def test_a_second_gate_takes_over_after_two_periods_of_silence(second: Stand) ->
     assert second.gap() <= 1.5 * PERIOD + 1e-9
 
 
+def test_time_in_which_a_second_gate_was_not_scheduled_is_no_silence_of_the_first(
+    second: Stand,
+) -> None:
+    second.time += 10 * PERIOD
+    second.feed(Tick(second.time))
+    assert not second.said
+    second.run(4)
+    assert second.heard and "is silent" in second.said[0]
+
+
+def test_at_a_high_rate_a_second_gate_grants_the_first_what_a_busy_machine_costs() -> None:
+    stand = Stand(replace(GATED, period=0.005), standby_for=FIRST)
+    stand.feed(Overheard(0.0, FIRST))
+    stand.until(0.049)
+    assert not stand.said
+    stand.until(0.051)
+    assert "is silent" in stand.said[0]
+
+
 def test_a_second_gate_takes_over_at_once_when_the_first_is_gone(second: Stand) -> None:
     second.feed(GateLeft(second.time, FIRST))
     second.run(10)

@@ -3,9 +3,10 @@ from dataclasses import replace
 from typing import Any, Tuple
 
 import pytest
-from core_robot import SOM, A, Robot, only
+from core_robot import SOM, A, Robot, last_incident, only
 
 from shsa_core.healing import events
+from shsa_core.healing.incident import State
 from shsa_core.model.kinds import Policy, Standby
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
@@ -50,13 +51,19 @@ def test_on_a_shared_topic_nobody_bridges() -> None:
     assert all(bridge == 0.0 for _, bridge in bridges(Robot(som(other))))
 
 
-def test_a_row_bridges_only_while_its_service_is_well() -> None:
+def test_a_row_bridges_while_its_service_is_well_and_from_its_nodes_return() -> None:
     robot = Robot(som())
     assert bridges(robot) == ((False, 2.5 * PERIOD),)
     commands = robot.failure("/a", A, 10.0, "silent", "no message for 0.25 s", 9.75)
     assert bridges(robot) == ((True, 0.0),)
     row = only(commands, events.ShowSubstitutions).rows[0]
     assert (row.publishing, row.bridge) == (True, 0.0)  # in one word: no gap, and no second one
+    robot.killed(10.1, A)
+    assert bridges(robot) == ((True, 0.0),)
+    robot.row("/a", A, "healthy", 15.0)
+    commands = robot.table(15.1)
+    assert last_incident(commands).state is State.RETURNING
+    assert bridges(robot) == ((False, 2.5 * PERIOD),)  # it counts how steady that is
     robot = Robot(som())
     robot.failure("/a", A, 10.0, "out_of_range", "1000 is not in it", 9.95)
     assert bridges(robot) == ((False, 0.0),)  # it still babbles

@@ -174,9 +174,11 @@ class AnyRobot(RuleBasedStateMachine):
             if plan is not None:
                 service = core._som.services[name]
                 parted = core._where.parted(service)
-                well = healing.incident is None and len(core._som.of_topic(service.topic)) == 1
+                speaks = healing.incident is None or healing.incident.state is State.RETURNING
+                alone = len(core._som.of_topic(service.topic)) == 1
                 beside = healing.substitute.host == core._where.host_of(service.node)
-                bridges = well and beside and isinstance(plan, Plan) and service.policy.substitutes
+                bridges = speaks and alone and beside and isinstance(plan, Plan)
+                bridges = bridges and service.policy.substitutes
                 rows[healing.node] = Substitution(
                     healing.node,
                     name,

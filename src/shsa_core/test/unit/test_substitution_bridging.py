@@ -5,7 +5,7 @@ from typing import Any, List, Optional, Tuple
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from substitute_driver import PERIOD, Driver, idle, only, row, signal
+from substitute_driver import PERIOD, SETTINGS, Driver, idle, only, row, signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.bridging import STEADY
@@ -180,6 +180,30 @@ def test_a_row_that_is_gone_ends_it() -> None:
     robot.driver.tell(events.RowRemoved)
     count = len(robot.filled)
     assert len(robot.to(2.0).filled) == count
+
+
+def test_one_that_returned_and_hangs_again_is_filled_in_for_as_before() -> None:
+    robot = Robot().stream(1.0).to(1.2)
+    taken = bridges(publishing=True, bridge=0.0, original="/original")
+    robot._note(robot.driver.change(taken))
+    robot.to(2.0).speaks(2.0)
+    robot._note(robot.driver.change(bridges(original="/original")))  # it is on probation
+    robot.driver.time = 2.01
+    robot.stream(2.01 + 60 * PERIOD)
+    robot._note(robot.driver.change(bridges()))  # all is well
+    last = robot.original[-1]
+    robot.to(last + 0.1)
+    after = [time for time in robot.filled if time > last]
+    assert after and after[0] <= last + BRIDGE + LOOK + 1e-4
+
+
+def test_while_consumers_are_handed_over_to_a_returning_original_nobody_is_filled_in_for() -> None:
+    robot = Robot(bridges(publishing=True, bridge=0.0, original="/original")).to(1.0).speaks(1.0)
+    robot._note(robot.driver.change(bridges(original="/original")))
+    robot.stream(1.2).to(1.5)
+    assert robot.looks == []
+    robot.to(1.0 + SETTINGS.yield_s + 0.1)
+    assert robot.filled
 
 
 def test_it_starts_from_what_the_original_said_last() -> None:

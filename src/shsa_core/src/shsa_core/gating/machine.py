@@ -21,6 +21,7 @@ from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import SubstitutionsChanged
 from shsa_core.monitoring.evidence import Evidence, Finding
+from shsa_core.silence import Silence
 
 MOST_NAMED = 20
 """So many strangers are named."""
@@ -97,7 +98,9 @@ class Gate:
         self._strangers: Dict[str, float] = {}
         self._newest: Optional[_Newest] = None
         self._last_out = time
-        self._overheard = time + settings.start
+        self._first = Silence(self._patience(service))  # of the gate that this one stands by for
+        self._may_miss = time + settings.start  # whom it has not heard yet
+        self._wanted: Optional[float] = None  # when it wanted to wake
         self._stamp = self._substitutes_stamp = 0
         self._of_node = (-math.inf, 0)  # when its last message was heard, and its stamp
         self._filling = False
@@ -128,15 +131,24 @@ class Gate:
 
     def handle(self, event: Event) -> List[Command]:
         """The commands that an event calls for."""
+        self._first.pass_time(event.time, self._wanted)
         self._said = self._handlers[type(event)](event)
+        self._wanted = self.next_deadline
         return self._said
+
+    def _patience(self, service: Service) -> float:
+        """The silence in s after which the first gate is missed."""
+        settings = self._settings
+        if service.period is None:
+            return math.inf
+        return max(settings.silence * service.period, settings.least_silence)
 
     @property
     def next_deadline(self) -> float:
         """When the next Tick is wanted; inf: not before another event."""
         due = math.inf
         if self._muted:
-            due = self._overheard + self._periods(self._settings.silence)
+            due = max(self._may_miss, self._first.left(self._first.matters))
         elif not self._filling:
             due = self._last_out + self._periods(self._settings.late)
         return due if self._service.period is not None else math.inf
@@ -239,7 +251,8 @@ class Gate:
         """The gate that this one stands by for speaks: be still."""
         if event.publisher != self._settings.standby_for:
             return []
-        self._overheard = self._last_out = max(self._last_out, event.time)
+        self._first.silence, self._may_miss = 0.0, -math.inf
+        self._last_out = max(self._last_out, event.time)
         self._stamp = max(self._stamp, event.stamp)
         self._filling = False
         if self._muted:
@@ -255,10 +268,12 @@ class Gate:
 
     def _tick(self, event: Tick) -> List[Command]:
         """Whatever has come was heard before: who is missed now is late."""
+        if self._muted:
+            missed = self._first.silence >= self._first.matters - 1e-9
+            due = missed and event.time >= self._may_miss
+            return self._take_over(event.time) if due else []
         if event.time < self.next_deadline:
             return []
-        if self._muted:
-            return self._take_over(event.time)
         self._filling = True
         return self._fill(event.time)
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class Settings:
     """`late`: so long after the last message the substitute speaks; a standby gate waits `silence`
-    for the first gate.
+    for the first gate, and at least `least_silence` s, not counting those in which it was not
+    scheduled itself.
 
     A substitute's value is `fresh` for so long. Two voices are at least `apart`. Of a publisher
     that is too fast at most `burst` messages pass at once. `start`: in s,
@@ -15,6 +16,7 @@ class Settings:
 
     late: float = 1.5
     silence: float = 2.0
+    least_silence: float = 0.05
     fresh: float = 2.0
     apart: float = 0.5
     burst: float = 5.0

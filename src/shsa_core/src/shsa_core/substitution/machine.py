@@ -86,7 +86,7 @@ class Substitute:
         commands += self._publish()
         commands += self._yielding.due(self._now)
         commands += self._advertising.due(self._now)
-        look = self._bridging.due(self._now)
+        look = None if self._yielding.yields(self._now) else self._bridging.due(self._now)
         commands += [look] if look is not None else []
         self._said, self._wanted = commands, self.next_deadline()
         return commands
@@ -94,7 +94,10 @@ class Substitute:
     def next_deadline(self) -> Optional[float]:
         """When the next Tick is wanted; None: not before another event."""
         due = self._schedule.due if self._values() is not None else math.inf
-        alone = min(self._cut_off.next, self._bridging.next(self._now))
+        # Nobody is filled in for while consumers are handed over: that ends by itself.
+        yields = self._yielding.yields(self._now)
+        bridge = math.inf if yields else self._bridging.next(self._now)
+        alone = min(self._cut_off.next, bridge)
         soonest = min(due, self._yielding.next(), self._advertising.next(), alone)
         return None if soonest == math.inf else soonest
 
