@@ -7,7 +7,7 @@ import socket
 import subprocess
 import threading
 import time
-from typing import Dict, List, Mapping, Optional, Sequence
+from typing import Callable, Dict, List, Mapping, Optional, Sequence
 
 import psutil
 import rospy
@@ -77,15 +77,20 @@ class Forking:
     """Keeps a prepared process, in a thread of its own.
 
     `words`: its command; `variables`: its environment, which every fork has; `types`: the message
-    types that it is to load.
+    types that it is to load; `told` is called whenever it is ready.
     """
 
     def __init__(
-        self, words: Sequence[str], variables: Mapping[str, str], types: Sequence[str] = ()
+        self,
+        words: Sequence[str],
+        variables: Mapping[str, str],
+        types: Sequence[str] = (),
+        told: Callable[[], object] = lambda: None,
     ) -> None:
         self._words = [*words, *arguments()]
         self._variables = {**variables, **VARIABLES}
         self._types = list(types)
+        self._is_ready = told
         self._told: Dict[int, int] = {}
         self._lock = threading.Lock()
         self._process: Optional[psutil.Process] = None
@@ -201,6 +206,7 @@ class Forking:
                         if self._types:
                             ours.send(json.dumps({"types": self._types}).encode())
                         self.ready.set()
+                        self._is_ready()
                     else:
                         self._told[told["pid"]] = told["status"]
             finally:
