@@ -22,9 +22,10 @@ ROWS = {
     "transfer_nodes": {*TRANSFER, "warm", "hot"},
     "large_messages": {"nothing comes", "copied", "dropped"},
     "kilohertz": {"1000"},
+    "large_robots": {"10"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
-UNDRAWN = ("healthy_traffic", "large_messages", "kilohertz")
+UNDRAWN = ("healthy_traffic", "large_messages", "kilohertz", "large_robots")
 SELDOM = ("gated", "interference", "transfer_nodes", *UNDRAWN)
 """They only measure what others test: in `make test-long`."""
 

@@ -1,11 +1,11 @@
 """Hot substitutes are started a few at a time; what a failure needs never waits."""
-from typing import List
+from typing import List, Tuple
 
 import pytest
 
 from core_robot import B, Robot, function, service
 from shsa_core.healing import events
-from shsa_core.healing.starts import AT_ONCE, PATIENCE_S, Starts
+from shsa_core.healing.starts import AT_ONCE, PATIENCE_S, PREPARING_S, Starts
 from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.som import Som
@@ -38,13 +38,17 @@ def test_one_that_is_never_heard_holds_nobody_up_for_good() -> None:
     assert starts.deadline is None
 
 
-def hot_robot() -> Robot:
-    """Five hot services, each of a node of its own, and what computes them."""
-    lost = [service(name, f"/{name}_node", needed=True, standby=Standby.HOT) for name in HOT]
+def robot_of(standby: Standby) -> Tuple[Som, Ontology]:
+    """Five services, each of a node of its own, and what computes them."""
+    lost = [service(name, f"/{name}_node", needed=True, standby=standby) for name in HOT]
     names = [*HOT, "b"]
     functions = [function(f"r_{name}", name, "b + 1", 0.9) for name in HOT]
     ontology = Ontology({name: Property(name) for name in names}, {}, functions)
-    return Robot(Som([*lost, service("b", B)]), ontology)
+    return Som([*lost, service("b", B)]), ontology
+
+
+def hot_robot() -> Robot:
+    return Robot(*robot_of(Standby.HOT))
 
 
 def test_hot_substitutes_are_started_one_after_another_as_they_are_heard() -> None:
@@ -80,3 +84,35 @@ def test_what_still_waits_at_the_end_is_not_started(end: type) -> None:
     time = 1.0 + PATIENCE_S
     assert not started(robot.handle(end(time)))
     assert not started(robot.handle(events.Tick(time + PATIENCE_S)))
+
+
+def preparing(som: Som, ontology: Ontology) -> Robot:
+    """A robot whose healing has just begun, and is about to have a process to fork from."""
+    robot = Robot(Som([]), ontology)
+    robot.handle(events.Started(1.0, preparing=True))
+    robot.handle(events.SomChanged(1.0, som))
+    for each in som:
+        robot.row(each.topic, each.node, "healthy", 0.0)
+    robot.table(1.1)
+    robot.idle(1.1)
+    return robot
+
+
+@pytest.mark.parametrize("standby", [Standby.HOT, Standby.WARM])
+def test_what_stands_by_is_started_once_it_can_be_forked(standby: Standby) -> None:
+    robot = preparing(*robot_of(standby))
+    assert not started(robot.said)
+    assert robot.core.deadline == 1.0 + PREPARING_S, "nobody asks again and again"
+    assert started(robot.handle(events.Prepared(1.5)))
+
+
+@pytest.mark.parametrize("standby", [Standby.HOT, Standby.WARM])
+def test_what_stands_by_is_started_though_it_can_never_be_forked(standby: Standby) -> None:
+    robot = preparing(*robot_of(standby))
+    assert started(robot.handle(events.Tick(1.0 + PREPARING_S)))
+
+
+@pytest.mark.parametrize("standby", [Standby.HOT, Standby.WARM])
+def test_a_failure_does_not_wait_until_its_substitute_can_be_forked(standby: Standby) -> None:
+    robot = preparing(*robot_of(standby))
+    assert len(started(robot.fail("/u", "/u_node", 1.2))) == 1

@@ -32,7 +32,8 @@ class Started:
     `records`: what a former one has written down; `running`: the substitutes, and the nodes that
     were started again, whose processes are known to run on. `leftovers`: other nodes of a
     substitute's name that run our substitute, or are dead; `strangers`: nodes whose names begin as
-    a substitute's do, and of which nobody knows that.
+    a substitute's do, and of which nobody knows that. `preparing`: the process from which
+    substitutes are forked comes up; see Prepared.
     """
 
     time: float
@@ -40,6 +41,14 @@ class Started:
     strangers: Tuple[str, ...] = ()
     records: Tuple[Record, ...] = ()
     running: Tuple[str, ...] = ()
+    preparing: bool = False
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """The process from which substitutes are forked is up: they take less from now on."""
+
+    time: float
 
 
 @dataclass(frozen=True)
@@ -295,6 +304,7 @@ class Tick:
 
 Event = Union[
     Started,
+    Prepared,
     ShuttingDown,
     LaunchEnding,
     FailureSeen,

@@ -58,6 +58,7 @@ class Reconfigurator(Hearing):
             Event,
             {
                 events.Started: self._started,
+                events.Prepared: self._prepared,
                 events.ShuttingDown: self._shutting_down,
                 events.LaunchEnding: self._launch_ending,
                 events.FailureSeen: self._failure_seen,
@@ -119,7 +120,7 @@ class Reconfigurator(Hearing):
         """When a Tick is due, in s; None: none is."""
         dues = (
             self._agenda.next(),
-            self._pool.deadline,
+            self._starts.earliest(self._pool.deadline),
             self._starts.deadline,
             self._kills.deadline,
             self._acquaintance.deadline,
@@ -165,6 +166,8 @@ class Reconfigurator(Hearing):
         Its names are not used again. A user's node may have a name that begins like that: it is
         none of our business.
         """
+        if event.preparing:
+            self._starts.hold(event.time)
         commands = self._take_up(event)
         for node in filter(self.names.avoid, event.strangers):
             text = f"{node} is left alone: it is named as a substitute, but is not known to be one."
@@ -173,6 +176,10 @@ class Reconfigurator(Hearing):
             commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
             commands += self._end_orphan(node)
         return commands
+
+    def _prepared(self, event: events.Prepared) -> List[Command]:
+        self._starts.release()
+        return []
 
     def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
         """End every substitute, and the nodes that whoever ends us has started first."""

@@ -1,10 +1,13 @@
-"""Paces the starts of hot substitutes, so that the robot's own nodes are not starved by them."""
+"""Paces the starts of what stands by, so that the robot's own nodes are not starved by them."""
+from math import inf
 from typing import Dict, List, Optional
 
 AT_ONCE = 2
 """So many processes come up at a time: each costs most of a core until it is heard."""
 PATIENCE_S = 2.0
 """So long at most is a process awaited: one that is never heard holds nobody up for good."""
+PREPARING_S = 5.0
+"""So long at most nothing is started that stands by, until it can be forked."""
 
 
 class Starts:
@@ -16,13 +19,31 @@ class Starts:
     def __init__(self) -> None:
         self._began: Dict[str, float] = {}
         self._waiting: Dict[str, None] = {}
+        self._held = -inf
 
     @property
     def deadline(self) -> Optional[float]:
         """When the next one may be started at the latest, in s; None: nobody waits."""
         if not self._waiting:
             return None
-        return min((began + PATIENCE_S for began in self._began.values()), default=float("-inf"))
+        room = min((began + PATIENCE_S for began in self._began.values()), default=-inf)
+        return max(room, self._held)
+
+    def hold(self, time: float) -> None:
+        """Start nothing that stands by: it can soon be forked."""
+        self._held = time + PREPARING_S
+
+    def release(self) -> None:
+        """It can be forked."""
+        self._held = -inf
+
+    def held(self, time: float) -> bool:
+        """Whether what stands by waits until it can be forked."""
+        return time < self._held
+
+    def earliest(self, due: Optional[float]) -> Optional[float]:
+        """When something that stands by, and is due at a moment, may be started; in s."""
+        return None if due is None else max(due, self._held)
 
     def began(self, time: float, node: str) -> None:
         """A process is started."""
@@ -37,7 +58,7 @@ class Starts:
         self._began = {
             node: began for node, began in self._began.items() if time < began + PATIENCE_S
         }
-        if len(self._began) < AT_ONCE:
+        if len(self._began) < AT_ONCE and not self.held(time):
             return True
         self._waiting[service] = None
         return False
@@ -48,7 +69,7 @@ class Starts:
 
     def due(self, time: float) -> List[str]:
         """The services whose turn it is now: no more than have room."""
-        if not self._waiting:
+        if not self._waiting or self.held(time):
             return []
         coming_up = sum(time < began + PATIENCE_S for began in self._began.values())
         names = list(self._waiting)[: max(0, AT_ONCE - coming_up)]

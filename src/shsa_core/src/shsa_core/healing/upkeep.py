@@ -217,6 +217,8 @@ class Upkeep:
         for node in self._pool.surplus():
             commands += self._absorb(self._pool.drop(node))
             self._substitutions.set(node, None)
+        if self._starts.held(self._time):
+            return commands
         host = self._pool.due(self._time)
         while host is not None:
             name = self.names.fresh("standby")

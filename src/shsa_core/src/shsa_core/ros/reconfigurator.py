@@ -114,7 +114,8 @@ class ReconfiguratorNode:
         prefix = self._core.names.prefix
         journals = _substitute_journals(journal)
         types = sorted({service.type for service in som if service.type})
-        forks = Forks(prefix.rsplit("/", 1)[0], types) if arguments.prepared else None
+        ready = lambda: self._put(events.Prepared(clock.now()))
+        forks = Forks(prefix.rsplit("/", 1)[0], types, ready) if arguments.prepared else None
         self._local = LocalHost(
             self._told, signs, prefix, journals, signing.path, arguments.sandbox, "", forks
         )
@@ -164,7 +165,7 @@ class ReconfiguratorNode:
         self._hosts.settle(homes)
         heritage = take_over(self._local, list(homes))
         self._records = heritage.file
-        self._decide(heritage.started)
+        self._decide(replace(heritage.started, preparing=self._local.processes.forks))
         self._substitutions.open()
         self._som_state.open()
         put_som(som)

@@ -7,7 +7,7 @@ import socket
 import subprocess
 import threading
 import time
-from typing import Dict, List, Mapping, Optional, Sequence
+from typing import Callable, Dict, List, Mapping, Optional, Sequence
 
 import psutil
 import rospy
@@ -20,6 +20,9 @@ from shsa_core.substitution import signals
 
 ANSWER_TIMEOUT_S = 0.2
 """A fork takes 10 ms; who orders one waits no longer, and starts a process by rosrun."""
+MISSES = 5
+"""So many orders in a row go unanswered in time before the process is taken to hang: on a machine
+that is busy one or two may, and each process by rosrun makes it busier."""
 PAUSES_S = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 60.0)
 """Before the prepared process is started again; the first one if it has lived for the last."""
 UNTOLD_S = 0.1
@@ -77,19 +80,25 @@ class Forking:
     """Keeps a prepared process, in a thread of its own.
 
     `words`: its command; `variables`: its environment, which every fork has; `types`: the message
-    types that it is to load.
+    types that it is to load; `told` is called whenever it is ready.
     """
 
     def __init__(
-        self, words: Sequence[str], variables: Mapping[str, str], types: Sequence[str] = ()
+        self,
+        words: Sequence[str],
+        variables: Mapping[str, str],
+        types: Sequence[str] = (),
+        told: Callable[[], object] = lambda: None,
     ) -> None:
         self._words = [*words, *arguments()]
         self._variables = {**variables, **VARIABLES}
         self._types = list(types)
+        self._is_ready = told
         self._told: Dict[int, int] = {}
         self._lock = threading.Lock()
         self._process: Optional[psutil.Process] = None
         self._line: Optional[socket.socket] = None
+        self._misses = 0
         self.ready = threading.Event()
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._keep, name="prepared process", daemon=True)
@@ -136,9 +145,13 @@ class Forking:
                         rights = array.array("i", [its.fileno()])
                         ancillary = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, rights)]
                         line.sendmsg([order], ancillary, socket.MSG_DONTWAIT)
-                    return self._await(ours)
+                    forked = self._await(ours)
+                    self._misses = 0
+                    return forked
                 except socket.timeout:
-                    self._give_up(process)
+                    self._misses += 1
+                    if self._misses >= MISSES:
+                        self._give_up(process)
                 except (OSError, psutil.Error):
                     pass  # it ends, or the fork does
         return None
@@ -156,6 +169,7 @@ class Forking:
     def _give_up(self, process: psutil.Process) -> None:
         """End a prepared process that hangs, so that another one is started."""
         self.ready.clear()
+        self._misses = 0
         try:
             process.kill()
         except psutil.NoSuchProcess:
@@ -201,6 +215,7 @@ class Forking:
                         if self._types:
                             ours.send(json.dumps({"types": self._types}).encode())
                         self.ready.set()
+                        self._is_ready()
                     else:
                         self._told[told["pid"]] = told["status"]
             finally:

@@ -24,10 +24,14 @@ PACKAGE = "shsa_core"
 
 
 class Forks(NamedTuple):
-    """What a prepared process is for: substitutes in a `namespace`, and these message `types`."""
+    """What a prepared process is for: substitutes in a `namespace`, and these message `types`.
+
+    `ready` is called, in a thread, whenever one is there.
+    """
 
     namespace: str
     types: Sequence[str] = ()
+    ready: Callable[[], object] = lambda: None
 
 
 STOP_TIMEOUT_S = 2.0
@@ -75,7 +79,12 @@ class Processes:
         self._forking: Optional[Forking] = None
         if forks is not None and not sandbox:
             words = [*self._wrapper, "rosrun", PACKAGE, self._executables["substitute"]]
-            self._forking = Forking(words, self._environment(forks.namespace), forks.types)
+            self._forking = Forking(words, self._environment(forks.namespace), *forks[1:])
+
+    @property
+    def forks(self) -> bool:
+        """Whether substitutes are forked, once the prepared process is there."""
+        return self._forking is not None
 
     def start(self, command: StartSubstitute) -> None:
         """Start a muted substitute, idle without a program.
