@@ -51,7 +51,7 @@ def test_on_a_shared_topic_nobody_bridges() -> None:
     assert all(bridge == 0.0 for _, bridge in bridges(Robot(som(other))))
 
 
-def test_a_row_bridges_while_its_service_is_well_and_from_its_nodes_return() -> None:
+def test_a_row_bridges_while_its_node_may_speak() -> None:
     robot = Robot(som())
     assert bridges(robot) == ((False, 2.5 * PERIOD),)
     commands = robot.failure("/a", A, 10.0, "silent", "no message for 0.25 s", 9.75)
@@ -66,4 +66,6 @@ def test_a_row_bridges_while_its_service_is_well_and_from_its_nodes_return() -> 
     assert bridges(robot) == ((False, 2.5 * PERIOD),)  # it counts how steady that is
     robot = Robot(som())
     robot.failure("/a", A, 10.0, "out_of_range", "1000 is not in it", 9.95)
-    assert bridges(robot) == ((False, 0.0),)  # it still babbles
+    assert bridges(robot) == ((False, 2.5 * PERIOD),)  # it still babbles, perhaps seldom
+    robot.killed(10.1, A)
+    assert bridges(robot) == ((True, 0.0),)
