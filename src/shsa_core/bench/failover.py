@@ -115,8 +115,9 @@ def show(rows: Takeovers, markdown: bool) -> None:
     print_table(
         "Outage at a consumer, ms: median / p95 / max", ("", "n", *heads), outages, markdown
     )
-    title = "Steps of the outage at the rospy consumer, ms: medians"
-    print_table(title, ("", *STEPS), steps, markdown)
+    if steps:
+        title = "Steps of the outage at the rospy consumer, ms: medians"
+        print_table(title, ("", *STEPS), steps, markdown)
 
 
 def show_goals(goals: Goals) -> None:

@@ -7,9 +7,10 @@ from core_robot import SOM, A, Robot, last_incident, only
 
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
-from shsa_core.model.kinds import Policy, Standby
+from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 PERIOD = 0.02
 
@@ -51,7 +52,7 @@ def test_on_a_shared_topic_nobody_bridges() -> None:
     assert all(bridge == 0.0 for _, bridge in bridges(Robot(som(other))))
 
 
-def test_a_row_bridges_while_its_service_is_well_and_from_its_nodes_return() -> None:
+def test_a_row_bridges_while_its_node_may_speak() -> None:
     robot = Robot(som())
     assert bridges(robot) == ((False, 2.5 * PERIOD),)
     commands = robot.failure("/a", A, 10.0, "silent", "no message for 0.25 s", 9.75)
@@ -66,4 +67,10 @@ def test_a_row_bridges_while_its_service_is_well_and_from_its_nodes_return() -> 
     assert bridges(robot) == ((False, 2.5 * PERIOD),)  # it counts how steady that is
     robot = Robot(som())
     robot.failure("/a", A, 10.0, "out_of_range", "1000 is not in it", 9.95)
-    assert bridges(robot) == ((False, 0.0),)  # it still babbles
+    assert bridges(robot) == ((False, 2.5 * PERIOD),)  # it still babbles, perhaps seldom
+    gone = PublisherHealth(
+        "/a", A, PublisherState.FAILED, 10.0, 1.0, 9.95, Kind.NODE_GONE, "its connection was lost"
+    )
+    robot.rows["/a", A] = gone
+    robot.table(10.02)  # its process may take a while longer
+    assert bridges(robot) == ((True, 0.0),)

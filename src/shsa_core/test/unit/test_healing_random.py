@@ -174,7 +174,8 @@ class AnyRobot(RuleBasedStateMachine):
             if plan is not None:
                 service = core._som.services[name]
                 parted = core._where.parted(service)
-                speaks = healing.incident is None or healing.incident.state is State.RETURNING
+                waits = healing.state is State.HEALING and not healing.publishes
+                speaks = waits or healing.state in (State.WELL, State.RETURNING)
                 alone = len(core._som.of_topic(service.topic)) == 1
                 beside = healing.substitute.host == core._where.host_of(service.node)
                 bridges = speaks and alone and beside and isinstance(plan, Plan)

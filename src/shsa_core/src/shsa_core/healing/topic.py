@@ -175,6 +175,7 @@ class TopicHealing(Stranding):
 
     def changed(self, now: Snapshot, service_came: bool = False) -> List[Request]:
         """Health or the SOM changed: a first message, a return, a lost input, a new chance."""
+        self._notice_last_word(now)
         requests = self._notice_first_message(now)
         requests += self._refuse(now) or self._notice_return(now)
         requests += self._resume_kill(now)
@@ -268,6 +269,17 @@ class TopicHealing(Stranding):
         if now.service.policy.substitutes or not self._return.exhausted or not waiting:
             return []
         return self._fire(now, Trigger.EXHAUSTED)
+
+    def _notice_last_word(self, now: Snapshot) -> None:
+        """Who is being killed has left the graph, though its process may take a while longer."""
+        incident = self.incident
+        if self.state is not State.HEALING or incident is None:
+            return
+        row = now.publishers.get(incident.faulty_node)
+        if row is None or incident.faulty_node not in now.killing:
+            return
+        if row.state is PublisherState.FAILED and row.kind is Kind.NODE_GONE:
+            self._faulty.heard = False
 
     def _notice_first_message(self, now: Snapshot) -> List[Request]:
         row = now.publishers.get(self.node) if self.node else None

@@ -361,14 +361,15 @@ class Upkeep:
     def _bridge(self, service: Service, healing: TopicHealing) -> float:
         """The silence in s after which a substitute that stands by fills in; 0: it does not.
 
-        It does while the service is well, and from the original's return: who hangs again right
-        after it was heard steadily meanwhile. Not on a shared topic, where somebody else is heard;
-        nor from another computer, where what is late may be the link.
+        It does while the original may speak: while the service is well, until the original is
+        killed, and from its return. Not on a shared topic, where somebody else is heard; nor from
+        another computer, where what is late may be the link.
         """
         substitute = healing.substitute
         here = substitute.host == self._where.host_of(service.node)
         fits = here and service.policy.substitutes and isinstance(substitute.plan, Plan)
-        speaks = healing.state in (State.WELL, State.RETURNING)
+        waits = healing.state is State.HEALING and not healing.publishes
+        speaks = waits or healing.state in (State.WELL, State.RETURNING)
         if not speaks or not fits or is_shared(self._som, service):
             return 0.0
         return (service.bridges or 0.0) * (service.period or 0.0)
