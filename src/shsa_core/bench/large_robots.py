@@ -48,13 +48,13 @@ COLUMNS = (
 class Rest(NamedTuple):
     """Healing while nothing fails: shares of a core in %, memory in MB.
 
-    `count` substitutes, of which so many were `forked`, with a `pss` on average.
+    `number` of substitutes, of which so many were `forked`, with a `pss` on average.
     """
 
     monitor: float
     reconfigurator: float
     substitutes: float
-    count: int
+    number: int
     forked: int
     pss: float
     prepared_pss: float
@@ -162,7 +162,8 @@ class LargeRobot:
         forked = sum(each.ppid() in {p.pid for p in prepared} for each in substitutes)
         sizes = [[pss(each.pid) for each in group] for group in (substitutes, prepared)]
         memory = [float(np.mean(each)) if each else 0.0 for each in sizes]
-        return Rest(*shares, len(substitutes), forked, *memory)
+        monitor, reconfigurator, spent_by_all = shares
+        return Rest(monitor, reconfigurator, spent_by_all, len(substitutes), forked, *memory)
 
     @property
     def killed(self) -> int:
@@ -278,7 +279,7 @@ def show(found: Dict[Tuple[int, str], Found]) -> None:
         rest = robot.rest
         outages = [in_words(each) for each in zip(*robot.outages)]
         shares = [f"{each:.1f}" for each in rest[:3]]
-        memory = [f"{rest.forked} of {rest.count}", f"{rest.pss:.1f}"]
+        memory = [f"{rest.forked} of {rest.number}", f"{rest.pss:.1f}"]
         harm = f"{robot.others}, {robot.killed}"
         ready, load = f"{robot.ready:.1f}", f"{robot.load:.1f}"
         lines.append((f"{count} {standby}", *outages, ready, *shares, *memory, harm, load))
