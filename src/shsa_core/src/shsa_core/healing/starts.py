@@ -4,8 +4,11 @@ from typing import Dict, List, Optional
 
 AT_ONCE = 2
 """So many processes come up at a time: each costs most of a core until it is heard."""
-PATIENCE_S = 2.0
-"""So long at most is a process awaited: one that is never heard holds nobody up for good."""
+PATIENCE_S = 5.0
+"""So long at most is a process awaited: one that is never heard holds nobody up for good.
+
+On a machine that is busy a start takes seconds: with less patience they would pile up.
+"""
 PREPARING_S = 5.0
 """So long at most nothing is started that stands by, until it can be forked."""
 

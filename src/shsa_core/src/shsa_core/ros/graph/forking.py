@@ -18,11 +18,13 @@ from shsa_core.ros.graph.kernel import descriptor, gone, stopped
 from shsa_core.ros.graph.prepared import GO, LARGEST_ORDER_B, READY, VARIABLES, arguments
 from shsa_core.substitution import signals
 
-ANSWER_TIMEOUT_S = 0.2
-"""A fork takes 10 ms; who orders one waits no longer, and starts a process by rosrun."""
-MISSES = 5
-"""So many orders in a row go unanswered in time before the process is taken to hang: on a machine
-that is busy one or two may, and each process by rosrun makes it busier."""
+ANSWER_TIMEOUT_S = 1.0
+"""A fork takes 10 ms; who orders one waits no longer, and starts a process by rosrun.
+
+Where the machine is so busy that a fork takes as long, a process by rosrun takes many times that.
+"""
+MISSES = 2
+"""So many orders in a row go unanswered in time before the prepared process is taken to hang."""
 PAUSES_S = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 60.0)
 """Before the prepared process is started again; the first one if it has lived for the last."""
 UNTOLD_S = 0.1
@@ -152,8 +154,8 @@ class Forking:
                     self._misses += 1
                     if self._misses >= MISSES:
                         self._give_up(process)
-                except (OSError, psutil.Error):
-                    pass  # it ends, or the fork does
+                except (OSError, psutil.Error) as error:
+                    rospy.logwarn("%s could not be forked: %r", words[-1], error)
         return None
 
     def _await(self, connection: socket.socket) -> Optional[Forked]:
