@@ -21,9 +21,10 @@ from shsa_testing.thorough import LONG  # noqa: E402
 TIMEOUT_S = 200.0
 SHORT = (5, 6, 7, 11, 12, 9, 2, 1, 4, 3, 15)
 """The lines that are tried here, the longest first."""
-BY_OTHERS = 1, 5, 6, 7, 9
-"""Those that rostests and test_master try as well, in this order `takeover`, `flapping`,
-`healing_goes_on`, `healers_die` and the hung subscribers: here only in `make test-long`.
+BY_OTHERS = 1, 4, 5, 6, 7, 9
+"""Those that rostests and test_master try as well, in this order `takeover`, `deadline`,
+`flapping`, `healing_goes_on`, `healers_die` and the hung subscribers: here only in
+`make test-long`.
 """
 
 

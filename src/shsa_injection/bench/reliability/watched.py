@@ -12,9 +12,9 @@ HOURS, SHORT_HOURS = 1.0, 0.03
 
 
 def overload(graph: Graph, seed: int, hours: float) -> Figures:
-    """Watch 20 topics at 50 Hz for a while, 8 busy processes beside them."""
+    """Watch 40 topics at 50 Hz for a while, 8 busy processes beside them."""
     command = [sys.executable, str(BENCH / "healthy_traffic.py"), "--hours", str(hours)]
-    command += ["--topics", "20", "--busy", "8"]
+    command += ["--topics", "40", "--busy", "8", "--alarms", "10"]
     done = subprocess.run(
         [*command, "--results", str(graph.folder)],
         stdout=subprocess.PIPE,
