@@ -4,6 +4,7 @@ import os
 import socket
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Dict, Iterator
@@ -106,6 +107,28 @@ def test_the_end_of_a_fork_is_told_as_that_of_a_started_one(bench: Bench) -> Non
     wait_until(lambda: bench.ended, 5.0, "its end is told")
     assert bench.ended == {f"{NAMESPACE}/substitute_a_1": "exit status -9"}
     wait_until(lambda: not psutil.pid_exists(process.pid), 5.0, "no zombie is left")
+
+
+def test_a_ros_nodes_sockets_time_out_and_its_prepared_process_waits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As rospy sets it, though for a minute."""
+    monkeypatch.setenv("ROS_MASTER_URI", "http://localhost:1")
+    former = socket.getdefaulttimeout()
+    socket.setdefaulttimeout(0.5)
+    try:
+        made = Bench()
+        prepared = made.ready()
+        for number in range(10):
+            made.start(number)
+        assert all(made.is_forked(number) for number in range(10))
+        wait_until(lambda: time.time() > prepared.create_time() + 3.0, 10.0, "it had nothing to do")
+        assert made.forking.pid == prepared.pid and not made.ended
+        for node in made.ours.running():
+            made.ours.stop(node, answers=False)
+        made.forking.close()
+    finally:
+        socket.setdefaulttimeout(former)
 
 
 def test_twenty_at_once(bench: Bench) -> None:

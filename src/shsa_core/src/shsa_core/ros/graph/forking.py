@@ -200,6 +200,7 @@ class Forking:
     def _serve(self) -> None:
         """Start a prepared process and hear what it says until it has ended. Raises OSError."""
         ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        ours.settimeout(None)  # rospy gives every socket a minute
         with ours:
             with its:
                 process = subprocess.Popen(

@@ -42,6 +42,7 @@ def serve() -> None:
         line = socket.socket(fileno=os.dup(0))
     except OSError:
         raise SystemExit(f"{OPTION} is for healing alone: it takes orders on a socket") from None
+    line.setblocking(True)
     woken, wake = socket.socketpair()
     for each in (woken, wake):
         each.setblocking(False)
@@ -99,6 +100,7 @@ def _receive(line: socket.socket) -> Tuple[Optional[Dict[str, Any]], Optional[so
     for level, kind, content in extra:
         if level == socket.SOL_SOCKET and kind == socket.SCM_RIGHTS:
             connection = socket.socket(fileno=array.array("i", content[:4])[0])
+            connection.setblocking(True)  # in a ROS node, which has made it, none waits
     order: Dict[str, Any] = json.loads(data)
     return order, connection
 
