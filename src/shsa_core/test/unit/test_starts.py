@@ -38,6 +38,17 @@ def test_one_that_is_never_heard_holds_nobody_up_for_good() -> None:
     assert starts.deadline is None
 
 
+def test_nobody_wakes_up_for_room_that_is_not_there() -> None:
+    starts = Starts()
+    for number in range(AT_ONCE):
+        starts.began(1.0, f"old_{number}")
+    assert not starts.room(1.0, "next")
+    later = 1.0 + PATIENCE_S
+    for number in range(AT_ONCE):  # a failure asks for no room
+        starts.began(later, f"needed_{number}")
+    assert starts.due(later) == [] and starts.deadline == later + PATIENCE_S
+
+
 def robot_of(standby: Standby) -> Tuple[Som, Ontology]:
     """Five services, each of a node of its own, and what computes them."""
     lost = [service(name, f"/{name}_node", needed=True, standby=standby) for name in HOT]

@@ -29,7 +29,8 @@ class Starts:
         """When the next one may be started at the latest, in s; None: nobody waits."""
         if not self._waiting:
             return None
-        room = min((began + PATIENCE_S for began in self._began.values()), default=-inf)
+        ends = sorted(began + PATIENCE_S for began in self._began.values())
+        room = ends[-AT_ONCE] if len(ends) >= AT_ONCE else -inf
         return max(room, self._held)
 
     def hold(self, time: float) -> None:
