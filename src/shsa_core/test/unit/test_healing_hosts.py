@@ -162,6 +162,9 @@ def test_a_computer_on_which_nothing_starts_holds_up_no_other() -> None:
 def test_a_substitute_on_a_computer_that_is_forbidden_now_moves() -> None:
     robot = distributed(standby=Standby.HOT)
     (row,) = robot.working()
+    for each in robot.said:
+        if isinstance(each, events.StartSubstitute):
+            robot.handle(events.ProcessHeard(4.0, each.node))  # there is room for another one
     commands = robot.handle(
         events.SomChanged(5.0, som(standby=Standby.HOT, placement=Placement(forbid=(BOARD,))))
     )
