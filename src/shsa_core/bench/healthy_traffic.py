@@ -16,7 +16,6 @@ import os
 import re
 import statistics
 import sys
-import threading
 import time
 from pathlib import Path
 from typing import Dict, List, NamedTuple, Sequence, Tuple
@@ -27,6 +26,7 @@ from shsa_msgs.msg import Failure, Health
 from tqdm import tqdm
 
 from graph import BENCH, Graph, ask_to_leave, service, write_som
+from probe import STARTUP_S, Probe
 from report import Goals, print_table, write_table
 from shsa_core.monitoring.deadline import LEARN_GAPS, LEARN_SHARE, fitted
 from shsa_testing.waiting import wait_until
@@ -39,7 +39,6 @@ SLICES = 20
 """Of the first half: how much counts differ from one to the next says how sure a prediction is."""
 SIGMAS = 3.0
 BUSY = "while True: pass"
-STARTUP_S = 120.0
 FIXED, LEARNED = "fixed", "learned"
 FIXED_S = 0.25
 
@@ -68,30 +67,8 @@ class Bridges(NamedTuple):
     seen: int
 
 
-class Consumer:
-    """The independent consumer, and the pauses that it saw: topic, begin and end in s."""
-
-    def __init__(self, graph: Graph, topics: Sequence[str]) -> None:
-        self.pauses: List[Tuple[str, float, float]] = []
-        self.listening = False
-        least = str(NOTED_PERIODS * PERIOD_S)
-        self._process = graph.python(BENCH / "gap_probe.py", least, *topics, heard=True)
-        threading.Thread(target=self._read, daemon=True).start()
-        wait_until(lambda: self.listening, STARTUP_S, "the independent consumer listens")
-
-    def _read(self) -> None:
-        assert self._process.stdout is not None
-        for line in self._process.stdout:
-            word, *rest = line.split()
-            if word == "pause":
-                self.pauses.append((rest[0], float(rest[1]), float(rest[2])))
-            self.listening = self.listening or word == "listening"
-
-    def longest(self, topics: Sequence[str], begin: float, end: float) -> float:
-        """The longest pause of these topics that ended in a time, in s."""
-        wanted = set(topics)
-        found = (e - b for topic, b, e in self.pauses if topic in wanted and begin <= e <= end)
-        return max(found, default=0.0)
+class Consumer(Probe):
+    """The independent consumer, and what its pauses say of bridges."""
 
     def lengths(self, begin: float, end: float) -> List[float]:
         """The pauses that ended in a time, in s, in order of length."""
@@ -185,7 +162,7 @@ def measure(options: argparse.Namespace) -> Tuple[List[Row], Bridges, List[str]]
         )
         well = lambda: sum(healthy.values()) == len(topics)
         wait_until(well, STARTUP_S, "all topics are healthy")
-        consumer = Consumer(graph, topics)
+        consumer = Consumer(graph, topics, NOTED_PERIODS * PERIOD_S)
         watch(learning + 3.0, "idle, learning")
         idle = sorted(deadlines.learned.values())
         busy = [graph.start(sys.executable, "-c", BUSY) for _ in range(options.busy)]
@@ -205,7 +182,7 @@ def measure(options: argparse.Namespace) -> Tuple[List[Row], Bridges, List[str]]
                 *(options.busy, os.cpu_count() or 1, round(len(own) * seconds / PERIOD_S)),
                 *_ms(learned if kind == LEARNED else [FIXED_S]),
                 *(sum(each.topic in own for _, each in told), killed),
-                round(1e3 * consumer.longest(own, begin, end), 1),
+                round(1e3 * consumer.longest(begin, end, own), 1),
             )
             for kind, own in kinds.items()
         ]

@@ -10,7 +10,6 @@ really happened. Writes start_of_robots.json.
 import argparse
 import json
 import sys
-import threading
 import time
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
@@ -20,7 +19,8 @@ from typing import Any, Dict, List, NamedTuple, Tuple
 import rospy
 from shsa_msgs.msg import Failure
 
-from graph import BENCH, Graph, ask_to_leave, service, write_som
+from graph import Graph, ask_to_leave, service, write_som
+from probe import STARTUP_S, Probe
 from report import print_table
 from shsa_testing.graph import registered_nodes
 from shsa_testing.waiting import wait_until
@@ -28,7 +28,6 @@ from shsa_testing.waiting import wait_until
 MANY_TOPICS = (sys.executable, "-m", "shsa_testing.many_topics")
 LEAST_S = 0.1
 DEADLINE_S = 0.25
-STARTUP_S = 120.0
 
 
 class Start(NamedTuple):
@@ -52,38 +51,12 @@ class Start(NamedTuple):
     told: List[str]
 
 
-class Probe:
-    """The independent consumer, and the pauses that it saw."""
-
-    def __init__(self, graph: Graph, topics: List[str]) -> None:
-        self.pauses: List[Tuple[str, float, float]] = []
-        self.late: List[Tuple[float, float]] = []
-        self.listening = False
-        self._process = graph.python(BENCH / "gap_probe.py", str(LEAST_S), *topics, heard=True)
-        threading.Thread(target=self._read, daemon=True).start()
-        wait_until(lambda: self.listening, STARTUP_S, "the independent consumer listens")
-
-    def _read(self) -> None:
-        assert self._process.stdout is not None
-        for line in self._process.stdout:
-            word, *rest = line.split()
-            if word == "pause":
-                self.pauses.append((rest[0], float(rest[1]), float(rest[2])))
-            elif word == "late":
-                self.late.append((float(rest[0]), float(rest[1])))
-            elif word == "listening":
-                self.listening = True
-
-    def longest(self, begin: float, end: float) -> float:
-        """The longest pause that ended in a time."""
-        return max((e - b for _, b, e in self.pauses if begin <= e <= end), default=0.0)
-
-    def saw(self, topic: str, at: float) -> bool:
-        """Whether a topic paused for the deadline around a moment."""
-        return any(
-            t == topic and b - 0.1 <= at <= e + 0.1 and e - b > 0.9 * DEADLINE_S
-            for t, b, e in list(self.pauses)
-        )
+def saw(probe: Probe, topic: str, at: float) -> bool:
+    """Whether a topic paused for the deadline around a moment."""
+    return any(
+        t == topic and b - 0.1 <= at <= e + 0.1 and e - b > 0.9 * DEADLINE_S
+        for t, b, e in list(probe.pauses)
+    )
 
 
 def write_models(
@@ -112,7 +85,7 @@ def start(count: int, standby: str, a_node: int, period: float, seconds: float) 
         topics = [f"/stream_{number}" for number in range(count)]
         there = lambda: {topic for topic, _ in rospy.get_published_topics()} >= set(topics)
         wait_until(there, STARTUP_S, "the robot is up")
-        probe = Probe(graph, topics)
+        probe = Probe(graph, topics, LEAST_S)
         healing = graph.healing
         failures: List[Tuple[float, Failure]] = []
         rospy.Subscriber(
@@ -142,7 +115,7 @@ def start(count: int, standby: str, a_node: int, period: float, seconds: float) 
             count,
             standby,
             len(failures),
-            sum(probe.saw(each.topic, at) for at, each in silent),
+            sum(saw(probe, each.topic, at) for at, each in silent),
             killed,
             len(healing.incidents),
             ready,

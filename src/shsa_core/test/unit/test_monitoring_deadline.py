@@ -1,6 +1,6 @@
 """A deadline that is learned: whose gaps teach it, what it is judged by, and what is told of it."""
 from itertools import accumulate
-from typing import Any, Dict
+from typing import Any, Dict, Optional
 
 import pytest
 from monitor_bench import NODE, PERIOD, TOPIC, Bench, row, service
@@ -112,9 +112,10 @@ def test_a_gap_that_was_interrupted_does_not_teach(bench: Bench) -> None:
     assert allowed(bench) == LEAST
 
 
-def robot(nodes: int) -> Bench:
+def robot(nodes: int, *deadlines: Optional[AdaptiveDeadline]) -> Bench:
     names = [f"/node_{number}" for number in range(nodes)]
-    made = bench_of(*(adaptive(name=name[1:], topic=name, node=name) for name in names))
+    pairs = zip(names, deadlines or [OFTEN] * nodes)
+    made = bench_of(*(service(name=n[1:], topic=n, node=n, deadline=d) for n, d in pairs))
     for name in names:
         made.connect(name, name)
     for _ in range(LEARN + 1):
@@ -150,16 +151,7 @@ def test_nodes_that_are_late_together_have_as_long_as_by_the_fixed_deadline() ->
 
 
 def test_others_with_a_fixed_deadline_are_late_together_with_it() -> None:
-    names = [f"/node_{number}" for number in range(3)]
-    deadlines = (OFTEN, None, None)
-    pairs = zip(names, deadlines)
-    bench = bench_of(*(service(name=n[1:], topic=n, node=n, deadline=d) for n, d in pairs))
-    for name in names:
-        bench.connect(name, name)
-    for _ in range(LEARN + 1):
-        bench.wait(PERIOD)
-        for name in names:
-            bench.message(node=name, topic=name)
+    bench = robot(3, OFTEN, None, None)
     together(bench, 3, 0.2)
     assert bench.failures == []
 

@@ -50,7 +50,8 @@ class Starts:
         return None if due is None else max(due, self._held)
 
     def began(self, time: float, node: str) -> None:
-        """A process is started."""
+        """A process is started; those that were awaited for long enough are forgotten."""
+        self._began = {n: b for n, b in self._began.items() if time < b + PATIENCE_S}
         self._began[node] = time
 
     def over(self, node: str) -> None:
@@ -59,10 +60,7 @@ class Starts:
 
     def room(self, time: float, service: str) -> bool:
         """Whether a service may have a hot substitute started now; else it waits for its turn."""
-        self._began = {
-            node: began for node, began in self._began.items() if time < began + PATIENCE_S
-        }
-        if len(self._began) < AT_ONCE and not self.held(time):
+        if self._room(time):
             return True
         self._waiting[service] = None
         return False
@@ -73,10 +71,12 @@ class Starts:
 
     def due(self, time: float) -> List[str]:
         """The services whose turn it is now: no more than have room."""
-        if not self._waiting or self.held(time):
-            return []
-        coming_up = sum(time < began + PATIENCE_S for began in self._began.values())
-        names = list(self._waiting)[: max(0, AT_ONCE - coming_up)]
+        names = list(self._waiting)[: self._room(time)]
         for name in names:
             del self._waiting[name]
         return names
+
+    def _room(self, time: float) -> int:
+        """How many may be started now."""
+        coming_up = sum(time < began + PATIENCE_S for began in self._began.values())
+        return 0 if self.held(time) else max(0, AT_ONCE - coming_up)
