@@ -21,6 +21,9 @@ def announce(topic: str, kind: str) -> None:
     # Registering as a subscriber is the cheapest way to the list of publishers.
     publishers: List[str] = master.registerSubscriber(topic, kind, uri)
     master.unregisterSubscriber(topic, uri)
+    # A substitute may listen to its own topic; one that begins to after this registers itself.
+    if topic in dict(rospy.topics.get_topic_manager().get_subscriptions()):
+        master.registerSubscriber(topic, kind, uri)
     _tell(subscribers, topic, publishers)
 
 
