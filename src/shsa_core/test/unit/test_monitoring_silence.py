@@ -4,14 +4,15 @@ from typing import Iterable, Tuple
 import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, SETTINGS, TOPIC, Bench, service
 
+from shsa_core.model.service import Service
 from shsa_core.monitoring.silence import CONNECT_S
 
 NODES = ("/one", "/two", "/three", "/four")
 
 
-def robot(nodes: Iterable[str] = NODES) -> Bench:
+def robot(nodes: Iterable[str] = NODES, *more: Service) -> Bench:
     """A node for each topic, all healthy and connected for long."""
-    bench = Bench(*(service(name=node[1:], topic=node, node=node) for node in nodes))
+    bench = Bench(*(service(name=node[1:], topic=node, node=node) for node in nodes), *more)
     for node in nodes:
         bench.connect(node, node)
     stream(bench, nodes, 1.2)
@@ -111,6 +112,24 @@ def test_one_or_two_that_are_slow_are_found() -> None:
     bench = robot()
     slow_stream(bench, NODES[2:], 5.0)
     assert sorted(bench.kinds()) == [(NODES[3], "rate_low"), (NODES[2], "rate_low")]
+
+
+def test_a_node_that_is_slow_while_healing_connects_is_not_blamed_until_that_is_over() -> None:
+    bench = robot(NODES, service(name="another", topic="/another", node=NODES[3], period=None))
+    for _ in range(8):
+        bench.connect(NODES[3], "/another")
+        slow_stream(bench, NODES[3:], 0.5)
+    assert bench.failures == []
+    slow_stream(bench, NODES[3:], 4.0)
+    assert bench.kinds() == [(NODES[3], "rate_low")]
+
+
+def test_to_connect_to_one_node_excuses_no_other_that_is_slow() -> None:
+    bench = robot(NODES, service(name="another", topic="/another", node=NODES[0], period=None))
+    for _ in range(8):
+        bench.connect(NODES[0], "/another")
+        slow_stream(bench, NODES[3:], 0.5)
+    assert bench.kinds() == [(NODES[3], "rate_low")]
 
 
 def test_slow_and_event_driven_topics_do_not_count_as_late() -> None:

@@ -122,8 +122,13 @@ class Evidence:
         """How often messages came lately, of what the period gives; None: not known yet."""
         if not self._rate_checks or len(self._times) < self._enough:
             return None
-        passed = self._times[-1][1] - self._times[0][1]
+        passed = self.span
         return (len(self._times) - 1) * self._period / passed if passed > 0.0 else None
+
+    @property
+    def span(self) -> float:
+        """The time in s in which those messages came."""
+        return self._times[-1][1] - self._times[0][1] if self._times else 0.0
 
     @property
     def recovery(self) -> int:

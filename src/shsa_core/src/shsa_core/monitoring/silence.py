@@ -6,6 +6,7 @@ the computer is short of time. Each grants more time, all of them together one d
 the fixed one where a shorter one is learned, since of such causes nothing is.
 
 Nodes that are all slow are slow for one reason too: none of them is blamed as long as that lasts.
+Nor is one that is slow while healing connects to it.
 """
 from math import inf
 from typing import Dict, Iterable
@@ -65,7 +66,7 @@ class Excuses:
         return self._slow >= TOGETHER_NODES
 
     def disturbed(self, node: str, began: float) -> bool:
-        """Whether healing connected since shortly before a silence that began then."""
+        """Whether healing connected since shortly before a silence, or a low rate, began."""
         least = began - CONNECT_S
         return any(self._connected.get(name, -inf) >= least for name in (node, EVERYBODY))
 
