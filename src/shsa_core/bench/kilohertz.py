@@ -103,7 +103,8 @@ def rate(moments: List[float]) -> float:
 def main() -> int:
     """Measure, print and judge; 1 if a failure was not healed in time."""
     options = arguments(str(__doc__), "failures", 20, short="1 kHz, once, 2 s")
-    periods, failures, seconds = list(PERIODS_S), options.failures, RATE_S
+    failures, seconds = options.failures, RATE_S
+    periods = [each for each in PERIODS_S if any(part in title(each) for part in options.only)]
     if options.short:
         periods, failures, seconds = [GOAL_S], 1, SHORT_RATE_S
     runs: Dict[float, List[Run]] = {}
@@ -112,7 +113,7 @@ def main() -> int:
         consumers = Consumers(graph, TOPIC)
         for period in periods:
             found = runs[period] = []
-            progress = tqdm(total=failures, desc=f"{1 / period:g} Hz", disable=None)
+            progress = tqdm(total=failures, desc=title(period), disable=None)
 
             def once(robot: Fast) -> None:
                 found.append(robot.run(seconds))
@@ -121,15 +122,10 @@ def main() -> int:
             make = lambda: Fast(graph, consumers, period)
             misses += repeat(graph, make, once, lambda: len(found) >= failures)
             progress.close()
-    rows = [
-        (f"{1 / period:g}", number, *run.columns())
-        for period, found in runs.items()
-        for number, run in enumerate(found, 1)
-    ]
-    write_table(options.results / "kilohertz.csv", COLUMNS, rows)
+            write_table(options.results / "kilohertz.csv", COLUMNS, table(runs))
     show(runs)
     goals = Goals()
-    for consumer in ("rospy", "roscpp") if runs[GOAL_S] else ():
+    for consumer in ("rospy", "roscpp") if runs.get(GOAL_S) else ():
         outages = [getattr(each.takeover, f"{consumer}_ms") for each in runs[GOAL_S]]
         periods_out = float(np.median(outages)) / (1e3 * GOAL_S)
         goals.at_most("1 kHz: p50, periods", consumer, GOAL_PERIODS, periods_out, "")
@@ -140,9 +136,23 @@ def main() -> int:
     return 1 if misses else 0
 
 
+def title(period: float) -> str:
+    """How a rate is called."""
+    return f"{1 / period:g} Hz"
+
+
+def table(runs: Dict[float, List[Run]]) -> List[Tuple[object, ...]]:
+    """A row for each failure."""
+    return [
+        (f"{1 / period:g}", number, *run.columns())
+        for period, found in runs.items()
+        for number, run in enumerate(found, 1)
+    ]
+
+
 def show(runs: Dict[float, List[Run]]) -> None:
     """Print the rates and the outages."""
-    table, steps = [], []
+    lines, steps = [], []
     for period, found in runs.items():
         if not found:
             continue
@@ -154,14 +164,14 @@ def show(runs: Dict[float, List[Run]]) -> None:
         ]
         told = (f"{np.median(of('cpu')):.0f}", f"{np.median(of('lost')):g}")
         gaps = [in_words(of(name)) for name in ("longest_ms", "original_ms")]
-        table.append((f"{1 / period:g} Hz", *kept, *told, *gaps, *figures))
+        lines.append((title(period), *kept, *told, *gaps, *figures))
         medians = (f"{np.median(taken(step + '_ms')):.1f}" for step in STEPS)
-        steps.append((f"{1 / period:g} Hz", *medians))
+        steps.append((title(period), *medians))
     columns = (
         *("", "kept, %", "by the original", "core, %", "lost", "longest gap", "of the original"),
         *("outage, rospy", "outage, roscpp"),
     )
-    print_table("The hot substitute, ms: median / p95 / max", columns, table)
+    print_table("The hot substitute, ms: median / p95 / max", columns, lines)
     print_table("Steps of the outage at the rospy consumer, ms: medians", ("", *STEPS), steps)
 
 

@@ -80,9 +80,10 @@ class LargeRobot:
 
     def __init__(self, graph: Graph, count: int, standby: str) -> None:
         self._graph, self._standby = graph, standby
-        firsts = range(1, count, A_NODE)
+        most = a_node(count)
+        firsts = range(1, count, most)
         self._failing = self._node(0, 1)
-        self._others = [self._node(first, min(A_NODE, count - first)) for first in firsts]
+        self._others = [self._node(first, min(most, count - first)) for first in firsts]
         topics = {f"/stream_{number}" for number in range(count)}
         there = lambda: {topic for topic, _ in rospy.get_published_topics()} >= topics
         wait_until(there, PATIENCE_S, "the robot is up")
@@ -178,7 +179,7 @@ class LargeRobot:
 def write_model(graph: Graph, count: int, standby: str) -> Tuple[Path, Path]:
     """Ontology and SOM: each topic can be computed from the one half the robot away."""
     services = [
-        service(f"/stream_{n}", owner(n), PERIOD_S, needed=True, standby=standby)
+        service(f"/stream_{n}", owner(n, a_node(count)), PERIOD_S, needed=True, standby=standby)
         for n in range(count)
     ]
     laws = {f"r_{n}": {f"stream_{n}": f"2*stream_{(n + count // 2) % count}"} for n in range(count)}
@@ -188,9 +189,14 @@ def write_model(graph: Graph, count: int, standby: str) -> Tuple[Path, Path]:
     return ontology, write_som(graph.folder / "som.yaml", services)
 
 
-def owner(number: int) -> str:
+def a_node(count: int) -> int:
+    """The topics of a node: no more than leave a topic and what it is computed from to two."""
+    return min(A_NODE, count // 2)
+
+
+def owner(number: int, most: int) -> str:
     """The node of a topic."""
-    return NODE if number == 0 else f"/many_{(number - 1) // A_NODE * A_NODE + 1}"
+    return NODE if number == 0 else f"/many_{(number - 1) // most * most + 1}"
 
 
 def is_substitute(process: psutil.Process) -> bool:

@@ -77,6 +77,7 @@ def write_models(
 
 def start(count: int, standby: str, a_node: int, period: float, seconds: float) -> Start:
     """One robot, and one start of healing beside it."""
+    a_node = min(a_node, max(1, count // 2))  # a topic is computed from another node's
     with Graph() as graph:
         nodes = [
             graph.start(*MANY_TOPICS, str(first), str(a_node), str(period))

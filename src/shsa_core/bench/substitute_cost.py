@@ -12,6 +12,7 @@ import itertools
 import json
 import os
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
@@ -139,9 +140,12 @@ class Bench:
 
 
 def cpu_time(pid: int) -> float:
-    """The CPU time that the threads of a process have used, in s."""
-    spent = (task / "schedstat" for task in Path(f"/proc/{pid}/task").iterdir())
-    return sum(int(each.read_text().split()[0]) for each in spent) / 1e9
+    """The CPU time that the threads of a process have used, in s; of those that have not ended."""
+    spent = 0
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        with suppress(FileNotFoundError, ProcessLookupError):
+            spent += int((task / "schedstat").read_text().split()[0])
+    return spent / 1e9
 
 
 def fit(figures: List[Figure]) -> Dict[str, float]:
