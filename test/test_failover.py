@@ -34,6 +34,11 @@ def test_a_crash_lasts_from_the_last_good_message_to_the_first_one_after_it() ->
     assert heard([*stream(0.0, 1.0), *stream(1.3, UNTIL)]) == [0.32, 0.3]
 
 
+def test_at_1_khz_a_pause_that_is_the_consumers_own_is_no_news() -> None:
+    good = [*(n / 1000 for n in range(1001)), *(1.005 + n / 100 for n in range(200))]
+    assert watched(good, 1.0, UNTIL, 0.001).over == 0.0
+
+
 def test_the_longest_of_several_pauses_counts_and_the_last_one_ends_it() -> None:
     good = [*stream(0.0, 1.0), *stream(1.06, 1.12), *stream(1.2, 1.3), *stream(1.35, UNTIL)]
     assert heard(good) == [0.1, 0.35]

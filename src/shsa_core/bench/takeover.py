@@ -13,6 +13,8 @@ CALM_S = 0.5
 """So long a topic must be as it was for a failure to be over."""
 CALM_PERIODS = 2.0
 """No pause is longer on a topic that is as it was."""
+LEAST_PAUSE_S = 0.02
+"""Nor is a shorter one any news: a consumer in Python pauses for as long."""
 
 
 class Takeover(NamedTuple):
@@ -80,7 +82,7 @@ def watched(good: Sequence[float], failed_at: float, until: float, period: float
         return Watched(NEVER, NEVER)
     pauses = [(after - before, after) for before, after in zip(moments, moments[1:])]
     outage = max((pause for pause, _ in pauses), default=0.0)
-    longest = CALM_PERIODS * period
+    longest = max(CALM_PERIODS * period, LEAST_PAUSE_S)
     over = max((after for pause, after in pauses if pause > longest), default=failed_at)
     calm = until - over >= CALM_S and until - moments[-1] <= longest
     return Watched(outage, over - failed_at if calm else NEVER)
