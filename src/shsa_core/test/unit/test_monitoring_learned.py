@@ -298,6 +298,17 @@ def test_stamps_in_coarse_steps_are_no_fault() -> None:
     assert bench.failures == []
 
 
+def test_what_a_node_catches_up_with_in_a_burst_may_have_stamps_as_near_as_that() -> None:
+    values = noise(Random(3))
+    bench = bench_with(values)
+    for _ in range(20):
+        bench.wait(5 * PERIOD)
+        for step in range(5):
+            message = Message(bench.now, TOPIC, NODE, (next(values),), age=0.002 - step * 4e-6)
+            bench.send(message)
+    assert bench.failures == []
+
+
 def test_what_was_held_up_on_its_way_is_neither_good_nor_evidence() -> None:
     """A link that was down: what was sent meanwhile comes at once."""
     values = noise(Random(19))

@@ -21,6 +21,9 @@ LEARN_GROWING = 200
 GRACE_MESSAGES = 10
 """Stamps that grew so often always grow, unless one does not and so many after it do."""
 INSTANT_S = 1e-5
+STAND_PERIODS = 0.5
+"""What a node was held up with it may send in a burst, with stamps as near to each other: a stamp
+stands only once it did so for this."""
 
 
 class Stamps:
@@ -36,6 +39,7 @@ class Stamps:
         self._usual: Optional[float] = None
         self._allowed = 0.0
         self._last: Optional[float] = None
+        self._grew = 0.0  # when a newer stamp came last
         self._growing: Optional[int] = 0
         self._stood = False
 
@@ -43,19 +47,28 @@ class Stamps:
         """What is to be judged of a message that came at `time`, `age` s after its stamp."""
         if self._usual is None:
             return StampSample(age, waited)
-        advance = None if self._last is None else time - age - self._last
         always = self._growing is not None and self._growing >= LEARN_GROWING
-        again = always and advance is not None and advance <= INSTANT_S
+        again = always and not self._grows(time - age) and self._stands(time)
         return StampSample(age, waited, self._usual, self._allowed, again)
 
     def heard(self, time: float, age: float, good: bool) -> None:
         """A message has been judged; learn from it if it was `good`."""
-        before, self._last = self._last, time - age
+        grows = self._grows(time - age)
+        self._last = time - age
         if self.period is None:
             return
-        self._learn_growth(before is None or self._last - before > INSTANT_S)
+        if grows or self._stands(time):
+            self._learn_growth(grows)
+        if grows:
+            self._grew = time
         if good:
             self._learn(age)
+
+    def _grows(self, stamp: float) -> bool:
+        return self._last is None or stamp - self._last > INSTANT_S
+
+    def _stands(self, time: float) -> bool:
+        return time - self._grew > STAND_PERIODS * (self.period or 0.0)
 
     def _learn_growth(self, grows: bool) -> None:
         """Stamps that now and then do not grow need not; those of a fault do so again and again."""
