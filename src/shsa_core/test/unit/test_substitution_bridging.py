@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from substitute_driver import PERIOD, SETTINGS, Driver, idle, only, row, signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
-from shsa_core.substitution.bridging import STEADY
+from shsa_core.substitution.bridging import LOOK_AGAIN_S, STEADY
 from shsa_testing.thorough import many
 
 BRIDGE = 2.5 * PERIOD
@@ -120,6 +120,19 @@ def test_a_connection_that_has_ended_begins_no_bridge_and_soon_ends_one() -> Non
     robot.stands = False
     robot.to(5.0)
     assert robot.filled[-1] < 3.2 + 2 * BRIDGE + 2 * PERIOD
+
+
+def test_at_high_rates_a_connection_that_has_ended_is_bridged_until_others_can_have_said_so() -> None:
+    robot = Robot(bridges(bridge=0.0025)).stream(1.0, 0.001)
+    robot.stands = False
+    robot.to(2.0)
+    last = robot.original[-1]
+    assert robot.filled and robot.filled[0] <= last + 0.0025 + LOOK + 1e-4
+    assert robot.filled[-1] <= last + 0.0025 + LOOK_AGAIN_S + 2 * LOOK
+    again = len(robot.filled)
+    robot.stands = True
+    robot.stream(3.0, 0.001)
+    assert len(robot.filled) == again
 
 
 def test_what_was_heard_while_it_looked_counts() -> None:

@@ -5,7 +5,8 @@ next message of anybody else. So a gap costs a few periods and not the deadline;
 is held against the original and its kill are others' business.
 
 Only a silent connection is bridged: one that has ended is the reconfigurator's to judge, which is
-told at once, and tells a node that died from one that was stopped on purpose.
+told at once, and tells a node that died from one that was stopped on purpose. Where a bridge begins
+before its word can come, the substitute fills in until then, and for LOOK_AGAIN_S at most.
 """
 import math
 from typing import Optional, Tuple
@@ -16,6 +17,8 @@ from shsa_core.substitution.overhearing import Overhearing
 
 STEADY = 5
 """So many messages in a row, none later than what is bridged, make a steady pace."""
+QUICK_S = 0.0125
+"""A shorter silence is over before the reconfigurator can be heard: 2.5 periods of 200 Hz."""
 LOOK_AGAIN_S = 0.05
 """While it fills in, it looks no more often whether the connection stands."""
 
@@ -82,7 +85,8 @@ class Bridging:
         if event.look != self._awaited:
             return
         self._awaited = None
-        if not event.stands and not (self.on and self._stood):
+        goes_on = self._stood if self.on else self._after <= QUICK_S
+        if not event.stands and not goes_on:
             self.stop()
             return
         if not self.on:
