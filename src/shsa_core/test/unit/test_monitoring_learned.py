@@ -302,8 +302,8 @@ def test_what_a_node_catches_up_with_in_a_burst_may_have_stamps_as_near_as_that(
     values = noise(Random(3))
     bench = bench_with(values)
     for _ in range(20):
-        bench.wait(5 * PERIOD)
-        for step in range(5):
+        bench.wait(4 * PERIOD)
+        for step in range(4):
             message = Message(bench.now, TOPIC, NODE, (next(values),), age=0.002 - step * 4e-6)
             bench.send(message)
     assert bench.failures == []
