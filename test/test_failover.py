@@ -15,7 +15,7 @@ import takeover as told  # noqa: E402
 import failover_rows as of  # noqa: E402
 from failover_plot import plot  # noqa: E402
 from robot import NODE, Heard  # noqa: E402
-from report import in_words, summary  # noqa: E402
+from report import in_words, print_table, summary  # noqa: E402
 from takeover import STEPS, Takeover, from_words, watched  # noqa: E402
 
 PERIOD_S = 0.02
@@ -32,6 +32,11 @@ def heard(good: List[float], failed_at: float = 1.0) -> List[float]:
 
 def test_a_crash_lasts_from_the_last_good_message_to_the_first_one_after_it() -> None:
     assert heard([*stream(0.0, 1.0), *stream(1.3, UNTIL)]) == [0.32, 0.3]
+
+
+def test_a_table_may_have_no_rows(capsys: Any) -> None:
+    print_table("Goals", ("goal", "at most"), [])
+    assert "at most" in capsys.readouterr().out
 
 
 def test_at_1_khz_a_pause_that_is_the_consumers_own_is_no_news() -> None:

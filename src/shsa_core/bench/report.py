@@ -62,11 +62,12 @@ def print_table(
 
     `markdown`: as the documentation has it.
     """
+    lines = list(rows)
     if markdown:
-        text = tabulate(list(rows), columns, disable_numparse=True, tablefmt="github")
+        text = tabulate(lines, columns, disable_numparse=True, tablefmt="github")
     else:
-        align = ["left"] + ["right"] * (len(columns) - 1)
-        text = tabulate(list(rows), columns, disable_numparse=True, colalign=align)
+        align = ["left"] + ["right"] * (len(columns) - 1) if lines else None
+        text = tabulate(lines, columns, disable_numparse=True, colalign=align)
     print(f"\n{title}\n{chr(10) if markdown else ''}{text}\n", flush=True)
 
 

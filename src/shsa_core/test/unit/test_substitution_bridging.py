@@ -122,7 +122,7 @@ def test_a_connection_that_has_ended_begins_no_bridge_and_soon_ends_one() -> Non
     assert robot.filled[-1] < 3.2 + 2 * BRIDGE + 2 * PERIOD
 
 
-def test_at_high_rates_a_connection_that_has_ended_is_bridged_until_others_can_have_said_so() -> None:
+def test_at_high_rates_a_connection_that_has_ended_is_bridged_for_a_moment() -> None:
     robot = Robot(bridges(bridge=0.0025)).stream(1.0, 0.001)
     robot.stands = False
     robot.to(2.0)
