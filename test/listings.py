@@ -14,6 +14,8 @@ import uuid
 from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple
 
+import psutil
+
 from shsa_testing.processes import marked
 from shsa_testing.waiting import wait_until
 
@@ -194,7 +196,8 @@ def new_reader(folder: Path) -> Iterator[Reader]:
 def _end(mark: str) -> None:
     for number in (signal.SIGINT, signal.SIGKILL):
         for process in marked(_MARK, mark):
-            process.send_signal(number)
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.send_signal(number)
         try:
             wait_until(lambda: not marked(_MARK, mark), 15.0, "everything has ended")
             return

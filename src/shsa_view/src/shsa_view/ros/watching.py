@@ -13,6 +13,7 @@ from shsa_core.model.som import Som
 from shsa_core.ros.graph.node_api import FAILURES, master_api
 from shsa_core.ros.graph.som_parameter import get_som_parameter
 from shsa_view.facts import ModelsRead
+from shsa_view.judgement import Condition
 from shsa_view.ros.listener import Listener
 from shsa_view.state import ALIVE, State
 from shsa_view.terminal import AnotherMaster
@@ -143,4 +144,5 @@ def _is_whole(document: Document) -> bool:
     healing = document["healing"]
     rows = document["services"].values()
     alive = all(healing[who] == ALIVE for who in ("monitor", "reconfigurator"))
-    return alive and bool(rows) and all(row["rate"] is not None for row in rows if row["publisher"])
+    told = bool(rows) and all(row["state"] != Condition.UNKNOWN.value for row in rows)
+    return alive and told and all(row["rate"] is not None for row in rows if row["publisher"])
