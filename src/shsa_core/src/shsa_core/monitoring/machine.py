@@ -327,13 +327,10 @@ class Monitor:
         return good
 
     def _is_excused(self, publisher: Publisher, failure: Finding, time: float) -> bool:
-        """Whether a publisher is slow by healing's own doing, or as others are."""
-        evidence = publisher.evidence
-        if failure.kind is not Kind.RATE_LOW or evidence is None or not publisher.is_healthy:
+        """Whether a publisher is slow, and not by its own doing."""
+        if failure.kind is not Kind.RATE_LOW or not publisher.is_healthy:
             return False
-        if self._excuses.disturbed(publisher.name, time - evidence.span):
-            return True
-        return self._excuses.slow_together((each for _, each in self._board.all()), time)
+        return self._excuses.slows(publisher, (each for _, each in self._board.all()), time)
 
     def _calibrate(self, publisher: Publisher, event: Message, good: bool) -> None:
         """Learn from the values of a service's own node, as long as nothing is held against it."""

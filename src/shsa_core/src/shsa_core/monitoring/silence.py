@@ -58,7 +58,12 @@ class Excuses:
             return max(0.0, most - silence)
         return 0.0
 
-    def slow_together(self, publishers: Iterable[Publisher], time: float) -> bool:
+    def slows(self, publisher: Publisher, publishers: Iterable[Publisher], time: float) -> bool:
+        """Whether a low rate has another cause: healing connects, or others are slow as well."""
+        span = publisher.evidence.span if publisher.evidence is not None else 0.0
+        return self.disturbed(publisher.name, time - span) or self._together(publishers, time)
+
+    def _together(self, publishers: Iterable[Publisher], time: float) -> bool:
         """Whether so many nodes are slow that it is for one reason."""
         if not 0.0 <= time - self._looked < LOOK_S:
             self._looked = time

@@ -20,11 +20,17 @@ def announce(topic: str, kind: str) -> None:
     subscribers: List[str] = master.registerPublisher(topic, kind, uri)
     # Registering as a subscriber is the cheapest way to the list of publishers.
     publishers: List[str] = master.registerSubscriber(topic, kind, uri)
-    master.unregisterSubscriber(topic, uri)
-    # A substitute may listen to its own topic; one that begins to after this registers itself.
-    if topic in dict(rospy.topics.get_topic_manager().get_subscriptions()):
-        master.registerSubscriber(topic, kind, uri)
+    if not _listens(topic):
+        master.unregisterSubscriber(topic, uri)
+        if _listens(topic):  # it began meanwhile, and who came since was not told to us
+            publishers = master.registerSubscriber(topic, kind, uri)
+            subscribers = [*subscribers, uri]
     _tell(subscribers, topic, publishers)
+
+
+def _listens(topic: str) -> bool:
+    """Whether this process subscribes a topic, as a substitute may its own."""
+    return topic in dict(rospy.topics.get_topic_manager().get_subscriptions())
 
 
 def find_subscribers(topics: Iterable[str]) -> Dict[str, Tuple[str, ...]]:
