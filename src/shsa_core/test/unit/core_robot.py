@@ -13,7 +13,7 @@ from shsa_core.model.relation import TransferFunction
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 A, B, C = "/a_node", "/b_node", "/c_node"
@@ -119,7 +119,7 @@ class Robot:
             if isinstance(command, events.ShowSubstitutions):
                 for key in command.removed:
                     self.shown.pop(key)
-                self.shown.update({row.node or row.service: row for row in command.rows})
+                self.shown.update({row_key(row): row for row in command.rows})
         return commands
 
     def connects(self, time: float, topic: str, node: str) -> None:

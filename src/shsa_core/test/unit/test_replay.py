@@ -24,7 +24,7 @@ Shsa = Callable[..., Tuple[int, str, str]]
 @pytest.fixture(autouse=True)
 def registered(monkeypatch: Any) -> None:
     """The toy is one of the machines."""
-    monkeypatch.setitem(machines.MACHINES, "adder", "Adder")
+    monkeypatch.setitem(machines.MACHINES, "adder", "adder.machine.Adder")
     monkeypatch.setattr(reader, "machine_kind", lambda name: toy.ADDER)
 
 

@@ -1,4 +1,5 @@
 """When a substitute publishes, and what it computes: each sentence of it, in made-up time."""
+import math
 from dataclasses import replace
 from typing import List
 
@@ -40,7 +41,20 @@ def test_muted_it_computes_and_never_publishes() -> None:
     driver = running(publishing=False)
     driver.stream(0.99)
     assert driver.published() == []
-    assert driver.core.next_deadline() == pytest.approx(1.0)
+    assert driver.core.next_deadline() == pytest.approx(0.99 + SETTINGS.rest_s, abs=SETTINGS.rest_s)
+
+
+def test_muted_it_rests_unless_its_program_remembers() -> None:
+    for code, pause in ((CODE, SETTINGS.rest_s), (DERIVATIVE, PERIOD)):
+        driver = running(publishing=False, code=code)
+        driver.stream(2.0)
+        deadline = driver.core.next_deadline()
+        assert deadline is not None and 2.0 < deadline <= 2.0 + pause
+        driver.tell(events.RowChanged, row(True, code=code))
+        driver.stream(2.2)
+        times = [time for time, _ in driver.published()]
+        assert times[0] == 2.0 and len(times) >= 10
+        assert all(PERIOD - 1e-6 <= b - a for a, b in zip(times, times[1:]))
 
 
 def test_behind_a_gate_it_publishes_always() -> None:
@@ -199,11 +213,12 @@ def test_a_law_that_does_not_hold_any_more_is_told_at_the_second_miss_and_once(
     publishing: bool,
 ) -> None:
     driver = running(publishing=publishing, code=HOLDS)
-    assert told(driver, 1.0, 5) == []
+    pace = 1 if publishing else math.ceil(SETTINGS.rest_s / PERIOD)
+    assert told(driver, 1.0, 5 * pace) == []
     assert told(driver, 7.0, 1) == []
     assert len(told(driver, 7.0, 50)) == 1
-    assert told(driver, 1.0, 5) == []
-    assert len(told(driver, 7.0, 3)) == 1
+    assert told(driver, 1.0, 5 * pace) == []
+    assert len(told(driver, 7.0, 3 * pace)) == 1
 
 
 def test_a_law_that_never_held_is_told_later_as_filters_need_a_few_samples() -> None:

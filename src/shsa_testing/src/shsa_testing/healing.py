@@ -65,7 +65,7 @@ class HealedRobot:
             self.incidents[incident.id] = incident
 
     def _substitutions_changed(self, change: Substitutions) -> None:
-        rows = {row.node or row.service: row for row in change.substitutions}
+        rows = {_key(row): row for row in change.substitutions}
         self._substitutions = _changed(self._substitutions, change, rows)
 
     def _som_changed(self, change: SomState) -> None:
@@ -123,6 +123,11 @@ class HealedRobot:
             return {*nodes} <= {node for row in self.services for node in row.verified}
 
         wait_until(verified, seconds, f"{', '.join(nodes)} verified")
+
+
+def _key(row: Substitution) -> str:
+    """What a row of the table of substitutions goes by."""
+    return f"{row.node} {row.service}" if row.shared else row.node or row.service
 
 
 def _changed(old: Dict[str, Any], change: Any, rows: Dict[str, Any]) -> Dict[str, Any]:

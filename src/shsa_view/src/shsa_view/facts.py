@@ -8,6 +8,7 @@ from typing import Mapping, Optional, Tuple, Union
 from shsa_core.healing.incident import Incident
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import shared_key
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Substitute:
     """One process that stands in for a service, or stands by for it (`publishing`: not).
 
     Without a node it is a plan. Inputs and outputs are paths; `error_rms` and `error_p95` are those
-    of each output.
+    of each output. `shared`: others run in the same node.
     """
 
     node: str
@@ -54,11 +55,12 @@ class Substitute:
     host: str = ""
     error_rms: Tuple[Optional[float], ...] = ()
     error_p95: Tuple[Optional[float], ...] = ()
+    shared: bool = False
 
     @property
     def key(self) -> str:
         """What its row is known by in the table."""
-        return self.node or self.service
+        return shared_key(self.node, self.service) if self.shared else self.node or self.service
 
 
 @dataclass(frozen=True)

@@ -119,7 +119,7 @@ class State:
             "healing": self._healing(),
             "trust": {"state": self._trust.state, "text": self._trust.text},
             "substitutes": {
-                row.node: _substitute(row)
+                row.key: _substitute(row)
                 for row in self._substitutes.values()
                 if row.node and row.service
             },

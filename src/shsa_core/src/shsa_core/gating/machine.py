@@ -1,7 +1,7 @@
 """The gate's core: judges each message before a consumer hears it, and who speaks to consumers."""
 import math
 from dataclasses import replace
-from typing import Dict, List, Optional
+from typing import Dict, List, Optional, Set
 
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
@@ -18,7 +18,7 @@ from shsa_core.gating.events import (
 from shsa_core.gating.settings import Settings
 from shsa_core.model.checks import NotANumber, OutOfRange, RateHigh, RateSample
 from shsa_core.model.service import Service
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.monitoring.events import SubstitutionsChanged
 from shsa_core.monitoring.evidence import Evidence, Finding
 from shsa_core.silence import Silence
@@ -94,6 +94,7 @@ class Gate:
     ) -> None:
         self._settings = settings
         self._rows: Dict[str, Substitution] = {}
+        self._substitutes: Set[str] = set()  # the nodes of the rows
         self._judges: Dict[str, Evidence] = {}
         self._strangers: Dict[str, float] = {}
         self._newest: Optional[_Newest] = None
@@ -127,7 +128,7 @@ class Gate:
 
     def service_of(self, publisher: str) -> Service:
         """What a publisher's messages are judged by: of a substitute, its values alone."""
-        return self._values_alone if publisher in self._rows else self._original.judged
+        return self._values_alone if publisher in self._substitutes else self._original.judged
 
     def handle(self, event: Event) -> List[Command]:
         """The commands that an event calls for."""
@@ -159,20 +160,21 @@ class Gate:
         if self._muted and passed:
             raise ShsaError("a muted gate lets nothing pass")
         for each in passed:
-            if each.publisher != self._service.node and each.publisher not in self._rows:
+            if each.publisher != self._service.node and each.publisher not in self._substitutes:
                 raise ShsaError(f"{each.publisher} is neither the node nor a substitute")
 
     # What it is told.
 
     def _substitutions_changed(self, event: SubstitutionsChanged) -> List[Command]:
-        changed = [row.node for row in event.rows]
-        for node in list(self._rows) if event.whole else (*event.removed, *changed):
-            self._rows.pop(node, None)
+        changed = [row_key(row) for row in event.rows]
+        for key in list(self._rows) if event.whole else (*event.removed, *changed):
+            self._rows.pop(key, None)
         mine = (row for row in event.rows if row.service == self._service.name and row.node)
-        self._rows.update((row.node, row) for row in mine)
-        for node in [each for each in self._judges if each not in self._rows]:
+        self._rows.update((row_key(row), row) for row in mine)
+        self._substitutes = {row.node for row in self._rows.values()}
+        for node in [each for each in self._judges if each not in self._substitutes]:
             del self._judges[node]
-        if self._newest is not None and self._newest.publisher not in self._rows:
+        if self._newest is not None and self._newest.publisher not in self._substitutes:
             self._newest = None
         return []
 
@@ -187,7 +189,7 @@ class Gate:
         publisher = event.message.publisher
         if publisher == self._service.node:
             return self._of_original(event)
-        if publisher in self._rows:
+        if publisher in self._substitutes:
             return self._of_substitute(event)
         return self._of_stranger(publisher, event.time)
 

@@ -10,12 +10,12 @@ from shsa_core.healing.topic import TopicHealing
 class Concern:
     """Indexes of healings, kept up as they decide.
 
-    `by_process`: the service that a substitute works for. `stuck`: those that nothing can heal now.
-    `kept`: those whose faulty node is kept.
+    `by_process`: the services that the substitutes in a process work for. `stuck`: those that
+    nothing can heal now. `kept`: those whose faulty node is kept.
     """
 
     def __init__(self) -> None:
-        self.by_process: Dict[str, str] = {}
+        self.by_process: Dict[str, Dict[str, None]] = {}
         self.stuck: Dict[str, None] = {}
         self.kept: Dict[str, None] = {}
         self._refusing: Dict[str, str] = {}
@@ -27,6 +27,15 @@ class Concern:
     def kept_out(self) -> Set[str]:
         """The nodes that may not return."""
         return set(self._refusing.values())
+
+    def served(self, process: str) -> Tuple[str, ...]:
+        """The services that the substitutes in a process work for."""
+        return tuple(self.by_process.get(process, ()))
+
+    @property
+    def substituted(self) -> List[str]:
+        """The services that have a substitute."""
+        return sorted(name for served in self.by_process.values() for name in served)
 
     def readers(self, services: Iterable[str]) -> List[str]:
         """The services whose substitute reads one of some services."""
@@ -46,9 +55,12 @@ class Concern:
             self._faulty.get(before.faulty_node, set()).discard(name)
         if incident is not None:
             self._faulty.setdefault(incident.faulty_node, set()).add(name)
-        self.by_process.pop(node, None)
+        served = self.by_process.get(node, {})
+        served.pop(name, None)
+        if not served:
+            self.by_process.pop(node, None)
         if healing.node:
-            self.by_process[healing.node] = name
+            self.by_process.setdefault(healing.node, {})[name] = None
         self.stuck.pop(name, None)
         if healing.state in STUCK:
             self.stuck[name] = None

@@ -401,7 +401,8 @@ class StartSubstitute:
     """Start a substitute's process, muted until the table of substitutions says that it publishes.
 
     Without a program it waits, idle, until the table gives it one. `inputs` and `outputs` are those
-    of the program. `host`: the computer to start it on, empty: the reconfigurator's own.
+    of the program. `host`: the computer to start it on, empty: the reconfigurator's own. `shared`:
+    the table gives it several.
     """
 
     node: str
@@ -409,6 +410,7 @@ class StartSubstitute:
     inputs: Tuple[Signal, ...] = ()
     outputs: Tuple[Signal, ...] = ()
     host: str = ""
+    shared: bool = False
 
 
 @dataclass(frozen=True)

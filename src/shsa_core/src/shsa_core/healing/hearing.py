@@ -63,13 +63,23 @@ class Hearing(Reach):
     def _service_of(self, event: FailureSeen) -> Optional[Service]:
         if event.service:
             return self._som.services.get(event.service)
-        if event.publisher in self._concern.by_process:
-            return self._som.services.get(self._concern.by_process[event.publisher])
+        for name in self._substituted(event.topic, event.publisher)[:1]:
+            return self._som.services.get(name)
         return self._som.service_of(event.topic, event.publisher)
 
     def _is_old_substitute(self, publisher: str, service: str) -> bool:
         known = publisher in self._nodes.substitutes
-        return known and self._concern.by_process.get(publisher) != service
+        return known and service not in self._concern.served(publisher)
+
+    def _substituted(self, topic: str, process: str) -> List[str]:
+        """The services of a topic that the substitutes in a process work for.
+
+        One that is nobody else's may have advertised other topics before it was set to work.
+        """
+        served = self._concern.served(process)
+        if len(served) == 1:
+            return list(served)
+        return [name for name in served if self._som.services[name].topic == topic]
 
     def _health_seen(self, event: HealthSeen) -> List[Command]:
         if event.whole:
@@ -128,7 +138,7 @@ class Hearing(Reach):
             row = self._nodes.health(topic).get(publisher)
             self._note_health(topic, publisher)
             if publisher in self._concern.by_process:
-                concerned[self._concern.by_process[publisher]] = None
+                concerned.update(dict.fromkeys(self._substituted(topic, publisher)))
             elif publisher not in self._nodes.substitutes:
                 services = self._concerned(topic, publisher)
                 concerned.update(dict.fromkeys(services))

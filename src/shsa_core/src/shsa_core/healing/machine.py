@@ -253,8 +253,7 @@ class Reconfigurator(Hearing):
         return self._killed([over] if over else [])
 
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
-        name = self._concern.by_process.get(event.node, "")
-        return self._ask(name, lambda healing, now: healing.started(event))
+        return self._ask_of(event.node, lambda healing, now: healing.started(event))
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
         self._starts.over(event.node)
@@ -262,8 +261,7 @@ class Reconfigurator(Hearing):
             commands = self._pool.died(event.time, event.node, event.detail)
             self._substitutions.set(event.node, None)
         else:
-            name = self._concern.by_process.get(event.node, "")
-            commands = self._ask(name, lambda healing, now: healing.exited(now, event.detail))
+            commands = self._ask_of(event.node, lambda h, now: h.exited(now, event.detail))
         if self._strays.host(event.node):  # nobody there needs to be told to end it
             commands = [each for each in commands if each != events.StopSubstitute(event.node)]
         self._strays.ended(event.node)
@@ -274,8 +272,7 @@ class Reconfigurator(Hearing):
         if event.node in self._pool.nodes:
             self._pool.silent(event.node)
             return []
-        name = self._concern.by_process.get(event.node, "")
-        return self._ask(name, lambda healing, now: healing.process_silent(now))
+        return self._ask_of(event.node, lambda healing, now: healing.process_silent(now))
 
     def _process_heard(self, event: events.ProcessHeard) -> List[Command]:
         self._pool.heard(event.node)
@@ -286,8 +283,7 @@ class Reconfigurator(Hearing):
         if event.node in self._pool.nodes:
             self._substitutions.set(event.node, None)
             return self._pool.hung(event.time, event.node)
-        name = self._concern.by_process.get(event.node, "")
-        return self._ask(name, lambda healing, now: healing.process_hung(now))
+        return self._ask_of(event.node, lambda healing, now: healing.process_hung(now))
 
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
         incident = self.incident(event.service)

@@ -96,7 +96,7 @@ class Reach(Aftermath):
     def _rehost(self) -> List[Command]:
         commands: List[Command] = []
         self._place_warm()
-        for name in sorted(self._concern.by_process.values()):
+        for name in self._concern.substituted:
             allowed = self._where.allowed(self._som.services[name])
             commands += self._ask(name, lambda healing, now: healing.rehost(now, allowed))
         for name in list(self._concern.stuck):

@@ -48,7 +48,7 @@ class Resumption(Repair):
             self.last_message = row.last_message
             if plan is not None:
                 since = now.time if incident is None else incident.detected
-                self.substitute.take_up(now.time, row.node, row.host, plan, since)
+                self.substitute.take_up(now.time, row, plan, since)
                 self.substitute.patience = now.settings.takeover_timeout
         self._set_timer(now)
         requests: List[Request] = [] if incident is None else [ShowIncident(incident)]
@@ -56,7 +56,7 @@ class Resumption(Repair):
             return requests
         if plan is None:
             why = "what it computes does not fit ontology and SOM, or the policy, any more"
-            self.substitute.node = row.node
+            self.substitute.node, self.substitute.shared = row.node, row.shared
         elif not runs:
             why = "its process died"
         else:

@@ -23,7 +23,9 @@ class Settings:
     how long a service that could not be healed is tried anew. `retry_limit`: what that doubles to.
     `method`: the search, `best` or `depth_first` (the paper's `orr`). `pool`: how many idle
     processes the warm services share. `kill_patience`: how long a node that may still publish may
-    take to leave before its process is ended. `takeover_cold`, `takeover_warm`, `takeover_hot`:
+    take to leave before its process is ended. `hot_hosts`: so many hot substitutes have a process
+    each; those beyond share processes of so many at most; 0: each has its own, however many they
+    are. `takeover_cold`, `takeover_warm`, `takeover_hot`:
     what a takeover is taken to last where a service's `fault_tolerant_time` is checked; by default
     the 95th percentile of 50 takeovers at a roscpp consumer (docs/experiments.md). `deadline`,
     `minimum_deadline`: as the monitor's: periods, and s, after which values are stale.
@@ -45,6 +47,7 @@ class Settings:
     retry_limit: float = 60.0
     method: str = field(default="best", metadata={"one_of": METHODS})
     pool: int = field(default=2, metadata={"most": 100})
+    hot_hosts: int = field(default=20, metadata={"most": 1000})
     kill_patience: float = 0.1
     takeover_cold: float = 0.83
     takeover_warm: float = 0.03

@@ -1,8 +1,9 @@
 """What the healing of one service is told about the rest of the robot, each time that it decides.
 """
 from dataclasses import dataclass
-from typing import Callable, FrozenSet, Mapping, Tuple, Union
+from typing import Callable, FrozenSet, Mapping, Optional, Tuple, Union
 
+from shsa_core.codegen.plans import Plan
 from shsa_core.healing.events import Command
 from shsa_core.healing.containment import Verdict
 from shsa_core.healing.kills import KillNode
@@ -10,6 +11,7 @@ from shsa_core.healing.placement import Place
 from shsa_core.healing.planner import AnyPlan, Planner
 from shsa_core.healing.pool import Spare
 from shsa_core.healing.settings import Settings
+from shsa_core.healing.sharing import Shared
 from shsa_core.model.kinds import BY_LINK, Kind, Standby
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import PublisherHealth
@@ -29,6 +31,7 @@ class Snapshot:
     the two is taken each time. `verdict` decides about a faulty node: its name, the kind of
     failure, whether something takes the service over, and whether the node would be started again.
     `parted`: whether a cut may part the substitute from us or from the original.
+    `share`: the process that a hot substitute shares; None: it has its own.
     `room`: whether a process may be started now that no failure needs; else it is asked later.
     `awaited`: whether a node that comes back may bring another service that nothing else gives.
     `far`: the service's node is on another computer, behind a link.
@@ -50,6 +53,7 @@ class Snapshot:
     awaited: Callable[[str], bool]
     parted: bool
     room: Callable[[], bool]
+    share: Callable[[Plan], Optional[Shared]]
     far: bool = False
 
     def by_link(self, kind: Kind) -> bool:

@@ -7,6 +7,7 @@ from shsa_core.healing.events import AssignSubstitute, Command, StartSubstitute,
 from shsa_core.healing.placement import Place
 from shsa_core.healing.planner import AnyPlan
 from shsa_core.healing.snapshot import Snapshot
+from shsa_core.model.substitution import Substitution
 
 CHANGEOVER_S = 1.0
 """After a change of program, silence is no failure yet for so long."""
@@ -18,13 +19,15 @@ class SubstituteProcess:
     """At most one process that substitutes a service, and its plan.
 
     `node` is its name, empty without a process; `host`: its computer, empty: the reconfigurator's
-    own; `changed`: when it was given its program. `working_since` is when it was set to work: what
-    it has published since counts. `patience` is how long its first message may take, in s; if that
-    does not come, `plan_to_blame`, or else the process is.
+    own; `shared`: whether it is that of other services too; `changed`: when it was given its
+    program. `working_since` is when it was set to work: what it has published since counts.
+    `patience` is how long its first message may take, in s; if that does not come, `plan_to_blame`,
+    or else the process is.
     """
 
     def __init__(self) -> None:
         self.node = self.host = ""
+        self.shared = False
         self.plan: Optional[AnyPlan] = None
         self.working_since = 0.0
         self.patience = 0.0
@@ -90,10 +93,13 @@ class SubstituteProcess:
         """
         return Place(self.host) if self.node else now.place(plan)
 
-    def use(self, now: Snapshot, plan: AnyPlan, publishes: bool = False) -> List[Command]:
+    def use(
+        self, now: Snapshot, plan: AnyPlan, publishes: bool = False, ahead: bool = False
+    ) -> List[Command]:
         """Set the process at hand, which may publish already, or another to work on a plan.
 
-        Raises ShsaError if there is no computer for another.
+        `ahead`: nothing has failed yet; then that may be one that several share. Raises ShsaError
+        if there is no computer for another.
         """
         place = self.place(now, plan)
         self.plan = plan
@@ -101,7 +107,7 @@ class SubstituteProcess:
         command: Command = AssignSubstitute(self.node)
         if not self.node:
             self.working_since, self.host = now.time, place.host
-            command = self._process(now, plan)
+            command = self._process(now, plan, ahead)
         settings = now.settings
         # One that was started a moment ago is on its way: another one would come up no sooner.
         starting = self._started + settings.start_timeout - now.time
@@ -109,11 +115,9 @@ class SubstituteProcess:
         self.plan_to_blame = isinstance(command, StartSubstitute) or publishes
         return [command]
 
-    def take_up(
-        self, time: float, node: str, host: str, plan: AnyPlan, working_since: float
-    ) -> None:
-        """A process of a former reconfigurator works on a plan."""
-        self.node, self.host, self.plan = node, host, plan
+    def take_up(self, time: float, row: Substitution, plan: AnyPlan, working_since: float) -> None:
+        """A process of a former reconfigurator works on a plan, as its row says."""
+        self.node, self.host, self.shared, self.plan = row.node, row.host, row.shared, plan
         self.working_since = self._started = working_since
         self.changed = time
         self.plan_to_blame = False
@@ -140,7 +144,7 @@ class SubstituteProcess:
         try:
             plan = now.planner.ahead(now.service)
             waits = not self.node and not now.room()
-            return [] if waits or plan == self.plan else self.use(now, plan)
+            return [] if waits or plan == self.plan else self.use(now, plan, ahead=True)
         except ShsaError:
             return self.drop()
 
@@ -148,6 +152,7 @@ class SubstituteProcess:
         """End the process."""
         commands: List[Command] = [StopSubstitute(self.node)] if self.node else []
         self.node = self.host = ""
+        self.shared = False
         self.plan = None
         return commands
 
@@ -167,8 +172,14 @@ class SubstituteProcess:
         self._tried.clear()
         self._deaths = 0
 
-    def _process(self, now: Snapshot, plan: AnyPlan) -> Command:
-        """Take an idle process on its computer, or start another there."""
+    def _process(self, now: Snapshot, plan: AnyPlan, ahead: bool) -> Command:
+        """Take an idle process on its computer, join one that is shared, or start another there."""
+        shared = now.share(plan) if ahead and isinstance(plan, Plan) and not self.host else None
+        if shared is not None:
+            self.node, self.shared, self._started = shared.node, True, now.time
+            if shared.new:
+                return StartSubstitute(self.node, None, shared=True)
+            return AssignSubstitute(self.node)
         spare = now.spare(self.host)
         if spare.node:
             self.node, self._started = spare.node, spare.started

@@ -40,6 +40,9 @@ class Succession(Upkeep):
             elif isinstance(record, HealingRecord) and record.substitution is not None:
                 row = record.substitution
                 self._nodes.substitutes.add(row.node)
+                service = self._som.services.get(record.service)
+                if service is not None and row.shared:  # before any of them can end the process
+                    self._sharing.follow(service, row.node, True)
                 self._strays.runs_on(row.node, row.host)
             elif isinstance(record, Stray):
                 self._strays.take_up(record)
@@ -122,7 +125,7 @@ class Succession(Upkeep):
 
     def _told(self) -> Command:
         incidents = sum(healing.incident is not None for healing in self._healings.values())
-        working, idle = len(self._concern.by_process), len(self._pool.nodes)
+        working, idle = len(self._concern.substituted), len(self._pool.nodes)
         text = f"{incidents} incidents, {working} substitutes, {idle} idle processes"
         return Log(Level.INFO, f"Taking up what was left behind: {text}.")
 

@@ -21,6 +21,7 @@ from shsa_core.healing.planner import Planner
 from shsa_core.healing.pool import Pool, Spare
 from shsa_core.healing.records import HealingRecord, Records, service_key
 from shsa_core.healing.settings import Settings
+from shsa_core.healing.sharing import Shared, Sharing
 from shsa_core.healing.snapshot import Request, Snapshot
 from shsa_core.healing.stakes import Stakes
 from shsa_core.healing.starts import Starts
@@ -28,11 +29,11 @@ from shsa_core.healing.strays import Strays
 from shsa_core.healing.tables import SomTable, SubstitutionTable
 from shsa_core.healing.topic import TopicHealing
 from shsa_core.healing.whereabouts import Whereabouts
-from shsa_core.model.kinds import Kind, OnPartition, Policy
+from shsa_core.model.kinds import Kind, OnPartition, Policy, Standby
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import Substitution, row_key, shared_key
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 Ask = Callable[[TopicHealing, Snapshot], List[Request]]
@@ -71,6 +72,7 @@ class Upkeep:
         self._planner = self._planner_of(ontology)
         self._pool = Pool(settings)
         self._starts = Starts()
+        self._sharing = Sharing(settings.hot_hosts)
         self._healings: Dict[str, TopicHealing] = {}
         self._agenda: Agenda[str] = Agenda()
         self._concern = Concern()
@@ -95,6 +97,10 @@ class Upkeep:
     def substitutes(self) -> Tuple[str, ...]:
         """The node names of the substitutes that run now."""
         return (*self._concern.by_process, *self._pool.nodes)
+
+    def _share(self, service: Service, plan: Plan) -> Optional[Shared]:
+        """The process that the hot substitute of a service shares; None: it has its own."""
+        return self._sharing.place(service, plan, self.names.fresh("host"))
 
     def _as_told(self, som: Som) -> Som:
         """A SOM as it counts: in a dry run every policy is to advise; restarts may be refused."""
@@ -235,6 +241,13 @@ class Upkeep:
         self._watched = watched
         return [events.WatchNodes(watched)]
 
+    def _ask_of(self, process: str, ask: Ask) -> List[Command]:
+        """Have each service decide whose substitute runs in a process."""
+        commands: List[Command] = []
+        for name in self._concern.served(process):
+            commands += self._ask(name, ask)
+        return commands
+
     def _ask(self, name: str, ask: Ask, service: Optional[Service] = None) -> List[Command]:
         """Have the healing of a service decide, and keep up what follows from its decision."""
         healing = self._healings.get(name)
@@ -242,19 +255,22 @@ class Upkeep:
         if healing is None or service is None:
             return []
         before, node, plan = healing.incident, healing.node, healing.substitute.plan
-        commands = self._absorb(ask(healing, self._snapshot(service)))
+        key = shared_key(node, name) if healing.substitute.shared else node
+        commands = self._absorb(ask(healing, self._snapshot(service)), name)
         self._agenda.set(name, healing.deadline)
         shown = [each.incident.id for each in commands if isinstance(each, events.ShowIncident)]
         self._incidents = max([self._incidents, *shown])
         incident = healing.incident
         if (incident, healing.node, healing.substitute.plan) != (before, node, plan):
             self._concern.follow(healing, before, node)
+            if service.standby is Standby.HOT or healing.substitute.shared:
+                self._sharing.follow(service, healing.node, healing.substitute.shared)
         if (before is None) != (incident is None):
             self._unsettle([name])
         if before is not None and incident is None:
             self._calibrations.healed(name)
         if node != healing.node:
-            self._substitutions.set(node, None)
+            self._substitutions.set(key, None)
         row = self._show(service, healing)
         self._note_decision(healing, row, commands)
         return commands
@@ -301,10 +317,14 @@ class Upkeep:
             far=bool(self._where.host_of(service.node)),
             parted=self._where.parted(service),
             room=partial(self._starts.room, self._time, service.name),
+            share=partial(self._share, service),
         )
 
-    def _absorb(self, requests: Iterable[Request]) -> List[Command]:
-        """Carry out what concerns the reconfigurator itself; the rest are commands."""
+    def _absorb(self, requests: Iterable[Request], of: str = "") -> List[Command]:
+        """Carry out what concerns the reconfigurator itself; the rest are commands.
+
+        `of`: the service whose healing wants it.
+        """
         commands: List[Command] = []
         for request in requests:
             if isinstance(request, KillNode):
@@ -326,6 +346,9 @@ class Upkeep:
                 self._nodes.substitutes.add(request.node, running)
                 self.names.use()
                 self._starts.began(self._time, request.node)
+            elif isinstance(request, events.StopSubstitute):
+                if self._sharing.others(of, request.node):
+                    continue
             elif isinstance(request, events.AssignSubstitute) and request.node in self._pool.nodes:
                 self._pool.take(self._time, request.node)
             commands.append(request)
@@ -354,8 +377,9 @@ class Upkeep:
             parted and healing.yields,
             self._bridge(service, healing),
             gated=service.gated,
+            shared=healing.substitute.shared,
         )
-        self._substitutions.set(healing.node, row)
+        self._substitutions.set(row_key(row), row)
         return row
 
     def _bridge(self, service: Service, healing: TopicHealing) -> float:
@@ -390,7 +414,8 @@ class Upkeep:
         owners: Dict[str, str] = {node: "the pool" for node in self._pool.nodes}
         for name, healing in self._healings.items():
             healing.validate()
-            if healing.node and healing.node in owners:
+            shares = healing.substitute.shared and self._sharing.others(name, healing.node)
+            if healing.node and healing.node in owners and not shares:
                 raise ShsaError(f"{healing.node} works for {name} and for {owners[healing.node]}")
             if healing.node:
                 owners[healing.node] = name

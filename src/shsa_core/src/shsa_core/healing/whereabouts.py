@@ -95,7 +95,7 @@ class Whereabouts:
 
     def working_on(self, host: str) -> Iterator[str]:
         """The services whose substitute runs on a computer."""
-        for name in sorted(self._concern.by_process.values()):
+        for name in self._concern.substituted:
             if self._healings[name].substitute.host == host:
                 yield name
 

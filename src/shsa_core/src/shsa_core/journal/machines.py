@@ -16,13 +16,12 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 
 MACHINES = {
-    "monitoring": "Monitor",
-    "healing": "Reconfigurator",
-    "substitution": "Substitute",
+    "monitoring": "monitoring.machine.Monitor",
+    "healing": "healing.machine.Reconfigurator",
+    "substitution": "substitution.machine.Substitute",
+    "sharing": "substitution.sharing.Sharing",
 }
-"""The part of the core that a machine is, and its class there: PART.machine has it, PART.events
-its unions.
-"""
+"""Where in the core a machine is; `events` in the same part has its unions."""
 
 
 class Machine(Protocol):
@@ -93,7 +92,7 @@ def machine_kind(name: str) -> MachineKind:
 
     Raises KeyError.
     """
-    class_name = MACHINES[name]
-    machine = import_module(f"shsa_core.{name}.machine")
-    events = import_module(f"shsa_core.{name}.events")
+    part, module, class_name = MACHINES[name].split(".")
+    machine = import_module(f"shsa_core.{part}.{module}")
+    events = import_module(f"shsa_core.{part}.events")
     return MachineKind(name, getattr(machine, class_name), events.Event, events.Command)

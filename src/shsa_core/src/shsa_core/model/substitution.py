@@ -1,7 +1,7 @@
 """The table of substitutions: which substitutes run, what each computes, and which publish."""
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Tuple
+from typing import Any, Tuple
 
 from shsa_core.model.kinds import OnPartition, Others
 from shsa_core.model.service import Signal
@@ -19,7 +19,7 @@ class Substitution:
     reconfigurator. `yields`: it is still once another one is heard, as the node that it stands in
     for was only silent, on another computer. `bridge`: the silence in s of others after
     which it fills in while it is muted, 0: it does not. `gated`: it publishes always, a gate
-    chooses.
+    chooses. `shared`: other substitutes run in the same node, and have rows of their own.
     """
 
     node: str
@@ -38,6 +38,7 @@ class Substitution:
     yields: bool = False
     bridge: float = 0.0
     gated: bool = False
+    shared: bool = False
 
     @property
     def idle(self) -> bool:
@@ -48,3 +49,16 @@ class Substitution:
     def topics(self) -> Tuple[str, ...]:
         """The topics that it has advertised, each once."""
         return tuple(dict.fromkeys(signal.topic for signal in self.outputs))
+
+
+def row_key(row: Any) -> str:
+    """What a row of the table goes by, as a Substitution or a message of one.
+
+    Its node; the service, where it is a plan without one; both, where several share the node.
+    """
+    return shared_key(row.node, row.service) if row.shared else str(row.node or row.service)
+
+
+def shared_key(node: str, service: str) -> str:
+    """What the row of a service goes by in a node that several share."""
+    return f"{node} {service}"

@@ -96,7 +96,7 @@ class Board:
 
     def watched_of(self, topic: WatchedTopic, publisher: str) -> Optional[WatchedService]:
         """The service that a publisher provides; None if nobody can tell."""
-        return topic.service_of(publisher, self.substitutes.service(publisher))
+        return topic.service_of(publisher, self.substitutes.service(topic.name, publisher))
 
     def is_named(self, topic: WatchedTopic, publisher: Publisher) -> bool:
         """Whether the SOM or the table of substitutions names a publisher, or did until now."""

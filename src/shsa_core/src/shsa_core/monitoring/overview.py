@@ -58,7 +58,7 @@ def _health(service: Service, board: Board, muted: Collection[Key], doubt: str) 
         for publisher in topic.publishers.values()
         if (topic.name, publisher.name) not in muted and _concerns(publisher, service)
     ]
-    substitutes = [each for each in concerned if board.substitutes.service(each.name)]
+    substitutes = [each for each in concerned if board.substitutes.service(topic.name, each.name)]
     condition, detail = _condition(concerned, substitutes)
     if condition is Condition.HEALTHY and doubt:
         condition, detail = Condition.DOUBTFUL, doubt

@@ -1,7 +1,8 @@
 """What the monitor knows of substitutes: their rows, and those that are being stopped."""
-from typing import Dict, Iterable, List, Optional, Set, Tuple
+from collections import defaultdict
+from typing import DefaultDict, Dict, Iterable, List, Optional, Set, Tuple
 
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.monitoring.events import Key, SubstitutionsChanged
 
 Change = Tuple[str, Optional[Substitution], Optional[Substitution]]
@@ -13,36 +14,45 @@ class Substitutes:
 
     def __init__(self) -> None:
         self._rows: Dict[str, Substitution] = {}
+        self._of_node: DefaultDict[str, Dict[str, Substitution]] = defaultdict(dict)
         self.retired: Set[Key] = set()
 
     def change(self, event: SubstitutionsChanged) -> List[Change]:
         """Take a change of the table; which rows it changes."""
-        new = {row.node: row for row in event.rows if row.node}  # the others are plans
+        new = {row_key(row): row for row in event.rows if row.node}  # the others are plans
         gone = list(self._rows) if event.whole else event.removed
-        changes: List[Change] = [
-            (node, self._rows.pop(node), None)
-            for node in gone
-            if node in self._rows and node not in new
-        ]
-        for node, row in new.items():
-            before = self._rows.get(node)
+        changes: List[Change] = []
+        for key in [key for key in gone if key in self._rows and key not in new]:
+            row = self._rows.pop(key)
+            del self._of_node[row.node][key]
+            changes.append((row.node, row, None))
+        for key, row in new.items():
+            before = self._rows.get(key)
             if before != row:
-                changes.append((node, before, row))
-        self._rows.update(new)
+                changes.append((row.node, before, row))
+            self._rows[key] = self._of_node[row.node][key] = row
         return changes
 
-    def service(self, node: str) -> str:
-        """The service whose place a node takes; empty: none."""
-        row = self._rows.get(node)
+    def _row(self, topic: str, node: str) -> Optional[Substitution]:
+        """The row of a node that has to do with a topic; None: the node is no substitute.
+
+        An idle one, or one that publishes elsewhere, may have advertised this topic as well.
+        """
+        rows = list(self._of_node.get(node, {}).values())
+        return next((row for row in rows if topic in row.topics), rows[0] if rows else None)
+
+    def service(self, topic: str, node: str) -> str:
+        """The service whose place a node takes on a topic; empty: none."""
+        row = self._row(topic, node)
         return row.service if row else ""
 
     def is_known(self, topic: str, node: str) -> bool:
         """Whether the table names a node, or did until now."""
-        return node in self._rows or (topic, node) in self.retired
+        return self._row(topic, node) is not None or (topic, node) in self.retired
 
     def bridging(self, topic: str, node: str) -> Optional[Substitution]:
         """The row of a muted substitute that may fill in on `topic`; None: it is none."""
-        row = self._rows.get(node)
+        row = self._row(topic, node)
         fills_in = row is not None and row.bridge > 0.0 and not row.publishing
         return row if row is not None and fills_in and topic in row.topics else None
 
@@ -50,13 +60,12 @@ class Substitutes:
         """Whether silence is no fault: a muted substitute, or one that is being stopped."""
         if (topic, node) in self.retired:
             return True
-        row = self._rows.get(node)
-        # An idle one, or one that publishes elsewhere, may have advertised this topic as well.
+        row = self._row(topic, node)
         return row is not None and not publishes(row, topic)
 
     def is_kept_back(self, topic: str, node: str) -> bool:
         """Whether what a substitute publishes is kept back by a gate for the time being."""
-        row = self._rows.get(node)
+        row = self._row(topic, node)
         return row is not None and row.gated and topic in row.topics and not row.publishing
 
 

@@ -29,6 +29,7 @@ from shsa_core.journal.writer import JournalWriter
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import row_key
 from shsa_core.ros import diagnostics
 from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.alone import await_turn
@@ -129,7 +130,7 @@ class ReconfiguratorNode:
             names.SUBSTITUTIONS,
             msg.Substitutions,
             "substitutions",
-            lambda row: row.node or row.service,
+            row_key,
             signing,
             opened=False,
             addressing=OwnRows(prefix),

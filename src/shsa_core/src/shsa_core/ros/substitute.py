@@ -4,15 +4,26 @@ import os
 import sys
 import threading
 from dataclasses import replace
-from typing import TYPE_CHECKING, Callable, Iterable, Iterator, Optional, Tuple
+from typing import (
+    TYPE_CHECKING,
+    Callable,
+    Dict,
+    Iterable,
+    Iterator,
+    List,
+    Optional,
+    Set,
+    Tuple,
+    Union,
+)
 
 import rospy
 from shsa_msgs import msg
 
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
-from shsa_core.model.substitution import Substitution
-from shsa_core.ros.graph import announce, clock
+from shsa_core.model.substitution import Substitution, row_key
+from shsa_core.ros.graph import announce, clock, priority
 from shsa_core.message_types import message_class
 from shsa_core.ros.graph.composing import read_message
 from shsa_core.ros.graph.heartbeats import HOST, Heart, hearer
@@ -29,9 +40,9 @@ from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import substitution_row
 from shsa_core.ros.graph.tables import TableSubscriber
 from shsa_core.ros.graph.worker import Worker
-from shsa_core.ros.node import run
-from shsa_core.substitution import events, machine
-from shsa_core.substitution.signals import JOURNAL, VARIABLE, decode
+from shsa_core.ros.node import SWITCH_INTERVAL_S, run
+from shsa_core.substitution import events, machine, sharing
+from shsa_core.substitution.signals import JOURNAL, SHARED, VARIABLE, decode
 
 if TYPE_CHECKING:
     from shsa_core.journal.writer import JournalWriter
@@ -40,6 +51,9 @@ SIMULATED_S = 0.002
 """At least so long between two looks at /clock, which nobody can wait for."""
 POLL_S = 0.1  # between two looks whether ROS shuts down
 ALONE_S = 60.0  # without a reconfigurator; a launch starts it again within 2 s
+CALM_INTERVAL_S = 0.005
+"""Between switches of threads while nobody waits for us: Python's own. Each of hundreds of threads
+that wait for a turn asks for it as often, and that alone can take whole cores."""
 PREPARE_PAUSE_S = 0.01
 """Between two registrations that are in no hurry: each costs other nodes a connection, and a node
 that has many to make at once does not publish meanwhile."""
@@ -59,21 +73,29 @@ class SubstituteNode:
 
     One thread handles events in order, and publishes. What waits for the master or for another node
     has threads of its own: a takeover needs neither. `journal`: a file for every event; empty:
-    none. Without the secret of healing, as one that was started by hand, it takes no commands.
+    none. Without the secret of healing, as one that was started by hand, it takes no commands. One
+    that is `shared` holds the substitutes of several services. `lowered`: its priority is, until
+    what it does matters.
     """
 
-    def __init__(self, row: Substitution, journal: str) -> None:
+    def __init__(self, row: Substitution, journal: str, lowered: bool = False) -> None:
         self._clock = clock.RobotClock()
         self._name = row.node
         self._row = row
-        self._listed = False
+        self._listed: Set[str] = set()
         self._idle = row.idle
+        self._lowered = lowered
         self._hurry = threading.Event()
         path = os.environ.get(secret.VARIABLE, "")
         self._signing = Signing(path, make=False) if path else None
-        self._core = machine.Substitute()
-        self._journal = _journal(journal) if journal else None
+        self._core: Union[machine.Substitute, sharing.Sharing] = (
+            sharing.Sharing() if row.shared else machine.Substitute()
+        )
+        self._journal = _journal(journal, row.shared) if journal else None
         self._inbox = Inbox()
+        self._read = {signal.topic for signal in row.inputs}  # by a program; not just prepared for
+        self._hurries = True  # what arrives is waited for
+        self._newest: Dict[Tuple[str, str], events.InputArrived] = {}  # those nobody waits for
         self._heart = Heart(hearer(os.environ.get(HOST, "")))
         self._inputs = Inputs(self._heard)
         self._outputs = Outputs(self._advertised, self._joined)
@@ -135,11 +157,26 @@ class SubstituteNode:
                 self._feed(events.LeftAlone(self._clock.now()))
             alone = self._heart.unheard > ALONE_S
             self._inbox.ready()
-            for event in self._inbox.take():
+            for event in self._arrived():
                 self._feed(event)
+            if self._core.hurries is not self._hurries:
+                self._hurries = not self._hurries
+                if self._hurries:
+                    self._count()
+                sys.setswitchinterval(SWITCH_INTERVAL_S if self._hurries else CALM_INTERVAL_S)
             deadline = self._core.next_deadline()
             if deadline is not None and self._clock.now() >= deadline:
                 self._feed(events.Tick(self._clock.now()))
+
+    def _arrived(self) -> List[events.Event]:
+        """What has come since the last look, in order; the inputs once they matter."""
+        taken: List[events.Event] = self._inbox.take()
+        others = all(isinstance(event, events.OtherHeard) for event in taken)
+        if others and self._clock.now() < self._core.reads_at:
+            return taken
+        read = [key for key in list(self._newest) if key[0] in self._read]
+        newest = [self._newest.pop(key) for key in read]
+        return sorted([*newest, *taken], key=lambda event: event.time)
 
     def _feed(self, event: events.Event) -> None:
         if self._journal is not None:
@@ -150,22 +187,30 @@ class SubstituteNode:
         for command in commands:
             self._carry_out[type(command)](command)
 
+    def _count(self) -> None:
+        """What this thread does matters now: it waits for others no more."""
+        if self._lowered:
+            priority.restore()
+
     # Events, from rospy's threads.
 
     def _table(self, message: msg.Substitutions) -> None:
         ours = [row for row in message.substitutions if row.node == self._name]
         for row in self._rows(ours):
-            self._listed = True
+            self._read.update(signal.topic for signal in row.inputs if row.code)
+            self._listed.add(row_key(row))
             self._idle = row.idle
-            if not row.idle:
+            if not row.idle and (row.publishing or not row.shared):
                 self._hurry.set()
             problems_of, last = unusable(row), last_message(row)
             now = self._clock.now(), clock.ros_ns()
             self._inbox.put(events.RowChanged(now[0], row, problems_of, last, now[1]))
-        gone = message.whole and not ours or self._name in message.removed
-        if gone and self._listed:
-            self._listed = False
-            self._inbox.put(events.RowRemoved(self._clock.now()))
+        told = {row_key(row) for row in ours}
+        ended = self._listed.intersection(message.removed) - told
+        for key in (self._listed - told) if message.whole else ended:
+            self._listed.discard(key)
+            service = key.partition(" ")[2]
+            self._inbox.put(events.RowRemoved(self._clock.now(), service, key in ended))
         if self._idle:
             plans = tuple(self._rows([row for row in message.substitutions if not row.node]))
             problems = tuple(problem for plan in plans for problem in unusable(plan))
@@ -185,10 +230,16 @@ class SubstituteNode:
 
     def _heard(self, topic: str, publisher: str, values: Values, stamp: int) -> None:
         now = self._clock.now()
-        self._inbox.put(events.InputArrived(now, topic, publisher, values, stamp, clock.ros_ns()))
+        arrived = events.InputArrived(now, topic, publisher, values, stamp, clock.ros_ns())
+        if self._hurries and topic in self._read:
+            self._count()
+            self._inbox.put(arrived)
+        else:
+            self._newest[topic, publisher] = arrived
 
     def _other_heard(self, topic: str, publisher: str, stamp: int) -> None:
-        self._inbox.put(events.OtherHeard(self._clock.now(), topic, publisher, stamp))
+        heard = events.OtherHeard(self._clock.now(), topic, publisher, stamp)
+        self._inbox.put(heard, wakes=self._hurries)
 
     def _advertised(self, topic: str) -> None:
         self._inbox.put(events.Advertised(self._clock.now(), topic))
@@ -220,9 +271,9 @@ class SubstituteNode:
         )
 
     def _register(self, call: Callable[[], None]) -> None:
-        """Make a call to the master; whoever is idle makes room for others after it."""
+        """Make a call to the master; who is in no hurry makes room for others after it."""
         self._registrations.put(call)
-        if self._idle:
+        if self._idle or self._row.shared:
             self._registrations.put(lambda: self._hurry.wait(PREPARE_PAUSE_S))
 
     def _withdraw(self, command: events.Withdraw) -> None:
@@ -354,10 +405,10 @@ def _by_reconfigurator(inputs: Paths, code: str, outputs: Paths, text: str) -> S
     return Substitution(rospy.get_name(), "", signals[0], code, signals[1])
 
 
-def _journal(path: str) -> "JournalWriter":
+def _journal(path: str, shared: bool) -> "JournalWriter":
     from shsa_core.journal.writer import JournalWriter  # not for those without: it takes long
 
-    return JournalWriter(path, "substitution", {}, rospy.logwarn)
+    return JournalWriter(path, "sharing" if shared else "substitution", {}, rospy.logwarn)
 
 
 def main() -> None:
@@ -382,10 +433,15 @@ def main() -> None:
 
 
 def standby() -> None:
-    """Run an idle substitute, to be given its program by its row."""
+    """Run an idle substitute, to be given its program by its row.
+
+    With `--shared`, by its rows: it holds several.
+    """
+    shared = SHARED in rospy.myargv(sys.argv)[1:]
+    lowered = priority.lower()
 
     def work() -> None:
-        row = Substitution(rospy.get_name(), "", (), "", ())
-        SubstituteNode(row, os.environ.get(JOURNAL, "")).spin()
+        row = Substitution(rospy.get_name(), "", (), "", (), shared=shared)
+        SubstituteNode(row, os.environ.get(JOURNAL, ""), lowered).spin()
 
     run("standby", work)

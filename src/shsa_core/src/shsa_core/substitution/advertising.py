@@ -5,7 +5,7 @@ Then each end drops a connection, now and then not the same one, and none is lef
 would ever tell it again. And the master tells nobody of anything while three subscribers hang.
 """
 import math
-from typing import Collection, Dict, Iterable, List, Tuple
+from typing import Collection, Dict, Iterable, List, Set, Tuple
 
 from shsa_core.model.service import Signal
 from shsa_core.substitution.events import (
@@ -28,6 +28,7 @@ class Advertising:
         self._ready: Dict[str, bool] = {}
         self._hurried: Dict[str, str] = {}  # and the type of each
         self._looks: Dict[str, List[float]] = {}
+        self._prepared: Set[str] = set()  # those that are in no hurry
         self._withdrawals: Dict[str, float] = {}
 
     @property
@@ -59,10 +60,13 @@ class Advertising:
         topic = output.topic
         if self._ready[topic]:
             self._looks[topic] = [now + pause for pause in self._settings.announce_s]
+            self._prepared.discard(topic)
         else:
             self._hurried[topic] = output.type
         later = now + self._settings.withdraw_delay_s
-        self._withdrawals = {other: later for other in self._ready if other != topic}
+        others = (other for other in self._ready if other != topic)
+        pause = self._settings.withdraw_pause_s
+        self._withdrawals = {other: later + n * pause for n, other in enumerate(others)}
         return commands
 
     def _advertise(self, output: Signal) -> List[Command]:
@@ -78,6 +82,8 @@ class Advertising:
         self._ready[topic] = True
         hurried = self._hurried.pop(topic, None)
         pauses = self._settings.prepare_s if hurried is None else self._settings.announce_s
+        if hurried is None:
+            self._prepared.add(topic)
         self._looks[topic] = [now + pause for pause in pauses]
         return [] if hurried is None else [Announce(topic, hurried)]
 
@@ -89,13 +95,12 @@ class Advertising:
     def due(self, now: float) -> List[Command]:
         """What is due: looks, and withdrawals."""
         commands: List[Command] = []
-        looking = tuple(topic for topic, looks in self._looks.items() if looks[0] <= now)
-        for topic in looking:
-            self._looks[topic] = [look for look in self._looks[topic] if look > now]
+        looking = self._due_looks(now)
         leaving = tuple(topic for topic, at in self._withdrawals.items() if at <= now)
         for topic in leaving:
             del self._ready[topic], self._withdrawals[topic]
             self._looks.pop(topic, None)
+            self._prepared.discard(topic)
             self._hurried.pop(topic, None)
         self._looks = {topic: looks for topic, looks in self._looks.items() if looks}
         looking = tuple(topic for topic in looking if topic not in leaving)
@@ -104,6 +109,26 @@ class Advertising:
         if leaving:
             commands.append(Withdraw(leaving))
         return commands
+
+    def _due_looks(self, now: float) -> Tuple[str, ...]:
+        """The topics that are looked at now: of what is prepared, those that soon would be as well.
+
+        One look at the master tells of all of them, and takes long where there are many.
+        """
+        due = [topic for topic, looks in self._looks.items() if looks[0] <= now]
+        if not due:
+            return ()
+        soon = now + self._settings.together_s
+        prepared = [
+            topic
+            for topic, looks in self._looks.items()
+            if topic in self._prepared and now < looks[0] <= soon
+        ]
+        for topic in due:
+            self._looks[topic] = [look for look in self._looks[topic] if look > now]
+        for topic in prepared:
+            self._looks[topic] = self._looks[topic][1:]
+        return (*due, *prepared)
 
     def next(self) -> float:
         """When something is due next; infinite: never."""

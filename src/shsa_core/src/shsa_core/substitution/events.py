@@ -53,9 +53,15 @@ class RowChanged:
 
 @dataclass(frozen=True)
 class RowRemoved:
-    """The table of substitutions has no row of this node any more."""
+    """The table of substitutions has no row of this node any more.
+
+    `service`: of which, where several share the node. `ended`: it was taken out; else the whole
+    table has none, as one of a reconfigurator that was started anew.
+    """
 
     time: float
+    service: str = ""
+    ended: bool = False
 
 
 @dataclass(frozen=True)
@@ -222,6 +228,11 @@ Event = Union[
     ReachChanged,
     Tick,
 ]
+
+OfTopic = Union[Advertised, ConsumerJoined, SubscribersFound, OtherHeard]
+"""Events that concern whoever publishes a topic."""
+
+LEFT_ALONE = "no reconfigurator has been there for a minute"
 
 
 class Level(Word):

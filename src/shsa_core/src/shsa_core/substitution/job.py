@@ -14,6 +14,7 @@ Words = Tuple[Tuple[Tuple[str, ...], ...], str, Tuple[Tuple[str, ...], ...]]
 class Job:
     """The program of one row of the table of substitutions.
 
+    `remembers`: whether it must be evaluated at every step, also if nobody wants what it yields.
     `latest`: what it yielded last, None if nothing; `gave_out`: it has had no value for so long
     since, or since it was taken, that another law may be better. Raises ShsaError if the program is
     not valid, or if its outputs are not of one topic.
@@ -34,6 +35,7 @@ class Job:
         if not row.service and row.publishing:
             self._unstarted.clear()  # somebody started it by hand: from 0, as documented
         self.hidden_integral = program.hidden
+        self.remembers = program.remembers
         self._stepped = -math.inf
         self.latest: Optional[Tuple[float, ...]] = None
         self._misses = 0

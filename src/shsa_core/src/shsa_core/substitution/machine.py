@@ -38,6 +38,7 @@ class Substitute:
         self._refused: Optional[Words] = None
         self._gave_out = False  # and the reconfigurator was told
         self._schedule = Schedule(None, math.inf)
+        self._rests_until = -math.inf
         self._said: List[Command] = []
         self._types: Dict[str, str] = {}
         self._plans: Dict[str, Substitution] = {}
@@ -93,7 +94,7 @@ class Substitute:
 
     def next_deadline(self) -> Optional[float]:
         """When the next Tick is wanted; None: not before another event."""
-        due = self._schedule.due if self._values() is not None else math.inf
+        due = self._due if self._values() is not None else math.inf
         # Nobody is filled in for while consumers are handed over: that ends by itself.
         yields = self._yielding.yields(self._now)
         bridge = math.inf if yields else self._bridging.next(self._now)
@@ -108,6 +109,23 @@ class Substitute:
         publishes = self._cut_off.publishes or self._bridging.on or self._row.gated
         return publishes and job is not None and job.topic in self._row.topics
 
+    @property
+    def hurries(self) -> bool:
+        """Whether what arrives is waited for.
+
+        Else it may be told later, and of each input the newest alone.
+        """
+        job = self._job
+        if job is None:
+            return False
+        waits = self._cut_off.listens or self._yielding.yields(self._now)
+        return self.publishing or waits or job.period is None
+
+    @property
+    def reads_at(self) -> float:
+        """When it computes from its inputs next, in s; before that they need not be told to it."""
+        return math.inf if self._job is None else self._due
+
     def validate(self) -> None:
         """Raises ShsaError if what must always hold after an event does not."""
         job, now = self._job, self._now
@@ -120,8 +138,8 @@ class Substitute:
             "it publishes where it has advertised": all(
                 self._advertising.ready(each.outputs[0].topic) for each in published
             ),
-            "without a program nothing is due": job is not None or self._schedule.due == math.inf,
-            "what is due is done, unless an input is stale": self._schedule.due > now
+            "without a program nothing is due": job is not None or self._due == math.inf,
+            "what is due is done, unless an input is stale": self._due > now
             or self._values() is None,
             "it listens to what it computes from": job is None
             or all(self._freshness.listens(signal) for signal in job.inputs),
@@ -172,7 +190,7 @@ class Substitute:
         stands_by = self._row.idle or self._row.service != ""
         if self.publishing or not stands_by:
             return []
-        return [events.GiveUp("no reconfigurator has been there for a minute")]
+        return [events.GiveUp(events.LEFT_ALONE)]
 
     def _plans_changed(self, event: events.PlansChanged) -> List[Command]:
         """Be ready for each plan, as long as there is no work."""
@@ -208,7 +226,7 @@ class Substitute:
             original = row.original if before and stays else ""
             self._yielding.stand_in(self._topic, original, period, self._now)
         if after and not before:
-            self._schedule.hasten(self._now)
+            self._schedule.begin(self._now)
         if before and not after:
             self._yielding.mute(self._now)
         job = self._job
@@ -243,7 +261,7 @@ class Substitute:
         if self.publishing is not before:
             self._yielding.stand_in(self._topic, "", None, self._now)
         if self.publishing and not before:
-            self._schedule.hasten(self._now)
+            self._schedule.begin(self._now)
 
     def _compose(self, last: Optional[LastMessage]) -> List[Command]:
         """Say what messages start from, if that has changed."""
@@ -385,11 +403,19 @@ class Substitute:
             commands.append(self._message(job))
         return commands
 
+    @property
+    def _due(self) -> float:
+        """When the program is to be evaluated: once a period if that matters, else now and then."""
+        if self._job is None or self._job.remembers or self.hurries:
+            return self._schedule.due
+        return max(self._schedule.due, self._rests_until)
+
     def _evaluate(self) -> List[Command]:
         job, values = self._job, self._values()
-        if job is None or values is None or self._now < self._schedule.due:
+        if job is None or values is None or self._now < self._due:
             return []
         job.evaluate(values, self._now)
+        self._rests_until = self._now + self._settings.rest_s
         self._schedule.done(self._now)
         if job.gave_out and not self._gave_out:
             self._gave_out = True

@@ -26,6 +26,10 @@ class Schedule:
         if moment < self.due:
             self.due = self._slot = moment
 
+    def begin(self, moment: float) -> None:
+        """Be due at `moment`; what was due before and not done is no slot that was lost."""
+        self.due = self._slot = moment
+
     def done(self, now: float) -> None:
         """The next one is a period later, in phase, and never sooner than half a period from now.
 

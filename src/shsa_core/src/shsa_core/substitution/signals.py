@@ -15,6 +15,9 @@ VARIABLE = "SHSA_SIGNALS"
 One that has it starts muted, and asks nobody.
 """
 
+SHARED = "--shared"
+"""The word on the command line of a process that several substitutes share."""
+
 JOURNAL = "SHSA_JOURNAL"
 """The environment variable that names the file for the journal of a substitute, if it keeps one."""
 

@@ -13,6 +13,7 @@ from shsa_msgs.msg import Failure, Incident, Substitutions
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Deadlines, Service
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import row_key
 from shsa_core.ros.graph.tables import TableCopy
 from shsa_core.ros.wire import names
 from shsa_injection.errors import Refused
@@ -68,7 +69,7 @@ class Observer:
             place(names.SUBSTITUTIONS),
             Substitutions,
             "substitutions",
-            lambda row: row.node or row.service,
+            row_key,
         )
 
     def seen(self, nodes: bool = True) -> Seen:

@@ -64,6 +64,7 @@ def _substitute(row: msg.Substitution) -> facts.Substitute:
         host=shown(row.host),
         error_rms=tuple(_known(each.error_rms) for each in row.outputs),
         error_p95=tuple(_known(each.error_p95) for each in row.outputs),
+        shared=row.shared,
     )
 
 

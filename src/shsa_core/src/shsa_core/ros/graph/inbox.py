@@ -16,10 +16,10 @@ class Inbox:
         self._hung_up = select.epoll()
         self._woken = False
 
-    def put(self, item: Any) -> None:
-        """Add an item and wake the reader; from any thread."""
+    def put(self, item: Any, wakes: bool = True) -> None:
+        """Add an item and wake the reader, unless it is in no hurry for it; from any thread."""
         self._items.append(item)
-        if not self._woken:
+        if wakes and not self._woken:
             self._woken = True
             os.write(self._writer, b"!")
 

@@ -32,7 +32,9 @@ class Overhearing:
         self._newest: Dict[str, genpy.Message] = {}
 
     def listen(self, topic: str, kind: str) -> None:
-        """Subscribe a topic; waits for the master."""
+        """Subscribe a topic, once; waits for the master."""
+        if topic in self._subscribers:
+            return
         self._subscribers[topic] = rospy.Subscriber(
             topic, message_class(kind), self._received, topic, queue_size=1, tcp_nodelay=True
         )

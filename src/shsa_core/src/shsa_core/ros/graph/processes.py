@@ -95,6 +95,8 @@ class Processes:
         namespace, name = node.rsplit("/", 1)
         variables = self._environment(namespace)
         executable, words = "standby", [f"__name:={name}"]
+        if command.shared:
+            words.insert(0, signals.SHARED)
         if program is not None:
             strings = (",".join(program.inputs), program.code, ",".join(program.outputs))
             executable, words = "substitute", [*strings, *words]

@@ -112,4 +112,5 @@ def _substitution(row: msg.Substitution) -> Substitution:
         publishing=row.publishing,
         bridge=row.bridge,
         gated=row.gated,
+        shared=row.shared,
     )

@@ -18,7 +18,7 @@ from shsa_core.substitution import signals
 
 NOT_KNOWN = math.nan
 Rows = Dict[str, msg.Substitution]
-"""By node, or by service where they have none."""
+"""By their keys; see shsa_core.model.substitution."""
 
 
 class OwnRows(Addressing):
@@ -37,7 +37,7 @@ class OwnRows(Addressing):
 
     def rows(self, subscriber: str, rows: Rows) -> List[msg.Substitution]:
         """Its own, and the plans if it is idle."""
-        own = [rows[subscriber]] if subscriber in rows else []
+        own = [row for row in rows.values() if row.node == subscriber]
         if not _idle(subscriber, rows):
             return own
         return own + [row for row in rows.values() if not row.node]
@@ -74,6 +74,7 @@ def substitution_message(row: Substitution) -> msg.Substitution:
         yields=row.yields,
         bridge=row.bridge,
         gated=row.gated,
+        shared=row.shared,
     )
 
 
@@ -106,6 +107,7 @@ def substitution_row(message: msg.Substitution) -> Substitution:
         yields=message.yields,
         bridge=message.bridge,
         gated=message.gated,
+        shared=message.shared,
     )
 
 

@@ -1,0 +1,56 @@
+"""The priority of a process that stands by: the robot's own nodes come first.
+
+It has hundreds of threads where the robot has hundreds of topics. Each would have as much of the
+processor as a node of the robot's that is to publish now.
+"""
+import os
+import threading
+from typing import List
+
+LOWERED = 10
+"""By so much: where all are busy, a tenth of the processor time that others have."""
+
+_own = threading.local()
+
+
+def lower() -> bool:
+    """Have this thread, and those that it starts, wait for others; whether that is so.
+
+    Only where each can count as much as others again: as root, or where the user's limit `nice`
+    allows it (see limits.conf).
+    """
+    if not _may_restore():
+        return False
+    os.nice(LOWERED)
+    return True
+
+
+def restore() -> None:
+    """Have this thread, which was lowered, count as much as others again."""
+    if not getattr(_own, "restored", False):
+        _own.restored = True
+        _change(-LOWERED)
+
+
+def _may_restore() -> bool:
+    """Tried by a thread that then ends."""
+    found: List[bool] = []
+
+    def work() -> None:
+        try:
+            _change(1)
+            _change(-1)
+            found.append(True)
+        except PermissionError:
+            found.append(False)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    return found[0]
+
+
+def _change(nice: int) -> None:
+    """Change the priority of this thread alone."""
+    here = threading.get_native_id()
+    os.setpriority(os.PRIO_PROCESS, here, os.getpriority(os.PRIO_PROCESS, here) + nice)
