@@ -54,7 +54,13 @@ def models(size: int, standby: Standby, topics_a_node: int = 1) -> Tuple[Ontolog
 class Robot:
     """A reconfigurator, with a monitor and a graph that answer at once."""
 
-    def __init__(self, size: int, standby: Standby, topics_a_node: int = 1) -> None:
+    def __init__(
+        self,
+        size: int,
+        standby: Standby,
+        topics_a_node: int = 1,
+        settings: Settings = Settings(pool=2),
+    ) -> None:
         self.time = 100.0
         self.said: List[events.Command] = []
         self._rows: Dict[Tuple[str, str], PublisherHealth] = {}
@@ -73,7 +79,7 @@ class Robot:
         self._of_node: Dict[str, List[Service]] = {}
         for service in self.som:
             self._of_node.setdefault(service.node, []).append(service)
-        self.setup = {"ontology": ontology, "som": self.som, "settings": Settings(pool=2)}
+        self.setup = {"ontology": ontology, "som": self.som, "settings": settings}
         start = thread_time()
         self.core = Reconfigurator(**self.setup)  # type: ignore[arg-type]
         self.startup = thread_time() - start

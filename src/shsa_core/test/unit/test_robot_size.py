@@ -10,13 +10,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "bench"))
 from simulated_robot import Robot, lines_of  # noqa: E402
 
 from shsa_core.healing import events  # noqa: E402
+from shsa_core.healing.settings import Settings  # noqa: E402
 from shsa_core.model.kinds import Standby  # noqa: E402
 from shsa_core.monitoring.events import PublisherState  # noqa: E402
 
 
-def work(size: int, standby: Standby) -> Dict[str, int]:
-    """The lines of Python that each kind of decision executes."""
-    robot = Robot(size, standby)
+def work(size: int, standby: Standby, alone: int) -> Dict[str, int]:
+    """The lines of Python that each kind of decision executes.
+
+    `alone`: so many hot substitutes have a process each; 0: all.
+    """
+    robot = Robot(size, standby, settings=Settings(pool=2, hot_hosts=alone))
     first, second, *_ = robot.som
     robot.time += 100.0
     row = robot.row(second.topic, second.node, PublisherState.HEALTHY)
@@ -35,10 +39,11 @@ def back(robot: Robot, topic: str, node: str) -> events.HealthSeen:
     return events.HealthSeen(robot.time, (robot.row(topic, node, PublisherState.HEALTHY),))
 
 
+@pytest.mark.parametrize("alone", [0, 2])
 @pytest.mark.parametrize("standby", Standby)
-def test_a_decision_is_as_much_work_on_any_robot(standby: Standby) -> None:
-    small = work(10, standby)
-    assert work(300, standby) == small and min(small.values()) > 10
+def test_a_decision_is_as_much_work_on_any_robot(standby: Standby, alone: int) -> None:
+    small = work(10, standby, alone)
+    assert work(300, standby, alone) == small and min(small.values()) > 10
 
 
 def test_the_count_sees_a_loop_over_everything() -> None:

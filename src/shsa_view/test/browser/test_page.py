@@ -112,8 +112,12 @@ def test_a_robot_that_is_well(browser: Browser, fed: Fed) -> None:
     assert browser.run(f"document.querySelector('{NODE}').dataset.state") == "well"
 
 
-def test_a_failure_is_seen_everywhere(browser: Browser, fed: Fed) -> None:
-    fed.state.tell(**substituted())
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_failure_is_seen_everywhere(browser: Browser, fed: Fed, shared: bool) -> None:
+    told = substituted()
+    if shared:
+        told["substitutes"] = {f"{n} amperemeter": row for n, row in told["substitutes"].items()}
+    fed.state.tell(**told)
     browser.wait(f"document.querySelector('{ROW}').dataset.state === 'substituted'")
     assert browser.texts("#rows .name") == ["amperemeter", "voltmeter"]
     assert "± 0.40 A" in browser.text(ROW)

@@ -25,6 +25,7 @@ class Sharing:
         self._alone: Set[str] = set()  # services
         self._shared: Dict[str, Dict[str, str]] = {}  # by process: services, and whose they are
         self._process: Dict[str, str] = {}  # by service
+        self._roomy: Dict[str, None] = {}  # processes that another one may join
 
     def place(self, service: Service, plan: Plan, fresh: str) -> Optional[Shared]:
         """Which process the substitute of a service shares; None: it is given its own.
@@ -35,8 +36,8 @@ class Sharing:
         crowded = 0 < self._most <= len(self._alone - {service.name})
         if not crowded or any(source.service.period is None for source in plan.inputs):
             return None
-        for node, services in self._shared.items():
-            if len(services) < self._most and service.node not in services.values():
+        for node in self._roomy:
+            if service.node not in self._shared[node].values():
                 return Shared(node, False)
         return Shared(fresh, True)
 
@@ -46,8 +47,12 @@ class Sharing:
         self._alone.discard(name)
         self._leave(name)
         if shared:
-            self._shared.setdefault(node, {})[name] = service.node
+            services = self._shared.setdefault(node, {})
+            services[name] = service.node
             self._process[name] = node
+            self._roomy[node] = None
+            if len(services) >= self._most:
+                del self._roomy[node]
         elif node:
             self._alone.add(name)
 
@@ -60,5 +65,6 @@ class Sharing:
         if node is None:
             return
         del self._shared[node][service]
+        self._roomy[node] = None
         if not self._shared[node]:
-            del self._shared[node]
+            del self._shared[node], self._roomy[node]

@@ -29,7 +29,7 @@ from shsa_core.healing.strays import Strays
 from shsa_core.healing.tables import SomTable, SubstitutionTable
 from shsa_core.healing.topic import TopicHealing
 from shsa_core.healing.whereabouts import Whereabouts
-from shsa_core.model.kinds import Kind, OnPartition, Policy, Standby
+from shsa_core.model.kinds import Kind, OnPartition, Policy
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
@@ -256,15 +256,15 @@ class Upkeep:
             return []
         before, node, plan = healing.incident, healing.node, healing.substitute.plan
         key = shared_key(node, name) if healing.substitute.shared else node
-        commands = self._absorb(ask(healing, self._snapshot(service)), name)
+        now = self._snapshot(service)
+        commands = self._absorb(ask(healing, now), name)
         self._agenda.set(name, healing.deadline)
         shown = [each.incident.id for each in commands if isinstance(each, events.ShowIncident)]
         self._incidents = max([self._incidents, *shown])
         incident = healing.incident
         if (incident, healing.node, healing.substitute.plan) != (before, node, plan):
             self._concern.follow(healing, before, node)
-            if service.standby is Standby.HOT or healing.substitute.shared:
-                self._sharing.follow(service, healing.node, healing.substitute.shared)
+            self._note_process(service, healing, now.hot)
         if (before is None) != (incident is None):
             self._unsettle([name])
         if before is not None and incident is None:
@@ -274,6 +274,11 @@ class Upkeep:
         row = self._show(service, healing)
         self._note_decision(healing, row, commands)
         return commands
+
+    def _note_process(self, service: Service, healing: TopicHealing, hot: bool) -> None:
+        """Note which process a hot substitute has, and whether it shares it."""
+        shared = healing.substitute.shared
+        self._sharing.follow(service, healing.node if hot or shared else "", shared)
 
     def _note_decision(
         self, healing: TopicHealing, row: Optional[Substitution], commands: Sequence[Command]

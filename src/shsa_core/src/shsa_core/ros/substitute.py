@@ -4,18 +4,7 @@ import os
 import sys
 import threading
 from dataclasses import replace
-from typing import (
-    TYPE_CHECKING,
-    Callable,
-    Dict,
-    Iterable,
-    Iterator,
-    List,
-    Optional,
-    Set,
-    Tuple,
-    Union,
-)
+from typing import TYPE_CHECKING, Callable, Iterable, Iterator, Optional, Set, Tuple, Union
 
 import rospy
 from shsa_msgs import msg
@@ -28,19 +17,19 @@ from shsa_core.message_types import message_class
 from shsa_core.ros.graph.composing import read_message
 from shsa_core.ros.graph.heartbeats import HOST, Heart, hearer
 from shsa_core.ros.graph.fields import Field, problem
-from shsa_core.ros.graph.inbox import Inbox
 from shsa_core.ros.graph.inputs import Inputs, Values
 from shsa_core.ros.graph.node_api import FAILURES
 from shsa_core.ros.graph.original import Originals
 from shsa_core.ros.graph.outputs import Outputs
 from shsa_core.ros.graph.overhearing import Overhearing
+from shsa_core.ros.graph.arrivals import Arrivals
 from shsa_core.ros.graph import secret
 from shsa_core.ros.graph.signing import Signing
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import substitution_row
 from shsa_core.ros.graph.tables import TableSubscriber
 from shsa_core.ros.graph.worker import Worker
-from shsa_core.ros.node import SWITCH_INTERVAL_S, run
+from shsa_core.ros.node import run
 from shsa_core.substitution import events, machine, sharing
 from shsa_core.substitution.signals import JOURNAL, SHARED, VARIABLE, decode
 
@@ -51,9 +40,6 @@ SIMULATED_S = 0.002
 """At least so long between two looks at /clock, which nobody can wait for."""
 POLL_S = 0.1  # between two looks whether ROS shuts down
 ALONE_S = 60.0  # without a reconfigurator; a launch starts it again within 2 s
-CALM_INTERVAL_S = 0.005
-"""Between switches of threads while nobody waits for us: Python's own. Each of hundreds of threads
-that wait for a turn asks for it as often, and that alone can take whole cores."""
 PREPARE_PAUSE_S = 0.01
 """Between two registrations that are in no hurry: each costs other nodes a connection, and a node
 that has many to make at once does not publish meanwhile."""
@@ -84,7 +70,6 @@ class SubstituteNode:
         self._row = row
         self._listed: Set[str] = set()
         self._idle = row.idle
-        self._lowered = lowered
         self._hurry = threading.Event()
         path = os.environ.get(secret.VARIABLE, "")
         self._signing = Signing(path, make=False) if path else None
@@ -92,10 +77,8 @@ class SubstituteNode:
             sharing.Sharing() if row.shared else machine.Substitute()
         )
         self._journal = _journal(journal, row.shared) if journal else None
-        self._inbox = Inbox()
-        self._read = {signal.topic for signal in row.inputs}  # by a program; not just prepared for
-        self._hurries = True  # what arrives is waited for
-        self._newest: Dict[Tuple[str, str], events.InputArrived] = {}  # those nobody waits for
+        self._arrivals = Arrivals(row.idle, lowered)
+        self._arrivals.read(signal.topic for signal in row.inputs)
         self._heart = Heart(hearer(os.environ.get(HOST, "")))
         self._inputs = Inputs(self._heard)
         self._outputs = Outputs(self._advertised, self._joined)
@@ -148,7 +131,7 @@ class SubstituteNode:
         while not rospy.is_shutdown():
             deadline = self._core.next_deadline()
             wait = POLL_S if deadline is None else min(POLL_S, deadline - self._clock.now())
-            self._inbox.wait(max(wait, SIMULATED_S) if clock.is_simulated() else wait)
+            self._arrivals.wait(max(wait, SIMULATED_S) if clock.is_simulated() else wait)
             self._heart.beat()
             if self._heart.cut_off is not cut_off:
                 cut_off = not cut_off
@@ -156,27 +139,12 @@ class SubstituteNode:
             if self._heart.unheard > ALONE_S and not alone:
                 self._feed(events.LeftAlone(self._clock.now()))
             alone = self._heart.unheard > ALONE_S
-            self._inbox.ready()
-            for event in self._arrived():
+            for event in self._arrivals.take(self._clock.now() >= self._core.reads_at):
                 self._feed(event)
-            if self._core.hurries is not self._hurries:
-                self._hurries = not self._hurries
-                if self._hurries:
-                    self._count()
-                sys.setswitchinterval(SWITCH_INTERVAL_S if self._hurries else CALM_INTERVAL_S)
+            self._arrivals.hurry(self._core.hurries)
             deadline = self._core.next_deadline()
             if deadline is not None and self._clock.now() >= deadline:
                 self._feed(events.Tick(self._clock.now()))
-
-    def _arrived(self) -> List[events.Event]:
-        """What has come since the last look, in order; the inputs once they matter."""
-        taken: List[events.Event] = self._inbox.take()
-        others = all(isinstance(event, events.OtherHeard) for event in taken)
-        if others and self._clock.now() < self._core.reads_at:
-            return taken
-        read = [key for key in list(self._newest) if key[0] in self._read]
-        newest = [self._newest.pop(key) for key in read]
-        return sorted([*newest, *taken], key=lambda event: event.time)
 
     def _feed(self, event: events.Event) -> None:
         if self._journal is not None:
@@ -187,35 +155,31 @@ class SubstituteNode:
         for command in commands:
             self._carry_out[type(command)](command)
 
-    def _count(self) -> None:
-        """What this thread does matters now: it waits for others no more."""
-        if self._lowered:
-            priority.restore()
-
     # Events, from rospy's threads.
 
     def _table(self, message: msg.Substitutions) -> None:
         ours = [row for row in message.substitutions if row.node == self._name]
         for row in self._rows(ours):
-            self._read.update(signal.topic for signal in row.inputs if row.code)
+            if row.code:
+                self._arrivals.read(signal.topic for signal in row.inputs)
             self._listed.add(row_key(row))
             self._idle = row.idle
             if not row.idle and (row.publishing or not row.shared):
                 self._hurry.set()
             problems_of, last = unusable(row), last_message(row)
             now = self._clock.now(), clock.ros_ns()
-            self._inbox.put(events.RowChanged(now[0], row, problems_of, last, now[1]))
+            self._arrivals.put(events.RowChanged(now[0], row, problems_of, last, now[1]))
         told = {row_key(row) for row in ours}
         ended = self._listed.intersection(message.removed) - told
         for key in (self._listed - told) if message.whole else ended:
             self._listed.discard(key)
             service = key.partition(" ")[2]
-            self._inbox.put(events.RowRemoved(self._clock.now(), service, key in ended))
+            self._arrivals.put(events.RowRemoved(self._clock.now(), service, key in ended))
         if self._idle:
             plans = tuple(self._rows([row for row in message.substitutions if not row.node]))
             problems = tuple(problem for plan in plans for problem in unusable(plan))
             removed = tuple(message.removed)
-            self._inbox.put(
+            self._arrivals.put(
                 events.PlansChanged(self._clock.now(), plans, removed, message.whole, problems)
             )
 
@@ -231,21 +195,16 @@ class SubstituteNode:
     def _heard(self, topic: str, publisher: str, values: Values, stamp: int) -> None:
         now = self._clock.now()
         arrived = events.InputArrived(now, topic, publisher, values, stamp, clock.ros_ns())
-        if self._hurries and topic in self._read:
-            self._count()
-            self._inbox.put(arrived)
-        else:
-            self._newest[topic, publisher] = arrived
+        self._arrivals.put_input(arrived)
 
     def _other_heard(self, topic: str, publisher: str, stamp: int) -> None:
-        heard = events.OtherHeard(self._clock.now(), topic, publisher, stamp)
-        self._inbox.put(heard, wakes=self._hurries)
+        self._arrivals.put_other(events.OtherHeard(self._clock.now(), topic, publisher, stamp))
 
     def _advertised(self, topic: str) -> None:
-        self._inbox.put(events.Advertised(self._clock.now(), topic))
+        self._arrivals.put(events.Advertised(self._clock.now(), topic))
 
     def _joined(self, topic: str, consumer: str) -> None:
-        self._inbox.put(events.ConsumerJoined(self._clock.now(), topic, consumer))
+        self._arrivals.put(events.ConsumerJoined(self._clock.now(), topic, consumer))
 
     # Commands.
 
@@ -258,7 +217,7 @@ class SubstituteNode:
 
     def _look_at_others(self, look: events.LookAtOthers) -> None:
         stands = self._others.stands(look.topic, look.publisher)
-        self._inbox.put(events.OthersStand(self._clock.now(), look, stands))
+        self._arrivals.put(events.OthersStand(self._clock.now(), look, stands))
 
     def _compose(self, command: events.Compose) -> None:
         if command.overheard:
@@ -297,7 +256,9 @@ class SubstituteNode:
         def call() -> None:
             for topic, nodes in announce.find_subscribers(command.topics).items():
                 connected = self._outputs.connected(topic)
-                self._inbox.put(events.SubscribersFound(self._clock.now(), topic, nodes, connected))
+                self._arrivals.put(
+                    events.SubscribersFound(self._clock.now(), topic, nodes, connected)
+                )
 
         self._call(f"looking for the subscribers of {', '.join(command.topics)}", call)
 
@@ -313,7 +274,7 @@ class SubstituteNode:
             try:
                 call()
             except FAILURES as error:
-                self._inbox.put(events.CallFailed(self._clock.now(), what, str(error)))
+                self._arrivals.put(events.CallFailed(self._clock.now(), what, str(error)))
 
         self._calls.put(guarded)
 
@@ -321,7 +282,7 @@ class SubstituteNode:
         def call() -> None:
             served = self._originals.served_consumers(look.topic, look.original)
             up, consumers = served is not None, served or frozenset()
-            self._inbox.put(events.OriginalServes(self._clock.now(), look, consumers, up))
+            self._arrivals.put(events.OriginalServes(self._clock.now(), look, consumers, up))
 
         self._looks.put(call)
 

@@ -119,7 +119,7 @@ class Card {
     setAttribute(this.element, "data-state", service.state);
     const told = [
       ["What failed", failed(service, incident)],
-      ["What stands in", standsIn(service, incident, substitutes)],
+      ["What stands in", standsIn(this.name, service, incident, substitutes)],
       ["How far to trust it", trust(service, incident)],
     ];
     const began = incident && incident.moments.detected;
@@ -161,14 +161,16 @@ function failed(service, incident) {
   return `${incident.faulty_node || service.topic} – ${plain(incident.kind)}${detail}`;
 }
 
-function standsIn(service, incident, substitutes) {
+function standsIn(name, service, incident, substitutes) {
   if (!service.substitute) {
     if (service.state === "healing") return "Nothing yet; a substitute is searched or started.";
     const lacks = incident && incident.missing.length;
     return lacks ? `Nothing. Missing: ${list(incident.missing)}.` : "Nothing.";
   }
   const { substitute } = service;
-  const row = Object.hasOwn(substitutes, substitute) ? substitutes[substitute] : incident;
+  // Where several share a process, a row goes by the service as well.
+  const key = [substitute, `${substitute} ${name}`].find((each) => Object.hasOwn(substitutes, each));
+  const row = key === undefined ? incident : substitutes[key];
   if (!row) return substitute;
   return `${substitute}, from ${list(row.inputs)} by ${list(row.relations)}`;
 }

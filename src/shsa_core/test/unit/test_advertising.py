@@ -1,0 +1,56 @@
+"""Which topics a substitute has advertised: it asks and tells others as seldom as that serves."""
+from typing import List
+
+from substitute_driver import PERIOD, SETTINGS, signal
+
+from shsa_core.substitution.advertising import Advertising
+from shsa_core.substitution.events import Command, FindSubscribers, Withdraw
+
+COUNT = 100
+
+
+def prepared(pause: float = PERIOD) -> Advertising:
+    """Many topics, advertised one after the other until the time 0."""
+    advertising = Advertising(SETTINGS)
+    outputs = [signal(f"/topic_{number}") for number in range(COUNT)]
+    advertising.prepare(outputs)
+    for number, output in enumerate(outputs):
+        advertising.advertised(output.topic, (number - COUNT) * pause)
+    return advertising
+
+
+def run(advertising: Advertising, until: float) -> List[Command]:
+    """All that it wants by a moment."""
+    said: List[Command] = []
+    while advertising.next() < until:
+        said += advertising.due(advertising.next())
+    return said
+
+
+def test_one_look_at_the_master_is_for_all_that_would_be_looked_at_soon() -> None:
+    said = run(prepared(), 100.0)
+    looks = [each.topics for each in said if isinstance(each, FindSubscribers)]
+    times = [sum(f"/topic_{number}" in topics for topics in looks) for number in range(COUNT)]
+    assert set(times) == {len(SETTINGS.prepare_s)}, "none is left out"
+    spread = COUNT * PERIOD / SETTINGS.together_s
+    assert len(looks) <= len(SETTINGS.prepare_s) * (spread + 2), "and not one a topic"
+
+
+def test_who_is_in_a_hurry_waits_for_no_other() -> None:
+    advertising = prepared()
+    run(advertising, 10.0)
+    advertising.take(signal("/topic_7"), 10.0)
+    looks = run(advertising, 10.19)
+    assert looks == [FindSubscribers(("/topic_7",))] * 2
+
+
+def test_what_is_not_needed_any_more_is_withdrawn_one_by_one() -> None:
+    advertising = prepared()
+    run(advertising, 10.0)
+    advertising.take(signal("/topic_7"), 10.0)
+    begin = 10.0 + SETTINGS.withdraw_delay_s
+    said = run(advertising, begin + 10 * SETTINGS.withdraw_pause_s - 1e-6)
+    withdrawn = [each.topics for each in said if isinstance(each, Withdraw)]
+    assert [len(topics) for topics in withdrawn] == [1] * 10
+    run(advertising, 100.0)
+    assert advertising.topics == ("/topic_7",)
