@@ -12,13 +12,11 @@ from shsa_core.errors import ModelError, ShsaError
 from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.inbound import serve_each_by_itself
 from shsa_core.ros.graph.log_queue import LogQueue, ask_once_for_rosout, say_failures_once
+from shsa_core.ros.graph.priority import SWITCH_INTERVAL_S
 from shsa_core.ros.graph.standing import keep_rospys_threads
 from shsa_core.text import LONGEST_LINE, shown
 
 POLL_S = 0.05
-SWITCH_INTERVAL_S = (
-    0.0005  # s; Python's own 5 ms, at each step between threads, would be most of a takeover
-)
 JOIN_TIMEOUT_S = 5.0
 
 

@@ -7,12 +7,7 @@ from typing import Dict, Iterable, List, Set, Tuple
 
 from shsa_core.ros.graph import priority
 from shsa_core.ros.graph.inbox import Inbox
-from shsa_core.ros.node import SWITCH_INTERVAL_S
 from shsa_core.substitution.events import Event, InputArrived, OtherHeard
-
-CALM_INTERVAL_S = 0.005
-"""Between switches of threads while nobody waits for us: Python's own. Each of hundreds of threads
-that wait for a turn asks for it as often, and that alone can take whole cores."""
 
 
 class Arrivals:
@@ -74,7 +69,8 @@ class Arrivals:
         if hurries:
             self._count()
         if self._many:
-            sys.setswitchinterval(SWITCH_INTERVAL_S if hurries else CALM_INTERVAL_S)
+            interval = priority.SWITCH_INTERVAL_S if hurries else priority.CALM_INTERVAL_S
+            sys.setswitchinterval(interval)
 
     def _count(self) -> None:
         """What this thread does matters now: it waits for others no more."""

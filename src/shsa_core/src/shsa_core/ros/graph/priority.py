@@ -1,4 +1,4 @@
-"""The priority of a process that stands by: the robot's own nodes come first.
+"""The priority of a process that stands by, and of its threads: the robot's own nodes come first.
 
 It has hundreds of threads where the robot has hundreds of topics. Each would have as much of the
 processor as a node of the robot's that is to publish now.
@@ -9,6 +9,13 @@ from typing import List
 
 LOWERED = 10
 """By so much: where all are busy, a tenth of the processor time that others have."""
+
+SWITCH_INTERVAL_S = 0.0005
+"""Between switches of Python's threads: its own 5 ms, at each step between two of them, would be
+most of a takeover."""
+CALM_INTERVAL_S = 0.005
+"""The same while nobody waits for us: each of hundreds of threads that wait for a turn asks for it
+as often, and that alone can take whole cores."""
 
 _own = threading.local()
 
