@@ -81,6 +81,15 @@ assert others == [nice()]
 if lowered:
     priority.restore(); priority.restore()
     assert nice() == usual
+    ready, end = threading.Event(), threading.Event()
+    def wait():
+        os.nice(priority.LOWERED); ready.set(); end.wait(); others.append(nice())
+    kept, raised = [threading.Thread(target=wait) for _ in range(2)]
+    for each in (kept, raised):
+        ready.clear(); each.start(); ready.wait()
+    priority.restore_all({kept.native_id})
+    end.set(); kept.join(); raised.join()
+    assert sorted(others[1:]) == sorted([usual, usual + priority.LOWERED]), others
 print(lowered)
 """
     done = subprocess.run(

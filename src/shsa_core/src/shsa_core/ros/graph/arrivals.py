@@ -3,6 +3,7 @@
 Muted, most of it never does: to wake for each message would be most of what standing by costs.
 """
 import sys
+import threading
 from typing import Dict, Iterable, List, Set, Tuple
 
 from shsa_core.ros.graph import priority
@@ -23,6 +24,7 @@ class Arrivals:
         self._hurries = True
         self._read: Set[str] = set()
         self._newest: Dict[Tuple[str, str], InputArrived] = {}
+        self._unread: Set[int] = set()  # the threads that bring what nobody reads
 
     def read(self, topics: Iterable[str]) -> None:
         """These topics are read by a program, and not just prepared for."""
@@ -35,9 +37,12 @@ class Arrivals:
     def put_input(self, event: InputArrived) -> None:
         """Add an input; where nobody waits for it the newest of a publisher is kept."""
         if self._hurries and event.topic in self._read:
-            self._count()
+            if self._lowered:
+                priority.restore()
             self._inbox.put(event)
         else:
+            if self._lowered:
+                self._unread.add(threading.get_native_id())
             self._newest[event.topic, event.publisher] = event
 
     def put_other(self, event: OtherHeard) -> None:
@@ -66,13 +71,8 @@ class Arrivals:
         if hurries is self._hurries:
             return
         self._hurries = hurries
-        if hurries:
-            self._count()
+        if hurries and self._lowered:
+            priority.restore_all(frozenset(self._unread))
         if self._many:
             interval = priority.SWITCH_INTERVAL_S if hurries else priority.CALM_INTERVAL_S
             sys.setswitchinterval(interval)
-
-    def _count(self) -> None:
-        """What this thread does matters now: it waits for others no more."""
-        if self._lowered:
-            priority.restore()

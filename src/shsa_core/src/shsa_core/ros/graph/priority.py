@@ -5,11 +5,14 @@ processor as a node of the robot's that is to publish now.
 """
 import os
 import threading
-from typing import List
+from contextlib import suppress
+from typing import Collection, List
 
 LOWERED = 10
 """By so much: where all are busy, a tenth of the processor time that others have."""
 
+USUAL = os.getpriority(os.PRIO_PROCESS, os.getpid())
+"""Of this process, until it is lowered."""
 SWITCH_INTERVAL_S = 0.0005
 """Between switches of Python's threads: its own 5 ms, at each step between two of them, would be
 most of a takeover."""
@@ -33,10 +36,18 @@ def lower() -> bool:
 
 
 def restore() -> None:
-    """Have this thread, which was lowered, count as much as others again."""
+    """Have this thread count as much as others again."""
     if not getattr(_own, "restored", False):
         _own.restored = True
-        _change(-LOWERED)
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), USUAL)
+
+
+def restore_all(but: Collection[int]) -> None:
+    """Have all threads count as much as others again, but for some, by their native numbers."""
+    for thread in map(int, os.listdir("/proc/self/task")):
+        if thread not in but:
+            with suppress(ProcessLookupError):  # it has ended meanwhile
+                os.setpriority(os.PRIO_PROCESS, thread, USUAL)
 
 
 def _may_restore() -> bool:
