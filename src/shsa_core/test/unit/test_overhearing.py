@@ -16,7 +16,8 @@ class Bench:
 
     def __init__(self) -> None:
         self.heard: List[Tuple[str, str, int]] = []
-        self.others = Overhearing(OURS, self.hear)
+        self.gone: List[Tuple[str, str]] = []
+        self.others = Overhearing(OURS, self.hear, lambda *who: self.gone.append((who[0], who[1])))
         impl: Any = SimpleNamespace(connections=[])
         self.connections = impl.connections
         self.others._subscribers[TOPIC] = SimpleNamespace(impl=impl)
@@ -76,3 +77,21 @@ def test_the_newest_message_of_another_one_is_kept(bench: Bench) -> None:
         bench.others._received(message, TOPIC)
     assert Float64().deserialize(bench.others.newest(TOPIC)).data == 2.0
     assert [each[1] for each in bench.heard] == [NODE, NODE]
+
+
+def ended(node: str, port: int) -> Any:
+    """A connection to a node that listens at a port, as rospy has it once it has ended."""
+    uri = f"http://localhost:{port}/"
+    return SimpleNamespace(callerid_pub=node, dest_address=("127.0.0.1", 1), endpoint_id=uri)
+
+
+def test_who_has_ended_is_gone_once_nobody_listens_where_it_did(bench: Bench) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        port = listening.getsockname()[1]
+        bench.others.ended(TOPIC, ended(NODE, port))
+        assert bench.gone == []
+    bench.others.ended(TOPIC, ended(OURS, port))
+    bench.others.ended("/another", ended(NODE, port))
+    assert bench.gone == []
+    bench.others.ended(TOPIC, ended(NODE, port))
+    assert bench.gone == [(TOPIC, NODE)]

@@ -72,6 +72,12 @@ class Robot:
         self._note(self.driver.tell(events.OtherHeard, topic, "/original", 7))
         return self
 
+    def gone(self, at: float, node: str = "/original") -> "Robot":
+        """The node of the original, or another one, is gone."""
+        self.to(at)
+        self._note(self.driver.tell(events.OtherGone, "/out", node))
+        return self
+
     def stream(self, until: float, period: float = PERIOD) -> "Robot":
         """The original publishes periodically."""
         since = self.driver.time
@@ -133,6 +139,39 @@ def test_at_high_rates_a_connection_that_has_ended_is_bridged_for_a_moment() -> 
     robot.stands = True
     robot.stream(3.0, 0.001)
     assert len(robot.filled) == again
+
+
+def test_a_node_that_is_gone_is_filled_in_for_at_once_until_the_reconfigurator_has_spoken() -> None:
+    robot = Robot().stream(1.0)
+    robot.stands = False
+    robot.gone(1.001)
+    assert robot.filled == [1.001]
+    last = robot.to(2.0).filled[-1]
+    assert 1.001 + LOOK_AGAIN_S - PERIOD <= last <= 1.001 + LOOK_AGAIN_S + 2 * LOOK
+    robot = Robot().stream(1.0).gone(1.001).to(1.004)
+    told = bridges(publishing=True, bridge=0.0, original="/original")
+    robot._note(robot.driver.change(told))
+    steps = [b - a for a, b in zip(robot.to(2.0).filled, robot.filled[1:])]
+    assert len(steps) > 40 and all(abs(step - PERIOD) < 1e-5 for step in steps)
+
+
+def test_only_who_was_heard_last_at_a_steady_pace_is_filled_in_for_when_it_is_gone() -> None:
+    assert Robot().stream(1.0).gone(1.001, "/another").to(1.02).filled == []
+    assert Robot().stream((STEADY - 1) * PERIOD).gone(0.1).to(1.0).filled == []
+    assert Robot(bridges(bridge=0.0)).stream(1.0).gone(1.001).to(1.02).filled == []
+    robot = Robot().stream(1.0).gone(1.001).speaks(1.01)
+    assert robot.filled == [1.001] and robot.to(1.03).filled == [1.001]
+    late = Robot().stream(1.0).to(1.2)
+    filled = len(late.filled)
+    assert len(late.gone(1.2).to(1.2 + PERIOD - 1e-3).filled) <= filled + 1
+
+
+def test_who_is_gone_while_it_hands_over_consumers_is_not_filled_in_for() -> None:
+    robot = Robot(bridges(publishing=True, bridge=0.0, original="/original")).to(1.0).speaks(1.0)
+    robot._note(robot.driver.change(bridges(original="/original")))
+    robot.stream(1.2)
+    count = len(robot.filled)
+    assert len(robot.gone(1.2).filled) == count
 
 
 def test_what_was_heard_while_it_looked_counts() -> None:

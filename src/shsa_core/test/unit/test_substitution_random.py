@@ -46,7 +46,7 @@ class AnySubstitute(RuleBasedStateMachine):
         self.stale_looks = 0  # which the core awaits no more
         self.cut = False
         self.others: Optional[events.LookAtOthers] = None
-        self.spoke = float("-inf")
+        self.spoke, self.went = float("-inf"), False
         self.heard_at: Optional[float] = None  # another one, to whom it must have yielded
         self.hear(events.Started(self.now, self.told))
 
@@ -102,7 +102,7 @@ class AnySubstitute(RuleBasedStateMachine):
     def bridges(self) -> bool:
         """Whether it may fill in: nobody else was heard for long enough."""
         told = self.told
-        return told.bridge > 0.0 and self.now - self.spoke >= told.bridge - 1e-6
+        return told.bridge > 0.0 and (self.went or self.now - self.spoke >= told.bridge - 1e-6)
 
     @rule(
         publishing=st.booleans(),
@@ -217,19 +217,24 @@ class AnySubstitute(RuleBasedStateMachine):
         listens = told.on_partition is OnPartition.HEAL and topic == self.core._others.topic
         if listens and (self.cut or told.yields) and topic in told.topics:
             self.heard_at = self.now
-        self.spoke, self.last = self.now, None
+        self.spoke, self.went, self.last = self.now, False, None
         self.hear(events.OtherHeard(self.now, topic, "/node"))
 
     @rule(
         gaps=st.lists(st.sampled_from((0.01, 0.02, 0.04)), min_size=6, max_size=8),
         quiet=st.sampled_from((0.03, 0.06, 0.2)),
         stands=st.booleans(),
+        dies=st.booleans(),
     )
-    def original_stream(self, gaps: List[float], quiet: float, stands: bool) -> None:
+    def original_stream(self, gaps: List[float], quiet: float, stands: bool, dies: bool) -> None:
         """The original publishes for a while, and is silent then."""
+        topic = self.told.topics[0] if self.told.topics else "/out"
         for gap in gaps:
             self.now += gap
-            self.speak(self.told.topics[0] if self.told.topics else "/out")
+            self.speak(topic)
+        if dies:
+            self.now += 0.005
+            self.leave(topic)
         self.now += quiet
         self.hear(events.Tick(self.now))
         self.answer_look(stands)
@@ -244,6 +249,17 @@ class AnySubstitute(RuleBasedStateMachine):
             look, self.others = self.others, None
             self.last = None
             self.hear(events.OthersStand(self.now, look, stands))
+
+    @rule(topic=st.sampled_from(("/out", "/other")), node=st.sampled_from(("/node", "/another")))
+    def gone(self, topic: str, node: str) -> None:
+        """The node of somebody else is gone."""
+        self.leave(topic, node)
+
+    def leave(self, topic: str, node: str = "/node") -> None:
+        """The node of somebody else is gone."""
+        self.went = self.went or (topic, node) == (self.core._others.topic, "/node")
+        self.last = None
+        self.hear(events.OtherGone(self.now, topic, node))
 
     @rule(cut=st.booleans())
     def reach(self, cut: bool) -> None:

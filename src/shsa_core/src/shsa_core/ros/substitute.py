@@ -80,9 +80,9 @@ class SubstituteNode:
         self._arrivals = Arrivals(row.idle, lowered)
         self._arrivals.read(signal.topic for signal in row.inputs)
         self._heart = Heart(hearer(os.environ.get(HOST, "")))
-        self._inputs = Inputs(self._heard)
         self._outputs = Outputs(self._advertised, self._joined)
-        self._others = Overhearing(self._name, self._other_heard)
+        self._others = Overhearing(self._name, self._other_heard, self._other_gone)
+        self._inputs = Inputs(self._heard, self._others.ended)
         self._registrations = Worker("registrations")
         self._telling = Worker("telling")
         self._calls = Worker("calls")
@@ -199,6 +199,9 @@ class SubstituteNode:
 
     def _other_heard(self, topic: str, publisher: str, stamp: int) -> None:
         self._arrivals.put_other(events.OtherHeard(self._clock.now(), topic, publisher, stamp))
+
+    def _other_gone(self, topic: str, publisher: str) -> None:
+        self._arrivals.put(events.OtherGone(self._clock.now(), topic, publisher))
 
     def _advertised(self, topic: str) -> None:
         self._arrivals.put(events.Advertised(self._clock.now(), topic))

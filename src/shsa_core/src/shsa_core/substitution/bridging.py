@@ -5,8 +5,9 @@ next message of anybody else. So a gap costs a few periods and not the deadline;
 is held against the original and its kill are others' business.
 
 Only a silent connection is bridged: one that has ended is the reconfigurator's to judge, which is
-told at once, and tells a node that died from one that was stopped on purpose. Where a bridge begins
-before its word can come, the substitute fills in until then, and for LOOK_AGAIN_S at most.
+told at once, and tells a node that died from one that was stopped on purpose. Until its word comes
+the substitute fills in for a node that is gone, at once, and where a bridge begins before that word
+can come; for LOOK_AGAIN_S at most.
 """
 import math
 from typing import Optional, Tuple
@@ -89,11 +90,20 @@ class Bridging:
         if not event.stands and not goes_on:
             self.stop()
             return
+        self._fill_in(event.time, event.stands, sources)
+
+    def gone(self, time: float, sources: Tuple[str, ...]) -> None:
+        """The node of who was heard last is gone."""
+        if self._waits and not self.on:
+            self._awaited = None
+            self._fill_in(time, False, sources)
+
+    def _fill_in(self, time: float, stands: bool, sources: Tuple[str, ...]) -> None:
         if not self.on:
             self.on = True
             self.feed(sources)
-        self._stood = event.stands
-        self._look = event.time + max(self._after, LOOK_AGAIN_S)
+        self._stood = stands
+        self._look = time + max(self._after, LOOK_AGAIN_S)
 
     def due(self, now: float) -> Optional[LookAtOthers]:
         """The look that is due: what has come may not be read yet, or the connection has ended."""

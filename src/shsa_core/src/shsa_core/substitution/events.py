@@ -175,6 +175,18 @@ class OtherHeard:
 
 
 @dataclass(frozen=True)
+class OtherGone:
+    """The node of somebody else, `publisher`, on a topic that is overheard is gone.
+
+    Its connection has ended, and nobody listens any more where it did. All that it said is told.
+    """
+
+    time: float
+    topic: str
+    publisher: str
+
+
+@dataclass(frozen=True)
 class LookAtOthers:
     """Look whether the connection to a publisher of an overheard topic stands (OthersStand).
 
@@ -224,12 +236,13 @@ Event = Union[
     CallFailed,
     OriginalServes,
     OtherHeard,
+    OtherGone,
     OthersStand,
     ReachChanged,
     Tick,
 ]
 
-OfTopic = Union[Advertised, ConsumerJoined, SubscribersFound, OtherHeard]
+OfTopic = Union[Advertised, ConsumerJoined, SubscribersFound, OtherHeard, OtherGone]
 """Events that concern whoever publishes a topic."""
 
 LEFT_ALONE = "no reconfigurator has been there for a minute"
@@ -253,7 +266,7 @@ class Listen:
 
 @dataclass(frozen=True)
 class Overhear:
-    """Tell from now on when somebody else publishes on a topic (OtherHeard)."""
+    """Tell from now on of others who publish on a topic (OtherHeard), and are gone (OtherGone)."""
 
     topic: str
     type: str

@@ -69,6 +69,7 @@ class Substitute:
                 events.CallFailed: self._call_failed,
                 events.OriginalServes: self._original_serves,
                 events.OtherHeard: self._other_heard,
+                events.OtherGone: self._other_gone,
                 events.OthersStand: self._others_stand,
                 events.ReachChanged: self._reach_changed,
                 events.Tick: self._tick,
@@ -482,10 +483,20 @@ class Substitute:
             self._at_its_own(lambda: self._bridging.heard(silence, self._sources()))
         return []
 
-    def _others_stand(self, event: events.OthersStand) -> List[Command]:
-        before = self._bridging.on
-        self._at_its_own(lambda: self._bridging.stand(event, self._sources()))
+    def _other_gone(self, event: events.OtherGone) -> List[Command]:
         last = self._others.last
+        heard = last is not None and (last.topic, last.publisher) == (event.topic, event.publisher)
+        if not heard or self._yielding.yields(self._now):
+            return []
+        return self._bridge(lambda: self._bridging.gone(self._now, self._sources()))
+
+    def _others_stand(self, event: events.OthersStand) -> List[Command]:
+        return self._bridge(lambda: self._bridging.stand(event, self._sources()))
+
+    def _bridge(self, change: Callable[[], None]) -> List[Command]:
+        """Take something that may begin a bridge: messages start from the original's last one."""
+        before, last = self._bridging.on, self._others.last
+        self._at_its_own(change)
         if before or not self._bridging.on or last is None or self._composed is None:
             return []
         self._stamps.begin(self._topic, last.stamp)

@@ -42,6 +42,7 @@ class Sharing:
                 events.CallFailed: self._call_failed,
                 events.OriginalServes: lambda e: self._tell(e, self._of(e.look.topic)),
                 events.OtherHeard: self._of_topic,
+                events.OtherGone: self._of_topic,
                 events.OthersStand: lambda e: self._tell(e, self._of(e.look.topic)),
                 events.ReachChanged: lambda event: self._tell(event, self._cores),
                 events.Tick: self._tick,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Set, Tuple, Union
 
 import rospy
-from rospy.impl.registration import Registration, get_topic_manager
+from rospy.impl.registration import get_topic_manager
 from rospy.topics import _SubscriberImpl
 
 from shsa_core.ros.graph import clock
@@ -24,6 +24,7 @@ from shsa_core.ros.graph.identities import Identified
 from shsa_core.ros.graph.inbox import Inbox
 from shsa_core.ros.graph.reconnection import Answered, Reconnection
 from shsa_core.ros.graph.stream import Connection
+from shsa_core.ros.graph.subscription import implement_with
 
 TRIES = 3
 """So often a connection that never stood is asked for again."""
@@ -144,7 +145,7 @@ class Connections:
         manager = get_topic_manager()
         implementation = _Implementation(topic, self._inbox)
         with manager.lock:
-            manager._add(implementation, manager.subs, Registration.SUB)
+            implement_with(implementation)
             self._subscribers[topic] = rospy.Subscriber(topic, rospy.AnyMsg)
 
     def unsubscribe(self, topic: str) -> None:

@@ -7,6 +7,7 @@ import rospy
 from shsa_core.model.service import Signal
 from shsa_core.ros.graph.fields import Field
 from shsa_core.ros.graph.messages import message_class
+from shsa_core.ros.graph.subscription import Ended, subscribe
 
 Values = Tuple[Tuple[str, float], ...]
 """Fields by name, and their values."""
@@ -15,13 +16,14 @@ Values = Tuple[Tuple[str, float], ...]
 class Inputs:
     """Subscriptions, one a topic.
 
-    `heard(topic, publisher, values, stamp)` is called, from rospy's threads, at every message.
+    `heard(topic, publisher, values, stamp)` is called, from rospy's threads, at every message, and
+    `ended(topic, connection)` when one has ended.
 
     What was subscribed once stays so: a topic that is left and joined again at once can hang rospy.
     """
 
-    def __init__(self, heard: Callable[[str, str, Values, int], None]) -> None:
-        self._heard = heard
+    def __init__(self, heard: Callable[[str, str, Values, int], None], ended: Ended) -> None:
+        self._heard, self._ended = heard, ended
         self._subscribers: Dict[str, rospy.Subscriber] = {}
         self._fields: Dict[str, Dict[str, Field]] = {}
 
@@ -33,13 +35,8 @@ class Inputs:
             fields = {**self._fields.get(signal.topic, {}), signal.field: Field(kind, signal.field)}
             self._fields[signal.topic] = fields
             if signal.topic not in self._subscribers:
-                self._subscribers[signal.topic] = rospy.Subscriber(
-                    signal.topic,
-                    kind,
-                    self._received,
-                    signal.topic,
-                    queue_size=1,
-                    tcp_nodelay=True,
+                self._subscribers[signal.topic] = subscribe(
+                    signal.topic, kind, self._received, self._ended
                 )
 
     def _received(self, message: genpy.Message, topic: str) -> None:

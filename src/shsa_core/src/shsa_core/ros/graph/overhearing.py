@@ -9,6 +9,8 @@ import rospy
 
 from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.messages import message_class
+from shsa_core.ros.graph.reconnection import refuses
+from shsa_core.ros.graph.subscription import subscribe
 
 READ_S = 0.0005
 """What rospy's threads have received is told by then: they need the lock of the interpreter."""
@@ -20,14 +22,20 @@ class Overhearing:
     """Subscriptions of topics on which only others count.
 
     `heard(topic, publisher, stamp)` is called, from rospy's threads, at every message of others;
-    `stamp` in ns, 0: it has none.
+    `stamp` in ns, 0: it has none. `gone(topic, publisher)`: its connection has ended, and nobody
+    listens any more where its node did.
 
     A topic has one subscription in a process, which a program may read as well: so messages are
     decoded here though nobody looks into them.
     """
 
-    def __init__(self, name: str, heard: Callable[[str, str, int], None]) -> None:
-        self._name, self._heard = name, heard
+    def __init__(
+        self,
+        name: str,
+        heard: Callable[[str, str, int], None],
+        gone: Callable[[str, str], None],
+    ) -> None:
+        self._name, self._heard, self._gone = name, heard, gone
         self._subscribers: Dict[str, rospy.Subscriber] = {}
         self._newest: Dict[str, genpy.Message] = {}
 
@@ -35,9 +43,15 @@ class Overhearing:
         """Subscribe a topic, once; waits for the master."""
         if topic in self._subscribers:
             return
-        self._subscribers[topic] = rospy.Subscriber(
-            topic, message_class(kind), self._received, topic, queue_size=1, tcp_nodelay=True
-        )
+        self._subscribers[topic] = subscribe(topic, message_class(kind), self._received, self.ended)
+
+    def ended(self, topic: str, connection: Any) -> None:
+        """A connection of any topic has ended; called by the thread that read it."""
+        publisher, address = connection.callerid_pub, connection.dest_address
+        if topic not in self._subscribers or publisher == self._name or not address:
+            return
+        if refuses(address[0], connection.endpoint_id):
+            self._gone(topic, publisher)
 
     def newest(self, topic: str) -> bytes:
         """The newest message of another one, serialized; empty: there is none."""
