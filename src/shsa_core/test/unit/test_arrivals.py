@@ -1,69 +1,285 @@
-"""What a substitute's threads have heard, and when its core is told."""
+"""What a substitute hears on its connections, and when its core is told."""
+import io
 import os
+import socket
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
+from typing import Any, Dict, Iterator, List, Tuple
 
+import pytest
+import rospy
+from shsa_msgs.msg import Float64Stamped
+from std_msgs.msg import Float64, String
+
+from shsa_core.model.service import Signal
+from shsa_core.ros.graph import arrivals as module
 from shsa_core.ros.graph.arrivals import Arrivals
-from shsa_core.substitution.events import Advertised, InputArrived, OtherHeard
+from shsa_core.ros.graph.connections import Closed, Connections, Made, _Implementation
+from shsa_core.substitution.events import (
+    Advertised,
+    Event,
+    InputArrived,
+    OtherGone,
+    OtherHeard,
+)
+
+OURS, SOURCE, ORIGINAL = "/substitute_1", "/source", "/original"
+LARGE = 1 << 20
+NEVER = float("inf")
 
 
-def arrived(time: float, topic: str = "/in") -> InputArrived:
-    return InputArrived(time, topic, "/source", (("data", time),))
+class Time:
+    """A robot's clock."""
+
+    now = staticmethod(time.monotonic)
 
 
-def is_woken(arrivals: Arrivals) -> bool:
-    """Whether the reader need not wait."""
+class Bench:
+    """Connections to publishers, as rospy makes them, of nodes that the master knows."""
+
+    def __init__(self) -> None:
+        clock: Any = Time()
+        self.arrivals = Arrivals(OURS, clock)
+        self.inbox = self.arrivals._inbox
+        self.connections = self.arrivals._hearing._connections
+        self.ends: List[socket.socket] = []
+
+    def listen(self, topic: str, kind: str = "std_msgs/Float64", field: str = "data") -> None:
+        self.arrivals.listen(Signal(topic, field, kind, "", None, None))
+
+    def connect(self, topic: str, node: str, kind: Any = Float64, uri: str = "") -> socket.socket:
+        """A connection to a publisher: its end."""
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            here = socket.create_connection(server.getsockname())
+            there, _ = server.accept()
+        self.ends += [here, there]
+        uri = uri or f"http://{node[1:]}:1/"
+        self.connections._claims._identities._known[node, uri] = None
+        header: Dict[str, str] = {"type": kind._type, "md5sum": kind._md5sum, "callerid": node}
+        transport = SimpleNamespace(
+            socket=here,
+            callerid_pub=node,
+            header=header,
+            endpoint_id=uri,
+            done=False,
+            read_buff=io.BytesIO(),
+            close=here.close,
+        )
+        self.inbox.put(Made(topic, transport))
+        self.take()
+        return there
+
+    def take(self, reads: bool = False) -> List[Event]:
+        return self.arrivals.take(reads)
+
+    def is_woken(self, within: float = 5.0) -> bool:
+        """Whether the reader need not wait that long."""
+        before = time.monotonic()
+        self.arrivals.wait(within)
+        return time.monotonic() - before < within
+
+
+def say(end: socket.socket, message: Any) -> None:
+    """Publish a message."""
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    data = buffer.getvalue()
+    end.sendall(len(data).to_bytes(4, "little") + data)
+
+
+def values(events: List[Event]) -> List[Tuple[str, Any]]:
+    """What the core was told, in short."""
+    found: List[Tuple[str, Any]] = []
+    for event in events:
+        if isinstance(event, InputArrived):
+            found.append((event.topic, dict(event.values).get("data")))
+        else:
+            found.append((type(event).__name__, getattr(event, "publisher", "")))
+    return found
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    def subscribe(self: Connections, topic: str) -> None:
+        self._implementations[topic] = _Implementation(topic, self._inbox)
+
+    monkeypatch.setattr(Connections, "subscribe", subscribe)
+    monkeypatch.setattr(module, "UNREAD_S", 1.0)
+    rospy.rostime.set_rostime_initialized(True)
+    made = Bench()
+    yield made
+    for each in made.ends:
+        each.close()
+
+
+def test_what_is_waited_for_is_told_at_once_and_all_of_it(bench: Bench) -> None:
+    bench.listen("/in")
+    bench.arrivals.read(["/in"])
+    end = bench.connect("/in", SOURCE)
+    for value in (1.0, 2.0):
+        say(end, Float64(value))
+    assert bench.is_woken()
+    assert values(bench.take()) == [("/in", 1.0), ("/in", 2.0)]
+
+
+def test_else_the_newest_is_kept_until_it_is_read(bench: Bench) -> None:
+    bench.listen("/in")
+    bench.arrivals.read(["/in"])
+    end = bench.connect("/in", SOURCE)
+    bench.arrivals.hurry(False, NEVER)
+    bench.take()
+    for value in (1.0, 2.0):
+        say(end, Float64(value))
+    assert bench.is_woken(), "who sends them must not wait for us"
+    assert bench.take() == [], "nobody waits for these"
+    assert values(bench.take(reads=True)) == [("/in", 2.0)]
+    assert bench.take(reads=True) == []
+
+
+def test_where_much_comes_it_is_read_many_at_once(bench: Bench) -> None:
+    bench.arrivals.overhear("/out", "std_msgs/Float64")
+    original = bench.connect("/out", ORIGINAL)
+    bench.arrivals.hurry(False, 0.1 / module.REST_SHARE)
+    bench.take()
+    say(original, Float64(1.0))
+    bench.take()
+    say(original, Float64(2.0))
     before = time.monotonic()
-    arrivals.wait(5.0)
-    return time.monotonic() - before < 4.0
-
-
-def calm() -> Arrivals:
-    arrivals = Arrivals()
-    arrivals.read(["/in", "/in2"])
-    arrivals.hurry(False)
-    return arrivals
-
-
-def test_what_is_waited_for_is_told_at_once_and_all_of_it() -> None:
-    arrivals = Arrivals()
-    arrivals.read(["/in"])
-    arrivals.put_input(arrived(1.0))
-    arrivals.put_input(arrived(2.0))
-    assert is_woken(arrivals)
-    assert arrivals.take(reads=False) == [arrived(1.0), arrived(2.0)]
-
-
-def test_else_the_newest_is_kept_until_it_is_read() -> None:
-    arrivals = calm()
-    arrivals.put_input(arrived(1.0))
-    arrivals.put_input(arrived(2.0))
-    arrivals.put_other(OtherHeard(2.5, "/out", "/node"))
+    assert bench.is_woken() and time.monotonic() - before > 0.05
+    assert values(bench.take()) == [("OtherHeard", ORIGINAL)]
+    bench.arrivals.put(Advertised(time.monotonic(), "/out"))
     before = time.monotonic()
-    arrivals.wait(0.05)
-    assert time.monotonic() - before >= 0.05, "nobody waits for these"
-    assert arrivals.take(reads=False) == [OtherHeard(2.5, "/out", "/node")]
-    assert arrivals.take(reads=True) == [arrived(2.0)]
-    assert arrivals.take(reads=True) == []
+    assert bench.is_woken() and time.monotonic() - before < 0.05, "a decision is not put off"
 
 
-def test_what_calls_for_a_decision_brings_the_inputs_along_in_order() -> None:
-    arrivals = calm()
-    arrivals.put_other(OtherHeard(1.0, "/out", "/node"))
-    arrivals.put(Advertised(3.0, "/out"))
-    arrivals.put_input(arrived(2.0))
-    assert is_woken(arrivals)
-    assert [event.time for event in arrivals.take(reads=False)] == [1.0, 2.0, 3.0]
+def test_what_calls_for_a_decision_brings_the_inputs_along_in_order(bench: Bench) -> None:
+    bench.listen("/in")
+    bench.arrivals.read(["/in"])
+    end = bench.connect("/in", SOURCE)
+    bench.arrivals.hurry(False, NEVER)
+    say(end, Float64(2.0))
+    bench.take()
+    bench.arrivals.put(Advertised(time.monotonic(), "/out"))
+    assert bench.is_woken()
+    assert values(bench.take()) == [("/in", 2.0), ("Advertised", "")]
 
 
-def test_what_is_only_prepared_for_wakes_nobody_and_is_there_once_it_is_read() -> None:
-    arrivals = Arrivals()
-    arrivals.put_input(arrived(1.0, "/plan"))
-    arrivals.put(Advertised(2.0, "/out"))
-    assert arrivals.take(reads=True) == [Advertised(2.0, "/out")]
-    arrivals.read(["/plan"])
-    assert arrivals.take(reads=True) == [arrived(1.0, "/plan")]
+def test_what_is_only_prepared_for_wakes_nobody_and_is_there_once_it_is_read(bench: Bench) -> None:
+    bench.listen("/plan")
+    end = bench.connect("/plan", SOURCE)
+    say(end, Float64(1.0))
+    assert not bench.is_woken(0.1)
+    assert bench.take(reads=True) == []
+    bench.arrivals.read(["/plan"])
+    assert values(bench.take(reads=True)) == [("/plan", 1.0)]
+    say(end, Float64(2.0))
+    assert bench.is_woken(), "it is read from now on"
+    assert values(bench.take()) == [("/plan", 2.0)]
+
+
+def test_others_on_a_topic_are_heard_at_once_and_we_ourselves_never(bench: Bench) -> None:
+    bench.arrivals.overhear("/out", "shsa_msgs/Float64Stamped")
+    original = bench.connect("/out", ORIGINAL, Float64Stamped)
+    ours = bench.connect("/out", OURS, Float64Stamped)
+    bench.arrivals.hurry(False, 1.0)
+    stamped = Float64Stamped(data=3.0)
+    stamped.header.stamp = rospy.Time(7, 5)
+    say(ours, stamped)
+    say(original, stamped)
+    assert bench.is_woken()
+    (heard,) = bench.take()
+    assert isinstance(heard, OtherHeard)
+    assert (heard.publisher, heard.stamp) == (ORIGINAL, 7 * 10**9 + 5)
+    assert Float64Stamped().deserialize(bench.arrivals.last("/out")) == stamped
+    assert bench.arrivals.last("/in") == b""
+    assert bench.arrivals.stands("/out", ORIGINAL)
+    assert not bench.arrivals.stands("/out", "/another")
+
+
+def test_a_stamp_in_the_future_counts_as_now(bench: Bench) -> None:
+    bench.arrivals.overhear("/out", "shsa_msgs/Float64Stamped")
+    original = bench.connect("/out", ORIGINAL, Float64Stamped)
+    stamped = Float64Stamped()
+    stamped.header.stamp = rospy.Time(4_000_000_000)
+    say(original, stamped)
+    (heard,) = bench.take()
+    assert isinstance(heard, OtherHeard) and 0 < heard.stamp < 4 * 10**18
+
+
+def test_a_topic_may_be_read_and_overheard(bench: Bench) -> None:
+    bench.listen("/out")
+    end = bench.connect("/out", ORIGINAL)
+    bench.arrivals.overhear("/out", "std_msgs/Float64")
+    bench.arrivals.read(["/out"])
+    say(end, Float64(1.0))
+    assert values(bench.take()) == [("OtherHeard", ORIGINAL), ("/out", 1.0)]
+
+
+def test_who_is_gone_is_told_after_its_last_message(bench: Bench) -> None:
+    bench.arrivals.overhear("/out", "std_msgs/Float64")
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        port = listening.getsockname()[1]
+    uri = f"http://127.0.0.1:{port}/"
+    end = bench.connect("/out", ORIGINAL, uri=uri)
+    bench.arrivals.hurry(False, NEVER)
+    bench.take()
+    say(end, Float64(1.0))
+    end.close()
+    assert bench.is_woken(), "one that has ended wakes"
+    told = [*bench.take(), *bench.take()]
+    assert values(told) == [("OtherHeard", ORIGINAL), ("OtherGone", ORIGINAL)]
+    assert not bench.arrivals.stands("/out", ORIGINAL)
+
+
+def test_who_only_closed_its_connection_is_not_gone(bench: Bench) -> None:
+    bench.arrivals.overhear("/out", "std_msgs/Float64")
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        uri = f"http://127.0.0.1:{listening.getsockname()[1]}/"
+        end = bench.connect("/out", ORIGINAL, uri=uri)
+        end.close()
+        assert not any(isinstance(each, OtherGone) for each in bench.take())
+        assert not bench.arrivals.stands("/out", ORIGINAL)
+
+
+def test_who_sends_large_messages_is_not_held_up(bench: Bench) -> None:
+    bench.listen("/picture", "std_msgs/String")
+    end = bench.connect("/picture", SOURCE, String)
+    bench.arrivals.hurry(False, NEVER)
+    bench.take()
+    end.sendall((LARGE + 4).to_bytes(4, "little") + LARGE.to_bytes(4, "little") + b"x" * 60_000)
+    assert not bench.inbox._poll.poll(0)
+    bench.take()
+    end.sendall(b"x")
+    assert bench.inbox._poll.poll(1.0), "what follows of it wakes"
+
+
+def test_another_type_is_not_heard_and_costs_nobody_anything(bench: Bench) -> None:
+    bench.listen("/in")
+    bench.arrivals.overhear("/out", "std_msgs/Float64")
+    bench.arrivals.read(["/in"])
+    wrong, right = bench.connect("/in", "/wrong", String), bench.connect("/in", SOURCE)
+    other = bench.connect("/out", ORIGINAL, String)
+    for end in (wrong, other):
+        say(end, String("a text"))
+    right.sendall((3).to_bytes(4, "little") + b"abc")  # no message of any type
+    say(right, Float64(1.0))
+    assert values(bench.take()) == [("/in", 1.0)]
+
+
+def test_what_rospy_closes_is_forgotten(bench: Bench) -> None:
+    bench.listen("/in")
+    end = bench.connect("/in", SOURCE)
+    (connection,) = bench.connections.standing()
+    assert bench.arrivals._hearing.waits
+    bench.inbox.put(Closed("/in", connection.transport))
+    connection.transport.socket.close()
+    bench.take()
+    assert not bench.connections.standing() and not bench.arrivals._hearing.waits
+    bench.arrivals.read(["/in"])
+    assert bench.take() == []
+    assert end.fileno() > 0
 
 
 def test_a_process_that_stands_by_leaves_the_processor_to_others_until_it_matters() -> None:
@@ -79,17 +295,14 @@ thread = threading.Thread(target=lambda: others.append(nice()))
 thread.start(); thread.join()
 assert others == [nice()]
 if lowered:
-    priority.restore(); priority.restore()
-    assert nice() == usual
     ready, end = threading.Event(), threading.Event()
     def wait():
-        os.nice(priority.LOWERED); ready.set(); end.wait(); others.append(nice())
-    kept, raised = [threading.Thread(target=wait) for _ in range(2)]
-    for each in (kept, raised):
-        ready.clear(); each.start(); ready.wait()
-    priority.restore_all({kept.native_id})
-    end.set(); kept.join(); raised.join()
-    assert sorted(others[1:]) == sorted([usual, usual + priority.LOWERED]), others
+        ready.set(); end.wait(); others.append(nice())
+    thread = threading.Thread(target=wait)
+    thread.start(); ready.wait()
+    priority.restore_all()
+    end.set(); thread.join()
+    assert nice() == usual and others[1:] == [usual], others
 print(lowered)
 """
     done = subprocess.run(

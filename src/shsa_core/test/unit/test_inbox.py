@@ -46,7 +46,12 @@ def test_a_readable_descriptor_wakes_the_reader_until_it_is_closed() -> None:
 
 def test_a_wait_is_not_rounded_to_milliseconds(monkeypatch: Any) -> None:
     inbox, waits = Inbox(), []
-    monkeypatch.setattr(select, "select", lambda *arguments: waits.append(arguments[-1]))
+
+    def look(*arguments: Any) -> Any:
+        waits.append(arguments[-1])
+        return [], [], []
+
+    monkeypatch.setattr(select, "select", look)
     inbox.wait(0.0002)
     inbox.wait(-1.0)
     assert waits == [0.0002, 0.0]
@@ -68,6 +73,33 @@ def test_who_rests_is_woken_by_a_connection_that_is_lost_alone() -> None:
     begin = time.monotonic()
     inbox.rest(0.02)
     assert time.monotonic() - begin >= 0.02
+
+
+def test_who_rests_is_woken_by_an_item_where_it_says_so() -> None:
+    inbox = Inbox()
+    begin = time.monotonic()
+    inbox.rest(0.02, items=True)
+    assert time.monotonic() - begin >= 0.02
+    inbox.put(1)
+    inbox.rest(60.0, items=True)
+    assert time.monotonic() - begin < 30.0
+
+
+def test_a_descriptor_that_does_not_wake_is_among_the_ready_ones() -> None:
+    inbox = Inbox()
+    here, there = socket.socketpair()
+    inbox.watch(here.fileno(), wakes=False)
+    there.send(b"?")
+    assert waited(inbox, 0.02) >= 0.02
+    assert inbox.ready() == {here.fileno()}
+    assert inbox.wait(10.0, all_of_them=True) and not inbox.wait(0.0)
+    inbox.watch_otherwise(here.fileno(), True)
+    assert waited(inbox, 10.0) < 5.0
+    assert inbox.ready() == {here.fileno()}
+    inbox.watch_otherwise(here.fileno(), False)
+    assert waited(inbox, 0.02) >= 0.02
+    for each in (here, there):
+        each.close()
 
 
 def test_nothing_is_lost_between_threads() -> None:

@@ -29,7 +29,7 @@ class Repair(Judgement):
     def _open(self, now: Snapshot, event: FailureSeen) -> List[Request]:
         self._timers.clear()
         self.substitute.forget()
-        self.substitute.begin(now.time)
+        self.substitute.begin(event.time)
         self._pauses = 0
         if event.kind is not Kind.REQUESTED:
             self._return.failed(event.time, not now.by_link(event.kind))
@@ -93,7 +93,7 @@ class Repair(Judgement):
         awaited = healed and self._faulty.waits
         if awaited:
             self._timers[Trigger.LATE] = now.time + self.substitute.patience
-            self.substitute.begin(now.time)
+            self.substitute.begin(event.time)
         requests += self._step(
             state=State.HEALED if healed and not awaited else State.HEALING,
             faulty_node=event.publisher,
@@ -105,7 +105,7 @@ class Repair(Judgement):
             return requests + self._keep(now, plan, none)
         if healed:
             return requests
-        self.substitute.begin(now.time)
+        self.substitute.begin(event.time)
         return requests + self._heal(now)
 
     def _await_again(self, now: Snapshot, event: FailureSeen) -> List[Request]:

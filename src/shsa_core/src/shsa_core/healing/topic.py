@@ -69,7 +69,8 @@ class TopicHealing(Stranding):
                 requests = self._judge(now, replaced=True)
                 text = f"{event.topic}: {node} failed ({event.detail}); {healthy[0]} carries on."
                 return [*requests, Log(Level.WARN, text)]
-        return self._fire(now, Trigger.FAILED, replace(event, publisher=node))
+        requests = self._fire(now, Trigger.FAILED, replace(event, publisher=node))
+        return requests + self._notice_first_message(now)  # by a bridge, heard before the failure
 
     def came_up(self, now: Snapshot) -> List[Request]:
         """The faulty node is there again, though nobody may have heard it yet."""

@@ -17,11 +17,9 @@ from shsa_core.message_types import message_class
 from shsa_core.ros.graph.composing import read_message
 from shsa_core.ros.graph.heartbeats import HOST, Heart, hearer
 from shsa_core.ros.graph.fields import Field, problem
-from shsa_core.ros.graph.inputs import Inputs, Values
 from shsa_core.ros.graph.node_api import FAILURES
 from shsa_core.ros.graph.original import Originals
 from shsa_core.ros.graph.outputs import Outputs
-from shsa_core.ros.graph.overhearing import Overhearing
 from shsa_core.ros.graph.arrivals import Arrivals
 from shsa_core.ros.graph import secret
 from shsa_core.ros.graph.signing import Signing
@@ -77,12 +75,10 @@ class SubstituteNode:
             sharing.Sharing() if row.shared else machine.Substitute()
         )
         self._journal = _journal(journal, row.shared) if journal else None
-        self._arrivals = Arrivals(row.idle, lowered)
+        self._arrivals = Arrivals(row.node, self._clock, lowered)
         self._arrivals.read(signal.topic for signal in row.inputs)
         self._heart = Heart(hearer(os.environ.get(HOST, "")))
         self._outputs = Outputs(self._advertised, self._joined)
-        self._others = Overhearing(self._name, self._other_heard, self._other_gone)
-        self._inputs = Inputs(self._heard, self._others.ended)
         self._registrations = Worker("registrations")
         self._telling = Worker("telling")
         self._calls = Worker("calls")
@@ -141,7 +137,7 @@ class SubstituteNode:
             alone = self._heart.unheard > ALONE_S
             for event in self._arrivals.take(self._clock.now() >= self._core.reads_at):
                 self._feed(event)
-            self._arrivals.hurry(self._core.hurries)
+            self._arrivals.hurry(self._core.hurries, self._core.matters)
             deadline = self._core.next_deadline()
             if deadline is not None and self._clock.now() >= deadline:
                 self._feed(events.Tick(self._clock.now()))
@@ -192,17 +188,6 @@ class SubstituteNode:
                 text = f"A row for {each.service} is refused: {error}"
                 rospy.logwarn_throttle_identical(60.0, text)
 
-    def _heard(self, topic: str, publisher: str, values: Values, stamp: int) -> None:
-        now = self._clock.now()
-        arrived = events.InputArrived(now, topic, publisher, values, stamp, clock.ros_ns())
-        self._arrivals.put_input(arrived)
-
-    def _other_heard(self, topic: str, publisher: str, stamp: int) -> None:
-        self._arrivals.put_other(events.OtherHeard(self._clock.now(), topic, publisher, stamp))
-
-    def _other_gone(self, topic: str, publisher: str) -> None:
-        self._arrivals.put(events.OtherGone(self._clock.now(), topic, publisher))
-
     def _advertised(self, topic: str) -> None:
         self._arrivals.put(events.Advertised(self._clock.now(), topic))
 
@@ -213,18 +198,18 @@ class SubstituteNode:
 
     def _listen(self, command: events.Listen) -> None:
         for signal in command.inputs:
-            self._register(functools.partial(self._inputs.listen, (signal,)))
+            self._register(functools.partial(self._arrivals.listen, signal))
 
     def _overhear(self, command: events.Overhear) -> None:
-        self._register(lambda: self._others.listen(command.topic, command.type))
+        self._register(lambda: self._arrivals.overhear(command.topic, command.type))
 
     def _look_at_others(self, look: events.LookAtOthers) -> None:
-        stands = self._others.stands(look.topic, look.publisher)
+        stands = self._arrivals.stands(look.topic, look.publisher)
         self._arrivals.put(events.OthersStand(self._clock.now(), look, stands))
 
     def _compose(self, command: events.Compose) -> None:
         if command.overheard:
-            command = replace(command, last_message=self._others.newest(command.topic))
+            command = replace(command, last_message=self._arrivals.last(command.topic))
         self._outputs.compose(command)
 
     def _advertise(self, command: events.Advertise) -> None:

@@ -1,78 +1,132 @@
-"""What a substitute's threads have heard, told to its core once it matters.
+"""What a substitute's core is told, and when: what it hears, once it matters.
 
-Muted, most of it never does: to wake for each message would be most of what standing by costs.
+Muted, most of it never does: to wake for each message would be most of what standing by costs. So
+it is read a little later, many at once, and of what nobody reads yet the newest is kept. Nobody who
+publishes is held up by that: who sends large messages is read at once.
 """
-import sys
-import threading
-from typing import Dict, Iterable, List, Set, Tuple
+from typing import Dict, Iterable, List, Optional, Set, Tuple
 
-from shsa_core.ros.graph import priority
+from shsa_core.model.service import Signal
+from shsa_core.ros.graph import clock, priority
+from shsa_core.ros.graph.connections import Arrived, Happening, Lost
+from shsa_core.ros.graph.hearing import OF_CONNECTIONS, Hearing, Message
 from shsa_core.ros.graph.inbox import Inbox
-from shsa_core.substitution.events import Event, InputArrived, OtherHeard
+from shsa_core.substitution.events import Event, OtherHeard
+
+UNREAD_S = 0.02
+"""What wakes nobody is read by then."""
+REST_SHARE = 0.05
+"""Of the silence that matters: so late may it be noticed at rest."""
 
 
 class Arrivals:
-    """Events for one thread; inputs and what others publish wake it while they are waited for.
+    """Events for one thread: what others put, and what that thread reads from the connections.
 
-    `many`: the process may have hundreds of threads, which switch less often while it is calm.
-    `lowered`: so is its priority, until what it does matters.
+    `lowered`: the priority of the process is, until what it does matters.
     """
 
-    def __init__(self, many: bool = False, lowered: bool = False) -> None:
+    def __init__(self, name: str, robot_clock: clock.RobotClock, lowered: bool = False) -> None:
         self._inbox = Inbox()
-        self._many, self._lowered = many, lowered
+        self._hearing = Hearing(name, self._inbox, robot_clock.now, self._wakes)
+        self._lowered = lowered
         self._hurries = True
+        self._rest, self._looked, self._busy = 0.0, 0.0, False
         self._read: Set[str] = set()
-        self._newest: Dict[Tuple[str, str], InputArrived] = {}
-        self._unread: Set[int] = set()  # the threads that bring what nobody reads
+        self._newest: Dict[Tuple[str, str], Message] = {}
+
+    # From any thread.
+
+    def put(self, event: Event) -> None:
+        """Add an event and wake the reader."""
+        self._inbox.put(event)
 
     def read(self, topics: Iterable[str]) -> None:
         """These topics are read by a program, and not just prepared for."""
-        self._read.update(topics)
+        new = set(topics) - self._read
+        if new:
+            self._read = self._read | new
+            self._inbox.put(None)
 
-    def put(self, event: Event) -> None:
-        """Add an event and wake the reader; from any thread, as what follows."""
-        self._inbox.put(event)
+    def listen(self, signal: Signal) -> None:
+        """Hear a field of a topic; waits for the master."""
+        self._hearing.listen(signal)
 
-    def put_input(self, event: InputArrived) -> None:
-        """Add an input; where nobody waits for it the newest of a publisher is kept."""
-        if self._hurries and event.topic in self._read:
-            if self._lowered:
-                priority.restore()
-            self._inbox.put(event)
-        else:
-            if self._lowered:
-                self._unread.add(threading.get_native_id())
-            self._newest[event.topic, event.publisher] = event
+    def overhear(self, topic: str, kind: str) -> None:
+        """Hear what others publish on a topic; waits for the master."""
+        self._hearing.overhear(topic, kind)
+        self._inbox.put(None)
 
-    def put_other(self, event: OtherHeard) -> None:
-        """Add what somebody else has published."""
-        self._inbox.put(event, wakes=self._hurries)
+    # From the reading thread.
 
     def wait(self, timeout: float) -> None:
         """Sleep for at most `timeout` s, or until there is something that matters."""
-        self._inbox.wait(timeout)
-        self._inbox.ready()
+        until = clock.now() + timeout
+        if self._busy:
+            rest = min(until, self._looked + self._rest) - clock.now()
+            self._inbox.rest(rest, items=True)
+        elif self._hurries and self._hearing.waits:
+            if self._inbox.wait(min(until, self._looked + UNREAD_S) - clock.now()):
+                return
+        self._inbox.wait(until - clock.now(), all_of_them=True)
 
     def take(self, reads: bool) -> List[Event]:
         """What has come so far, in order; inputs that were kept only if somebody `reads` them now.
 
         So it is if anything comes but what others publish.
         """
-        taken: List[Event] = self._inbox.take()
-        if not reads and all(isinstance(event, OtherHeard) for event in taken):
-            return taken
-        read = [key for key in list(self._newest) if key[0] in self._read]
-        newest = [self._newest.pop(key) for key in read]
-        return sorted([*newest, *taken], key=lambda event: event.time)
+        before, self._looked = self._looked, clock.now()
+        self._busy = self._looked - before < self._rest
+        ready = self._inbox.ready()
+        items = self._inbox.take()
+        if None in items:
+            self._hearing.wake()
+        changes = [each for each in items if isinstance(each, OF_CONNECTIONS)]
+        others = (each for each in items if not isinstance(each, OF_CONNECTIONS))
+        events = [each for each in others if each is not None]
+        for happening in self._hearing.read(changes, ready):
+            events += self._events(happening)
+        if reads or not all(isinstance(event, OtherHeard) for event in events):
+            for key in [key for key in self._newest if key[0] in self._read]:
+                arrived = self._hearing.input(self._newest.pop(key))
+                events += [] if arrived is None else [arrived]
+        return sorted(events, key=lambda event: event.time)
 
-    def hurry(self, hurries: bool) -> None:
-        """Whether what arrives is waited for from now on; told by the reader."""
+    def hurry(self, hurries: bool, matters: float) -> None:
+        """Whether what arrives is waited for from now on.
+
+        Else a silence of others matters once it is so long, in s.
+        """
+        self._rest = 0.0 if hurries else min(UNREAD_S, REST_SHARE * matters)
         if hurries is self._hurries:
             return
         self._hurries = hurries
+        self._hearing.wake()
         if hurries and self._lowered:
-            priority.restore_all(frozenset(self._unread))
-        if self._many:
-            interval = priority.SWITCH_INTERVAL_S if hurries else priority.CALM_INTERVAL_S
-            sys.setswitchinterval(interval)
+            priority.restore_all()
+
+    def last(self, topic: str) -> bytes:
+        """The last message of another one on a topic, serialized; empty: there is none."""
+        return self._hearing.last(topic)
+
+    def stands(self, topic: str, publisher: str) -> bool:
+        """Whether a connection to a publisher stands; all that came on it was told."""
+        return self._hearing.stands(topic, publisher)
+
+    def _wakes(self, topic: str) -> bool:
+        return (self._hurries and topic in self._read) or self._hearing.is_overheard(topic)
+
+    def _events(self, happening: Happening) -> List[Event]:
+        if isinstance(happening, Lost):
+            gone = self._hearing.gone(happening)
+            return [] if gone is None else [gone]
+        if not isinstance(happening, Arrived):
+            return []
+        message = self._hearing.message(happening)
+        found: List[Optional[Event]] = [self._hearing.other(message)]
+        if self._hearing.is_input(message):
+            connection = message.connection
+            if self._hurries and connection.topic in self._read:
+                found.append(self._hearing.input(message))
+            else:
+                self._newest[connection.topic, connection.publisher] = message
+        return [each for each in found if each is not None]

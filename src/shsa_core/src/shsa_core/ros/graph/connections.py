@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Set, Tuple, Union
 
 import rospy
-from rospy.impl.registration import get_topic_manager
+from rospy.impl.registration import Registration, get_topic_manager
 from rospy.topics import _SubscriberImpl
 
 from shsa_core.ros.graph import clock
@@ -24,7 +24,7 @@ from shsa_core.ros.graph.identities import Identified
 from shsa_core.ros.graph.inbox import Inbox
 from shsa_core.ros.graph.reconnection import Answered, Reconnection
 from shsa_core.ros.graph.stream import Connection
-from shsa_core.ros.graph.subscription import implement_with
+from shsa_core.ros.graph.waking import Waking
 
 TRIES = 3
 """So often a connection that never stood is asked for again."""
@@ -125,14 +125,21 @@ class Connections:
 
     All methods are for one thread, the one that reads `inbox`. A node that listens, and for
     `reconnect` s neither gives another connection nor refuses it, counts as gone. `refused(topic,
-    claim, why)` is called for who is not whom it calls itself.
+    claim, why)` is called for who is not whom it calls itself. On a topic that `wakes`, what comes
+    wakes the reader of `inbox`.
     """
 
     def __init__(
-        self, inbox: Inbox, reconnect: float, refused: Callable[[str, str, str], None]
+        self,
+        inbox: Inbox,
+        reconnect: float,
+        refused: Callable[[str, str, str], None],
+        wakes: Callable[[str], bool] = lambda topic: True,
     ) -> None:
         self._inbox, self._reconnect = inbox, reconnect
+        self._waking = Waking(inbox, wakes)
         self._claims = Claims(inbox, refused)
+        self._implementations: Dict[str, _Implementation] = {}
         self._subscribers: Dict[str, rospy.Subscriber] = {}
         self._standing: Dict[int, Connection] = {}
         self._new: Set[int] = set()
@@ -141,26 +148,40 @@ class Connections:
         self._reconnection = Reconnection(inbox)
 
     def subscribe(self, topic: str) -> None:
-        """Subscribe `topic`."""
+        """Subscribe `topic`; waits for the master. This alone may be called from another thread."""
         manager = get_topic_manager()
-        implementation = _Implementation(topic, self._inbox)
+        implementation = self._implementations[topic] = _Implementation(topic, self._inbox)
         with manager.lock:
-            implement_with(implementation)
+            manager._add(implementation, manager.subs, Registration.SUB)
             self._subscribers[topic] = rospy.Subscriber(topic, rospy.AnyMsg)
 
     def unsubscribe(self, topic: str) -> None:
         """End the subscription of `topic` and its connections."""
+        del self._implementations[topic]
         self._subscribers.pop(topic).unregister()
         for connection in list(self._standing.values()):
             if connection.topic == topic:
-                del self._standing[connection.descriptor]
+                self._forget(connection)
                 self._claims.drop(connection.descriptor)
         self._doubts = {key: doubt for key, doubt in self._doubts.items() if key[0] != topic}
         self._tries = {key: tries for key, tries in self._tries.items() if key[0] != topic}
 
+    def wake(self) -> None:
+        """Ask again of each topic whether it wakes."""
+        self._waking.ask(self._standing.values())
+
+    @property
+    def waits(self) -> bool:
+        """Whether there are connections that wake nobody, and are to be read all the same."""
+        return self._waking.waits
+
+    def standing(self) -> Set[Connection]:
+        """The connections that stand, or did until what has not been heeded yet."""
+        return set(self._standing.values())
+
     def heed(self, item: Union[Made, Closed, Answered, Identified]) -> Iterator[Happening]:
         """What follows from what rospy did, or from what a node answered."""
-        if item.topic not in self._subscribers:
+        if item.topic not in self._implementations:
             return
         if isinstance(item, Answered):
             yield from self._answered(item)
@@ -191,6 +212,7 @@ class Connections:
             if connection is None:
                 continue
             stands = connection.read()
+            self._waking.was_read(connection)
             for frame in connection.frames.take():
                 if descriptor in self._claims:
                     self._claims.put_aside(descriptor, frame.data)
@@ -214,7 +236,7 @@ class Connections:
             yield from self._lose(self._standing[descriptor])
         self._standing[descriptor] = connection
         self._new.add(descriptor)
-        self._inbox.watch(descriptor)
+        self._waking.add(connection)
         for recognized in self._claims.take(connection):
             yield from self._recognize(recognized)
 
@@ -233,17 +255,21 @@ class Connections:
 
     def _lose(self, connection: Connection) -> Iterator[Happening]:
         """A connection has ended; its publisher may be connected otherwise, or again soon."""
-        del self._standing[connection.descriptor]
+        self._forget(connection)
         topic, publisher = connection.topic, connection.publisher
         uri, until = connection.transport.endpoint_id, clock.now() + self._reconnect
         if self._claims.drop(connection.descriptor):
             self._try_again(topic, uri)
             return
-        if publisher in self._publishers(topic):
+        if publisher in self.publishers(topic):
             return
         self._doubts[topic, uri] = _Doubt(publisher, until, connection.address)
         happenings = list(self._settle(topic, uri))
         yield from happenings or [Interrupted(topic, publisher)]
+
+    def _forget(self, connection: Connection) -> None:
+        del self._standing[connection.descriptor]
+        self._waking.drop(connection)
 
     def _settle(self, topic: str, uri: str) -> Iterator[Happening]:
         """See whether a publisher in doubt is gone, or else ask it for a connection, once."""
@@ -276,7 +302,7 @@ class Connections:
         publisher = self._doubts.pop((topic, uri)).publisher
         if not publisher:
             self._try_again(topic, uri)
-        elif publisher not in self._publishers(topic):
+        elif publisher not in self.publishers(topic):
             self._claims.forget(publisher, uri)
             yield Lost(topic, publisher)
 
@@ -291,9 +317,10 @@ class Connections:
                 pass
 
     def _implementation(self, topic: str) -> _Implementation:
-        return self._subscribers[topic].impl
+        return self._implementations[topic]
 
-    def _publishers(self, topic: str) -> Set[str]:
+    def publishers(self, topic: str) -> Set[str]:
+        """Who publishes a topic, by the connections that stand."""
         return self._known_publishers(topic, self._standing.values())
 
     def _known_publishers(self, topic: str, among: Iterable[Connection]) -> Set[str]:

@@ -13,6 +13,7 @@ class Inbox:
         self._reader, self._writer = os.pipe()
         self._poll = select.epoll()
         self._poll.register(self._reader, select.EPOLLIN)
+        self._later = select.epoll()
         self._hung_up = select.epoll()
         self._woken = False
 
@@ -23,22 +24,39 @@ class Inbox:
             self._woken = True
             os.write(self._writer, b"!")
 
-    def watch(self, descriptor: int) -> None:
-        """Wait for this descriptor as well; it is forgotten when it is closed."""
-        self._poll.register(descriptor, select.EPOLLIN | select.EPOLLRDHUP)
+    def watch(self, descriptor: int, wakes: bool = True) -> None:
+        """Wait for this descriptor as well; it is forgotten when it is closed.
+
+        One that does not wake is among the ready ones alone.
+        """
+        poll = self._poll if wakes else self._later
+        poll.register(descriptor, select.EPOLLIN | select.EPOLLRDHUP)
         self._hung_up.register(descriptor, select.EPOLLRDHUP)
 
-    def wait(self, timeout: float) -> None:
-        """Sleep for at most `timeout` s, or until there is something."""
-        _wait(self._poll, timeout)
+    def watch_otherwise(self, descriptor: int, wakes: bool) -> None:
+        """Have a watched descriptor wake from now on, or not."""
+        before, after = (self._later, self._poll) if wakes else (self._poll, self._later)
+        before.unregister(descriptor)
+        after.register(descriptor, select.EPOLLIN | select.EPOLLRDHUP)
 
-    def rest(self, timeout: float) -> None:
-        """Sleep for `timeout` s whatever comes, but no longer once a descriptor has hung up."""
-        _wait(self._hung_up, timeout)
+    def wait(self, timeout: float, all_of_them: bool = False) -> bool:
+        """Sleep for at most `timeout` s, or until there is something; whether there is.
+
+        `all_of_them`: descriptors that do not wake do now.
+        """
+        return _wait(timeout, self._poll, *((self._later,) if all_of_them else ()))
+
+    def rest(self, timeout: float, items: bool = False) -> None:
+        """Sleep for `timeout` s whatever is sent, but no longer once a descriptor has hung up.
+
+        `items`: nor once an item was put that wakes.
+        """
+        _wait(timeout, self._hung_up, *((self._reader,) if items else ()))
 
     def ready(self) -> Set[int]:
         """The watched descriptors that are readable now."""
-        found = {descriptor for descriptor, _ in self._poll.poll(0)}
+        polled = [*self._poll.poll(0), *self._later.poll(0)]
+        found = {descriptor for descriptor, _ in polled}
         if self._reader in found:
             found.remove(self._reader)
             os.read(self._reader, 4096)
@@ -50,6 +68,6 @@ class Inbox:
         return [self._items.popleft() for _ in range(len(self._items))]
 
 
-def _wait(poll: "select.epoll", timeout: float) -> None:
-    """As `poll.poll(timeout)`, which rounds up to whole ms: too long for what is due at 1 kHz."""
-    select.select((poll,), (), (), max(0.0, timeout))
+def _wait(timeout: float, *polled: Any) -> bool:
+    """As `epoll.poll(timeout)`, which rounds up to whole ms: too long for what is due at 1 kHz."""
+    return bool(select.select(polled, (), (), max(0.0, timeout))[0])

@@ -1,12 +1,12 @@
 """The priority of a process that stands by, and of its threads: the robot's own nodes come first.
 
-It has hundreds of threads where the robot has hundreds of topics. Each would have as much of the
-processor as a node of the robot's that is to publish now.
+It may have hundreds of threads where the robot has hundreds of topics. Each would have as much of
+the processor as a node of the robot's that is to publish now.
 """
 import os
 import threading
 from contextlib import suppress
-from typing import Collection, List
+from typing import List
 
 LOWERED = 10
 """By so much: where all are busy, a tenth of the processor time that others have."""
@@ -16,11 +16,6 @@ USUAL = os.getpriority(os.PRIO_PROCESS, os.getpid())
 SWITCH_INTERVAL_S = 0.0005
 """Between switches of Python's threads: its own 5 ms, at each step between two of them, would be
 most of a takeover."""
-CALM_INTERVAL_S = 0.005
-"""The same while nobody waits for us: each of hundreds of threads that wait for a turn asks for it
-as often, and that alone can take whole cores."""
-
-_own = threading.local()
 
 
 def lower() -> bool:
@@ -35,19 +30,11 @@ def lower() -> bool:
     return True
 
 
-def restore() -> None:
-    """Have this thread count as much as others again."""
-    if not getattr(_own, "restored", False):
-        _own.restored = True
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), USUAL)
-
-
-def restore_all(but: Collection[int]) -> None:
-    """Have all threads count as much as others again, but for some, by their native numbers."""
+def restore_all() -> None:
+    """Have all threads count as much as others again."""
     for thread in map(int, os.listdir("/proc/self/task")):
-        if thread not in but:
-            with suppress(ProcessLookupError):  # it has ended meanwhile
-                os.setpriority(os.PRIO_PROCESS, thread, USUAL)
+        with suppress(ProcessLookupError):  # it has ended meanwhile
+            os.setpriority(os.PRIO_PROCESS, thread, USUAL)
 
 
 def _may_restore() -> bool:
