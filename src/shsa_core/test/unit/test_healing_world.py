@@ -289,6 +289,20 @@ def test_what_was_told_twice_is_done_once() -> None:
     assert robot.fail("/a", A, 10.0, "silent") == []
 
 
+@pytest.mark.parametrize("certain", (True, False))
+def test_what_is_told_again_ends_no_new_node_of_that_name(certain: bool) -> None:
+    """Its moment comes through two clocks, and may be a little later than at the first time."""
+    robot = Robot()
+    robot.fail("/a", A, 10.0)
+    if certain:
+        robot.killed(10.01, A)
+    robot.row("/a", A, "unknown", 12.0)
+    robot.table(12.0)  # it is coming back
+    commands = robot.failure("/a", A, 10.005, "node_gone", "it died.", 9.98)
+    asked = (events.FindNode, events.ClearNode, events.AskToLeave)
+    assert not any(isinstance(each, asked) for each in commands)
+
+
 def test_a_substitute_of_former_days_is_no_original() -> None:
     robot = Robot()
     node = robot.heal(10.0)

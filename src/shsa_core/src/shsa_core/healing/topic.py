@@ -1,4 +1,5 @@
 """The healing of one service: a state machine, fed by the reconfigurator."""
+import math
 from dataclasses import replace
 from typing import List, Optional
 
@@ -14,6 +15,9 @@ from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.events import PublisherState
 
 SUBSTITUTED = (State.HEALING, State.HEALED)
+SAME_S = 0.05
+"""Two failures of a node in the same way within this are one: its moment comes through the clocks
+of two processes."""
 
 
 class TopicHealing(Stranding):
@@ -56,8 +60,9 @@ class TopicHealing(Stranding):
                 return []
             if self.refuses and (gone or node in now.killing) and not self._faulty.kept:
                 return []  # it came back, and is killed for that
-            if event.time <= self.incident.detected:
-                return []  # told twice
+            same = SAME_S if event.kind is self.incident.kind else 0.0
+            if event.time <= max(self.incident.detected + same, self.incident.killed or -math.inf):
+                return []  # told twice: what failed then is known, or gone
         if self.incident is None:
             healthy = [
                 row.publisher
