@@ -9,6 +9,7 @@ sockets notes each pause: how many are longer than a bridge waits is predicted b
 of the first half, and counted in the second.
 
 Writes healthy_traffic.csv and healthy_traffic_goals.csv; ends with status 1 if there was a failure.
+Ctrl-C ends a phase: what was seen until then counts.
 """
 import argparse
 import json
@@ -123,16 +124,22 @@ def write_models(graph: Graph, count: int, standby: str, alarms: float) -> Tuple
     return ontology, write_som(graph.folder / "som.yaml", services)
 
 
-def watch(seconds: float, what: str) -> None:
-    """Let time pass, in sight of who waits for it."""
-    end = time.monotonic() + seconds
-    for _ in tqdm(range(max(1, round(seconds))), desc=what, disable=None):
-        rospy.rostime.wallsleep(min(1.0, max(0.0, end - time.monotonic())))
+def watch(seconds: float, what: str) -> float:
+    """Let time pass, in sight of who waits for it; how much has passed, in s.
+
+    An interrupt ends it early.
+    """
+    begin = time.monotonic()
+    try:
+        for _ in tqdm(range(max(1, round(seconds))), desc=what, disable=None):
+            rospy.rostime.wallsleep(min(1.0, max(0.0, begin + seconds - time.monotonic())))
+    except KeyboardInterrupt:
+        print(f"{what}: interrupted; what was seen until now counts", flush=True)
+    return time.monotonic() - begin
 
 
 def measure(options: argparse.Namespace) -> Tuple[List[Row], Bridges, List[str]]:
     """One robot: a row for each kind of deadline, the bridges, and what was told of failures."""
-    seconds = options.hours * 3600.0 / options.topics
     learning = max(LEARN_GAPS * PERIOD_S, LEARN_SHARE * 3600.0 / options.alarms)
     topics = [f"/stream_{number}" for number in range(options.topics)]
     kinds = {FIXED: topics[::2], LEARNED: topics[1::2]}
@@ -167,8 +174,8 @@ def measure(options: argparse.Namespace) -> Tuple[List[Row], Bridges, List[str]]
         idle = sorted(deadlines.learned.values())
         busy = [graph.start(sys.executable, "-c", BUSY) for _ in range(options.busy)]
         begin = time.monotonic()
-        watch(seconds, "busy")
-        end = time.monotonic()
+        seconds = watch(options.hours * 3600.0 / options.topics, "busy")
+        end = begin + seconds
         for process in busy:
             process.kill()
         killed = sum(node.poll() is not None for node in nodes)
@@ -222,7 +229,8 @@ def main() -> int:
     print_table("Healthy traffic", Row._fields, [[str(each) for each in row] for row in rows])
     write_table(options.results / "healthy_traffic.csv", Row._fields, rows)
     goals = Goals()
-    name = f"{options.hours:g} h-equivalent beside {options.busy} busy processes"
+    hours = sum(row.topic_hours for row in rows)
+    name = f"{hours:.3g} h-equivalent beside {options.busy} busy processes"
     for row in rows:
         goals.at_most(f"{name}: failures", f"{row.deadline} deadline", 0, row.failures, "")
     goals.at_most(f"{name}: nodes killed", "all", 0, rows[0].killed, "")

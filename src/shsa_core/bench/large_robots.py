@@ -25,9 +25,9 @@ import rospy
 from graph import Graph, ask_to_leave, service, write_som
 from report import Goals, arguments, in_words, print_table, write_table
 from robot import HOLD_OFF_S, POOL, TIRELESS, Consumers
-from shsa_testing.graph import is_connected, node_pid, registered_nodes
+from shsa_testing.graph import is_connected, node_pid
 from shsa_testing.waiting import wait_until
-from start_of_robots import MANY_TOPICS
+from start_of_robots import MANY_TOPICS, up
 from takeover import NEVER, measured
 
 SIZES = (10, 100, 300)
@@ -109,12 +109,7 @@ class LargeRobot:
 
     def _ready(self) -> bool:
         time.sleep(0.1)  # the master has others to answer
-        if self._standby == "hot":  # some may share a process
-            nodes = {row.service: row.node for row in self.healing.substitutions if row.service}
-            up = set(registered_nodes())
-            return sum(node in up for node in nodes.values()) >= self._stands_by
-        names = registered_nodes()
-        return sum(name.startswith("/substitute_") for name in names) >= self._stands_by
+        return up(self.healing, self._standby) >= self._stands_by
 
     def _await_well(self) -> None:
         """Wait until nothing is open, and what stands by is ready for the next failure."""
@@ -227,6 +222,7 @@ def measure(count: int, standby: str, failures: int, seconds: float) -> Found:
     with Graph() as graph:
         try:
             robot = LargeRobot(graph, count, standby)
+            time.sleep(2.0 * seconds)  # connections are made for some time after all is up
             rest = robot.rest(seconds)
             load = os.getloadavg()[0]
             outages = [robot.fail() for _ in range(failures)]

@@ -23,6 +23,7 @@ from graph import Graph, ask_to_leave, service, write_som
 from probe import STARTUP_S, Probe
 from report import print_table
 from shsa_testing.graph import registered_nodes
+from shsa_testing.healing import HealedRobot
 from shsa_testing.waiting import wait_until
 
 MANY_TOPICS = (sys.executable, "-m", "shsa_testing.many_topics")
@@ -103,7 +104,7 @@ def start(count: int, standby: str, a_node: int, period: float, seconds: float) 
         ready = 0.0
         while time.monotonic() < begun + seconds:
             time.sleep(0.5)
-            if not ready and _prepared() >= (2 if standby == "warm" else count):
+            if not ready and up(healing, standby) >= (2 if standby == "warm" else count):
                 ready = time.monotonic() - begun
         end = time.monotonic()
         killed = sum(process.poll() is not None for process in nodes)
@@ -135,9 +136,13 @@ def start(count: int, standby: str, a_node: int, period: float, seconds: float) 
         return found
 
 
-def _prepared() -> int:
-    """How many substitutes are registered."""
-    return sum(name.startswith("/substitute_") for name in registered_nodes())
+def up(healing: HealedRobot, standby: str) -> int:
+    """How many substitutes are registered, or how many topics have theirs; some share a process."""
+    names = set(registered_nodes())
+    if standby == "warm":
+        return sum(name.startswith("/substitute_") for name in names)
+    nodes = {row.service: row.node for row in healing.substitutions if row.service}
+    return sum(node in names for node in nodes.values())
 
 
 def main() -> int:

@@ -24,11 +24,12 @@ class Silence:
         """Time passes; we `wanted` to wake by then, None: whenever."""
         step = max(0.0, now - self._now) if self._now > -math.inf else 0.0
         self._now = max(now, self._now)
-        late = 0.0 if wanted is None else now - wanted
-        if late > max(LATE_SHARE * self.matters, LEAST_LATE_S):
-            step = min(step - late, LONGEST_STEP_S) - late
-        self.silence = max(0.0, self.silence + min(step, LONGEST_STEP_S))
+        if wanted is None or wanted == math.inf:
+            step = min(step, LONGEST_STEP_S)
+        elif now - wanted > max(LATE_SHARE * self.matters, LEAST_LATE_S):
+            step -= 2.0 * (now - wanted)
+        self.silence = max(0.0, self.silence + step)
 
     def left(self, until: float) -> float:
         """When to look again whether the silence has come to `until` s; time in s."""
-        return self._now + min(max(until - self.silence, 1e-6), LONGEST_STEP_S / 2.0)
+        return self._now + max(until - self.silence, 1e-6)

@@ -61,10 +61,10 @@ class Counting:
     def __init__(self, real: socket.socket) -> None:
         self._real, self.copied, self.reads = real, 0, 0
 
-    def recv(self, size: int) -> bytes:
-        data = self._real.recv(size)
+    def recvmsg(self, size: int, space: int) -> Any:
+        data, *more = self._real.recvmsg(size, space)
         self.copied, self.reads = self.copied + len(data), self.reads + 1
-        return data
+        return (data, *more)
 
     def recv_into(self, *arguments: Any) -> int:
         self.reads += 1
@@ -150,9 +150,9 @@ class Endless:
     def __init__(self) -> None:
         self.reads = 0
 
-    def recv(self, size: int) -> bytes:
+    def recvmsg(self, size: int, space: int) -> Any:
         self.reads += 1
-        return (struct.pack("<I", MB) + bytes(size))[:size]
+        return (struct.pack("<I", MB) + bytes(size))[:size], [], 0, None
 
     def recv_into(self, buffer: bytearray, size: int, flags: int) -> int:
         self.reads += 1
@@ -179,7 +179,10 @@ class Pieces:
         self._data, self._pieces, self._at = data, pieces, 0
         self._turn = 0
 
-    def recv(self, size: int) -> bytes:
+    def recvmsg(self, size: int, space: int) -> Any:
+        return self._next(size), [], 0, None
+
+    def _next(self, size: int) -> bytes:
         if self._at == len(self._data):
             return b""
         piece = self._pieces[self._turn % len(self._pieces)]
@@ -189,7 +192,7 @@ class Pieces:
         return data
 
     def recv_into(self, buffer: bytearray, size: int, flags: int) -> int:
-        return len(self.recv(size))
+        return len(self._next(size))
 
 
 @settings(max_examples=200, deadline=None)

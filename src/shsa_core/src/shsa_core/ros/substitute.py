@@ -137,7 +137,7 @@ class SubstituteNode:
             alone = self._heart.unheard > ALONE_S
             for event in self._arrivals.take(self._clock.now() >= self._core.reads_at):
                 self._feed(event)
-            self._arrivals.hurry(self._core.hurries, self._core.matters)
+            self._arrivals.hurry(self._core.hurries)
             deadline = self._core.next_deadline()
             if deadline is not None and self._clock.now() >= deadline:
                 self._feed(events.Tick(self._clock.now()))

@@ -123,11 +123,6 @@ class Substitute:
         return self.publishing or waits or job.period is None
 
     @property
-    def matters(self) -> float:
-        """The silence of others that somebody waits for, in s."""
-        return self._others.matters
-
-    @property
     def reads_at(self) -> float:
         """When it computes from its inputs next, in s; before that they need not be told to it."""
         return math.inf if self._job is None else self._due

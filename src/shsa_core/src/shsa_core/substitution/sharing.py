@@ -64,11 +64,6 @@ class Sharing:
         return any(core.hurries for core in self._cores.values())
 
     @property
-    def matters(self) -> float:
-        """The shortest silence of others that one of them waits for, in s."""
-        return min((core.matters for core in self._cores.values()), default=math.inf)
-
-    @property
     def reads_at(self) -> float:
         """When one of them computes from its inputs next, in s."""
         return min((core.reads_at for core in self._cores.values()), default=math.inf)

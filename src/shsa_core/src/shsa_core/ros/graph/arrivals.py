@@ -1,22 +1,22 @@
 """What a substitute's core is told, and when: what it hears, once it matters.
 
 Muted, most of it never does: to wake for each message would be most of what standing by costs. So
-it is read a little later, many at once, and of what nobody reads yet the newest is kept. Nobody who
-publishes is held up by that: who sends large messages is read at once.
+it is read when the core wakes anyway, many at once, each with the time at which it had come; and of
+what nobody reads yet the newest is kept. Nobody who publishes is held up by that: who sends large
+messages is read at once.
 """
 from typing import Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.model.service import Signal
 from shsa_core.ros.graph import clock, priority
+from shsa_core.ros.graph.arrival_times import ArrivalTimes
 from shsa_core.ros.graph.connections import Arrived, Happening, Lost
 from shsa_core.ros.graph.hearing import OF_CONNECTIONS, Hearing, Message
 from shsa_core.ros.graph.inbox import Inbox
 from shsa_core.substitution.events import Event, OtherHeard
 
 UNREAD_S = 0.02
-"""What wakes nobody is read by then."""
-REST_SHARE = 0.05
-"""Of the silence that matters: so late may it be noticed at rest."""
+"""What wakes nobody while other things are waited for is read by then."""
 
 
 class Arrivals:
@@ -27,10 +27,10 @@ class Arrivals:
 
     def __init__(self, name: str, robot_clock: clock.RobotClock, lowered: bool = False) -> None:
         self._inbox = Inbox()
-        self._hearing = Hearing(name, self._inbox, robot_clock.now, self._wakes)
+        self._times = ArrivalTimes(robot_clock.now)
+        self._hearing = Hearing(name, self._inbox, self._times, self._wakes)
         self._lowered = lowered
         self._hurries = True
-        self._rest, self._looked, self._busy = 0.0, 0.0, False
         self._read: Set[str] = set()
         self._newest: Dict[Tuple[str, str], Message] = {}
 
@@ -60,22 +60,15 @@ class Arrivals:
 
     def wait(self, timeout: float) -> None:
         """Sleep for at most `timeout` s, or until there is something that matters."""
-        until = clock.now() + timeout
-        if self._busy:
-            rest = min(until, self._looked + self._rest) - clock.now()
-            self._inbox.rest(rest, items=True)
-        elif self._hurries and self._hearing.waits:
-            if self._inbox.wait(min(until, self._looked + UNREAD_S) - clock.now()):
-                return
-        self._inbox.wait(until - clock.now(), all_of_them=True)
+        waits = self._hurries and self._hearing.waits
+        self._inbox.wait(min(timeout, UNREAD_S) if waits else timeout)
 
     def take(self, reads: bool) -> List[Event]:
         """What has come so far, in order; inputs that were kept only if somebody `reads` them now.
 
         So it is if anything comes but what others publish.
         """
-        before, self._looked = self._looked, clock.now()
-        self._busy = self._looked - before < self._rest
+        self._times.look()
         ready = self._inbox.ready()
         items = self._inbox.take()
         if None in items:
@@ -91,12 +84,8 @@ class Arrivals:
                 events += [] if arrived is None else [arrived]
         return sorted(events, key=lambda event: event.time)
 
-    def hurry(self, hurries: bool, matters: float) -> None:
-        """Whether what arrives is waited for from now on.
-
-        Else a silence of others matters once it is so long, in s.
-        """
-        self._rest = 0.0 if hurries else min(UNREAD_S, REST_SHARE * matters)
+    def hurry(self, hurries: bool) -> None:
+        """Whether what arrives is waited for from now on."""
         if hurries is self._hurries:
             return
         self._hurries = hurries
@@ -113,7 +102,8 @@ class Arrivals:
         return self._hearing.stands(topic, publisher)
 
     def _wakes(self, topic: str) -> bool:
-        return (self._hurries and topic in self._read) or self._hearing.is_overheard(topic)
+        heard = topic in self._read or self._hearing.is_overheard(topic)
+        return self._hurries and heard
 
     def _events(self, happening: Happening) -> List[Event]:
         if isinstance(happening, Lost):

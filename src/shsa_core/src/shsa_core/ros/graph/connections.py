@@ -17,7 +17,7 @@ import rospy
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.topics import _SubscriberImpl
 
-from shsa_core.ros.graph import clock
+from shsa_core.ros.graph import arrival_times, clock
 from shsa_core.ros.graph.bounds import bound_header
 from shsa_core.ros.graph.claims import Claims, Recognized
 from shsa_core.ros.graph.identities import Identified
@@ -227,6 +227,7 @@ class Connections:
         if transport.done or socket is None:
             return
         socket.setblocking(False)
+        arrival_times.note(socket)
         publisher, descriptor = transport.callerid_pub, socket.fileno()
         connection = Connection(
             topic, publisher, transport.header, transport, descriptor, _address(socket)

@@ -7,6 +7,8 @@ import socket
 import struct
 from typing import List, NamedTuple, Optional
 
+from shsa_core.ros.graph import arrival_times
+
 LARGEST_MESSAGE = 1 << 28
 """Bytes; what is larger is not kept, and its publisher counts as silent."""
 CHUNK = 65536
@@ -41,11 +43,13 @@ class Frames:
     """Reads messages from a socket that does not block.
 
     `wanted` may change at any time. It counts for a message until its head was read; so that of
-    one that is under way may come in part although all of it is wanted by then.
+    one that is under way may come in part although all of it is wanted by then. `noted`: when the
+    newest of what was read had come (`arrival_times`).
     """
 
     def __init__(self, wanted: Wanted = Wanted()) -> None:
         self.wanted = wanted
+        self.noted = 0
         self._buffer = bytearray()
         self._found: List[Frame] = []
         self._rest = 0  # bytes of a message that are still to come, and are not wanted
@@ -68,8 +72,9 @@ class Frames:
                     self._passed(count)
                 else:
                     size = SHORT if self._large and not self._buffer else CHUNK
-                    data = connected.recv(size)
+                    data, extra, _, _ = connected.recvmsg(size, arrival_times.SPACE)
                     count = len(data)
+                    self.noted = arrival_times.noted(extra) if count else self.noted
                     self.add(data)
             except BlockingIOError:
                 return True

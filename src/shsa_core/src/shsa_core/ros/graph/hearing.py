@@ -10,7 +10,7 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.service import Signal
-from shsa_core.ros.graph import clock
+from shsa_core.ros.graph.arrival_times import ArrivalTimes
 from shsa_core.ros.graph.connections import Arrived, Connections, Happening, Lost, Made, Closed
 from shsa_core.ros.graph.identities import Identified
 from shsa_core.ros.graph.inbox import Inbox
@@ -28,7 +28,7 @@ OF_CONNECTIONS = (Made, Closed, Answered, Identified)
 
 
 class Message(NamedTuple):
-    """A message as it came. `time` in s, `ros_time` in ns."""
+    """A message, and when it had come: `time` in s, `ros_time` in ns."""
 
     connection: Connection
     data: bytes
@@ -40,14 +40,14 @@ class Hearing:
     """The connections of a substitute, `name`, to the publishers of its topics.
 
     `listen` and `overhear` wait for the master, and are for one thread; all else is for the one
-    that reads `inbox`, which is woken by a message of a topic that `wakes`. `now` is the robot's
-    clock, in s.
+    that reads `inbox`, which is woken by a message of a topic that `wakes`. `times` were looked at
+    before each `read`.
     """
 
     def __init__(
-        self, name: str, inbox: Inbox, now: Callable[[], float], wakes: Callable[[str], bool]
+        self, name: str, inbox: Inbox, times: ArrivalTimes, wakes: Callable[[str], bool]
     ) -> None:
-        self._name, self._now = name, now
+        self._name, self._times = name, times
         self._connections = Connections(inbox, RECONNECT_S, _refused, wakes)
         self._topics: Set[str] = set()
         self._kinds: Dict[str, str] = {}
@@ -89,8 +89,9 @@ class Hearing:
         return [*happenings, *self._connections.read(ready)]
 
     def message(self, arrived: Arrived) -> Message:
-        """What has just come."""
-        return Message(arrived.connection, arrived.data, self._now(), clock.ros_ns())
+        """What was read."""
+        connection, data, _ = arrived
+        return Message(connection, data, *self._times.of(connection.frames.noted))
 
     def is_input(self, message: Message) -> bool:
         """Whether it is of a topic of which fields are heard."""
@@ -130,7 +131,7 @@ class Hearing:
         """That the node of somebody else on a topic that is overheard is gone; None if not so."""
         if lost.topic not in self._overheard or lost.publisher == self._name:
             return None
-        return OtherGone(self._now(), lost.topic, lost.publisher)
+        return OtherGone(self._times.of(0)[0], lost.topic, lost.publisher)
 
     def is_overheard(self, topic: str) -> bool:
         """Whether others are heard on a topic."""

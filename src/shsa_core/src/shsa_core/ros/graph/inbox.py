@@ -39,19 +39,13 @@ class Inbox:
         before.unregister(descriptor)
         after.register(descriptor, select.EPOLLIN | select.EPOLLRDHUP)
 
-    def wait(self, timeout: float, all_of_them: bool = False) -> bool:
-        """Sleep for at most `timeout` s, or until there is something; whether there is.
+    def wait(self, timeout: float) -> None:
+        """Sleep for at most `timeout` s, or until there is something, or a descriptor hangs up."""
+        _wait(timeout, self._poll, self._hung_up)
 
-        `all_of_them`: descriptors that do not wake do now.
-        """
-        return _wait(timeout, self._poll, *((self._later,) if all_of_them else ()))
-
-    def rest(self, timeout: float, items: bool = False) -> None:
-        """Sleep for `timeout` s whatever is sent, but no longer once a descriptor has hung up.
-
-        `items`: nor once an item was put that wakes.
-        """
-        _wait(timeout, self._hung_up, *((self._reader,) if items else ()))
+    def rest(self, timeout: float) -> None:
+        """Sleep for `timeout` s whatever is sent, but no longer once a descriptor has hung up."""
+        _wait(timeout, self._hung_up)
 
     def ready(self) -> Set[int]:
         """The watched descriptors that are readable now."""
@@ -68,6 +62,6 @@ class Inbox:
         return [self._items.popleft() for _ in range(len(self._items))]
 
 
-def _wait(timeout: float, *polled: Any) -> bool:
+def _wait(timeout: float, *polled: Any) -> None:
     """As `epoll.poll(timeout)`, which rounds up to whole ms: too long for what is due at 1 kHz."""
-    return bool(select.select(polled, (), (), max(0.0, timeout))[0])
+    select.select(polled, (), (), max(0.0, timeout))
