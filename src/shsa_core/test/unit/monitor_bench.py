@@ -90,8 +90,8 @@ class Bench:
         if not alone:
             self.connect("/another", "/elsewhere")
 
-    def watch(self, *services: Service) -> None:
-        self.send(SomChanged(self.now, Som(services)))
+    def watch(self, *services: Service, unheard: Tuple[str, ...] = ()) -> None:
+        self.send(SomChanged(self.now, Som(services), unheard))
 
     def send(self, event: Event) -> List[Command]:
         commands = self.core.handle(event)

@@ -3,7 +3,7 @@ from typing import List
 
 from monitor_bench import NODE, TOPIC, Bench, service
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.events import Command, FormerlyHealthy, RobotAwaited, Tick
+from shsa_core.monitoring.events import Command, FormerlyHealthy, RobotAwaited, Subscribed, Tick
 
 OTHERS = [(f"/topic_{number}", f"/node_{number}") for number in range(4)]
 
@@ -77,3 +77,60 @@ def test_what_the_reconfigurator_says_later_changes_nothing() -> None:
     bench.send(FormerlyHealthy(bench.now, ((TOPIC, NODE), ("/unknown", "/nobody"))))
     bench.stream(100)
     assert bench.failures == []
+
+
+def slowly_subscribed(bench: Bench) -> None:
+    """The topics of OTHERS are watched, and are subscribed one each 20 s."""
+    services = (service(name=node, topic=topic, node=node) for topic, node in OTHERS)
+    bench.watch(*services, unheard=tuple(topic for topic, _ in OTHERS))
+
+
+def test_nobody_is_missed_on_a_topic_that_is_not_subscribed_yet() -> None:
+    bench = Bench()
+    slowly_subscribed(bench)
+    for topic, node in OTHERS:
+        bench.wait(20.0)
+        assert bench.failures == [], "how should anybody be heard?"
+        bench.send(Subscribed(bench.now, topic))
+        bench.connect(node, topic)
+        bench.stream(1, node, topic=topic, period=14.0)
+        bench.disconnect(node, topic)
+        bench.failures.clear()
+
+
+def test_who_is_not_heard_once_its_topic_is_subscribed_is_missed_after_the_grace() -> None:
+    bench = Bench()
+    slowly_subscribed(bench)
+    bench.wait(100.0)
+    topic, node = OTHERS[2]
+    bench.send(Subscribed(bench.now, topic))
+    bench.wait(14.9)
+    assert bench.failures == []
+    bench.wait(0.2)
+    assert [each.topic for each in bench.failures] == [topic]
+
+
+def test_who_was_well_before_is_missed_soon_after_its_topic_is_subscribed() -> None:
+    bench = Bench()
+    slowly_subscribed(bench)
+    topic, node = OTHERS[1]
+    bench.send(FormerlyHealthy(bench.now, ((topic, node),)))
+    bench.wait(100.0)
+    assert bench.failures == []
+    bench.send(Subscribed(bench.now, topic))
+    bench.wait(1.0)
+    (failure,) = bench.failures
+    assert (failure.publisher, failure.kind) == (node, Kind.NEVER_PUBLISHED)
+    assert "for 0." in failure.detail
+
+
+def test_a_topic_that_is_subscribed_stays_so_when_others_come() -> None:
+    bench = Bench()
+    bench.connect()
+    bench.stream(10)
+    topic, node = OTHERS[0]
+    bench.watch(service(), service(name=node, topic=topic, node=node), unheard=(topic,))
+    bench.send(Subscribed(bench.now, TOPIC))
+    bench.stream(2000)
+    assert bench.failures == [] and bench.state() == "healthy"
+    bench.send(Subscribed(bench.now, "/unknown"))

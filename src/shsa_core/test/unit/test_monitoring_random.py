@@ -157,15 +157,22 @@ class AnyRobot(RuleBasedStateMachine):
         removed = () if whole else (node,)
         self.hear(events.SubstitutionsChanged(self.bench.now, rest, removed, whole))
 
-    @rule(services=st.sets(st.sampled_from(range(len(SERVICES))), min_size=1))
-    def another_som(self, services: Any) -> None:
+    @rule(
+        services=st.sets(st.sampled_from(range(len(SERVICES))), min_size=1),
+        unheard=st.sets(st.sampled_from(TOPICS)),
+    )
+    def another_som(self, services: Any, unheard: Any) -> None:
         chosen = {SERVICES[number].name: SERVICES[number] for number in sorted(services)}
         self.som = Som({(each.topic, each.node): each for each in chosen.values()}.values())
         if not self.ended:
             self.connected = {
                 key: there for key, there in self.connected.items() if self.som.of_topic(key[0])
             }
-        self.hear(events.SomChanged(self.bench.now, self.som))
+        self.hear(events.SomChanged(self.bench.now, self.som, tuple(sorted(unheard))))
+
+    @rule(topic=st.sampled_from(TOPICS))
+    def subscribed(self, topic: str) -> None:
+        self.hear(events.Subscribed(self.bench.now, topic))
 
     @rule(passed=st.sampled_from((0.0, PERIOD, DEADLINE, 1.0, 20.0)))
     def wait(self, passed: float) -> None:

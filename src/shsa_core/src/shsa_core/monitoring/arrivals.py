@@ -1,19 +1,20 @@
 """How long it may take until somebody publishes a service: at the start, and after a new one.
 
 A robot that is not there at all is awaited, and nobody is blamed. Who did well under a former
-monitor is there already.
+monitor is there already. Nobody is missed on a topic that is not subscribed yet: with hundreds of
+them, on a busy computer, that takes longer than a node has to come up.
 """
 from typing import List, Tuple
 
 from shsa_core.monitoring.board import Board, Grace
 from shsa_core.monitoring.events import FormerlyHealthy, Key, RobotAwaited
-from shsa_core.monitoring.publishers import WatchedService
+from shsa_core.monitoring.publishers import WatchedService, WatchedTopic
 from shsa_core.monitoring.silence import TOGETHER_NODES
 
 CONNECT_S = 0.4
 """A new monitor takes so long at most to connect to who is there."""
 SUBSCRIBE_S = 0.01
-"""For each topic: they are subscribed one after the other."""
+"""For each topic: those that are subscribed one after the other have connections made meanwhile."""
 TOGETHER_S = 5.0
 """So long several nodes that are not heard together count as not connected yet."""
 AGAIN_S = 0.5
@@ -40,16 +41,32 @@ class Arrivals:
     def expect(self, event: FormerlyHealthy) -> None:
         """These did well under a former monitor: they are missed soon."""
         self._robot_came = self._robot_came or bool(event.publishers)
-        connect = CONNECT_S + SUBSCRIBE_S * len(self._board.topics)
         for name, publisher in event.publishers:
             topic = self._board.topics.get(name)
             watched = self._board.watched_of(topic, publisher) if topic else None
             if topic is None or watched is None or watched.published or watched.overdue:
                 continue
-            wait = 0.0 if watched.service.event_driven else watched.deadline
             watched.formerly = publisher, event.time
-            watched.due = min(watched.due, event.time + wait + connect)
-            self._board.agenda.bring_forward(Grace(name, watched.service.name), watched.due)
+            if topic.subscribed:
+                self._miss(topic, watched, min(watched.due, self._soon(watched, event.time)))
+
+    def subscribed(self, topic: WatchedTopic, time: float, grace: float) -> None:
+        """Who publishes a topic has its time from now on."""
+        topic.subscribed = True
+        for watched in topic.services.values():
+            publisher, _ = watched.formerly
+            if publisher:
+                watched.formerly = publisher, time
+            self._miss(topic, watched, self._soon(watched, time) if publisher else time + grace)
+
+    def _miss(self, topic: WatchedTopic, watched: WatchedService, due: float) -> None:
+        watched.due = due
+        self._board.agenda.bring_forward(Grace(topic.name, watched.service.name), due)
+
+    def _soon(self, watched: WatchedService, time: float) -> float:
+        """When a message of a node that is there already is missed, if none came since `time`."""
+        wait = 0.0 if watched.service.event_driven else watched.deadline
+        return time + wait + CONNECT_S + SUBSCRIBE_S * len(self._board.topics)
 
     def due(self, watched: WatchedService, time: float, grace: float) -> float:
         """When a service that is due is missed: now, or later."""

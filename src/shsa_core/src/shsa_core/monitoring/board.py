@@ -240,8 +240,8 @@ class Board:
         for watched in topic.services.values():
             come = watched.published or watched.service.event_driven and watched.appeared
             due = self.agenda.when(Grace(topic.name, watched.service.name))
-            missed = not come and not watched.overdue and due == inf
-            _must(not missed, f"nobody waits for {watched.service.name}")
+            told = come or watched.overdue or not topic.subscribed
+            _must(told or due < inf, f"nobody waits for {watched.service.name}")
 
     def _validate_publisher(self, topic: WatchedTopic, publisher: Publisher) -> None:
         where = f"{publisher.name or 'nobody'} on {topic.name}"

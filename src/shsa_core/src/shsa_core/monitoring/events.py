@@ -51,10 +51,21 @@ class CalibrationRow:
 
 @dataclass(frozen=True)
 class SomChanged:
-    """The services to watch are those of `som` now."""
+    """The services to watch are those of `som` now; topics that are `unheard` are not subscribed
+    yet.
+    """
 
     time: float
     som: Som
+    unheard: Tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Subscribed:
+    """A topic that was unheard is subscribed: who publishes it can be heard from now on."""
+
+    time: float
+    topic: str
 
 
 @dataclass(frozen=True)
@@ -178,6 +189,7 @@ class Ending:
 
 Event = Union[
     SomChanged,
+    Subscribed,
     SubstitutionsChanged,
     FormerlyHealthy,
     Connected,

@@ -25,6 +25,7 @@ from shsa_core.monitoring.events import (
     NodesEnding,
     PublisherHealth,
     SomChanged,
+    Subscribed,
     SubstitutionsChanged,
     Tick,
 )
@@ -64,6 +65,7 @@ class Monitor:
             Event,
             {
                 SomChanged: self._som_changed,
+                Subscribed: self._subscribed,
                 SubstitutionsChanged: self._substitutions_changed,
                 FormerlyHealthy: self._formerly_healthy,
                 Connected: self._connected,
@@ -163,6 +165,14 @@ class Monitor:
                 topic = self._board.topics.setdefault(name, WatchedTopic(name))
                 self._trials.begin(topic, self._som.of_topic(name), event.time)
                 self._watch(topic, event.time)
+        for name in event.unheard:
+            if name in self._board.topics:
+                self._board.topics[name].subscribed = False
+
+    def _subscribed(self, event: Subscribed) -> None:
+        topic = self._board.topics.get(event.topic)
+        if topic is not None and not topic.subscribed:
+            self._arrivals.subscribed(topic, event.time, self._settings.startup_grace)
 
     def _watch(self, topic: WatchedTopic, time: float) -> None:
         """Watch a topic for the services that it has now."""
@@ -395,7 +405,7 @@ class Monitor:
         watched = topic.services.get(due.service) if topic else None
         if topic is None or watched is None or watched.published or watched.overdue:
             return
-        if watched.service.event_driven and watched.appeared:
+        if not topic.subscribed or (watched.service.event_driven and watched.appeared):
             return
         if time >= watched.due:
             watched.due = self._arrivals.due(watched, time, grace)
@@ -414,7 +424,7 @@ class Monitor:
         what = "publisher" if watched.service.event_driven else "message"
         detail = f"no {what} in the first {grace:g} s"
         if formerly:
-            detail = f"no {what} for {time - told:.3f} s, since this monitor has started"
+            detail = f"no {what} for {time - told:.3f} s, since this monitor listens"
         board.fail(topic, blamed, time, Kind.NEVER_PUBLISHED, detail)
 
     def _judge_silence(self, due: Silence) -> None:

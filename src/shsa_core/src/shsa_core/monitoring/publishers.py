@@ -207,9 +207,13 @@ class Publisher:
 
 @dataclass
 class WatchedTopic:
-    """One watched topic: its services by name, and its publishers; while there are none, NOBODY."""
+    """One watched topic: its services by name, and its publishers; while there are none, NOBODY.
+
+    `subscribed`: who publishes it can be heard.
+    """
 
     name: str
+    subscribed: bool = True
     services: Dict[str, WatchedService] = field(default_factory=dict)
     publishers: Dict[str, Publisher] = field(default_factory=dict)
     nodes: Dict[str, WatchedService] = field(default_factory=dict)

@@ -2,14 +2,14 @@
 
 How a deadline is kept honest when the monitor itself was not scheduled: one thread reads the
 sockets and feeds the core, and it reads everything that has come before it lets time pass. The core
-hears when that thread wanted to wake and when it did, and how long a message may have waited in its
-socket.
+hears when that thread wanted to wake and when it did, when the kernel received a message, and how
+long others of the same read may have waited for it.
 """
 import argparse
 import sys
 from collections import deque
 from functools import partial
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Set
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Set, Tuple
 
 import rospy
 from shsa_msgs import msg
@@ -31,6 +31,7 @@ from shsa_core.monitoring.share import watched_at, watched_beside
 from shsa_core.ros import diagnostics
 from shsa_core.ros.graph import clock
 from shsa_core.ros.graph.alone import await_turn
+from shsa_core.ros.graph.arrival_times import ArrivalTimes
 from shsa_core.ros.graph.connections import (
     Arrived,
     Closed,
@@ -59,7 +60,8 @@ from shsa_core.ros.wire import names
 LONGEST_WAIT_S = 0.1
 """How long a message has waited is known to this at worst, as long as the monitor is scheduled."""
 COALESCE_S = 0.002
-"""What comes within this time is handled together; a connection that is lost waits for nothing."""
+"""What comes within this time is handled together, as of when it came; a connection that is lost
+waits for nothing."""
 CLOCK_CHANGE_S = 0.002
 """A change of ROS time beside ours that the core is told of at once, and else now and then."""
 SUBSCRIBE_S = 0.005
@@ -122,6 +124,7 @@ class MonitorNode:
         self._watched: Set[str] = set()
         self._to_watch: Deque[str] = deque()
         self._subscribe_at = 0.0
+        self._times = ArrivalTimes(clock.now)
         self._looked = self._told_clock = clock.now()
         self._ahead = 0.0
         self._ends = False
@@ -196,11 +199,8 @@ class MonitorNode:
             wanted = min(wanted, self._subscribe_at)
         self._inbox.wait(wanted - clock.now())
         woke = clock.now()
-        rest = self._looked + COALESCE_S - woke
-        if rest > 0.0:
-            self._inbox.rest(rest)
-        before, looked = self._looked, clock.now()
-        self._looked = looked
+        self._inbox.rest(min(COALESCE_S, wanted - woke))
+        self._looked = looked = self._times.look()
         self._tell_clock()
         ready = self._inbox.ready()
         items = self._inbox.take()
@@ -209,9 +209,9 @@ class MonitorNode:
             self._guarded(self._handle, item)
         happenings = self._connections.read(ready)
         self._heed_launch()
-        for happening in happenings:
+        for time, happening in sorted(map(self._timed, happenings), key=lambda each: each[0]):
             self._companion.beat()  # who has much to catch up with does not hang
-            self._guarded(self._happened, happening, before)
+            self._guarded(self._happened, time, happening)
         self._feed(events.Tick(looked, wanted, woke))
         self._show_health()
         self._subscribe_next()
@@ -252,18 +252,22 @@ class MonitorNode:
 
     def _connection_changed(self, item: Any) -> None:
         for happening in self._connections.heed(item):
-            self._happened(happening, self._looked)
+            self._happened(self._looked, happening)
 
-    def _happened(self, happening: Happening, before: float) -> None:
-        """Feed what happened at a connection at some time since `before`."""
-        now = clock.now()
+    def _timed(self, happening: Happening) -> Tuple[float, Happening]:
+        """What happened, with when it did."""
+        noted = happening.connection.frames.noted if isinstance(happening, Arrived) else 0
+        return self._times.of(noted)[0], happening
+
+    def _happened(self, now: float, happening: Happening) -> None:
+        """Feed what happened at a connection."""
         if isinstance(happening, Arrived):
             connection, data, whole = happening
             service = self._core.service_of(connection.topic, connection.publisher)
             if service is not None and service.needed and whole:
                 if connection.header["type"] == service.type:
                     self._lasting.messages.keep(now, connection.topic, connection.publisher, data)
-            waited, ahead = now - before, self._ahead
+            waited, ahead = self._times.waited(now), self._ahead
             event = self._reader.event(now, waited, connection, data, whole, service, ahead)
             self._values[event.topic, event.publisher] = event.values
             self._feed(event)
@@ -334,20 +338,22 @@ class MonitorNode:
     def _som_changed(self, som: Som) -> None:
         """Subscribe new topics by and by, end the subscriptions of those that left."""
         som = self._share(som)
-        self._feed(events.SomChanged(clock.now(), som))
-        self._reader.forget()
         topics = list(som.topics())
+        unheard = tuple(topic for topic in topics if topic not in self._watched)
+        self._feed(events.SomChanged(clock.now(), som, unheard))
+        self._reader.forget()
         for topic in self._watched - set(topics):
             self._connections.unsubscribe(topic)
             rospy.loginfo("%s is no longer watched.", topic)
         self._watched &= set(topics)
-        self._to_watch = deque(topic for topic in topics if topic not in self._watched)
+        self._to_watch = deque(unheard)
 
     def _subscribe_next(self) -> None:
         if self._to_watch and clock.now() >= self._subscribe_at:
             topic = self._to_watch.popleft()
             self._watched.add(topic)
             self._connections.subscribe(topic)
+            self._feed(events.Subscribed(clock.now(), topic))
             rospy.loginfo("%s is watched.", topic)
             self._subscribe_at = clock.now() + SUBSCRIBE_S
 

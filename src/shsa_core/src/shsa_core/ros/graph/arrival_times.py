@@ -31,7 +31,7 @@ def noted(extra: Iterable[Tuple[int, int, bytes]]) -> int:
 
 
 class Moment(NamedTuple):
-    """`wall` in ns; `here`, of the monotonic clock, and `time`, the robot's, in s; ROS time in ns."""
+    """`wall` and `ros_time` in ns; `here`, by the monotonic clock, and `time`, robot's, in s."""
 
     wall: int
     here: float
@@ -50,6 +50,10 @@ class ArrivalTimes:
         """To be called before what has come is read; the monotonic time in s."""
         self._before, self._looked = self._looked, self._moment()
         return self._looked.here
+
+    def waited(self, time: float) -> float:
+        """For how long in s what had come by `time` may have waited: since the look before."""
+        return time - self._before.time
 
     def of(self, noted: int) -> Tuple[float, int]:
         """The robot's time in s and ROS time in ns when something had come; 0: at the last look.
