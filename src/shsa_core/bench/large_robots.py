@@ -1,8 +1,9 @@
 """Large robots: what healing takes of them at rest, and how soon it heals one of their topics.
 
-A live robot of 10, 100 and 300 topics at 20 Hz, all needed, each computable from another, with warm
-or hot substitutes. The node of one topic is killed with `kill -9`, again and again; the outage is
-that at two consumers. At rest: the share of a core that monitor, reconfigurator and substitutes
+A live robot of 10, 100 and 300 topics, all needed, each computable from another, with warm or hot
+substitutes; at 20 Hz, or where that were more, so that they are 2,000 messages a second. The node
+of one topic, at 20 Hz, is killed with `kill -9`, again and again; the outage is that at two
+consumers. At rest: the share of a core that monitor, reconfigurator and substitutes
 take, by the kernel's count, and the memory of an idle process, or of a hot topic (PSS: what several
 share is divided among them). Nothing else may be killed, and no other incident be opened. Writes
 results/bench/large_robots.csv.
@@ -32,11 +33,12 @@ from takeover import NEVER, measured
 
 SIZES = (10, 100, 300)
 MODES = ("warm", "hot")
-PERIOD_S = 0.05
+PERIOD_S, MOST_HZ = 0.05, 2000.0
 A_NODE = 20
 TOPIC, NODE = "/stream_0", "/many_0"
 PATIENCE_S = 120.0
 SETTLING_TIME_S, REST_S, SHORT_REST_S = 3.0, 5.0, 1.0
+ESTABLISHED, CALLS = " 01 ", 4  # so many of them come and go: calls of the master and of nodes
 GOAL_GROWTH, GOAL_PSS_MB = 1.5, 10.0
 COLUMNS = (
     *("topics", "standby", "failure", "rospy_outage_ms", "roscpp_outage_ms"),
@@ -82,8 +84,8 @@ class LargeRobot:
         self._graph, self._standby = graph, standby
         most = a_node(count)
         firsts = range(1, count, most)
-        self._failing = self._node(0, 1)
-        self._others = [self._node(first, min(most, count - first)) for first in firsts]
+        self._failing = self._node(0, 1, PERIOD_S)
+        self._others = [self._node(n, min(most, count - n), pace(count)) for n in firsts]
         topics = {f"/stream_{number}" for number in range(count)}
         there = lambda: {topic for topic, _ in rospy.get_published_topics()} >= topics
         wait_until(there, PATIENCE_S, "the robot is up")
@@ -104,8 +106,8 @@ class LargeRobot:
         self.ready = time.monotonic() - begun
         self._await_well()
 
-    def _node(self, first: int, count: int) -> "subprocess.Popen[str]":
-        return self._graph.start(*MANY_TOPICS, str(first), str(count), str(PERIOD_S))
+    def _node(self, first: int, count: int, period: float) -> "subprocess.Popen[str]":
+        return self._graph.start(*MANY_TOPICS, str(first), str(count), str(period))
 
     def _ready(self) -> bool:
         time.sleep(0.1)  # the master has others to answer
@@ -120,7 +122,7 @@ class LargeRobot:
         self._consumers.await_node(NODE, time.monotonic())
         wait_until(self._ready, PATIENCE_S, "what stands by is as it should be")
         wait_until(self._served, PATIENCE_S, "what stands by is connected")
-        time.sleep(SETTLING_TIME_S)
+        await_connections()
 
     def _served(self) -> bool:
         """Whether both consumers are connected to whoever may be the next to publish."""
@@ -144,7 +146,7 @@ class LargeRobot:
         wait_until(lambda: look().over_ms != NEVER, PATIENCE_S, "the topic is as it was")
         outage = look()
         self._failing.wait()
-        self._failing = self._node(0, 1)
+        self._failing = self._node(0, 1, PERIOD_S)
         self._await_well()
         return outage.rospy_ms, outage.roscpp_ms
 
@@ -178,10 +180,11 @@ class LargeRobot:
 
 def write_model(graph: Graph, count: int, standby: str) -> Tuple[Path, Path]:
     """Ontology and SOM: each topic can be computed from the one half the robot away."""
-    services = [
-        service(f"/stream_{n}", owner(n, a_node(count)), PERIOD_S, needed=True, standby=standby)
-        for n in range(count)
-    ]
+    services = []
+    for n in range(count):
+        period = pace(count) if n else PERIOD_S
+        whose = owner(n, a_node(count))
+        services.append(service(f"/stream_{n}", whose, period, needed=True, standby=standby))
     laws = {f"r_{n}": {f"stream_{n}": f"2*stream_{(n + count // 2) % count}"} for n in range(count)}
     properties: Dict[str, object] = {f"stream_{number}": {} for number in range(count)}
     ontology = graph.folder / "ontology.yaml"
@@ -194,9 +197,29 @@ def a_node(count: int) -> int:
     return min(A_NODE, count // 2)
 
 
+def pace(count: int) -> float:
+    """The period of all topics but the one that fails, in s."""
+    return max(PERIOD_S, count / MOST_HZ)
+
+
 def owner(number: int, most: int) -> str:
     """The node of a topic."""
     return NODE if number == 0 else f"/many_{(number - 1) // most * most + 1}"
+
+
+def await_connections() -> None:
+    """Wait until hardly any are made or ended: that goes on for long after all is up."""
+    known, settled = 0, time.monotonic()
+
+    def is_settled() -> bool:
+        nonlocal known, settled
+        time.sleep(0.5)
+        now = Path("/proc/net/tcp").read_text().count(ESTABLISHED)
+        if abs(now - known) > CALLS:
+            known, settled = now, time.monotonic()
+        return time.monotonic() - settled > SETTLING_TIME_S
+
+    wait_until(is_settled, PATIENCE_S, "what stands by has its connections")
 
 
 def is_substitute(process: psutil.Process) -> bool:
@@ -222,7 +245,6 @@ def measure(count: int, standby: str, failures: int, seconds: float) -> Found:
     with Graph() as graph:
         try:
             robot = LargeRobot(graph, count, standby)
-            time.sleep(2.0 * seconds)  # connections are made for some time after all is up
             rest = robot.rest(seconds)
             load = os.getloadavg()[0]
             outages = [robot.fail() for _ in range(failures)]
