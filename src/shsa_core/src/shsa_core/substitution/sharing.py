@@ -1,7 +1,7 @@
 """Several substitutes in one process: each has a core and a row of its own."""
 import math
 from collections import defaultdict
-from typing import DefaultDict, Dict, Iterable, List, Optional, Tuple
+from typing import DefaultDict, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 from shsa_core.dispatch import Table, table
 from shsa_core.model.substitution import Substitution
@@ -10,6 +10,14 @@ from shsa_core.substitution.events import Command, Event, Level, Log
 from shsa_core.substitution.machine import Substitute
 
 Services = Dict[str, None]
+
+
+class _Wants(NamedTuple):
+    """What a substitute waits for since its last event: when it wakes and reads inputs, in s."""
+
+    wake: float
+    hurries: bool
+    reads_at: float
 
 
 class Sharing:
@@ -23,7 +31,7 @@ class Sharing:
         self._node = Substitution("", "", (), "", ())
         self._cores: Dict[str, Substitute] = {}
         self._topics: Dict[str, str] = {}
-        self._wanted: Dict[str, float] = {}  # when each wants to wake
+        self._wants: Dict[str, _Wants] = {}
         self._advertised: Dict[str, Services] = {}  # topics, by service
         self._reads: DefaultDict[str, Services] = defaultdict(dict)  # services, by topic
         self._speaks: DefaultDict[str, Services] = defaultdict(dict)
@@ -55,18 +63,18 @@ class Sharing:
 
     def next_deadline(self) -> Optional[float]:
         """When the next Tick is wanted; None: not before another event."""
-        soonest = min(self._wanted.values(), default=math.inf)
+        soonest = min((wants.wake for wants in self._wants.values()), default=math.inf)
         return None if soonest == math.inf else soonest
 
     @property
     def hurries(self) -> bool:
         """Whether what arrives is waited for by one of them."""
-        return any(core.hurries for core in self._cores.values())
+        return any(wants.hurries for wants in self._wants.values())
 
     @property
     def reads_at(self) -> float:
         """When one of them computes from its inputs next, in s."""
-        return min((core.reads_at for core in self._cores.values()), default=math.inf)
+        return min((wants.reads_at for wants in self._wants.values()), default=math.inf)
 
     def validate(self) -> None:
         """Raises ShsaError if what must always hold of one of them does not."""
@@ -108,7 +116,8 @@ class Sharing:
         return [Log(Level.WARNING, f"{event.what}: {event.detail}")]
 
     def _tick(self, event: events.Tick) -> List[Command]:
-        return self._tell(event, [n for n, wanted in self._wanted.items() if wanted <= event.time])
+        due = [name for name, wants in self._wants.items() if wants.wake <= event.time]
+        return self._tell(event, due)
 
     def _tell(self, event: Event, names: Iterable[str]) -> List[Command]:
         """Have some substitutes handle an event, and note what follows for the next ones."""
@@ -118,8 +127,9 @@ class Sharing:
             for command in core.handle(event):
                 commands += self._heed(name, command)
             if name in self._cores:
-                wanted = core.next_deadline()
-                self._wanted[name] = math.inf if wanted is None else wanted
+                wake = core.next_deadline()
+                wake = math.inf if wake is None else wake
+                self._wants[name] = _Wants(wake, core.hurries, core.reads_at)
         return commands
 
     def _heed(self, name: str, command: Command) -> List[Command]:
@@ -145,7 +155,7 @@ class Sharing:
         """A substitute ends; what it has subscribed stays so."""
         if self._cores.pop(name, None) is None:
             return []
-        self._wanted.pop(name, None)
+        self._wants.pop(name, None)
         del self._topics[name]
         for readers in self._reads.values():
             readers.pop(name, None)
