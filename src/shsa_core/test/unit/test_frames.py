@@ -134,6 +134,30 @@ def test_what_is_wanted_no_more_is_dropped_at_once(pair: Pair) -> None:
     assert found == [Frame(payload(12)[:12], False)] and len(reader) == 0
 
 
+def test_what_is_expected_is_the_rest_then_as_much_as_came_before(pair: Pair) -> None:
+    there, here = pair
+    here.settimeout(5.0)
+    reader = Frames(HEAD)
+    assert reader.expected == 1
+    whole = framed(payload(MB)[:MB])
+    there.sendall(whole[:100_000])
+    while reader.expected == 1:
+        reader.read(here)
+    assert 100_000 <= reader.expected + 100_000 <= len(whole)
+    there.sendall(whole[100_000:])
+    while not reader.take():
+        reader.read(here)
+    assert reader.expected == len(whole)
+    there.sendall(framed(b"small"))
+    while not reader.take():
+        reader.read(here)
+    assert reader.expected == 1, "what follows is small as well"
+    there.sendall(struct.pack("<I", 0xFFFFFFFF) + bytes(100))
+    while reader.expected == 1:
+        reader.read(here)
+    assert reader.expected == frames.MOST_EXPECTED
+
+
 def test_a_message_beyond_all_measure_is_not_told_of(pair: Pair, monkeypatch: Any) -> None:
     monkeypatch.setattr(frames, "LARGEST_MESSAGE", 2 * MB)
     for wanted in (Wanted(2 * MB), HEAD):

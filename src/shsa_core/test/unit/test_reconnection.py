@@ -9,6 +9,7 @@ from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
 from shsa_core.ros.graph import connections as module
 from shsa_core.ros.graph import frames
+from shsa_core.ros.graph.frames import Wanted
 from shsa_core.ros.graph.inbox import Inbox
 from shsa_core.ros.graph.reconnection import Reconnection, refuses
 
@@ -132,6 +133,32 @@ def test_a_topic_that_is_left_while_its_node_is_in_doubt(monitor: Monitor, node:
     monitor.until(lambda: time.monotonic() > end)
     assert monitor.kinds() == ["Interrupted"]
     monitor.connections.subscribe(monitor.topic)
+
+
+def test_who_sends_large_messages_that_nobody_judges_wakes_once_for_each(
+    monitor: Monitor, node: Node
+) -> None:
+    monitor.connect(node)
+    large = struct.pack("<I", 1 << 20) + bytes(1 << 20)
+    node.send(large)
+    monitor.until(lambda: len(monitor.data) == 1)
+    (connection,) = monitor.connections.standing()
+    connection.frames.wanted = Wanted(1000, 12)
+    node.send(large)
+    monitor.until(lambda: len(monitor.data) == 2)
+    assert connection.expects == len(large)
+    node.send(large[:500_000])
+    assert not monitor.inbox._poll.poll(0.1), "a part of it wakes nobody, nor holds up who sends it"
+    node.send(large[500_000:])
+    assert monitor.inbox._poll.poll(5.0)
+    monitor.until(lambda: len(monitor.data) == 3)
+    node.send(struct.pack("<I", 5) + b"small")
+    monitor.until(lambda: monitor.data[3:] == [b"small"])  # though nobody was woken
+    assert connection.expects == 1
+    node.send(large[:100_000])
+    monitor.until(lambda: connection.expects > 1)
+    node.die()
+    monitor.until(lambda: not monitor.connections.standing())
 
 
 def test_a_message_that_is_too_large_is_not_kept(

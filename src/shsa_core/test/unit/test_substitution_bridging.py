@@ -1,4 +1,5 @@
 """A muted substitute fills in for an original that is late, and is still when that speaks."""
+import math
 from dataclasses import replace
 from typing import Any, List, Optional, Tuple
 
@@ -88,6 +89,26 @@ class Robot:
     def _note(self, commands: List[Any]) -> None:
         looks = only(commands, events.LookAtOthers)
         self.looks += [(self.driver.time + self.look, each) for each in looks]
+
+
+@pytest.mark.parametrize("poll", (PERIOD, 4.9 * PERIOD, 5 * PERIOD))
+def test_what_is_told_many_at_a_time_is_a_steady_pace_as_well(poll: float) -> None:
+    """As a muted substitute hears it: when it wakes, each as of when the newest had come."""
+    robot = Robot()
+    core, woke, said = robot.driver.core, 0.0, 0.0
+    looks: List[float] = []
+    while woke < 100 * PERIOD:
+        due = core.next_deadline()
+        woke = max(woke, min(woke + poll, math.inf if due is None else due))
+        count = int((woke - said) / PERIOD)
+        said += count * PERIOD
+        for _ in range(count if woke < 50 * PERIOD else 0):
+            core.handle(events.OtherHeard(said, "/out", "/original", 7))
+            last = said
+        for command in core.handle(events.Tick(woke)):
+            if isinstance(command, events.LookAtOthers):
+                looks.append(woke)
+    assert looks[0] == pytest.approx(last + BRIDGE)
 
 
 def test_one_that_is_late_is_filled_in_for_at_its_period_and_takes_over_again_at_once() -> None:

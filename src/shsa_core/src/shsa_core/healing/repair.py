@@ -19,6 +19,10 @@ from shsa_core.healing.transitions import Trigger
 from shsa_core.model.kinds import Kind, Standby
 from shsa_core.monitoring.events import PublisherState
 
+SAME_S = 0.05
+"""Moments within this may be one: they come through the clocks of two processes. So a failure that
+is told twice is one, and what a substitute said at that moment was said in its place."""
+
 
 class Repair(Judgement):
     """A method for each row of the table.
@@ -287,8 +291,8 @@ class Repair(Judgement):
         """When the substitute published first in this takeover, or had recovered."""
         row = now.publishers[self.node]
         moments = (row.first_message, row.since)
-        since = self.substitute.working_since
-        return next((moment for moment in moments if moment is not None and moment >= since), None)
+        least = self.substitute.working_since - SAME_S
+        return next((moment for moment in moments if moment is not None and moment >= least), None)
 
     def _publishes(self, now: Snapshot) -> List[Request]:
         assert self.incident is not None

@@ -8,6 +8,7 @@ from shsa_core.healing.events import FailureSeen, Level, Log, SubstituteStarted
 from shsa_core.healing.incident import State
 from shsa_core.healing.kills import KillNode, NodeKilled
 from shsa_core.healing.judgement import STUCK, WAITING
+from shsa_core.healing.repair import SAME_S
 from shsa_core.healing.snapshot import Request, Snapshot
 from shsa_core.healing.stranding import Stranding
 from shsa_core.healing.transitions import Trigger
@@ -15,9 +16,6 @@ from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.events import PublisherState
 
 SUBSTITUTED = (State.HEALING, State.HEALED)
-SAME_S = 0.05
-"""Two failures of a node in the same way within this are one: its moment comes through the clocks
-of two processes."""
 
 
 class TopicHealing(Stranding):

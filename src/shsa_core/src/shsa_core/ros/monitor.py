@@ -125,7 +125,7 @@ class MonitorNode:
         self._to_watch: Deque[str] = deque()
         self._subscribe_at = 0.0
         self._times = ArrivalTimes(clock.now)
-        self._looked = self._told_clock = clock.now()
+        self._looked = self._told_clock = self._fed = clock.now()
         self._ahead = 0.0
         self._ends = False
         self._changes: Dict[events.Key, Optional[events.PublisherHealth]] = {}
@@ -199,7 +199,9 @@ class MonitorNode:
             wanted = min(wanted, self._subscribe_at)
         self._inbox.wait(wanted - clock.now())
         woke = clock.now()
-        self._inbox.rest(min(COALESCE_S, wanted - woke))
+        rest = min(self._looked + COALESCE_S, wanted) - woke
+        if rest > 0.0:
+            self._inbox.rest(rest)
         self._looked = looked = self._times.look()
         self._tell_clock()
         ready = self._inbox.ready()
@@ -255,9 +257,9 @@ class MonitorNode:
             self._happened(self._looked, happening)
 
     def _timed(self, happening: Happening) -> Tuple[float, Happening]:
-        """What happened, with when it did."""
+        """What happened, with when it did; time does not go back for the core."""
         noted = happening.connection.frames.noted if isinstance(happening, Arrived) else 0
-        return self._times.of(noted)[0], happening
+        return max(self._fed, self._times.of(noted)[0]), happening
 
     def _happened(self, now: float, happening: Happening) -> None:
         """Feed what happened at a connection."""
@@ -284,6 +286,7 @@ class MonitorNode:
     def _feed(self, event: events.Event) -> None:
         if self._journal is not None:
             self._journal.record(event)
+        self._fed = event.time
         commands = self._core.handle(event)
         for command in commands:
             self._carry_out[type(command)](command)

@@ -114,7 +114,13 @@ class Bridging:
         return self._awaited
 
     def next(self, now: float) -> float:
-        """When the next look is due; infinite: not before another message of theirs."""
+        """When to look again; infinite: not before another message of theirs.
+
+        Until their pace is known they are looked at as often: of messages that are read together
+        only the newest tells when it came.
+        """
+        if self._after > 0.0 and self._steady < STEADY and self._others.silence < self._after:
+            return self._others.left(self._after)
         if not self._waits or self._awaited is not None:
             return math.inf
         if self.on:

@@ -143,6 +143,7 @@ class Connections:
         self._subscribers: Dict[str, rospy.Subscriber] = {}
         self._standing: Dict[int, Connection] = {}
         self._new: Set[int] = set()
+        self._expecting: Set[int] = set()  # who is read whether it is ready or not
         self._doubts: Dict[Tuple[str, str], _Doubt] = {}
         self._tries: Dict[Tuple[str, str], int] = {}
         self._reconnection = Reconnection(inbox)
@@ -201,8 +202,11 @@ class Connections:
                 self._try_again(item.topic, uri)
 
     def read(self, ready: Set[int]) -> List[Happening]:
-        """What has come on the descriptors that are ready, and on new connections."""
-        ready, self._new = ready | self._new, set()
+        """What has come on the descriptors that are ready, and on new connections.
+
+        And where more was expected than has come.
+        """
+        ready, self._new = ready | self._new | self._expecting, set()
         self._claims.ask_again(clock.now())
         return [*self._read(ready), *self._give_up()]
 
@@ -213,6 +217,7 @@ class Connections:
                 continue
             stands = connection.read()
             self._waking.was_read(connection)
+            (self._expecting.add if connection.expects > 1 else self._expecting.discard)(descriptor)
             for frame in connection.frames.take():
                 if descriptor in self._claims:
                     self._claims.put_aside(descriptor, frame.data)
@@ -270,6 +275,7 @@ class Connections:
 
     def _forget(self, connection: Connection) -> None:
         del self._standing[connection.descriptor]
+        self._expecting.discard(connection.descriptor)
         self._waking.drop(connection)
 
     def _settle(self, topic: str, uri: str) -> Iterator[Happening]:

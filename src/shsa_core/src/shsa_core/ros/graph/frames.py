@@ -17,6 +17,8 @@ SHORT = 512
 """Bytes of the read after a message that was dropped: the next one is probably as large."""
 DROP = 1 << 20
 """Bytes that one read drops at most."""
+MOST_EXPECTED = 1 << 22
+"""Bytes. Linux waits for half of what a socket may hold at most: of 6 MB, unless it was told so."""
 READS_A_TURN = 16
 """A babbling publisher must not keep the others waiting."""
 _PREFIX = 4
@@ -54,10 +56,20 @@ class Frames:
         self._found: List[Frame] = []
         self._rest = 0  # bytes of a message that are still to come, and are not wanted
         self._cut: Optional[Frame] = None  # what is told of that message once it has come
-        self._large = False  # the last message was one to drop
+        self._large = 0  # bytes of the last message, if that was one to drop
 
     def __len__(self) -> int:
         return len(self._buffer)
+
+    @property
+    def expected(self) -> int:
+        """So many bytes come before anybody need look; 1: look at each.
+
+        It may be wrong: a message need not be as large as the one before.
+        """
+        if self._rest >= CHUNK:
+            return min(self._rest, MOST_EXPECTED)
+        return min(self._large, MOST_EXPECTED) if self._large and not self._buffer else 1
 
     def read(self, connected: socket.socket) -> bool:
         """Read what has come, a bounded part of it; False if the other end has closed.
@@ -119,7 +131,7 @@ class Frames:
                 break
             frame = Frame(bytes(buffer[begin:end]), kept == size)
             start, self._rest = end, size - kept
-            self._large = self._rest >= CHUNK
+            self._large = _PREFIX + size if self._rest >= CHUNK else 0
             if not self._rest:
                 self._found.append(frame)
             self._cut = frame if size <= LARGEST_MESSAGE else None
