@@ -44,7 +44,7 @@ class Watched:
         frames = self.connection.frames.take()
         self.copied = sum(len(frame.data) for frame in frames)
         event = self.reader.event
-        return [event(AT, 0.0, self.connection, *frame, of, 0.0) for frame in frames]
+        return [event(AT, 0.0, self.connection, *frame[:2], of, 0.0) for frame in frames]
 
 
 def test_values_that_somebody_judges_are_read_from_whole_messages() -> None:

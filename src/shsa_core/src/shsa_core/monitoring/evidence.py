@@ -92,9 +92,9 @@ class _Value:
 class Evidence:
     """The evidence against one publisher, who provides `service`.
 
-    `hasty`: the rate is judged by fewer messages, as soon as there are RATE_MESSAGES. `learned`:
-    what is known of its values from before; None: nothing is learned, as of a substitute, whose
-    program may change.
+    `properties`: those whose values are judged. `hasty`: the rate is judged by fewer messages, as
+    soon as there are RATE_MESSAGES. `learned`: what is known of its values from before; None:
+    nothing is learned, as of a substitute, whose program may change.
     """
 
     def __init__(
@@ -102,7 +102,9 @@ class Evidence:
     ) -> None:
         checks = service.checks
         self._verdict = Verdict(checks)
-        self._values = [_Value(provision, learned) for provision in checked_provisions(service)]
+        checked = checked_provisions(service)
+        self.properties = tuple(each.property for each in checked)
+        self._values = [_Value(provision, learned) for provision in checked]
         self._stamp_checks = _of(checks.each, StampSample)
         self._stamps = Stamps(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
@@ -157,8 +159,9 @@ class Evidence:
 
         `failed`: there was one already.
         """
-        # All of them look, so that each remembers what it saw; the first finding counts.
-        finding = next(iter([each for each in self.findings(message, failed) if each]), None)
+        finding = None
+        for found in self.findings(message, failed):  # all look: each remembers what it saw
+            finding = finding or found
         self._heard_stamp(message, finding is None and not failed)
         guilty = self._verdict.add(finding is not None)
         return finding is None, finding if guilty else None

@@ -1,6 +1,6 @@
 """The monitor's core: judges each publisher of a service by its messages and connections."""
 from math import inf
-from typing import Dict, Iterable, List, Optional, Set, Tuple
+from typing import Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
 
 from shsa_core import dispatch
 from shsa_core.model.checks import Checks, IntruderSample
@@ -29,7 +29,7 @@ from shsa_core.monitoring.events import (
     SubstitutionsChanged,
     Tick,
 )
-from shsa_core.monitoring.evidence import Finding, checked_provisions, judge
+from shsa_core.monitoring.evidence import Finding, judge
 from shsa_core.monitoring.lessons import Lessons
 from shsa_core.monitoring.overview import ServiceHealth, overview
 from shsa_core.monitoring.pace import Pace
@@ -39,6 +39,13 @@ from shsa_core.monitoring.silence import EVERYBODY, LEAST_GRANT_S, Excuses, late
 from shsa_core.monitoring.substitutes import publishes, topics_of
 from shsa_core.monitoring.trials import Trials
 from shsa_core.monitoring.witness import Witnesses
+
+
+class _Own(NamedTuple):
+    """What the own node of a service says: values by property, None where there is none."""
+
+    service: Service
+    values: List[Tuple[str, Optional[float]]]
 
 
 class Monitor:
@@ -324,16 +331,19 @@ class Monitor:
                 good, failure = True, None
         if probation is not None:
             good = self._trials.weigh(topic, publisher, probation, event, good)
-        witnessed = self._witnessed(publisher, seen, good)
+        own, time = _own_values(publisher, seen), event.time
+        trusted = good and publisher.is_healthy
+        witnessed = self._witnessed(own, time, trusted) if own else None
         if good and witnessed is not None:
             good, failure = False, witnessed
-        intrusion = self._intrusion(topic, publisher, event.time)
+        intrusion = self._intrusion(topic, publisher, time)
         if intrusion is not None:
             good, failure = False, intrusion
         quiet = publisher.kind in (Kind.SILENT, Kind.NEVER_PUBLISHED)
         if failure is not None and (publisher.state is not FAILED or quiet):
-            self._board.fail(topic, publisher, event.time, failure.kind, failure.detail)
-        self._calibrate(publisher, seen, good)
+            self._board.fail(topic, publisher, time, failure.kind, failure.detail)
+        if own:
+            self._calibrate(own, time, good and publisher.is_healthy)
         return good
 
     def _is_excused(self, publisher: Publisher, failure: Finding, time: float) -> bool:
@@ -342,24 +352,15 @@ class Monitor:
             return False
         return self._excuses.slows(publisher, (each for _, each in self._board.all()), time)
 
-    def _calibrate(self, publisher: Publisher, event: Message, good: bool) -> None:
+    def _calibrate(self, own: _Own, time: float, trusted: bool) -> None:
         """Learn from the values of a service's own node, as long as nothing is held against it."""
-        service = publisher.service
-        if service is None or service.node != publisher.name or event.values is None:
-            return
-        trusted = good and publisher.is_healthy and not self._witnesses.is_disputed(service)
-        values = zip([each.property for each in checked_provisions(service)], event.values)
-        self._calibrations.take(service, values, event.time, trusted)
+        trusted = trusted and not self._witnesses.is_disputed(own.service)
+        self._calibrations.take(own.service, own.values, time, trusted)
 
-    def _witnessed(self, publisher: Publisher, event: Message, good: bool) -> Optional[Finding]:
+    def _witnessed(self, own: _Own, time: float, trusted: bool) -> Optional[Finding]:
         """What other nodes say of the values of a service's own node; who fails is no witness."""
-        service = publisher.service
-        if service is None or service.node != publisher.name or event.values is None:
-            return None
-        names = [each.property for each in checked_provisions(service)]
-        trusted = good and publisher.is_healthy
-        self._witnesses.take(service, zip(names, event.values), event.time, trusted)
-        return self._witnesses.finding(service, event.time)
+        self._witnesses.take(own.service, own.values, time, trusted)
+        return self._witnesses.finding(own.service, time)
 
     def _heard_good(
         self, topic: WatchedTopic, publisher: Publisher, time: float, previous: Optional[float]
@@ -484,3 +485,13 @@ class Monitor:
             publisher.intruding_since = time
         sample = IntruderSample(time - publisher.intruding_since, rightful)
         return judge(topic.intruder_checks, sample)
+
+
+def _own_values(publisher: Publisher, message: Message) -> Optional[_Own]:
+    """None: the message is of another node than the service's own, or nobody has read it."""
+    service, evidence = publisher.service, publisher.evidence
+    if service is None or evidence is None or message.values is None:
+        return None
+    if service.node != publisher.name:
+        return None
+    return _Own(service, list(zip(evidence.properties, message.values)))

@@ -38,8 +38,12 @@ class Substitutes:
 
         An idle one, or one that publishes elsewhere, may have advertised this topic as well.
         """
-        rows = list(self._of_node.get(node, {}).values())
-        return next((row for row in rows if topic in row.topics), rows[0] if rows else None)
+        rows = self._of_node.get(node)
+        if not rows:
+            return None
+        return next(
+            (row for row in rows.values() if topic in row.topics), next(iter(rows.values()))
+        )
 
     def service(self, topic: str, node: str) -> str:
         """The service whose place a node takes on a topic; empty: none."""

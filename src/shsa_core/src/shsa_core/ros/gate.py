@@ -111,7 +111,7 @@ class GateNode:
         self._feed(events.Tick(self._looked))
 
     def _arrived(self, arrived: Arrived, waited: float, newest: bool) -> None:
-        connection, data, whole = arrived
+        connection, data, whole, _ = arrived
         now, ros_time = clock.both()
         stamp = _stamp(data) if self._kind._has_header else 0
         if connection.topic == self._service.heard:

@@ -258,13 +258,13 @@ class MonitorNode:
 
     def _timed(self, happening: Happening) -> Tuple[float, Happening]:
         """What happened, with when it did; time does not go back for the core."""
-        noted = happening.connection.frames.noted if isinstance(happening, Arrived) else 0
+        noted = happening.noted if isinstance(happening, Arrived) else 0
         return max(self._fed, self._times.of(noted)[0]), happening
 
     def _happened(self, now: float, happening: Happening) -> None:
         """Feed what happened at a connection."""
         if isinstance(happening, Arrived):
-            connection, data, whole = happening
+            connection, data, whole, _ = happening
             service = self._core.service_of(connection.topic, connection.publisher)
             if service is not None and service.needed and whole:
                 if connection.header["type"] == service.type:

@@ -42,7 +42,7 @@ def both() -> Tuple[float, float]:
     """The monotonic clock and ROS time in s, looked at together, as far as we were scheduled."""
     found = []
     for _ in range(LOOKS):
-        before, ros = now(), float(rospy.get_time())
+        before, ros = now(), ros_ns() / 1e9
         found.append((now() - before, before, ros))
         if found[-1][0] < TOGETHER_S:
             break
@@ -117,7 +117,7 @@ def from_stamp(stamp: rospy.Time) -> Optional[float]:
 
 def ros_ns() -> int:
     """ROS time in ns."""
-    return int(rospy.Time.now().to_nsec())
+    return int(rospy.Time.now().to_nsec()) if is_simulated() else time.time_ns()
 
 
 def from_ns(stamp: int) -> rospy.Time:

@@ -69,11 +69,15 @@ class Lost(NamedTuple):
 
 
 class Arrived(NamedTuple):
-    """A message has come; `whole`: its data is all of it, and not only what was wanted."""
+    """A message has come; `whole`: its data is all of it, and not only what was wanted.
+
+    `noted`: when it had come; 0: at the last look.
+    """
 
     connection: Connection
     data: bytes
     whole: bool
+    noted: int = 0
 
 
 Happening = Union[Connected, Interrupted, Lost, Arrived]

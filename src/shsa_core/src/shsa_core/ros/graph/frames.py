@@ -17,8 +17,9 @@ SHORT = 512
 """Bytes of the read after a message that was dropped: the next one is probably as large."""
 DROP = 1 << 20
 """Bytes that one read drops at most."""
-MOST_EXPECTED = 1 << 22
-"""Bytes. Linux waits for half of what a socket may hold at most: of 6 MB, unless it was told so."""
+EXPECTED = 1 << 22
+"""Bytes of large messages that come before anybody need look. Linux waits for half of what a socket
+may hold at most: of 6 MB, unless it was told so."""
 READS_A_TURN = 16
 """A babbling publisher must not keep the others waiting."""
 _PREFIX = 4
@@ -35,28 +36,32 @@ class Wanted(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """A message that has come; `whole`: its data is all of it."""
+    """A message that has come; `whole`: its data is all of it.
+
+    `noted`: when its last part that was copied had come (`arrival_times`).
+    """
 
     data: bytes
     whole: bool
+    noted: int = 0
 
 
 class Frames:
     """Reads messages from a socket that does not block.
 
     `wanted` may change at any time. It counts for a message until its head was read; so that of
-    one that is under way may come in part although all of it is wanted by then. `noted`: when the
-    newest of what was read had come (`arrival_times`).
+    one that is under way may come in part although all of it is wanted by then.
     """
 
     def __init__(self, wanted: Wanted = Wanted()) -> None:
         self.wanted = wanted
-        self.noted = 0
+        self._noted = 0
         self._buffer = bytearray()
         self._found: List[Frame] = []
         self._rest = 0  # bytes of a message that are still to come, and are not wanted
         self._cut: Optional[Frame] = None  # what is told of that message once it has come
-        self._large = 0  # bytes of the last message, if that was one to drop
+        self._large = False  # the last message was one to drop
+        self._more = False  # there was more to be read than our share of a turn
 
     def __len__(self) -> int:
         return len(self._buffer)
@@ -67,15 +72,14 @@ class Frames:
 
         It may be wrong: a message need not be as large as the one before.
         """
-        if self._rest >= CHUNK:
-            return min(self._rest, MOST_EXPECTED)
-        return min(self._large, MOST_EXPECTED) if self._large and not self._buffer else 1
+        return EXPECTED if self._large and not self._buffer and not self._more else 1
 
     def read(self, connected: socket.socket) -> bool:
         """Read what has come, a bounded part of it; False if the other end has closed.
 
         Raises OSError if the connection is lost.
         """
+        self._more = False
         for _ in range(READS_A_TURN):
             try:
                 if self._rest >= CHUNK:
@@ -86,7 +90,7 @@ class Frames:
                     size = SHORT if self._large and not self._buffer else CHUNK
                     data, extra, _, _ = connected.recvmsg(size, arrival_times.SPACE)
                     count = len(data)
-                    self.noted = arrival_times.noted(extra) if count else self.noted
+                    self._noted = arrival_times.noted(extra) if count else self._noted
                     self.add(data)
             except BlockingIOError:
                 return True
@@ -94,6 +98,7 @@ class Frames:
                 return False
             if count < size:
                 return True
+        self._more = True
         return True
 
     def add(self, data: bytes) -> None:
@@ -129,9 +134,9 @@ class Frames:
             begin, end = start + _PREFIX, start + _PREFIX + kept
             if len(buffer) < end:
                 break
-            frame = Frame(bytes(buffer[begin:end]), kept == size)
+            frame = Frame(bytes(buffer[begin:end]), kept == size, self._noted)
             start, self._rest = end, size - kept
-            self._large = _PREFIX + size if self._rest >= CHUNK else 0
+            self._large = self._rest >= CHUNK
             if not self._rest:
                 self._found.append(frame)
             self._cut = frame if size <= LARGEST_MESSAGE else None

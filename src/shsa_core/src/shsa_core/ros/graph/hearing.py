@@ -90,8 +90,7 @@ class Hearing:
 
     def message(self, arrived: Arrived) -> Message:
         """What was read."""
-        connection, data, _ = arrived
-        return Message(connection, data, *self._times.of(connection.frames.noted))
+        return Message(arrived.connection, arrived.data, *self._times.of(arrived.noted))
 
     def is_input(self, message: Message) -> bool:
         """Whether it is of a topic of which fields are heard."""

@@ -31,6 +31,7 @@ class Decoder:
             named = shown(header["type"], 100)
             raise ShsaError(f"the publisher says that they are {named}, and not {kind}")
         self._class = message_class(kind)
+        self._message = self._class()  # to make a new one of each is half of what reading costs
         if header["md5sum"] != self._class._md5sum:
             raise ShsaError(
                 f"{kind} is another version at the publisher: "
@@ -51,7 +52,7 @@ class Decoder:
 
         Raises ShsaError if the bytes are not a message of the type.
         """
-        message = self._class()
+        message = self._message
         try:
             message.deserialize(data)
         except (genpy.DeserializationError, struct.error, UnicodeDecodeError) as error:
