@@ -28,12 +28,11 @@ from report import Goals, arguments, in_words, print_table, write_table
 from robot import HOLD_OFF_S, POOL, TIRELESS, Consumers
 from shsa_testing.graph import is_connected, node_pid
 from shsa_testing.waiting import wait_until
-from start_of_robots import MANY_TOPICS, up
+from start_of_robots import MANY_TOPICS, PERIOD_S, pace, up
 from takeover import NEVER, measured
 
 SIZES = (10, 100, 300)
 MODES = ("warm", "hot")
-PERIOD_S, MOST_HZ = 0.05, 2000.0
 A_NODE = 20
 TOPIC, NODE = "/stream_0", "/many_0"
 PATIENCE_S = 120.0
@@ -195,11 +194,6 @@ def write_model(graph: Graph, count: int, standby: str) -> Tuple[Path, Path]:
 def a_node(count: int) -> int:
     """The topics of a node: no more than leave a topic and what it is computed from to two."""
     return min(A_NODE, count // 2)
-
-
-def pace(count: int) -> float:
-    """The period of all topics but the one that fails, in s."""
-    return max(PERIOD_S, count / MOST_HZ)
 
 
 def owner(number: int, most: int) -> str:

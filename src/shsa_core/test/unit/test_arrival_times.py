@@ -83,6 +83,17 @@ def test_it_came_between_two_looks(clocks: Clocks, ago: float, share: float) -> 
     assert ros_time == 51 * S - int(share * S)
 
 
+@pytest.mark.parametrize("since, found", [(0.25, 0.25), (0.5, 0.5), (7.0, 0.5)])
+def test_what_came_while_it_was_read_came_after_the_look(
+    clocks: Clocks, since: float, found: float
+) -> None:
+    """But not after it was read, whatever the wall clock says."""
+    times = clocks.look(101 * S, 11.0, 6.0, 51 * S)
+    came, ros_time = times.of(101 * S + int(since * S), 11.5)
+    assert came == pytest.approx(6.0 + found)
+    assert ros_time == 51 * S + int(found * S)
+
+
 def test_simulated_time_goes_evenly_between_two_looks(clocks: Clocks) -> None:
     times = clocks.look(101 * S, 11.0, 5.1, 50 * S + S // 10)
     came, ros_time = times.of(101 * S - S // 2)

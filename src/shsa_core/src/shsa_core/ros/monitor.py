@@ -3,13 +3,15 @@
 How a deadline is kept honest when the monitor itself was not scheduled: one thread reads the
 sockets and feeds the core, and it reads everything that has come before it lets time pass. The core
 hears when that thread wanted to wake and when it did, when the kernel received a message, and how
-long others of the same read may have waited for it.
+long others of the same read may have waited for it. Time passes for the core as far as all was read
+that had come: what comes while it is read is of later.
 """
 import argparse
 import sys
+from bisect import bisect_right
 from collections import deque
 from functools import partial
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Set, Tuple
+from typing import Any, Callable, Deque, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
 
 import rospy
 from shsa_msgs import msg
@@ -202,21 +204,27 @@ class MonitorNode:
         rest = min(self._looked + COALESCE_S, wanted) - woke
         if rest > 0.0:
             self._inbox.rest(rest)
-        self._looked = looked = self._times.look()
-        self._tell_clock()
-        ready = self._inbox.ready()
         items = self._inbox.take()
         self._heed_launch()
         for item in items:
             self._guarded(self._handle, item)
-        happenings = self._connections.read(ready)
+        self._tell_clock()
+        self._looked = looked = self._times.look()
+        happenings = self._connections.read(self._inbox.ready())
         self._heed_launch()
-        for time, happening in sorted(map(self._timed, happenings), key=lambda each: each[0]):
-            self._companion.beat()  # who has much to catch up with does not hang
-            self._guarded(self._happened, time, happening)
+        timed = map(partial(self._timed, clock.now()), happenings)
+        came = sorted(timed, key=lambda each: each[0])
+        later = bisect_right([time for time, _ in came], looked)
+        self._hear_all(came[:later])
         self._feed(events.Tick(looked, wanted, woke))
+        self._hear_all(came[later:])
         self._show_health()
         self._subscribe_next()
+
+    def _hear_all(self, came: Iterable[Tuple[float, Happening]]) -> None:
+        for time, happening in came:
+            self._companion.beat()  # who has much to catch up with does not hang
+            self._guarded(self._happened, time, happening)
 
     def _heed_launch(self) -> None:
         """Look whether the launch is ending, after something was read and before it is fed.
@@ -254,12 +262,12 @@ class MonitorNode:
 
     def _connection_changed(self, item: Any) -> None:
         for happening in self._connections.heed(item):
-            self._happened(self._looked, happening)
+            self._happened(clock.now(), happening)
 
-    def _timed(self, happening: Happening) -> Tuple[float, Happening]:
-        """What happened, with when it did; time does not go back for the core."""
-        noted = happening.noted if isinstance(happening, Arrived) else 0
-        return max(self._fed, self._times.of(noted)[0]), happening
+    def _timed(self, read: float, happening: Happening) -> Tuple[float, Happening]:
+        """What was `read` by then, with when it happened; time does not go back for the core."""
+        time = self._times.of(happening.noted, read)[0] if isinstance(happening, Arrived) else read
+        return max(self._fed, time), happening
 
     def _happened(self, now: float, happening: Happening) -> None:
         """Feed what happened at a connection."""
@@ -286,7 +294,8 @@ class MonitorNode:
     def _feed(self, event: events.Event) -> None:
         if self._journal is not None:
             self._journal.record(event)
-        self._fed = event.time
+        if not isinstance(event, events.ClockTicked):  # what is told of it had come before
+            self._fed = event.time
         commands = self._core.handle(event)
         for command in commands:
             self._carry_out[type(command)](command)

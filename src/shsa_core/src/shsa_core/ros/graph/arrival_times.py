@@ -5,7 +5,7 @@ So who is in no hurry for them need not wake for each.
 import socket
 import struct
 import time
-from typing import Callable, Iterable, NamedTuple, Tuple
+from typing import Callable, Iterable, NamedTuple, Optional, Tuple
 
 from shsa_core.ros.graph import clock
 
@@ -55,14 +55,17 @@ class ArrivalTimes:
         """For how long in s what had come by `time` may have waited: since the look before."""
         return time - self._before.time
 
-    def of(self, noted: int) -> Tuple[float, int]:
+    def of(self, noted: int, read: Optional[float] = None) -> Tuple[float, int]:
         """The robot's time in s and ROS time in ns when something had come; 0: at the last look.
 
         Between two looks every clock is taken to go evenly. What is read now had not come before
-        the look before.
+        the look before, nor after it was `read`, by the monotonic clock; None: at the last look.
         """
         before, looked = self._before, self._looked
         ago, span = (looked.wall - noted) / 1e9 if noted else 0.0, looked.here - before.here
+        if ago < 0.0 and read is not None:
+            since = max(0.0, min(-ago, read - looked.here))
+            return looked.time + since, looked.ros_time + round(1e9 * since)
         share = min(max(ago / span, 0.0), 1.0) if span > 0.0 else 0.0
         time = looked.time - share * (looked.time - before.time)
         return time, looked.ros_time - round(share * (looked.ros_time - before.ros_time))

@@ -2,6 +2,7 @@
 import os
 import select
 from collections import deque
+from contextlib import suppress
 from typing import Any, Deque, List, Set
 
 
@@ -11,6 +12,7 @@ class Inbox:
     def __init__(self) -> None:
         self._items: Deque[Any] = deque()
         self._reader, self._writer = os.pipe()
+        os.set_blocking(self._reader, False)
         self._poll = select.epoll()
         self._poll.register(self._reader, select.EPOLLIN)
         self._later = select.epoll()
@@ -51,14 +53,15 @@ class Inbox:
         """The watched descriptors that are readable now."""
         polled = [*self._poll.poll(0), *self._later.poll(0)]
         found = {descriptor for descriptor, _ in polled}
-        if self._reader in found:
-            found.remove(self._reader)
-            os.read(self._reader, 4096)
-            self._woken = False
+        found.discard(self._reader)
         return found
 
     def take(self) -> List[Any]:
         """What has been put so far, in order."""
+        if self._woken:
+            with suppress(BlockingIOError):  # who woke us is about to write
+                os.read(self._reader, 4096)
+            self._woken = False
         return [self._items.popleft() for _ in range(len(self._items))]
 
 
