@@ -6,6 +6,8 @@ import threading
 import time
 from typing import Any, List
 
+import pytest
+
 from shsa_core.ros.graph.inbox import Inbox
 
 
@@ -28,6 +30,22 @@ def test_an_item_wakes_the_reader_until_it_has_looked() -> None:
     assert waited(inbox, 10.0) < 5.0
     assert inbox.ready() == set()
     assert inbox.take() == [1]
+    assert waited(inbox, 0.02) >= 0.02
+
+
+def test_who_looks_before_it_is_woken_is_woken_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The thread that puts an item may be held up before it wakes the reader."""
+    inbox = Inbox()
+    write = os.write
+
+    def held_up(descriptor: int, data: bytes) -> int:
+        assert inbox.take() == [1]
+        return write(descriptor, data)
+
+    monkeypatch.setattr(os, "write", held_up)
+    inbox.put(1)
+    monkeypatch.undo()
+    assert inbox.take() == []
     assert waited(inbox, 0.02) >= 0.02
 
 

@@ -105,12 +105,12 @@ class GateNode:
         for happening in happenings:
             if isinstance(happening, Arrived):
                 last = newest[happening.connection] is happening.data
-                self._arrived(happening, self._looked - before, last)
+                self._arrived(happening, before, last)
             elif isinstance(happening, Lost) and happening.topic == self._service.heard:
                 self._feed(events.GateLeft(clock.now(), happening.publisher))
         self._feed(events.Tick(self._looked))
 
-    def _arrived(self, arrived: Arrived, waited: float, newest: bool) -> None:
+    def _arrived(self, arrived: Arrived, before: float, newest: bool) -> None:
         connection, data, whole, _ = arrived
         now, ros_time = clock.both()
         stamp = _stamp(data) if self._kind._has_header else 0
@@ -119,7 +119,7 @@ class GateNode:
             return
         judged = self._core.service_of(connection.publisher)
         ahead = ros_time - now
-        message = self._reader.event(now, waited, connection, data, whole, judged, ahead)
+        message = self._reader.event(now, now - before, connection, data, whole, judged, ahead)
         sent = connection.header
         if (sent["type"], sent["md5sum"]) != (self._kind._type, self._kind._md5sum):
             text = f"it is a {sent['type']} of another version or type than {self._kind._type} here"

@@ -58,10 +58,9 @@ class Inbox:
 
     def take(self) -> List[Any]:
         """What has been put so far, in order."""
-        if self._woken:
-            with suppress(BlockingIOError):  # who woke us is about to write
-                os.read(self._reader, 4096)
-            self._woken = False
+        with suppress(BlockingIOError):  # whoever wakes us may be about to
+            os.read(self._reader, 4096)
+        self._woken = False
         return [self._items.popleft() for _ in range(len(self._items))]
 
 
