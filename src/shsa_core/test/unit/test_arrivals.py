@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Dict, Iterator, List, Tuple
 
@@ -14,7 +15,7 @@ from shsa_msgs.msg import Float64Stamped
 from std_msgs.msg import Float64, String
 
 from shsa_core.model.service import Signal
-from shsa_core.ros.graph import arrivals as module
+from shsa_core.ros.graph import arrivals as module, priority
 from shsa_core.ros.graph.arrivals import Arrivals
 from shsa_core.ros.graph.connections import Closed, Connections, Made, _Implementation
 from shsa_core.substitution.events import (
@@ -28,6 +29,8 @@ from shsa_testing.waiting import wait_until
 
 OURS, SOURCE, ORIGINAL = "/substitute_1", "/source", "/original"
 LARGE = 1 << 20
+NOBODY = 65534
+"""A user that is not root."""
 
 
 class Time:
@@ -317,3 +320,34 @@ print(lowered)
         [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, check=True, timeout=60.0
     )
     assert done.stdout.strip() == str(os.geteuid() == 0)
+
+
+@pytest.mark.skipif(not os.path.exists(priority.SESSION), reason="this kernel has no autogroups")
+@pytest.mark.parametrize("user", (os.geteuid(), NOBODY) if os.geteuid() == 0 else (os.geteuid(),))
+def test_who_is_alone_in_a_session_lowers_that_whoever_its_user_is(user: int) -> None:
+    """A kernel that was asked a moment ago is asked again, by whoever is not root."""
+    program = """
+def await_session(nice):
+    end = time.monotonic() + 30.0
+    while not open(SESSION).read().endswith(f" nice {nice}\\n"):
+        assert time.monotonic() < end, open(SESSION).read()
+        time.sleep(0.01)
+await_session(0)
+assert lower()
+await_session(LOWERED)
+restore_all()
+await_session(0)
+print("done")
+"""
+    program = Path(priority.__file__).read_text() + program  # that user may not read our files
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+        timeout=90.0,
+        cwd="/",
+        start_new_session=True,
+        preexec_fn=lambda: os.setuid(user),
+    )
+    assert done.stdout.strip() == "done"

@@ -41,6 +41,8 @@ ALONE_S = 60.0  # without a reconfigurator; a launch starts it again within 2 s
 PREPARE_PAUSE_S = 0.01
 """Between two registrations that are in no hurry: each costs other nodes a connection, and a node
 that has many to make at once does not publish meanwhile."""
+SHARED_PAUSE_S = 0.1
+"""The same in a process that several share: ten of them come up together, with a program each."""
 USAGE = "usage: rosrun shsa_core substitute INPUTS CODE OUTPUT"
 Paths = Tuple[str, ...]
 
@@ -221,7 +223,8 @@ class SubstituteNode:
         """Make a call to the master; who is in no hurry makes room for others after it."""
         self._registrations.put(call)
         if self._idle or self._row.shared:
-            self._registrations.put(lambda: self._hurry.wait(PREPARE_PAUSE_S))
+            pause = SHARED_PAUSE_S if self._row.shared else PREPARE_PAUSE_S
+            self._registrations.put(lambda: self._hurry.wait(pause))
 
     def _withdraw(self, command: events.Withdraw) -> None:
         self._registrations.put(lambda: self._outputs.withdraw(command.topics))

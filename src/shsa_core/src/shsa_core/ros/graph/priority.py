@@ -2,10 +2,16 @@
 
 It may have hundreds of threads where the robot has hundreds of topics. Each would have as much of
 the processor as a node of the robot's that is to publish now.
+
+Where each session has its own share (`man 7 sched`, "The autogroup feature"), as on a desktop, the
+priority of a process counts within its session alone, and who is alone in one would be lowered for
+nothing: so that of the session is lowered as well.
 """
 import os
 import threading
+import time
 from contextlib import suppress
+from pathlib import Path
 from typing import List
 
 LOWERED = 10
@@ -13,21 +19,24 @@ LOWERED = 10
 
 USUAL = os.getpriority(os.PRIO_PROCESS, os.getpid())
 """Of this process, until it is lowered."""
+SESSION = "/proc/self/autogroup"
+AGAIN_S = 0.03
+USUAL_SESSION = _wanted = 0
 SWITCH_INTERVAL_S = 0.0005
 """Between switches of Python's threads: its own 5 ms, at each step between two of them, would be
 most of a takeover."""
 
 
 def lower() -> bool:
-    """Have this thread, and those that it starts, wait for others; whether that is so.
+    """Have this thread, and those that it starts, wait for others; whether that can be undone.
 
-    Only where each can count as much as others again: as root, or where the user's limit `nice`
-    allows it (see limits.conf).
+    Where it cannot it is not done. Each thread can count as much as others again as root, or where
+    the user's limit `nice` allows it (see limits.conf); a session can for everybody.
     """
-    if not _may_restore():
-        return False
-    os.nice(LOWERED)
-    return True
+    lowered = _may_restore()
+    if lowered:
+        os.nice(LOWERED)
+    return _set_session(LOWERED) or lowered
 
 
 def restore_all() -> None:
@@ -35,6 +44,32 @@ def restore_all() -> None:
     for thread in map(int, os.listdir("/proc/self/task")):
         with suppress(ProcessLookupError):  # it has ended meanwhile
             os.setpriority(os.PRIO_PROCESS, thread, USUAL)
+    _set_session(USUAL_SESSION)
+
+
+def _set_session(nice: int) -> bool:
+    """Set the priority of our session, now or soon; False: it has none, or is not ours alone."""
+    global _wanted
+    if not os.access(SESSION, os.W_OK) or os.getsid(0) != os.getpid():
+        return False
+    _wanted = nice
+    if not _try():
+        threading.Thread(target=_insist, name="priority", daemon=True).start()
+    return True
+
+
+def _try() -> bool:
+    """Set what is wanted last; False: somebody's was changed less than 0.1 s ago."""
+    try:
+        Path(SESSION).write_text(f"{_wanted}\n")
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _insist() -> None:
+    while not _try():
+        time.sleep(AGAIN_S)
 
 
 def _may_restore() -> bool:
