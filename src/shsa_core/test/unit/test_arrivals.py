@@ -335,7 +335,11 @@ def await_session(nice):
 await_session(0)
 assert lower()
 await_session(LOWERED)
+tried, end = threading.Event(), threading.Event()  # who tried whether it may has yet to end
+threading.Thread(target=lambda: (_change(1), tried.set(), end.wait()), daemon=True).start()
+tried.wait()
 restore_all()
+end.set()
 await_session(0)
 print("done")
 """

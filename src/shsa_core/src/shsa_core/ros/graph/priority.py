@@ -22,6 +22,7 @@ USUAL = os.getpriority(os.PRIO_PROCESS, os.getpid())
 SESSION = "/proc/self/autogroup"
 AGAIN_S = 0.03
 USUAL_SESSION = _wanted = 0
+_lowered = False
 SWITCH_INTERVAL_S = 0.0005
 """Between switches of Python's threads: its own 5 ms, at each step between two of them, would be
 most of a takeover."""
@@ -33,15 +34,16 @@ def lower() -> bool:
     Where it cannot it is not done. Each thread can count as much as others again as root, or where
     the user's limit `nice` allows it (see limits.conf); a session can for everybody.
     """
-    lowered = _may_restore()
-    if lowered:
+    global _lowered
+    _lowered = _may_restore()
+    if _lowered:
         os.nice(LOWERED)
-    return _set_session(LOWERED) or lowered
+    return _set_session(LOWERED) or _lowered
 
 
 def restore_all() -> None:
     """Have all threads count as much as others again."""
-    for thread in map(int, os.listdir("/proc/self/task")):
+    for thread in map(int, os.listdir("/proc/self/task") if _lowered else ()):
         with suppress(ProcessLookupError):  # it has ended meanwhile
             os.setpriority(os.PRIO_PROCESS, thread, USUAL)
     _set_session(USUAL_SESSION)
