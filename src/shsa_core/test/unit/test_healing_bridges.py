@@ -76,6 +76,24 @@ def test_a_row_bridges_while_its_node_may_speak() -> None:
     assert bridges(robot) == ((True, 0.0),)
 
 
+def test_a_bridge_that_is_heard_before_the_node_is_known_to_be_gone_goes_on() -> None:
+    """A substitute sees the end of a connection itself, and may be heard before we are told."""
+    robot = Robot(som())
+    (row,) = robot.working()
+    robot.failure("/a", A, 10.0, "rate_low", "too few came", 9.95)
+    robot.row("/a", row.node, "healthy", 10.012, first=10.012)
+    commands = robot.table(10.014)
+    assert last_incident(commands).state is State.HEALED
+    assert bridges(robot) == ((False, 2.5 * PERIOD),)  # its process is yet to be ended
+    robot.rows["/a", A] = PublisherHealth(
+        "/a", A, PublisherState.FAILED, 10.0, 1.0, 9.95, Kind.NODE_GONE, "its connection was lost"
+    )
+    robot.table(10.02)
+    assert bridges(robot) == ((True, 0.0),)
+    robot.killed(10.1, A)
+    assert bridges(robot) == ((True, 0.0),)
+
+
 @pytest.mark.parametrize("first", (10.01, 9.99999))
 def test_what_a_bridge_said_before_its_row_had_it_publish_is_its_first_message(
     first: float,

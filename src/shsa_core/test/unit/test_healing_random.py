@@ -14,6 +14,7 @@ from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.records import HealingRecord, IdleProcess, Record
 from shsa_core.healing.settings import Settings
+from shsa_core.healing.topic import SUBSTITUTED
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import FORMS
 from shsa_core.model.kinds import Contain, Kind, OnPartition, Policy, Standby
@@ -174,7 +175,7 @@ class AnyRobot(RuleBasedStateMachine):
             if plan is not None:
                 service = core._som.services[name]
                 parted = core._where.parted(service)
-                waits = healing.state is State.HEALING and not healing.publishes
+                waits = healing.state in SUBSTITUTED and not healing.publishes
                 speaks = waits or healing.state in (State.WELL, State.RETURNING)
                 alone = len(core._som.of_topic(service.topic)) == 1
                 beside = healing.substitute.host == core._where.host_of(service.node)

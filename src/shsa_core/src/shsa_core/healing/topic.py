@@ -277,7 +277,7 @@ class TopicHealing(Stranding):
     def _notice_last_word(self, now: Snapshot) -> None:
         """Who is being killed has left the graph, though its process may take a while longer."""
         incident = self.incident
-        if self.state is not State.HEALING or incident is None:
+        if self.state not in SUBSTITUTED or incident is None:
             return
         row = now.publishers.get(incident.faulty_node)
         if row is None or incident.faulty_node not in now.killing:

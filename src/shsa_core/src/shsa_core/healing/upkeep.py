@@ -27,7 +27,7 @@ from shsa_core.healing.stakes import Stakes
 from shsa_core.healing.starts import Starts
 from shsa_core.healing.strays import Strays
 from shsa_core.healing.tables import SomTable, SubstitutionTable
-from shsa_core.healing.topic import TopicHealing
+from shsa_core.healing.topic import SUBSTITUTED, TopicHealing
 from shsa_core.healing.whereabouts import Whereabouts
 from shsa_core.model.kinds import Kind, OnPartition, Policy
 from shsa_core.model.ontology import Ontology
@@ -391,13 +391,13 @@ class Upkeep:
         """The silence in s after which a substitute that stands by fills in; 0: it does not.
 
         It does while the original may speak: while the service is well, until the original is
-        killed, and from its return. Not on a shared topic, where somebody else is heard; nor from
-        another computer, where what is late may be the link.
+        killed, even if a bridge was heard by then, and from its return. Not on a shared topic,
+        where somebody else is heard; nor from another computer, where what is late may be the link.
         """
         substitute = healing.substitute
         here = substitute.host == self._where.host_of(service.node)
         fits = here and service.policy.substitutes and isinstance(substitute.plan, Plan)
-        waits = healing.state is State.HEALING and not healing.publishes
+        waits = healing.state in SUBSTITUTED and not healing.publishes
         speaks = waits or healing.state in (State.WELL, State.RETURNING)
         if not speaks or not fits or is_shared(self._som, service):
             return 0.0
