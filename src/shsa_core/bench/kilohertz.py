@@ -75,6 +75,8 @@ class Fast(Healed):
         """Listen to the original for so long, fail once, listen to the substitute, come back."""
         self.await_well()
         before = self._listen(NODE, seconds)[1]
+        for each in self._consumers:
+            each.forget()  # to look through so many would be our share of the outage
         takeover = self.take_over()
         time.sleep(SETTLING_TIME_S)
         pid = node_pid(takeover.substitute)
