@@ -5,7 +5,7 @@ from random import Random
 from typing import Iterator, List
 
 import pytest
-from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, service
+from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, service, stamped
 
 from shsa_core.model.checks import Checks, default_checks
 from shsa_core.model.service import Service
@@ -309,6 +309,23 @@ def test_what_a_node_catches_up_with_in_a_burst_may_have_stamps_as_near_as_that(
     assert bench.failures == []
 
 
+@pytest.mark.parametrize("apart", [4e-6, 1e-9])
+def test_a_burst_that_comes_in_parts_has_stamps_as_near_all_the_same(apart: float) -> None:
+    """Who is not scheduled while it sends: its last messages come later than they were stamped."""
+    values = noise(Random(4))
+    bench = bench_with(values)
+    for _ in range(20):
+        bench.wait(3 * PERIOD)
+        first = round(1e9 * bench.now)
+        for step in range(4):
+            bench.wait(0.0 if step < 2 else 0.6 * PERIOD)
+            stamp = first + round(1e9 * step * apart)
+            age = bench.now - 1e-9 * stamp
+            bench.send(Message(bench.now, TOPIC, NODE, (next(values),), age=age, stamp=stamp))
+        bench.wait(PERIOD)
+    assert bench.failures == []
+
+
 def test_what_was_held_up_on_its_way_is_neither_good_nor_evidence() -> None:
     """A link that was down: what was sent meanwhile comes at once."""
     values = noise(Random(19))
@@ -409,7 +426,8 @@ def test_healthy_messages_of_each_kind_make_no_failure(name: str) -> None:
         now = 100.0 + number * PERIOD + age
         if core.next_deadline <= now:
             failures += told(core.handle(Tick(now)))
-        failures += told(core.handle(Message(now, TOPIC, NODE, (next(values),), age=age)))
+        message = stamped(Message(now, TOPIC, NODE, (next(values),), age=age))
+        failures += told(core.handle(message))
     assert failures == []
 
 

@@ -132,6 +132,7 @@ class Message:
     `error` says why a message could not be decoded. `age`: s since its stamp, None if it has none.
     `waited`: s that it may have waited at most for the monitor to read it. `apart`: s by which
     simulated time and ours have gone apart so far, see `pace`; None: time is not simulated.
+    `stamp`: in ns, as it came; 0: it has none.
     """
 
     time: float
@@ -142,6 +143,7 @@ class Message:
     age: Optional[float] = None
     waited: float = 0.0
     apart: Optional[float] = None
+    stamp: int = 0
 
 
 @dataclass(frozen=True)

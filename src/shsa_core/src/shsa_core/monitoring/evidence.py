@@ -176,7 +176,9 @@ class Evidence:
         if self._stamp_checks and message.age is not None:
             sample = StampSample(message.age, message.waited)
             if message.apart is None:
-                sample = self._stamps.sample(message.time, message.age, message.waited)
+                sample = self._stamps.sample(
+                    message.time, message.stamp, message.age, message.waited
+                )
             yield judge(self._stamp_checks, sample)
         if self._rate_checks:
             yield self._look_at_rate(message)
@@ -187,7 +189,7 @@ class Evidence:
         Under simulated time some nodes stamp what /clock says, and some what theirs does.
         """
         if message.age is not None and message.apart is None:
-            self._stamps.heard(message.time, message.age, good)
+            self._stamps.heard(message.time, message.stamp, message.age, good)
 
     def _look_at_rate(self, message: Message) -> Optional[Finding]:
         """Judge the mean rate, in doubt for the publisher: it came within the last `waited` s."""

@@ -20,10 +20,9 @@ learning, whichever is most."""
 LEARN_GROWING = 200
 GRACE_MESSAGES = 10
 """Stamps that grew so often always grow, unless one does not and so many after it do."""
-INSTANT_S = 1e-5
 STAND_PERIODS = 0.5
-"""What a node was held up with it may send in a burst, with stamps as near to each other: a stamp
-stands only once it did so for this."""
+"""Some clocks are coarse, and a node may send in a burst what it was held up with: a stamp stands
+only once it did so for this."""
 
 
 class Stamps:
@@ -38,23 +37,23 @@ class Stamps:
         self._ages: List[float] = []
         self._usual: Optional[float] = None
         self._allowed = 0.0
-        self._last: Optional[float] = None
+        self._last: Optional[int] = None
         self._grew = 0.0  # when a newer stamp came last
         self._growing: Optional[int] = 0
         self._stood = False
 
-    def sample(self, time: float, age: float, waited: float) -> StampSample:
-        """What is to be judged of a message that came at `time`, `age` s after its stamp."""
+    def sample(self, time: float, stamp: int, age: float, waited: float) -> StampSample:
+        """What is to be judged of a message that came at `time`, `age` s after its `stamp` in ns."""
         if self._usual is None:
             return StampSample(age, waited)
         always = self._growing is not None and self._growing >= LEARN_GROWING
-        again = always and not self._grows(time - age) and self._stands(time)
+        again = always and not self._grows(stamp) and self._stands(time)
         return StampSample(age, waited, self._usual, self._allowed, again)
 
-    def heard(self, time: float, age: float, good: bool) -> None:
+    def heard(self, time: float, stamp: int, age: float, good: bool) -> None:
         """A message has been judged; learn from it if it was `good`."""
-        grows = self._grows(time - age)
-        self._last = time - age
+        grows = self._grows(stamp)
+        self._last = stamp
         if self.period is None:
             return
         if grows or self._stands(time):
@@ -64,8 +63,8 @@ class Stamps:
         if good:
             self._learn(age)
 
-    def _grows(self, stamp: float) -> bool:
-        return self._last is None or stamp - self._last > INSTANT_S
+    def _grows(self, stamp: int) -> bool:
+        return self._last is None or stamp > self._last
 
     def _stands(self, time: float) -> bool:
         return time - self._grew > STAND_PERIODS * (self.period or 0.0)

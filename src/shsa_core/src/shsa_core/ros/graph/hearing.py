@@ -3,7 +3,6 @@
 The messages come as the bytes that were sent, straight from the sockets (`connections`). Muted, a
 substitute needs few of them: one is decoded once somebody reads it.
 """
-import struct
 from typing import Callable, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple, Union
 
 import rospy
@@ -14,7 +13,7 @@ from shsa_core.ros.graph.arrival_times import ArrivalTimes
 from shsa_core.ros.graph.connections import Arrived, Connections, Happening, Lost, Made, Closed
 from shsa_core.ros.graph.identities import Identified
 from shsa_core.ros.graph.inbox import Inbox
-from shsa_core.ros.graph.messages import STAMP_END, Decoder
+from shsa_core.ros.graph.messages import Decoder, stamp
 from shsa_core.ros.graph.reconnection import Answered
 from shsa_core.ros.graph.stream import Connection
 from shsa_core.substitution.events import InputArrived, OtherGone, OtherHeard
@@ -110,8 +109,8 @@ class Hearing:
         if decoder is None:
             return None
         known = tuple((name, each) for name, each in zip(fields, values) if each is not None)
-        stamp = _stamp(data) if decoder.has_stamp else 0
-        return InputArrived(time, topic, publisher, known, stamp, ros_time)
+        stamped = stamp(data) if decoder.has_stamp else 0
+        return InputArrived(time, topic, publisher, known, stamped, ros_time)
 
     def other(self, message: Message) -> Optional[OtherHeard]:
         """That somebody else has published on a topic that is overheard; None if it is no such."""
@@ -123,8 +122,8 @@ class Hearing:
         if decoder is None:
             return None
         self._last[topic] = data
-        stamp = min(_stamp(data), ros_time) if decoder.has_stamp else 0
-        return OtherHeard(time, topic, publisher, stamp)
+        stamped = min(stamp(data), ros_time) if decoder.has_stamp else 0
+        return OtherHeard(time, topic, publisher, stamped)
 
     def gone(self, lost: Lost) -> Optional[OtherGone]:
         """That the node of somebody else on a topic that is overheard is gone; None if not so."""
@@ -170,11 +169,3 @@ def _say_unread(topic: str, publisher: str, error: ShsaError) -> None:
 def _refused(topic: str, claim: str, why: str) -> None:
     text = f"Who calls itself {claim} on {topic} is not heard as that: {why}"
     rospy.logwarn_throttle_identical(60.0, text)
-
-
-def _stamp(data: bytes) -> int:
-    """The time in the std_msgs/Header that a message begins with, in ns; 0: it was not set."""
-    if len(data) < STAMP_END:
-        return 0
-    seconds, nanoseconds = struct.unpack_from("<4xII", data)
-    return int(seconds) * 10**9 + int(nanoseconds)

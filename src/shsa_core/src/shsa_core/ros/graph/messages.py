@@ -78,9 +78,9 @@ def one_message(topic: str, kind: str, publisher: str, seconds: float) -> bytes:
         subscriber.unregister()
 
 
-def stamp(data: bytes) -> Optional[float]:
-    """The time in s in the std_msgs/Header that a message begins with; None if it was not set."""
+def stamp(data: bytes) -> int:
+    """The time in the std_msgs/Header that a message begins with, in ns; 0: it was not set."""
     if len(data) < STAMP_END:
-        return None
+        return 0
     seconds, nanoseconds = struct.unpack_from("<4xII", data)
-    return seconds + nanoseconds * 1e-9 if seconds or nanoseconds else None
+    return int(seconds) * 10**9 + int(nanoseconds)

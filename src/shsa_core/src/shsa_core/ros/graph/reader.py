@@ -53,7 +53,7 @@ class Reader:
         needs = self._needs.get(connection)
         if needs is None or (needs.service is not service and needs.service != service):
             needs = self._learn(connection, service)
-        values, error, age = None, "", None
+        values, error, age, stamped = None, "", None, 0
         if needs.values is not None and whole:
             try:
                 values = needs.values.values(data)
@@ -61,9 +61,9 @@ class Reader:
                 error = str(refusal)
         if needs.stamps:
             stamped = stamp(data)
-            age = None if stamped is None else time + ahead - stamped
+            age = time + ahead - stamped / 1e9 if stamped else None
         whom = (connection.topic, connection.publisher)
-        return Message(time, *whom, values, error, age, waited)
+        return Message(time, *whom, values, error, age, waited, stamp=stamped)
 
     def forget(self) -> None:
         """Services have changed: what is needed is learned anew, from whole messages."""
