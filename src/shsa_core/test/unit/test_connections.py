@@ -1,5 +1,6 @@
 """The monitor's side of a connection: nothing that rospy drops stays open."""
 import gc
+import socket
 import weakref
 from typing import Any
 
@@ -7,7 +8,7 @@ import rospy
 from rospy.impl.tcpros_base import TCPROSTransport
 from rospy.impl.tcpros_pubsub import TCPROSSub
 
-from shsa_core.ros.graph.connections import Closed, Made, _Implementation
+from shsa_core.ros.graph.connections import Closed, Connections, Made, _Implementation
 from shsa_core.ros.graph.inbox import Inbox
 
 PUBLISHER = "http://localhost:1/"
@@ -43,3 +44,18 @@ def test_a_connection_that_stands_is_handed_over() -> None:
     implementation.add_connection(transport)
     transport.receive_loop(implementation.receive_callback)
     assert inbox.take() == [Made("/topic", transport)]
+
+
+def test_a_connection_that_rospy_closes_before_it_is_taken_over_is_none() -> None:
+    """Its thread closes the socket, and then says so."""
+    inbox = Inbox()
+    connections = Connections(inbox, 2.0, lambda *_: None)
+    connections._implementations["/topic"] = _Implementation("/topic", inbox)
+    transport = connecting()
+    transport.socket, other = socket.socketpair()
+    transport.header = {"callerid": "/node"}
+    with other:
+        transport.socket.close()
+        assert list(connections.heed(Made("/topic", transport))) == []
+        assert connections.standing() == set()
+        assert list(connections.heed(Closed("/topic", transport))) == []

@@ -235,9 +235,12 @@ class Connections:
         socket = transport.socket
         if transport.done or socket is None:
             return
-        socket.setblocking(False)
-        arrival_times.note(socket)
         publisher, descriptor = transport.callerid_pub, socket.fileno()
+        try:
+            socket.setblocking(False)
+            arrival_times.note(socket)
+        except OSError:
+            return  # rospy has closed it in a thread of its own, which we are told next
         connection = Connection(
             topic, publisher, transport.header, transport, descriptor, _address(socket)
         )

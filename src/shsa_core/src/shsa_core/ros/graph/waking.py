@@ -21,7 +21,10 @@ class Waking:
     def add(self, connection: Connection) -> None:
         """Watch a new connection."""
         wakes = self._wakes(connection.topic)
-        self._inbox.watch(connection.descriptor, wakes)
+        try:
+            self._inbox.watch(connection.descriptor, wakes)
+        except OSError:
+            return  # it has just been closed, which we are told next
         if not wakes:
             self._waiting.add(connection.descriptor)
 
