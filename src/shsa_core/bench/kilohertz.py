@@ -18,7 +18,7 @@ from faults import FAULTS
 from graph import Graph
 from report import Goals, arguments, in_words, print_table, write_table
 from robot import NODE, TOPIC, Consumers, HealthyRobot
-from shsa_testing.graph import node_pid
+from shsa_testing.graph import node_pid, node_process
 from substitute_cost import cpu_time
 from takeover import STEPS, Takeover
 
@@ -82,7 +82,9 @@ class Fast(Healed):
         pid = node_pid(takeover.substitute)
         spent, begin = cpu_time(pid), time.monotonic()
         at_rospy, after = self._listen(takeover.substitute, seconds)
-        share = (cpu_time(pid) - spent) / (time.monotonic() - begin)
+        took = time.monotonic() - begin
+        assert node_process(takeover.substitute) is not None, "the substitute was replaced"
+        share = (cpu_time(pid) - spent) / took
         self.bring_back()
         lost = round((after[-1] - after[0]) / self.period) - (len(after) - 1)
         rates = [rate(each) for each in (at_rospy, after, before)]

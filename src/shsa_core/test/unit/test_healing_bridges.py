@@ -3,7 +3,7 @@ from dataclasses import replace
 from typing import Any, Tuple
 
 import pytest
-from core_robot import SOM, A, Robot, last_incident, only
+from core_robot import SOM, A, Robot, has, last_incident, only
 
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
@@ -92,6 +92,24 @@ def test_a_bridge_that_is_heard_before_the_node_is_known_to_be_gone_goes_on() ->
     assert bridges(robot) == ((True, 0.0),)
     robot.killed(10.1, A)
     assert bridges(robot) == ((True, 0.0),)
+
+
+def test_a_substitute_that_is_only_slow_goes_on_where_there_is_no_other() -> None:
+    """On a busy computer: what it computes is right, and to end it would leave nothing."""
+    robot = Robot(som())
+    (row,) = robot.working()
+    robot.failure("/a", A, 10.0, "node_gone", "its connection was lost", 9.95)
+    robot.row("/a", row.node, "healthy", 10.012, first=10.012)
+    assert last_incident(robot.table(10.014)).state is State.HEALED
+    slow = robot.failure("/a", row.node, 12.0, "rate_low", "too few came", 11.99)
+    assert has(slow, events.StopSubstitute), "there is another"
+    (other,) = robot.working()
+    robot.row("/a", other.node, "healthy", 12.3, first=12.3)
+    assert last_incident(robot.table(12.4)).state is State.HEALED
+    slow = robot.failure("/a", other.node, 14.0, "rate_low", "too few came", 13.99)
+    assert not has(slow, events.StopSubstitute) and bridges(robot) == ((True, 0.0),)
+    stuck = robot.failure("/a", other.node, 15.0, "stuck", "it stands", 14.9)
+    assert has(stuck, events.StopSubstitute)
 
 
 @pytest.mark.parametrize("first", (10.01, 9.99999))

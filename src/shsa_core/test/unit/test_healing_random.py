@@ -302,7 +302,10 @@ class AnyRobot(RuleBasedStateMachine):
         self.accused.add(node)
         self.hear(events.FailureSeen(time, name, topic, node, kind, "as told.", time - 0.1))
 
-    @rule(data=st.data(), kind=st.sampled_from((Kind.SILENT, Kind.NODE_GONE, Kind.STUCK)))
+    @rule(
+        data=st.data(),
+        kind=st.sampled_from((Kind.SILENT, Kind.NODE_GONE, Kind.STUCK, Kind.RATE_LOW)),
+    )
     def substitute_fails(self, data: Any, kind: Kind) -> None:
         working = [row for row in self.shown.values() if row.node and row.service]
         if working:

@@ -258,9 +258,20 @@ class TopicHealing(Stranding):
             self.incident = replace(self.incident, last_good=event.last_good)
         if changing:
             return self._fire(now, Trigger.SILENT, event) + self._notice_first_message(now)
+        if event.kind is Kind.RATE_LOW and self._is_all_there_is(now):
+            text = (
+                f"{now.service.topic}: the substitute is slow, and there is no other: it goes on:"
+            )
+            return [Log(Level.WARN, f"{text} {event.detail}."), *self._step()]
         elsewhere = event.kind is Kind.SILENT and bool(self.substitute.host)  # or cut off
         tried = event.kind is not Kind.NODE_GONE and not elsewhere
         return self._substitute_failed(now, event.detail, tried)
+
+    def _is_all_there_is(self, now: Snapshot) -> bool:
+        """Whether the service is computed, and cannot be otherwise."""
+        if self.incident is None or self.state is not State.HEALED:
+            return False
+        return self.substitute.another(now, self.incident.faulty_node) is None
 
     def _substitute_failed(self, now: Snapshot, why: str, tried: bool) -> List[Request]:
         """Stop the substitute; its plan is not tried again if `tried`."""
