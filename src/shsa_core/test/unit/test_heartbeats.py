@@ -6,7 +6,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Iterator, List
+from typing import Iterator, List, Tuple
 
 import pytest
 import rospy
@@ -73,6 +73,37 @@ def test_who_hangs_is_told_and_who_wakes_up(
     beating.send_signal(signal.SIGSTOP)
     wait_until(lambda: told[3:] == ["silent", "hung"], 10.0, "it hangs")
     assert watch.is_silent("/substitute_a_1")
+
+
+STARVES = """
+import hashlib, os, sys, threading, time, rospy
+from shsa_core.ros.graph.heartbeats import Heart
+rospy.get_name = lambda: "/substitute_a_1"
+Heart(sys.argv[1]).beat()
+os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+for _ in range(5):
+    threading.Thread(target=hashlib.pbkdf2_hmac, args=("sha256", b"", b"", 10**9), daemon=True).start()
+time.sleep(600.0)
+"""
+
+
+def test_who_waits_for_the_processor_does_not_hang_before_long(
+    role: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Five threads share a core, so that there is always one that waits for it."""
+    monkeypatch.setattr(heartbeats, "HUNG_S", 0.6)
+    monkeypatch.setattr(heartbeats, "STARVED_S", 4.0)
+    told: List[Tuple[str, float]] = []
+    tell = lambda what: lambda name: told.append((what, time.monotonic()))
+    Watch(Signs(role), tell("silent"), tell("hung"), tell("heard"))
+    process = subprocess.Popen([sys.executable, "-c", STARVES, role])
+    try:
+        wait_until(lambda: len(told) == 3, 30.0, "it counts as one that hangs")
+    finally:
+        process.kill()
+        process.wait()
+    assert [what for what, _ in told] == ["heard", "silent", "hung"]
+    assert told[2][1] - told[0][1] > 3.0
 
 
 def test_who_is_heard_by_nobody_knows_it(role: str) -> None:

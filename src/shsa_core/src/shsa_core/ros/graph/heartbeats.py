@@ -11,11 +11,12 @@ import socket
 import struct
 import threading
 import time
-from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 import rospkg
 import rospy
 
+from shsa_core.ros.graph import kernel
 from shsa_core.ros.graph.places import master_place
 
 PERIOD_S = 0.1
@@ -24,6 +25,8 @@ LOOK_S = 0.05
 SILENT_S = 0.3
 HUNG_S = 1.5
 """Silence in s. The first is three heartbeats; the second is the end of a process."""
+STARVED_S = 15.0
+"""So long at most a process that has no processor may be silent."""
 CREDENTIALS = struct.Struct("3i")
 SPACE = socket.CMSG_SPACE(CREDENTIALS.size)
 LONGEST = 300
@@ -171,7 +174,8 @@ class Watch:
 
     `silent(name)` after SILENT_S, `hung(name)` after HUNG_S, `heard(name)` at its first one and
     once it does again; in a thread of its own. Time in which this process was not scheduled itself
-    does not count.
+    does not count; nor does, for HUNG_S, time in which the other one was not, up to STARVED_S: what
+    stands by comes last, and to start it anew would leave less time for it.
     """
 
     def __init__(
@@ -180,7 +184,9 @@ class Watch:
         self._signs, self._prefix = signs, prefix
         self._silent, self._hung, self._heard = silent, hung, heard
         self._seen: Dict[str, Tuple[Optional[Sign], float]] = {}  # and when it was new
-        self._quiet: Set[str] = set()  # who is silent; names are used once
+        self._quiet: Dict[
+            str, float
+        ] = {}  # who is silent, and how long it had waited to run by then
         threading.Thread(target=self._work, name="signs of life", daemon=True).start()
 
     def is_silent(self, name: str) -> bool:
@@ -206,16 +212,22 @@ class Watch:
         self._seen[name] = sign, awake if sign != last else since
         silence = awake - self._seen[name][1]
         if silence < SILENT_S:
-            if name in self._quiet:
-                self._quiet.discard(name)
+            if self._quiet.pop(name, None) is not None:
                 self._heard(name)
-        elif silence >= HUNG_S:
+        elif silence >= HUNG_S and self._hangs(name, sign.pid, silence):
             self._signs.forget(name)
             del self._seen[name]
             self._hung(name)
         elif name not in self._quiet:
-            self._quiet.add(name)
+            self._quiet[name] = kernel.waited(sign.pid)
             self._silent(name)
+
+    def _hangs(self, name: str, pid: int, silence: float) -> bool:
+        """Whether a silent process would have given a sign if it had been given the time to."""
+        if silence >= STARVED_S:
+            return True
+        starved = kernel.waited(pid) - self._quiet.get(name, 0.0)
+        return silence - starved >= HUNG_S
 
 
 def sender(extra: Iterable[Tuple[int, int, bytes]]) -> Optional[int]:

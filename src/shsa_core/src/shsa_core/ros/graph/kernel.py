@@ -154,6 +154,21 @@ def stopped(process: psutil.Process) -> bool:
         return False
 
 
+def waited(pid: int) -> float:
+    """For how long the threads of a process could run and had no processor so far, in s.
+
+    0 where the kernel does not tell: see its documentation of schedstat.
+    """
+    total = 0
+    try:
+        for task in os.listdir(f"/proc/{pid}/task"):
+            with open(f"/proc/{pid}/task/{task}/schedstat", "rb") as file:
+                total += int(file.read().split()[1])
+    except (OSError, ValueError, IndexError):
+        return total / 1e9  # it, or a thread of it, has ended meanwhile
+    return total / 1e9
+
+
 def kill(process: psutil.Process) -> None:
     """`kill -9` this very process, and no other that has its number by now.
 

@@ -1,5 +1,6 @@
 """The computer that we run on: its processes are learned, found, ended, started and listened to."""
 import threading
+import time
 from typing import Any, Callable, Collection, Dict, List, Optional, Sequence
 
 import psutil
@@ -21,6 +22,10 @@ from shsa_core.ros.host.host import HostCommand, Tell
 
 MOST_CALLS = 32
 """Of one kind of command, under way at the same time."""
+LEARNING = 2
+LEARN_PAUSE_S = 0.02
+"""So many nodes are learned at the same time, and each is followed by a pause: all of a large robot
+become healthy in the same moment, and to look at each is work for several processes."""
 
 
 class LocalHost:
@@ -69,7 +74,7 @@ class LocalHost:
         self._carry_out: dispatch.Table[object] = dispatch.table(
             HostCommand,
             {
-                events.LearnNode: self._by(_workers("learn"), self._learn),
+                events.LearnNode: self._by(_workers("learn", LEARNING), self._learn),
                 events.WatchNodes: self._by(
                     _workers("watch"), lambda c: self._coming_up.watch(c.nodes)
                 ),
@@ -154,6 +159,7 @@ class LocalHost:
             self._untouchable(command.node, f"it could not be looked at: {why}")
 
     def _learn(self, command: events.LearnNode) -> None:
+        time.sleep(LEARN_PAUSE_S)
         known = self.fence.learn(command.node, command.topic)
         protected = ""
         if known is not None and known.process is not None:
@@ -216,5 +222,5 @@ class LocalHost:
         self._tell(events.NodeRestarted(clock.now(), command.node, with_us, *identities))
 
 
-def _workers(name: str) -> Workers:
-    return Workers(name, MOST_CALLS, lambda text: rospy.logerr("%s", text))
+def _workers(name: str, most: int = MOST_CALLS) -> Workers:
+    return Workers(name, most, lambda text: rospy.logerr("%s", text))
