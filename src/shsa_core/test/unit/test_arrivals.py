@@ -314,6 +314,8 @@ if lowered:
     priority.restore_all()
     end.set(); thread.join()
     assert nice() == usual and others[1:] == [usual], others
+    priority.lower_all()
+    assert nice() == usual + priority.LOWERED, nice()
 print(lowered)
 """
     done = subprocess.run(
@@ -341,6 +343,8 @@ tried.wait()
 restore_all()
 end.set()
 await_session(0)
+lower_all()
+await_session(LOWERED)
 print("done")
 """
     program = Path(priority.__file__).read_text() + program  # that user may not read our files

@@ -90,8 +90,8 @@ class Arrivals:
             return
         self._hurries = hurries
         self._hearing.wake()
-        if hurries and self._lowered:
-            priority.restore_all()
+        if self._lowered:
+            (priority.restore_all if hurries else priority.lower_all)()
 
     def last(self, topic: str) -> bytes:
         """The last message of another one on a topic, serialized; empty: there is none."""

@@ -43,10 +43,19 @@ def lower() -> bool:
 
 def restore_all() -> None:
     """Have all threads count as much as others again."""
+    _set_all(USUAL, USUAL_SESSION)
+
+
+def lower_all() -> None:
+    """Have all threads wait for others again, after they were restored."""
+    _set_all(USUAL + LOWERED, LOWERED)
+
+
+def _set_all(nice: int, session: int) -> None:
     for thread in map(int, os.listdir("/proc/self/task") if _lowered else ()):
         with suppress(ProcessLookupError):  # it has ended meanwhile
-            os.setpriority(os.PRIO_PROCESS, thread, USUAL)
-    _set_session(USUAL_SESSION)
+            os.setpriority(os.PRIO_PROCESS, thread, nice)
+    _set_session(session)
 
 
 def _set_session(nice: int) -> bool:
