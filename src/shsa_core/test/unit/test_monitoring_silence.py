@@ -5,7 +5,7 @@ import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, SETTINGS, TOPIC, Bench, service
 
 from shsa_core.model.service import Service
-from shsa_core.monitoring.silence import CONNECT_S
+from shsa_core.monitoring.silence import COMING_UP_S, CONNECT_S
 
 NODES = ("/one", "/two", "/three", "/four")
 
@@ -177,10 +177,12 @@ def test_to_connect_to_one_node_excuses_no_other(bench: Bench) -> None:
     assert bench.kinds() == [(NODE, "silent")]
 
 
-def test_while_a_substitute_comes_up_everybody_has_a_deadline_more() -> None:
+@pytest.mark.parametrize("after", (0.0, 0.9 * COMING_UP_S))
+def test_while_a_substitute_comes_up_everybody_has_a_deadline_more(after: float) -> None:
     bench = robot()
     bench.substitutes(("/substitute_1", False), topic="/two")
     bench.connect("/substitute_1", "/two")
+    stream(bench, NODES, after)
     last = bench.now
     stream(bench, NODES[1:], 1.9 * DEADLINE)
     assert bench.failures == []

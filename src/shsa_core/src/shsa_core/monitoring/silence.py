@@ -16,6 +16,8 @@ from shsa_core.monitoring.publishers import Publisher
 
 CONNECT_S = 0.1
 """A silence may come of a connection of healing's own that was made in it, or so long before."""
+COMING_UP_S = 1.0
+"""The same of a substitute that comes up: it has more to do after that, as have those who hear it."""
 REMEMBER_S = 600.0
 TOGETHER_NODES = 3
 """So many nodes that are late at the same time are late for one reason."""
@@ -72,8 +74,8 @@ class Excuses:
 
     def disturbed(self, node: str, began: float) -> bool:
         """Whether healing connected since shortly before a silence, or a low rate, began."""
-        least = began - CONNECT_S
-        return any(self._connected.get(name, -inf) >= least for name in (node, EVERYBODY))
+        known, either = self._connected, began - CONNECT_S
+        return known.get(node, -inf) >= either or known.get(EVERYBODY, -inf) >= began - COMING_UP_S
 
 
 def late_nodes(publishers: Iterable[Publisher], time: float, longest: float = inf) -> int:
