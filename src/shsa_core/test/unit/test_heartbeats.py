@@ -81,8 +81,9 @@ from shsa_core.ros.graph.heartbeats import Heart
 rospy.get_name = lambda: "/substitute_a_1"
 Heart(sys.argv[1]).beat()
 os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+work = lambda: hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
 for _ in range(5):
-    threading.Thread(target=hashlib.pbkdf2_hmac, args=("sha256", b"", b"", 10**9), daemon=True).start()
+    threading.Thread(target=work, daemon=True).start()
 time.sleep(600.0)
 """
 

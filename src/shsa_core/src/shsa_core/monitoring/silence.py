@@ -17,7 +17,7 @@ from shsa_core.monitoring.publishers import Publisher
 CONNECT_S = 0.1
 """A silence may come of a connection of healing's own that was made in it, or so long before."""
 COMING_UP_S = 1.0
-"""The same of a substitute that comes up: it has more to do after that, as have those who hear it."""
+"""The same of a substitute that comes up: it has more to do after that, and so have others."""
 REMEMBER_S = 600.0
 TOGETHER_NODES = 3
 """So many nodes that are late at the same time are late for one reason."""
