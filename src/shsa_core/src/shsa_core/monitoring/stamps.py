@@ -43,7 +43,7 @@ class Stamps:
         self._stood = False
 
     def sample(self, time: float, stamp: int, age: float, waited: float) -> StampSample:
-        """What is to be judged of a message that came at `time` s, `age` s after its `stamp` (ns)."""
+        """What is to be judged of what came at `time` s, `age` s after its `stamp` in ns."""
         if self._usual is None:
             return StampSample(age, waited)
         always = self._growing is not None and self._growing >= LEARN_GROWING
