@@ -102,7 +102,7 @@ def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: 
     node.close_connections()
     monitor.until(lambda: "Lost" in monitor.kinds())
     assert monitor.kinds() == ["Interrupted", "Lost"]
-    assert RECONNECT_S <= time.monotonic() - begun < RECONNECT_S + 0.3
+    assert RECONNECT_S <= time.monotonic() - begun < 2 * RECONNECT_S
 
 
 def test_the_old_process_of_a_node_that_was_started_again_is_missed_by_nobody(
