@@ -21,7 +21,7 @@ from shsa_core.ros.graph.identities import Identified
 from shsa_core.ros.graph.inbox import Inbox
 from shsa_core.ros.graph.reconnection import Answered
 
-HOST, RECONNECT_S = "127.0.0.1", 1.0
+HOST, RECONNECT_S = "127.0.0.1", 0.4
 LISTED: Dict[str, str] = {}
 """What the master knows: nodes and their addresses. All publish every topic."""
 

@@ -48,6 +48,7 @@ def test_a_strange_address_refuses_nothing(uri: str) -> None:
 
 
 def test_a_node_that_drops_a_connection_is_connected_again(monitor: Monitor, node: Node) -> None:
+    monitor.connections._reconnect = 5.0  # a busy computer may take a second
     monitor.connect(node)
     for _ in range(3):
         node.close_connections()
@@ -102,7 +103,7 @@ def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: 
     node.close_connections()
     monitor.until(lambda: "Lost" in monitor.kinds())
     assert monitor.kinds() == ["Interrupted", "Lost"]
-    assert RECONNECT_S <= time.monotonic() - begun < 2 * RECONNECT_S
+    assert RECONNECT_S <= time.monotonic() - begun < RECONNECT_S + 0.3
 
 
 def test_the_old_process_of_a_node_that_was_started_again_is_missed_by_nobody(
