@@ -11,7 +11,7 @@ from shsa_core.ros.graph import connections as module
 from shsa_core.ros.graph import frames
 from shsa_core.ros.graph.frames import Wanted
 from shsa_core.ros.graph.inbox import Inbox
-from shsa_core.ros.graph.reconnection import Reconnection, refuses
+from shsa_core.ros.graph.reconnection import Answered, Reconnection, refuses
 
 
 def test_a_node_that_died_is_told_at_once(monitor: Monitor, node: Node) -> None:
@@ -48,7 +48,6 @@ def test_a_strange_address_refuses_nothing(uri: str) -> None:
 
 
 def test_a_node_that_drops_a_connection_is_connected_again(monitor: Monitor, node: Node) -> None:
-    monitor.connections._reconnect = 5.0  # a busy computer may take a second
     monitor.connect(node)
     for _ in range(3):
         node.close_connections()
@@ -57,6 +56,18 @@ def test_a_node_that_drops_a_connection_is_connected_again(monitor: Monitor, nod
         monitor.seen.clear()
     node.send(struct.pack("<I", 3) + b"abc")
     monitor.until(lambda: monitor.data == [b"abc"])
+
+
+def test_an_answer_to_an_earlier_question_is_none_to_this_one(monitor: Monitor, node: Node) -> None:
+    """A node that drops its connection twice: the first answer may come after the second drop."""
+    monitor.connect(node)
+    node.answers = False
+    node.close_connections()
+    monitor.until(lambda: monitor.kinds() == ["Interrupted"])
+    monitor.inbox.put(Answered(monitor.topic, node.uri, True, 0))
+    monitor.turn()
+    monitor.turn()
+    assert monitor.kinds() == ["Interrupted"]
 
 
 def test_two_connections_of_which_each_end_drops_another(monitor: Monitor, node: Node) -> None:

@@ -259,10 +259,8 @@ class TopicHealing(Stranding):
         if changing:
             return self._fire(now, Trigger.SILENT, event) + self._notice_first_message(now)
         if event.kind is Kind.RATE_LOW and self._is_all_there_is(now):
-            text = (
-                f"{now.service.topic}: the substitute is slow, and there is no other: it goes on:"
-            )
-            return [Log(Level.WARN, f"{text} {event.detail}."), *self._step()]
+            text = f"{now.service.topic}: the substitute is slow ({event.detail})"
+            return [Log(Level.WARN, f"{text}, and goes on: there is no other."), *self._step()]
         elsewhere = event.kind is Kind.SILENT and bool(self.substitute.host)  # or cut off
         tried = event.kind is not Kind.NODE_GONE and not elsewhere
         return self._substitute_failed(now, event.detail, tried)

@@ -74,8 +74,8 @@ class Excuses:
 
     def disturbed(self, node: str, began: float) -> bool:
         """Whether healing connected since shortly before a silence, or a low rate, began."""
-        known, either = self._connected, began - CONNECT_S
-        return known.get(node, -inf) >= either or known.get(EVERYBODY, -inf) >= began - COMING_UP_S
+        last = (self._connected.get(name, -inf) for name in (node, EVERYBODY))
+        return any(at + within >= began for at, within in zip(last, (CONNECT_S, COMING_UP_S)))
 
 
 def late_nodes(publishers: Iterable[Publisher], time: float, longest: float = inf) -> int:

@@ -87,14 +87,14 @@ Happening = Union[Connected, Interrupted, Lost, Arrived]
 class _Doubt:
     """A publisher that is not connected any more, and may be gone; empty: it never was connected.
 
-    `until`: when it is taken to be gone. `asked`: it was asked for another connection, and has not
-    answered yet (`waits`).
+    `until`: when it is taken to be gone. `asked`: the number under which it was asked for another
+    connection, 0: it was not; it may not have answered yet (`waits`).
     """
 
     publisher: str
     until: float
     address: str = ""
-    asked: bool = False
+    asked: int = 0
     waits: bool = False
 
 
@@ -151,6 +151,7 @@ class Connections:
         self._doubts: Dict[Tuple[str, str], _Doubt] = {}
         self._tries: Dict[Tuple[str, str], int] = {}
         self._reconnection = Reconnection(inbox)
+        self._asked = 0
 
     def subscribe(self, topic: str) -> None:
         """Subscribe `topic`; waits for the master. This alone may be called from another thread."""
@@ -292,14 +293,15 @@ class Connections:
         if doubt.waits or implementation.connects(uri):
             return
         if not doubt.asked and not self._reconnection.is_gone(doubt.address, uri):
-            doubt.asked = doubt.waits = True
-            self._reconnection.ask(topic, uri, implementation)
+            self._asked += 1
+            doubt.asked, doubt.waits = self._asked, True
+            self._reconnection.ask(topic, uri, implementation, doubt.asked)
             return
         yield from self._end_doubt(topic, uri)
 
     def _answered(self, item: Answered) -> Iterator[Happening]:
         doubt = self._doubts.get((item.topic, item.uri))
-        if doubt is not None:
+        if doubt is not None and doubt.asked == item.number:  # and not of a doubt before this one
             doubt.waits = False
             if not item.willing:
                 self._tries[item.topic, item.uri] = TRIES

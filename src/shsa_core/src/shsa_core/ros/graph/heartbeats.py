@@ -184,9 +184,8 @@ class Watch:
         self._signs, self._prefix = signs, prefix
         self._silent, self._hung, self._heard = silent, hung, heard
         self._seen: Dict[str, Tuple[Optional[Sign], float]] = {}  # and when it was new
-        self._quiet: Dict[
-            str, float
-        ] = {}  # who is silent, and how long it had waited to run by then
+        # Who is silent, and how long it had waited for a processor by then.
+        self._quiet: Dict[str, float] = {}
         threading.Thread(target=self._work, name="signs of life", daemon=True).start()
 
     def is_silent(self, name: str) -> bool:

@@ -27,12 +27,13 @@ LISTENED_S = 0.1
 class Answered(NamedTuple):
     """The node at `uri` was asked for another connection.
 
-    If it was `willing`, that is under way.
+    If it was `willing`, that is under way. `number`: as it was asked.
     """
 
     topic: str
     uri: str
     willing: bool
+    number: int
 
 
 def refuses(address: str, uri: str) -> bool:
@@ -76,7 +77,7 @@ class Reconnection:
     def __init__(self, inbox: Inbox) -> None:
         self._inbox = inbox
         self._lock = threading.Lock()
-        self._waiting: Dict[str, Deque[Tuple[str, Any]]] = {}
+        self._waiting: Dict[str, Deque[Tuple[str, Any, int]]] = {}
         self._listened: Dict[str, float] = {}
 
     def is_gone(self, address: str, uri: str) -> bool:
@@ -90,13 +91,13 @@ class Reconnection:
             self._listened[uri] = now
         return gone
 
-    def ask(self, topic: str, uri: str, implementation: Any) -> None:
+    def ask(self, topic: str, uri: str, implementation: Any, number: int) -> None:
         """Connect rospy's subscription of a topic to the node at `uri`; puts Answered."""
         with self._lock:
             if uri in self._waiting:
-                self._waiting[uri].append((topic, implementation))
+                self._waiting[uri].append((topic, implementation, number))
                 return
-            self._waiting[uri] = deque([(topic, implementation)])
+            self._waiting[uri] = deque([(topic, implementation, number)])
         threading.Thread(target=self._work, args=(uri,), name="reconnect", daemon=True).start()
 
     def _work(self, uri: str) -> None:
@@ -106,13 +107,13 @@ class Reconnection:
                 if not waiting:
                     del self._waiting[uri]
                     return
-                topic, implementation = waiting.popleft()
+                topic, implementation, number = waiting.popleft()
             try:
                 willing = _connect(topic, uri, implementation)
             except Exception as error:  # whatever a strange node answers, it is not willing
                 rospy.logdebug("%s gives no connection for %s: %r", uri, topic, error)
                 willing = False
-            self._inbox.put(Answered(topic, uri, willing))
+            self._inbox.put(Answered(topic, uri, willing, number))
 
 
 def _connect(topic: str, uri: str, implementation: Any) -> bool:
