@@ -170,6 +170,13 @@ def test_nobody_need_look_at_each_part_of_large_messages_that_are_dropped(pair: 
 def test_large_messages_that_are_read_together_came_one_after_the_other(pair: Pair) -> None:
     there, here = pair
     arrival_times.note(here)
+
+    def is_noted() -> bool:
+        there.sendall(b"x")
+        wait_until(lambda: unread(here) == 1, 5.0, "it has come")
+        return arrival_times.noted(here.recvmsg(1, arrival_times.SPACE)[1]) > 0
+
+    wait_until(is_noted, 10.0, "the kernel, who does so a little later, notes it")
     here.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, frames.EXPECTED)
     data, moments = framed(payload(MB)[:MB]), [time.time_ns()]
     for number in range(3):  # the kernel takes all of them before anybody reads
