@@ -37,7 +37,7 @@ from shsa_core.language.units import parse_unit  # noqa: E402
 from shsa_core.learning.csv_files import read_csv  # noqa: E402
 from shsa_core.model.field import parse_field  # noqa: E402
 from shsa_core.model.som import Som  # noqa: E402
-from shsa_core.ros.graph.messages import Decoder  # noqa: E402
+from shsa_core.ros.messages.messages import Decoder  # noqa: E402
 from shsa_core.substitution import signals  # noqa: E402
 from shsa_core.text import shown  # noqa: E402
 from shsa_rover.frame import Parser, encode  # noqa: E402

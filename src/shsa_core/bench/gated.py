@@ -21,8 +21,8 @@ from gate_source import JUMPED, OLD
 from graph import BENCH, FAULTY_PUBLISHER, PACKAGE, PATIENCE_S, Graph
 from report import Goals, in_words, print_table, summary, write_table
 from robot import Consumer, Consumers
-from shsa_core.ros.graph.signing import Signing
-from shsa_core.ros.graph.tables import TablePublisher
+from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.messages.tables import TablePublisher
 from shsa_core.ros.wire import names
 from shsa_testing.waiting import wait_until
 

@@ -23,7 +23,7 @@ import rospy
 from roslib.packages import find_node
 
 from shsa_core.files.som_file import PARAMETER
-from shsa_core.ros.graph.node_api import node_api
+from shsa_core.ros.master.node_api import node_api
 from shsa_testing.healing import HealedRobot
 from shsa_testing.processes import marked
 from shsa_testing.waiting import wait_until

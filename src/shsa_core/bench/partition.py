@@ -17,7 +17,7 @@ from shsa_msgs.msg import Failure, Float64Stamped
 
 from far_graph import print_measured
 from graph import FAULTY_PUBLISHER, PACKAGE, PATIENCE_S, Graph
-from shsa_core.ros.graph import clock
+from shsa_core.ros import clock
 from shsa_testing.computers import Computer
 from shsa_testing.waiting import wait_until
 

@@ -29,9 +29,9 @@ from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
 from shsa_core.model.service import Deadlines
 from shsa_core.model.substitution import Substitution
-from shsa_core.ros.graph import secret
-from shsa_core.ros.graph.signing import Signing
-from shsa_core.ros.graph.tables import TablePublisher
+from shsa_core.ros.trust import secret
+from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.messages.tables import TablePublisher
 from shsa_core.ros.wire.names import SUBSTITUTIONS
 from shsa_core.ros.wire.rows import substitution_message
 from shsa_core.search.derivation import SourceTable

@@ -5,7 +5,7 @@ from shsa_msgs.msg import Incident
 
 from graph import uri_of
 from robot import NODE, Consumer, Consumers
-from shsa_core.ros.graph import clock
+from shsa_core.ros import clock
 
 STEPS = ("waited", "bridge", "detect", "decide", "start", "kill", "connect", "first")
 NAN, NEVER = float("nan"), float("inf")

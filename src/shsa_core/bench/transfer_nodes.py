@@ -38,7 +38,7 @@ from robot import KEPT_NODE, KEPT_TOPIC, TOPIC, Applications, Consumers, talker,
 from shsa_core.codegen.plans import plan_service
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
-from shsa_core.ros.graph.som_parameter import put_som
+from shsa_core.ros.master.som_parameter import put_som
 from shsa_core.search.derivation import SourceTable
 from shsa_testing.waiting import wait_until
 

@@ -20,7 +20,8 @@ import rospy
 import yaml  # type: ignore[import]
 from shsa_msgs.msg import Incident
 
-from shsa_core.ros.graph import clock, secret
+from shsa_core.ros import clock
+from shsa_core.ros.trust import secret
 from shsa_testing.computers import Computer, Computers
 from shsa_testing.graph import publishers
 from shsa_testing.healing import HealedRobot

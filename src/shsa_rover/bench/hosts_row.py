@@ -12,7 +12,7 @@ from typing import Callable, Iterable, List, NamedTuple, Sequence
 from shsa_msgs.msg import Incident
 
 from distributed_rover import NODE, DistributedRover, Heard, distributed_rover
-from shsa_core.ros.graph import clock
+from shsa_core.ros import clock
 
 PERIOD_S = 0.02
 DEADLINE_S = 0.25

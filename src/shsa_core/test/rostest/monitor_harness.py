@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Log
 from shsa_msgs.msg import Failure, Health, PublisherHealth
 
 from shsa_core.model.checks import OF_VALUE, REGISTRY
-from shsa_core.ros.graph.tables import TableCopy
+from shsa_core.ros.messages.tables import TableCopy
 from shsa_core.ros.wire.monitoring import health_row_key
 from shsa_testing.faulty_publisher import FaultyNode
 from shsa_testing.graph import is_connected

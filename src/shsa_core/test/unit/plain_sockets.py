@@ -10,16 +10,16 @@ import pytest
 from rospy.impl import tcpros_base
 from rospy.impl.tcpros import get_tcpros_handler
 
-from shsa_core.ros.graph.connections import (
+from shsa_core.ros.sockets.connections import (
     Arrived,
     Closed,
     Connected,
     Connections,
     Made,
 )
-from shsa_core.ros.graph.identities import Identified
-from shsa_core.ros.graph.inbox import Inbox
-from shsa_core.ros.graph.reconnection import Answered
+from shsa_core.ros.sockets.identities import Identified
+from shsa_core.ros.sockets.inbox import Inbox
+from shsa_core.ros.sockets.reconnection import Answered
 
 HOST, RECONNECT_S = "127.0.0.1", 0.4
 LISTED: Dict[str, str] = {}

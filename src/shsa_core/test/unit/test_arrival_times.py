@@ -6,8 +6,8 @@ from typing import Iterator, List, Tuple
 import pytest
 import rospy
 
-from shsa_core.ros.graph import arrival_times
-from shsa_core.ros.graph.arrival_times import SPACE, ArrivalTimes, Moment, note, noted
+from shsa_core.ros.sockets import arrival_times
+from shsa_core.ros.sockets.arrival_times import SPACE, ArrivalTimes, Moment, note, noted
 from shsa_testing.waiting import wait_until
 
 S = 10**9

@@ -15,9 +15,10 @@ from shsa_msgs.msg import Float64Stamped
 from std_msgs.msg import Float64, String
 
 from shsa_core.model.service import Signal
-from shsa_core.ros.graph import arrivals as module, priority
-from shsa_core.ros.graph.arrivals import Arrivals
-from shsa_core.ros.graph.connections import Closed, Connections, Made, _Implementation
+from shsa_core.ros.processes import priority
+from shsa_core.ros.sockets import arrivals as module
+from shsa_core.ros.sockets.arrivals import Arrivals
+from shsa_core.ros.sockets.connections import Closed, Connections, Made, _Implementation
 from shsa_core.substitution.events import (
     Advertised,
     Event,
@@ -297,7 +298,7 @@ def test_a_process_that_stands_by_leaves_the_processor_to_others_until_it_matter
     """In a process of its own: nobody but root gets its priority back."""
     program = """
 import os, threading
-from shsa_core.ros.graph import priority
+from shsa_core.ros.processes import priority
 nice = lambda: os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
 usual, lowered = nice(), priority.lower()
 assert nice() == usual + (priority.LOWERED if lowered else 0), nice()

@@ -5,7 +5,7 @@ from typing import Any
 from plain_sockets import LISTED, Master, Monitor, Node, framed
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
-from shsa_core.ros.graph import claims
+from shsa_core.ros.sockets import claims
 
 
 def test_who_claims_the_name_of_another_is_whom_the_master_lists(

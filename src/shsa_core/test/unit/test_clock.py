@@ -6,7 +6,7 @@ import pytest
 
 CODE = """
 import os, rospy.impl.simtime
-from shsa_core.ros.graph import clock
+from shsa_core.ros import clock
 rospy.impl.simtime._is_use_simtime = lambda: True
 clock.heed_launch()
 print(rospy.impl.simtime._is_use_simtime())

@@ -35,8 +35,8 @@ from std_msgs.msg import Float64, Int32, String
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.kinds import Others
-from shsa_core.ros.graph.composing import compose, read_message
-from shsa_core.ros.graph.conventions import CONVENTIONS, UNKNOWN_VARIANCE
+from shsa_core.ros.messages.composing import compose, read_message
+from shsa_core.ros.messages.conventions import CONVENTIONS, UNKNOWN_VARIANCE
 
 LARGE = UNKNOWN_VARIANCE
 UNKNOWN, LAST, ZERO = Others.UNKNOWN, Others.LAST, Others.ZERO

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.graph import challenges, proof
-from shsa_core.ros.graph.challenges import Challenger
-from shsa_core.ros.graph.computers import (
+from shsa_core.ros.trust import challenges, proof
+from shsa_core.ros.trust.challenges import Challenger
+from shsa_core.ros.trust.computers import (
     FIRST_RENEWAL_NS,
     MOST,
     MOST_FAILED,
@@ -22,9 +22,9 @@ from shsa_core.ros.graph.computers import (
     TRIES,
     Computers,
 )
-from shsa_core.ros.graph.node_api import Answer, BadAnswer
-from shsa_core.ros.graph.places import Place
-from shsa_core.ros.graph.seal import (
+from shsa_core.ros.master.node_api import Answer, BadAnswer
+from shsa_core.ros.trust.places import Place
+from shsa_core.ros.trust.seal import (
     AHEAD_NS,
     EARLY,
     FOREIGN,

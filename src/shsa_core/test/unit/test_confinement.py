@@ -11,8 +11,8 @@ import pytest
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
-from shsa_core.ros.graph import confinement, processes
-from shsa_core.ros.graph.processes import Processes
+from shsa_core.ros.processes import confinement, processes
+from shsa_core.ros.processes.processes import Processes
 from shsa_testing.waiting import wait_until
 
 LOOK = """
@@ -72,7 +72,7 @@ def test_a_substitute_has_limits_and_no_new_rights(
 
 
 def test_a_limit_is_never_raised() -> None:
-    program = "import resource; from shsa_core.ros.graph.confinement import wrapper; "
+    program = "import resource; from shsa_core.ros.processes.confinement import wrapper; "
     program += "resource.setrlimit(resource.RLIMIT_NOFILE, (100, 100)); print(wrapper([]))"
     told = subprocess.check_output([sys.executable, "-c", program]).decode()
     assert "--nofile=100'" in told

@@ -8,8 +8,8 @@ import rospy
 from rospy.impl.tcpros_base import TCPROSTransport
 from rospy.impl.tcpros_pubsub import TCPROSSub
 
-from shsa_core.ros.graph.connections import Closed, Connections, Made, _Implementation
-from shsa_core.ros.graph.inbox import Inbox
+from shsa_core.ros.sockets.connections import Closed, Connections, Made, _Implementation
+from shsa_core.ros.sockets.inbox import Inbox
 
 PUBLISHER = "http://localhost:1/"
 

@@ -8,7 +8,7 @@ from typing import Iterator, List
 
 import pytest
 
-from shsa_core.ros.graph.launch import _processes_of
+from shsa_core.ros.processes.launch import _processes_of
 
 PARENT = """
 import os, signal, subprocess, sys
@@ -23,7 +23,7 @@ child.wait()
 """
 CHILD = """
 import time
-from shsa_core.ros.graph.launch import Launch
+from shsa_core.ros.processes.launch import Launch
 launch = Launch()
 while True:
     print(launch.ending(), flush=True)

@@ -23,7 +23,7 @@ from shsa_core.healing.incident import Incident, State
 from shsa_core.learning.recording import Recording, Series
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
-from shsa_core.ros.graph import clock
+from shsa_core.ros import clock
 from shsa_core.ros.wire import healing as wire
 
 DATA = Path(__file__).resolve().parent / "data"

@@ -12,10 +12,10 @@ import rosgraph
 
 from plain_node import PlainNode
 from shsa_core.healing.events import Where
-from shsa_core.ros.graph import kernel
-from shsa_core.ros.graph.fence import Fence, Known
-from shsa_core.ros.graph.original import Originals
-from shsa_core.ros.graph.protection import URIS, Protection
+from shsa_core.ros.processes import kernel
+from shsa_core.ros.processes.fence import Fence, Known
+from shsa_core.ros.master.original import Originals
+from shsa_core.ros.processes.protection import URIS, Protection
 from shsa_testing.waiting import wait_until
 from strange_nodes import HOST, NONSENSE, StrangeNode, value
 

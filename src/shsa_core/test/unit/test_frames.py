@@ -10,8 +10,8 @@ from typing import Any, Iterator, List, Sequence, Tuple
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from shsa_core.ros.graph import arrival_times, frames
-from shsa_core.ros.graph.frames import CHUNK, READS_A_TURN, Frame, Frames, Wanted
+from shsa_core.ros.sockets import arrival_times, frames
+from shsa_core.ros.sockets.frames import CHUNK, READS_A_TURN, Frame, Frames, Wanted
 from shsa_testing.waiting import wait_until
 
 MB = 1 << 20

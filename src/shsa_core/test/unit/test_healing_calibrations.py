@@ -19,7 +19,7 @@ from shsa_core.model.kinds import Standby
 from shsa_core.model.service import Signal
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import CalibrationRow
-from shsa_core.ros.graph import clock
+from shsa_core.ros import clock
 from shsa_core.ros.wire.healing import calibrations_heard
 from shsa_core.ros.wire.monitoring import calibration_key, calibration_row
 from shsa_core.search.derivation import SourceTable

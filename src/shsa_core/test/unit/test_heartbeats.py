@@ -11,14 +11,14 @@ from typing import Iterator, List, Tuple
 import pytest
 import rospy
 
-from shsa_core.ros.graph import heartbeats
-from shsa_core.ros.graph.heartbeats import Heart, Signs, Watch
-from shsa_core.ros.graph.kernel import NOBODY, identity, same_process
+from shsa_core.ros.processes import heartbeats
+from shsa_core.ros.processes.heartbeats import Heart, Signs, Watch
+from shsa_core.ros.processes.kernel import NOBODY, identity, same_process
 from shsa_testing.waiting import wait_until
 
 BEAT = """
 import sys, time, rospy
-from shsa_core.ros.graph.heartbeats import Heart
+from shsa_core.ros.processes.heartbeats import Heart
 rospy.get_name = lambda: "/substitute_a_1"
 heart = Heart(sys.argv[1])
 while True:
@@ -77,7 +77,7 @@ def test_who_hangs_is_told_and_who_wakes_up(
 
 STARVES = """
 import hashlib, os, sys, threading, time, rospy
-from shsa_core.ros.graph.heartbeats import Heart
+from shsa_core.ros.processes.heartbeats import Heart
 rospy.get_name = lambda: "/substitute_a_1"
 Heart(sys.argv[1]).beat()
 os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
@@ -205,7 +205,7 @@ def test_what_an_ended_one_has_left_is_replaced_and_a_path_may_be_long(
     monkeypatch.setenv("ROS_HOME", str(home / ("x" * 150)))
     code = """
 import os, sys, rospy
-from shsa_core.ros.graph.heartbeats import Signs
+from shsa_core.ros.processes.heartbeats import Signs
 rospy.get_namespace = lambda: "/"
 Signs(sys.argv[1])
 os._exit(0)

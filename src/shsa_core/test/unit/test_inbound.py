@@ -9,7 +9,7 @@ import pytest
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
 from rospy.impl.tcpros_base import TCPROSServer
 
-from shsa_core.ros.graph import inbound
+from shsa_core.ros.rospy_patches import inbound
 from shsa_testing.waiting import wait_until
 
 HEADER = b"\x0a\x00\x00\x00topic=/abc"

@@ -11,7 +11,7 @@ from shsa_core.explaining.incident_log import MOST_BYTES, of_message, read_log
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
-from shsa_core.ros.graph import clock
+from shsa_core.ros import clock
 from shsa_core.ros.wire import healing as wire
 
 INCIDENT = Incident(

@@ -10,8 +10,8 @@ from typing import Iterator, List
 import psutil
 import pytest
 
-from shsa_core.ros.graph import processes
-from shsa_core.ros.graph.processes import Processes
+from shsa_core.ros.processes import processes
+from shsa_core.ros.processes.processes import Processes
 from shsa_testing.waiting import wait_until
 
 NODE = "/robot/substitute_a_7"

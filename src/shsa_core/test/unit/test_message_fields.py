@@ -20,9 +20,9 @@ from shsa_core.model.field import tells_of_nothing  # noqa: E402
 from shsa_core.model.kinds import Policy  # noqa: E402
 from shsa_core.model.service import Provision, Service  # noqa: E402
 from shsa_core.model.som import Som  # noqa: E402
-from shsa_core.ros.graph.fields import Field, problem  # noqa: E402
-from shsa_core.ros.graph.messages import Decoder  # noqa: E402
-from shsa_core.ros.graph.usable import mark_unusable  # noqa: E402
+from shsa_core.ros.messages.fields import Field, problem  # noqa: E402
+from shsa_core.ros.messages.messages import Decoder  # noqa: E402
+from shsa_core.ros.messages.usable import mark_unusable  # noqa: E402
 
 NAN = math.nan
 

@@ -13,7 +13,7 @@ from shsa_core.monitoring.events import SubstitutionsChanged
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.ros import diagnostics
 from shsa_core.ros.diagnostics import ERROR, OK, WARN, MonitorRows, Values, healing_rows
-from shsa_core.ros.graph.master_watch import Told
+from shsa_core.ros.master.master_watch import Told
 
 SUBSTITUTE, IDLE, STRANGER = "/substitute_current_1", "/substitute_standby_2", "/stranger"
 

@@ -16,10 +16,10 @@ from roslib.packages import find_node
 from shsa_core.codegen.generator import Program
 from shsa_core.healing.events import StartSubstitute
 from shsa_core.model.service import Signal
-from shsa_core.ros.graph import forking
-from shsa_core.ros.graph import prepared as prepared_process
-from shsa_core.ros.graph.forking import Forked
-from shsa_core.ros.graph.processes import Forks, Processes
+from shsa_core.ros.processes import forking
+from shsa_core.ros.processes import prepared as prepared_process
+from shsa_core.ros.processes.forking import Forked
+from shsa_core.ros.processes.processes import Forks, Processes
 from shsa_testing.waiting import wait_until
 
 NAMESPACE = "/robot"

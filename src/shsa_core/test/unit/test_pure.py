@@ -26,7 +26,12 @@ ORDER = [
     ("analysis", "learning"),
     ("explaining",),
     ("cli",),
-    ("ros.graph",),
+    ("ros.clock", "ros.worker", "ros.workers"),
+    ("ros.master",),
+    ("ros.rospy_patches",),
+    ("ros.trust",),
+    ("ros.messages", "ros.processes"),
+    ("ros.sockets", "ros.wire"),
     ("ros",),
 ]
 ROOT = "the package itself"
@@ -46,8 +51,9 @@ MODULES = {name_of(path): path for path in sorted(PACKAGE.rglob("*.py"))}
 
 def part_of(module: str) -> str:
     """The part that a module belongs to."""
-    if module.startswith("shsa_core.ros.graph"):
-        return "ros.graph"
+    shell = ".".join(module.split(".")[1:3])
+    if shell in LEVEL:
+        return shell
     return module.split(".")[1] if "." in module else ROOT
 
 

@@ -11,8 +11,8 @@ from sensor_msgs.msg import Image
 from shsa_core.model.checks import Checks
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
-from shsa_core.ros.graph.reader import Reader
-from shsa_core.ros.graph.stream import Connection
+from shsa_core.ros.sockets.reader import Reader
+from shsa_core.ros.sockets.stream import Connection
 
 SECONDS = 1000
 AT = 1000.5

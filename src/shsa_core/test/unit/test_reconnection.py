@@ -7,11 +7,11 @@ import pytest
 from plain_sockets import HOST, RECONNECT_S, Monitor, Node
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
-from shsa_core.ros.graph import connections as module
-from shsa_core.ros.graph import frames
-from shsa_core.ros.graph.frames import Wanted
-from shsa_core.ros.graph.inbox import Inbox
-from shsa_core.ros.graph.reconnection import Answered, Reconnection, refuses
+from shsa_core.ros.sockets import connections as module
+from shsa_core.ros.sockets import frames
+from shsa_core.ros.sockets.frames import Wanted
+from shsa_core.ros.sockets.inbox import Inbox
+from shsa_core.ros.sockets.reconnection import Answered, Reconnection, refuses
 
 
 def test_a_node_that_died_is_told_at_once(monitor: Monitor, node: Node) -> None:

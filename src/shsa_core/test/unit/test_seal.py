@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shsa_msgs.msg import Failure, Health, PublisherHealth, Substitutions
 
-from shsa_core.ros.graph import places
-from shsa_core.ros.graph.refusals import SENDERS, Refusals
-from shsa_core.ros.graph.computers import Computer
-from shsa_core.ros.graph.seal import (
+from shsa_core.ros.trust import places
+from shsa_core.ros.trust.refusals import SENDERS, Refusals
+from shsa_core.ros.trust.computers import Computer
+from shsa_core.ros.trust.seal import (
     AHEAD_NS,
     FOREIGN,
     REMEMBERED,
@@ -24,7 +24,7 @@ from shsa_core.ros.graph.seal import (
     Gate,
     Seal,
 )
-from shsa_core.ros.graph.signing import Signing
+from shsa_core.ros.trust.signing import Signing
 
 KEY = bytes(range(32))
 BOOT = b"the boot of ours"

@@ -9,7 +9,7 @@ from typing import Callable
 import pytest
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.graph import secret
+from shsa_core.ros.trust import secret
 
 
 def test_it_is_made_for_its_user_alone_and_then_read(tmp_path: Path) -> None:
@@ -24,7 +24,7 @@ def test_it_is_made_for_its_user_alone_and_then_read(tmp_path: Path) -> None:
 
 def test_of_several_who_start_at_once_all_have_the_same(tmp_path: Path) -> None:
     path = str(tmp_path / "shsa" / "secret")
-    words = "from shsa_core.ros.graph.secret import obtain; import sys"
+    words = "from shsa_core.ros.trust.secret import obtain; import sys"
     command = [sys.executable, "-c", f"{words}; print(obtain(sys.argv[1]).hex())", path]
     started = [subprocess.Popen(command, stdout=subprocess.PIPE) for _ in range(6)]
     assert {each.communicate(timeout=30.0)[0] for each in started} == {

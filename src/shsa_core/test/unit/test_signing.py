@@ -10,12 +10,12 @@ import rospy
 from shsa_msgs.msg import Failure
 
 from shsa_core.ros import diagnostics
-from shsa_core.ros.graph import places, signing
-from shsa_core.ros.graph.computers import Seen
-from shsa_core.ros.graph.node_api import Answer
-from shsa_core.ros.graph.proof import Proof, written
-from shsa_core.ros.graph.seal import FOREIGN, TWICE
-from shsa_core.ros.graph.signing import Signing
+from shsa_core.ros.trust import places, signing
+from shsa_core.ros.trust.computers import Seen
+from shsa_core.ros.master.node_api import Answer
+from shsa_core.ros.trust.proof import Proof, written
+from shsa_core.ros.trust.seal import FOREIGN, TWICE
+from shsa_core.ros.trust.signing import Signing
 
 AWAIT_S = 20.0
 

@@ -9,8 +9,8 @@ import pytest
 import rospy
 from shsa_msgs.msg import Health, Substitution, Substitutions
 
-from shsa_core.ros.graph import tables
-from shsa_core.ros.graph.tables import TablePublisher, TableSubscriber
+from shsa_core.ros.messages import tables
+from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.wire.rows import OwnRows
 
 

@@ -147,7 +147,7 @@ def test_numbers_of_options_that_are_none_are_refused(options: str, capsys: Any)
 
 def test_diagnostics_are_printable() -> None:
     diagnostics = pytest.importorskip("shsa_core.ros.diagnostics")
-    master_watch = pytest.importorskip("shsa_core.ros.graph.master_watch")
+    master_watch = pytest.importorskip("shsa_core.ros.master.master_watch")
     service = Service("s", "/a", "std_msgs/Float64", "/n", 1.0, (Provision("a", "data"),))
     incident = Incident(1, "s", "/a", ("a",), EVIL, Kind.OTHER, EVIL * 1000, 0.0)
     told = master_watch.Told()

@@ -12,7 +12,7 @@ from shsa_core.healing.incident import Incident
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.events import FailureDetected
-from shsa_core.ros.graph import clock
+from shsa_core.ros import clock
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire.healing import failure_seen
 from shsa_core.ros.wire.monitoring import failure_message

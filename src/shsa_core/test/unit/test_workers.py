@@ -9,9 +9,9 @@ from typing import Dict, List
 
 import pytest
 
-from shsa_core.ros.graph.children import Children
-from shsa_core.ros.graph.log_queue import LINES, LogQueue, say_failures_once
-from shsa_core.ros.graph.workers import Workers
+from shsa_core.ros.processes.children import Children
+from shsa_core.ros.rospy_patches.log_queue import LINES, LogQueue, say_failures_once
+from shsa_core.ros.workers import Workers
 from shsa_testing.waiting import wait_until
 
 
@@ -56,7 +56,7 @@ def test_where_no_thread_can_be_started_calls_are_still_made() -> None:
     """Memory for their stacks is what lacks: the limit on processes does not count for root."""
     script = """
 import resource, sys, threading, time
-from shsa_core.ros.graph.workers import Workers
+from shsa_core.ros.workers import Workers
 said, made = [], []
 workers = Workers("test", 50, said.append)
 used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()

@@ -8,7 +8,7 @@ from graph import Graph
 from reliability.rig import DEADLINE_S, NODES, PERIOD_S, Rig
 from reliability.scoreboard import Figures, Line, Mark, Trial
 from reliability.trying import attempt, each
-from shsa_core.ros.graph import clock
+from shsa_core.ros import clock
 from shsa_testing.graph import publishers
 from shsa_testing.waiting import wait_until
 

@@ -3,7 +3,7 @@ import asyncio
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping, Optional, Protocol
 
-from shsa_core.ros.graph.workers import Workers
+from shsa_core.ros.workers import Workers
 from shsa_view.errors import Refused
 from shsa_view.facts import Fact
 from shsa_view.state import State

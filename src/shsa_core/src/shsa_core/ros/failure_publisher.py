@@ -6,7 +6,7 @@ from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.kinds import Kind
-from shsa_core.ros.graph.signing import Signing
+from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import names
 
 

@@ -20,8 +20,8 @@ from shsa_core.gating.settings import Settings
 from shsa_core.message_types import message_class
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
-from shsa_core.ros.graph import clock
-from shsa_core.ros.graph.connections import (
+from shsa_core.ros import clock
+from shsa_core.ros.sockets.connections import (
     Arrived,
     Closed,
     Connections,
@@ -29,12 +29,12 @@ from shsa_core.ros.graph.connections import (
     Lost,
     Made,
 )
-from shsa_core.ros.graph.identities import Identified
-from shsa_core.ros.graph.inbox import Inbox
-from shsa_core.ros.graph.reader import ALL, Reader
-from shsa_core.ros.graph.reconnection import Answered
-from shsa_core.ros.graph.signing import Signing
-from shsa_core.ros.graph.tables import TableSubscriber
+from shsa_core.ros.sockets.identities import Identified
+from shsa_core.ros.sockets.inbox import Inbox
+from shsa_core.ros.sockets.reader import ALL, Reader
+from shsa_core.ros.sockets.reconnection import Answered
+from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.node import run
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names

@@ -31,10 +31,10 @@ from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
 from shsa_core.monitoring.share import watched_at, watched_beside
 from shsa_core.ros import diagnostics
-from shsa_core.ros.graph import clock
-from shsa_core.ros.graph.alone import await_turn
-from shsa_core.ros.graph.arrival_times import ArrivalTimes
-from shsa_core.ros.graph.connections import (
+from shsa_core.ros import clock
+from shsa_core.ros.processes.alone import await_turn
+from shsa_core.ros.sockets.arrival_times import ArrivalTimes
+from shsa_core.ros.sockets.connections import (
     Arrived,
     Closed,
     Connections,
@@ -43,18 +43,18 @@ from shsa_core.ros.graph.connections import (
     Lost,
     Made,
 )
-from shsa_core.ros.graph.greeter import Greeter, Tell
-from shsa_core.ros.graph.identities import Identified
-from shsa_core.ros.graph.companion import Companion
-from shsa_core.ros.graph.heartbeats import RECONFIGURATOR, Signs
-from shsa_core.ros.graph.inbox import Inbox
-from shsa_core.ros.graph.launch import Launch, Launches
-from shsa_core.ros.graph.reader import Reader
-from shsa_core.ros.graph.reconnection import Answered
-from shsa_core.ros.graph.signing import Signing
-from shsa_core.ros.graph.som_parameter import SomWatch, get_som_parameter, put_som
-from shsa_core.ros.graph.tables import TablePublisher, TableSubscriber
-from shsa_core.ros.graph.worker import Worker
+from shsa_core.ros.master.greeter import Greeter, Tell
+from shsa_core.ros.sockets.identities import Identified
+from shsa_core.ros.processes.companion import Companion
+from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
+from shsa_core.ros.sockets.inbox import Inbox
+from shsa_core.ros.processes.launch import Launch, Launches
+from shsa_core.ros.sockets.reader import Reader
+from shsa_core.ros.sockets.reconnection import Answered
+from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.master.som_parameter import SomWatch, get_som_parameter, put_som
+from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
+from shsa_core.ros.worker import Worker
 from shsa_core.ros.node import run
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names

@@ -31,24 +31,24 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import row_key
 from shsa_core.ros import diagnostics
-from shsa_core.ros.graph import clock
-from shsa_core.ros.graph.alone import await_turn
-from shsa_core.ros.graph.companion import Companion
-from shsa_core.ros.graph.ending import Ending
-from shsa_core.ros.graph.heartbeats import MONITOR, RECONFIGURATOR, Signs
-from shsa_core.ros.graph.launch import Launch
-from shsa_core.ros.graph.master_watch import MasterWatch
-from shsa_core.ros.graph.processes import run_command
-from shsa_core.ros.graph.restarts import may_restart
-from shsa_core.ros.graph.signing import Signing
-from shsa_core.ros.graph.som_parameter import SomWatch, put_som
-from shsa_core.ros.graph.tables import TablePublisher, TableSubscriber
-from shsa_core.ros.graph.usable import Problem, mark_unusable
-from shsa_core.ros.graph.workers import Workers
+from shsa_core.ros import clock
+from shsa_core.ros.processes.alone import await_turn
+from shsa_core.ros.processes.companion import Companion
+from shsa_core.ros.processes.ending import Ending
+from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
+from shsa_core.ros.processes.launch import Launch
+from shsa_core.ros.master.master_watch import MasterWatch
+from shsa_core.ros.processes.processes import run_command
+from shsa_core.ros.processes.restarts import may_restart
+from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.master.som_parameter import SomWatch, put_som
+from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
+from shsa_core.ros.messages.usable import Problem, mark_unusable
+from shsa_core.ros.workers import Workers
 from shsa_core.ros.host.agents import Agents
 from shsa_core.ros.host.host import HostCommand
 from shsa_core.ros.host.hosts import Hosts
-from shsa_core.ros.graph.processes import Forks
+from shsa_core.ros.processes.processes import Forks
 from shsa_core.ros.host.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import run

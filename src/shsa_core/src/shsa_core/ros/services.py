@@ -12,8 +12,8 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.model.service import Service
-from shsa_core.ros.graph import clock
-from shsa_core.ros.graph.messages import one_message
+from shsa_core.ros import clock
+from shsa_core.ros.messages.messages import one_message
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names

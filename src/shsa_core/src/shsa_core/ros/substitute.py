@@ -12,21 +12,23 @@ from shsa_msgs import msg
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.ros.graph import announce, clock, priority
+from shsa_core.ros import clock
+from shsa_core.ros.master import announce
+from shsa_core.ros.processes import priority
 from shsa_core.message_types import message_class
-from shsa_core.ros.graph.composing import read_message
-from shsa_core.ros.graph.heartbeats import HOST, Heart, hearer
-from shsa_core.ros.graph.fields import Field, problem
-from shsa_core.ros.graph.node_api import FAILURES
-from shsa_core.ros.graph.original import Originals
-from shsa_core.ros.graph.outputs import Outputs
-from shsa_core.ros.graph.arrivals import Arrivals
-from shsa_core.ros.graph import secret
-from shsa_core.ros.graph.signing import Signing
+from shsa_core.ros.messages.composing import read_message
+from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
+from shsa_core.ros.messages.fields import Field, problem
+from shsa_core.ros.master.node_api import FAILURES
+from shsa_core.ros.master.original import Originals
+from shsa_core.ros.messages.outputs import Outputs
+from shsa_core.ros.sockets.arrivals import Arrivals
+from shsa_core.ros.trust import secret
+from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import substitution_row
-from shsa_core.ros.graph.tables import TableSubscriber
-from shsa_core.ros.graph.worker import Worker
+from shsa_core.ros.messages.tables import TableSubscriber
+from shsa_core.ros.worker import Worker
 from shsa_core.ros.node import run
 from shsa_core.substitution import events, machine, sharing
 from shsa_core.substitution.signals import JOURNAL, SHARED, VARIABLE, decode
@@ -337,7 +339,7 @@ def _paths(text: str) -> Paths:
 
 def _by_hand(inputs: Paths, code: str, outputs: Paths) -> Substitution:
     """The row of a substitute that somebody started by hand: what it must know is looked up."""
-    from shsa_core.ros.graph.som_lookup import (
+    from shsa_core.ros.master.som_lookup import (
         look_up,
     )  # not for those who ask nobody: it takes long
 

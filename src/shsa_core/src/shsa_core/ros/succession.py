@@ -12,11 +12,11 @@ from shsa_core.healing.records import Record, RestartedNode, of_this_robot
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import FORMS
 from shsa_core.journal.record_file import Former, RecordFile, read_records
-from shsa_core.ros.graph import clock
-from shsa_core.ros.graph.fence import Fence, Known
-from shsa_core.ros.graph.kernel import same_process
-from shsa_core.ros.graph.node_api import FAILURES, master_api
-from shsa_core.ros.graph.places import boot, master_place
+from shsa_core.ros import clock
+from shsa_core.ros.processes.fence import Fence, Known
+from shsa_core.ros.processes.kernel import same_process
+from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.trust.places import boot, master_place
 from shsa_core.ros.host.local import LocalHost
 
 CODEC = Codec(Record, FORMS)

@@ -6,7 +6,7 @@ import genpy
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.field import ANGLES, Index, Key, Span, Step, parse_field
-from shsa_core.ros.graph.fields import Field
+from shsa_core.ros.messages.fields import Field
 
 
 class FaultyValue:

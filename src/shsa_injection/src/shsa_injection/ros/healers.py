@@ -14,7 +14,7 @@ from roslib.packages import find_node
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.names import full_name
-from shsa_core.ros.graph.prepared import OPTION
+from shsa_core.ros.processes.prepared import OPTION
 from shsa_injection.errors import Refused
 
 PACKAGE = "shsa_core"

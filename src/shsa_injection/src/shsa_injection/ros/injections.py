@@ -14,7 +14,7 @@ import psutil
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.service import Service
-from shsa_core.ros.graph.node_api import FAILURES, node_api
+from shsa_core.ros.master.node_api import FAILURES, node_api
 from shsa_injection import channel
 from shsa_injection.errors import Refused
 from shsa_injection.ros import healers, master, targets

@@ -14,7 +14,7 @@ from shsa_core.model.names import full_name
 from shsa_core.model.service import Deadlines, Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import row_key
-from shsa_core.ros.graph.tables import TableCopy
+from shsa_core.ros.messages.tables import TableCopy
 from shsa_core.ros.wire import names
 from shsa_injection.errors import Refused
 from shsa_injection.findings import Told

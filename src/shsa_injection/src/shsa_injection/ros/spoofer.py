@@ -12,8 +12,8 @@ from typing import Any, Dict
 import rospy
 
 from shsa_core.message_types import message_class
-from shsa_core.ros.graph.announce import announce
-from shsa_core.ros.graph.node_api import FAILURES
+from shsa_core.ros.master.announce import announce
+from shsa_core.ros.master.node_api import FAILURES
 from shsa_injection.faults import USUAL_PERIOD_S, Reading, Stream, message_fault
 from shsa_injection.inside.values import FaultyValue
 from shsa_injection.ros.leaving import leave_in_time

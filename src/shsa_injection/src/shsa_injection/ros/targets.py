@@ -9,8 +9,8 @@ import psutil
 import rosgraph.network
 
 from shsa_core.model.service import Service
-from shsa_core.ros.graph.announce import of_topic
-from shsa_core.ros.graph.node_api import FAILURES, master_api
+from shsa_core.ros.master.announce import of_topic
+from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_injection.errors import Refused
 from shsa_injection.ros import guard, healers
 from shsa_injection.ros.guard import STARTER

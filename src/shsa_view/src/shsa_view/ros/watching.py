@@ -10,8 +10,8 @@ from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import PARAMETER, read_som, read_tree
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
-from shsa_core.ros.graph.node_api import FAILURES, master_api
-from shsa_core.ros.graph.som_parameter import get_som_parameter
+from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.master.som_parameter import get_som_parameter
 from shsa_view.facts import ModelsRead
 from shsa_view.judgement import Condition
 from shsa_view.ros.listener import Listener

@@ -19,18 +19,19 @@ from shsa_msgs import msg
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.naming import Names
-from shsa_core.ros.graph import clock, kernel
-from shsa_core.ros.graph.alone import await_turn
-from shsa_core.ros.graph.ending import Ending
-from shsa_core.ros.graph.heartbeats import Signs, hearer
-from shsa_core.ros.graph.load import Load
-from shsa_core.ros.graph.node_api import FAILURES, master_api
-from shsa_core.ros.graph.restarts import may_restart
-from shsa_core.ros.graph.signing import Signing
+from shsa_core.ros import clock
+from shsa_core.ros.processes import kernel
+from shsa_core.ros.processes.alone import await_turn
+from shsa_core.ros.processes.ending import Ending
+from shsa_core.ros.processes.heartbeats import Signs, hearer
+from shsa_core.ros.processes.load import Load
+from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.processes.restarts import may_restart
+from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.host.agent_records import AgentRecords
 from shsa_core.ros.host.host import HostCommand, HostEvent
 from shsa_core.ros.host.line import Line
-from shsa_core.ros.graph.processes import Forks
+from shsa_core.ros.processes.processes import Forks
 from shsa_core.ros.host.local import LocalHost
 from shsa_core.ros.host.remote import LOST_S
 from shsa_core.ros.host.texts import event_text, read_command

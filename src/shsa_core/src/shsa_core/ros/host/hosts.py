@@ -5,9 +5,9 @@ import rospy
 
 from shsa_core import dispatch
 from shsa_core.healing import events
-from shsa_core.ros.graph import clock
-from shsa_core.ros.graph.node_api import FAILURES, address, master_api
-from shsa_core.ros.graph.workers import Workers
+from shsa_core.ros import clock
+from shsa_core.ros.master.node_api import FAILURES, address, master_api
+from shsa_core.ros.workers import Workers
 from shsa_core.ros.host.agents import Agents
 from shsa_core.ros.host.host import Host, HostCommand, NodeCommand, Tell
 

@@ -10,14 +10,14 @@ from shsa_core import dispatch
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
-from shsa_core.ros.graph import clock
-from shsa_core.ros.graph.coming_up import ComingUp
-from shsa_core.ros.graph.fence import Fence, Known
-from shsa_core.ros.graph.heartbeats import Signs, Watch
-from shsa_core.ros.graph.processes import Forks, Processes
-from shsa_core.ros.graph.protection import Protection
-from shsa_core.ros.graph.restarts import Restarts
-from shsa_core.ros.graph.workers import Workers
+from shsa_core.ros import clock
+from shsa_core.ros.processes.coming_up import ComingUp
+from shsa_core.ros.processes.fence import Fence, Known
+from shsa_core.ros.processes.heartbeats import Signs, Watch
+from shsa_core.ros.processes.processes import Forks, Processes
+from shsa_core.ros.processes.protection import Protection
+from shsa_core.ros.processes.restarts import Restarts
+from shsa_core.ros.workers import Workers
 from shsa_core.ros.host.host import HostCommand, Tell
 
 MOST_CALLS = 32

@@ -17,7 +17,7 @@ from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.calibration import SOURCE
 from shsa_core.monitoring.events import CalibrationRow, PublisherHealth, PublisherState
-from shsa_core.ros.graph import clock
+from shsa_core.ros import clock
 from shsa_core.ros.wire.rows import p95_of, rms_of
 from shsa_core.text import shown
 

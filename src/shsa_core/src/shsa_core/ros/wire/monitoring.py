@@ -17,7 +17,7 @@ from shsa_core.monitoring.events import (
     PublisherHealth,
     SubstitutionsChanged,
 )
-from shsa_core.ros.graph import clock
+from shsa_core.ros import clock
 
 
 def failure_message(failure: FailureDetected, last_message: bytes) -> msg.Failure:

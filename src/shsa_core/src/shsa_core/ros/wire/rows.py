@@ -13,7 +13,7 @@ from shsa_core.model.error import Error
 from shsa_core.model.kinds import OnPartition, Others
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
-from shsa_core.ros.graph.tables import Addressing
+from shsa_core.ros.messages.tables import Addressing
 from shsa_core.substitution import signals
 
 NOT_KNOWN = math.nan

@@ -1,1 +1,0 @@
-"""What rospy, the master and the operating system are made to do."""

@@ -1,0 +1,1 @@
+"""The master's calls, and what nodes answer to theirs."""

@@ -1,0 +1,280 @@
+"""Watches the master, from threads of its own: nobody else waits for it.
+
+A master that was started anew is told what the former one knew, within a second. Subscribers whom
+the master cannot tell of a publisher, as its threads wait for hung ones, are told directly.
+"""
+import threading
+import time
+from functools import partial
+from typing import (
+    Any,
+    Callable,
+    Collection,
+    Dict,
+    FrozenSet,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Set,
+    Tuple,
+)
+
+import rospy
+
+from shsa_core.errors import ShsaError
+from shsa_core.files.som_file import PARAMETER
+from shsa_core.healing.introductions import Introductions, Publisher, unserved
+from shsa_core.healing.registrations import (
+    NOTHING,
+    Graph,
+    Said,
+    is_name,
+    missing_parameters,
+    to_ask,
+    to_register,
+    together,
+)
+from shsa_core.ros.master.master_calls import MasterCalls, State
+from shsa_core.ros.master.node_api import FAILURES, node_api
+from shsa_core.ros.workers import Workers
+
+LOOK_S = 0.25
+KEEP_S = 2.0
+LONGEST_KEEP_S = 10.0
+"""Between two looks at where everybody is, and at the parameters: at least, and at most."""
+SHARE = 0.02
+"""Of the time at most this much goes into looking."""
+ANSWER_S = 0.4
+"""So long a new master waits for nodes to say what they have registered; others follow later."""
+BUSY_S = 5.0
+"""So long they may only be busy, and are asked at every look."""
+HUNG_FOR_S = 600.0
+"""So long a node that does not answer is asked what it had registered at the former master."""
+LARGEST_PARAMETERS = 4_000_000
+"""Characters; of more than that nothing is kept but the SOM."""
+MOST_CALLS = 32
+
+
+class Told(NamedTuple):
+    """How the master and its subscribers do: for people.
+
+    A new master would be told of `kept` registrations, which were looked up `age` s ago.
+    """
+
+    answers: bool = True
+    hung: Tuple[str, ...] = ()
+    kept: int = 0
+    age: float = 0.0
+
+
+class MasterWatch:
+    """Looks at the master for as long as ROS is up.
+
+    `is_ours(node)`: whether a node is one of our substitutes. `acts`: whether it does anything, or
+    only looks, as in a dry run.
+    """
+
+    def __init__(self, is_ours: Callable[[str], bool], acts: bool) -> None:
+        self._is_ours, self._acts = is_ours, acts
+        self._me = rospy.get_name()
+        self._calls = MasterCalls()
+        self._nodes = Workers("nodes", MOST_CALLS, lambda text: rospy.logwarn("%s", text))
+        self._introductions = Introductions(self._me)
+        self._topics: Set[str] = set()
+        self._pid = 0
+        self._known = NOTHING
+        self._parameters: Mapping[str, Any] = {}
+        self._look_at = self._keep_at = self._kept_at = 0.0
+        self._former: Optional[Graph] = None  # what the former master knew, while some is missing
+        self._anew_at = 0.0
+        self._settled: Set[str] = set()
+        self._hung: FrozenSet[str] = frozenset()  # a new one each time: readers need no lock
+        self._answers = True
+        threading.Thread(target=self._watch, name="master", daemon=True).start()
+
+    def introduce(self, *topics: str) -> None:
+        """See to it that subscribers of these topics hear of each new publisher."""
+        self._topics = self._topics | set(topics)
+
+    def told(self) -> Told:
+        """How things are now."""
+        kept = sum(map(len, self._known[:3]))
+        age = time.monotonic() - self._kept_at
+        return Told(self._answers, tuple(sorted(self._hung)), kept, age)
+
+    def _watch(self) -> None:
+        while not rospy.is_shutdown():
+            begin = time.monotonic()
+            try:
+                self._look(begin)
+                self._answers = True
+            except (*FAILURES, ShsaError) as error:
+                if self._answers and not rospy.is_shutdown():
+                    rospy.logwarn("The master does not answer: %s. Healing goes on.", error)
+                self._answers = False
+            except Exception as error:  # whatever it is, the next look may be better
+                rospy.logerr_throttle(60.0, f"Looking at the master: {error!r}")
+            rospy.rostime.wallsleep(LOOK_S)
+
+    def _look(self, now: float) -> None:
+        if self._calls.pid() == self._pid and now < self._look_at:
+            if now < self._introductions.deadline:
+                return
+        state = self._calls.state()
+        registered = {node for pairs in state[1:] for _, node in pairs}
+        anew = self._pid and (state.pid != self._pid or self._me not in registered)
+        self._pid = state.pid
+        self._hung = self._hung & registered
+        if anew:
+            self._begin_anew(now)
+        waiting: Collection[str] = ()
+        if self._former is not None:
+            waiting = self._register_again(state, now)
+            state = self._calls.state()
+        publishers = frozenset(pair for pair in state.publishers if pair[0] in self._topics)
+        uris = self._calls.nodes({node for _, node in publishers})
+        found = frozenset(Publisher(t, n, uris[n]) for t, n in publishers if n in uris)
+        self._introductions.heed(now, found)
+        for publisher in self._introductions.due(now):
+            # Our substitutes tell by themselves.
+            if self._acts and not self._is_ours(publisher.node):
+                self._introduce(publisher, state, found)
+        if now >= self._keep_at:
+            self._known = together(self._graph(state), self._known, waiting)
+            self._keep_parameters()
+            self._kept_at = now
+            took = (time.monotonic() - now) / SHARE  # much, if the master stood still meanwhile
+            self._keep_at = now + min(max(KEEP_S, took), LONGEST_KEEP_S)
+        self._look_at = now + min(KEEP_S, (time.monotonic() - now) / SHARE)
+        if waiting and now < self._anew_at + BUSY_S:
+            self._look_at = now
+
+    # What is known, and what a new master is told of it.
+
+    def _graph(self, state: State) -> Graph:
+        parts = state.publishers, state.subscribers, state.services
+        nodes = self._calls.nodes({node for pairs in parts for _, node in pairs})
+        providers = self._calls.providers({name for name, _ in state.services})
+        return Graph(*parts, nodes, providers)
+
+    def _keep_parameters(self) -> None:
+        tree = self._calls.parameters()
+        if len(repr(tree)) > LARGEST_PARAMETERS:
+            tree = _only(tree, rospy.resolve_name(PARAMETER))
+        self._parameters = tree
+
+    def _begin_anew(self, now: float) -> None:
+        does = (
+            "It is told again what the former one knew." if self._acts else "A dry run only looks."
+        )
+        rospy.logwarn_throttle(10.0, f"The master was started anew. {does}")
+        if not self._acts:
+            return
+        values = missing_parameters(self._parameters, self._calls.parameters())
+        self._calls.set_parameters(values)
+        self._former, self._anew_at = self._known, now
+        self._settled = set()
+
+    def _register_again(self, state: State, now: float) -> Collection[str]:
+        """Register what is missing; the nodes that have not answered yet."""
+        assert self._former is not None
+        present = self._graph(state)
+        asked = to_ask(self._former, present)
+        waiting = {node: uri for node, uri in asked.items() if node not in self._settled}
+        said = self._ask_all(waiting)
+        ours = [node for node in said if self._is_ours(node)]
+        registrations = to_register(self._former, present, said, ours)
+        if registrations:
+            self._calls.register(registrations)
+            nodes = len({each.node for each in registrations})
+            text = "The master was told again of %d registrations of %d nodes."
+            rospy.loginfo(text, len(registrations), nodes)
+        left = set(waiting) - self._settled
+        if now > self._anew_at + HUNG_FOR_S or not left:
+            self._former = None
+        return left
+
+    def _ask_all(self, nodes: Mapping[str, str]) -> Dict[str, Said]:
+        """What nodes say of themselves, of those who answer soon; who has gone is settled too."""
+        said: Dict[str, Said] = {}
+        lock, done = threading.Lock(), threading.Semaphore(0)
+
+        def ask(node: str, uri: str) -> None:
+            try:
+                answer = Said(
+                    _topics(node_api(uri).getPublications(self._me)),
+                    _topics(node_api(uri).getSubscriptions(self._me)),
+                )
+                with lock:
+                    said[node] = answer
+            except ConnectionRefusedError:
+                with lock:
+                    self._settled.add(node)
+            except FAILURES as error:
+                rospy.logdebug("%s does not say what it had registered: %s", node, error)
+            finally:
+                done.release()
+
+        for node, uri in nodes.items():
+            self._nodes.put(partial(ask, node, uri))
+        end = time.monotonic() + ANSWER_S
+        for _ in nodes:
+            if not done.acquire(timeout=max(0.0, end - time.monotonic())):
+                break
+        with lock:
+            self._settled |= set(said)
+            return dict(said)
+
+    # Publishers that the master may have told nobody of.
+
+    def _introduce(self, new: Publisher, state: State, all_: FrozenSet[Publisher]) -> None:
+        topic = new.topic
+        subscribers = [node for name, node in state.subscribers if name == topic]
+        uris = self._calls.nodes(subscribers)
+        publishers = sorted(each.uri for each in all_ if each.topic == topic)
+
+        def work() -> None:
+            try:
+                info: Any = node_api(new.uri).getBusInfo(self._me)
+                rows = [row for row in info[2] if row[2:5:2] == ["o", topic]]
+                connected = {str(row[1]) for row in rows}
+            except (*FAILURES, TypeError, IndexError):
+                return  # whoever does not answer gives no connection either
+            for node in unserved(subscribers, connected, new.node):
+                if node in uris:
+                    self._nodes.put(partial(self._tell, node, uris[node], new, publishers))
+
+        self._nodes.put(work)
+
+    def _tell(self, node: str, uri: str, new: Publisher, publishers: List[str]) -> None:
+        try:
+            node_api(uri).publisherUpdate("/master", new.topic, publishers)
+        except OSError as error:
+            if not isinstance(error, ConnectionError) and node not in self._hung:
+                self._hung = self._hung | {node}
+                text = "%s does not answer, and the master waits for it. Healing tells the others."
+                rospy.logwarn(text, node)
+            return
+        except FAILURES as error:
+            rospy.logdebug("%s was not told of %s: %s", node, new.topic, error)
+        self._hung = self._hung - {node}
+        rospy.logdebug("%s was told that %s publishes %s.", node, new.node, new.topic)
+
+
+def _only(tree: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """A tree of parameters without anything but one of them."""
+    key, _, rest = name.strip("/").partition("/")
+    if key not in tree:
+        return {}
+    inner = tree[key]
+    return {key: _only(inner, rest) if rest and isinstance(inner, dict) else inner}
+
+
+def _topics(answer: Any) -> Dict[str, str]:
+    """Topics and their types, of a node's answer; what is none is left out."""
+    code, _, rows = answer
+    if code != 1 or not isinstance(rows, list):
+        raise ConnectionRefusedError("no answer")
+    pairs = [row for row in rows if isinstance(row, list) and len(row) == 2]
+    return {name: kind for name, kind in pairs if is_name(name) and isinstance(kind, str)}

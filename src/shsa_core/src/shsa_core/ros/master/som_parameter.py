@@ -1,0 +1,145 @@
+"""The SOM on the parameter server, at shsa/som: put there once, heeded while it changes."""
+import json
+import threading
+import time
+from typing import Any, Callable, Optional, Set
+
+import rospy
+from rospy.impl.paramserver import get_param_server_cache
+
+from shsa_core.errors import ModelError
+from shsa_core.files.som_file import PARAMETER, merge_parameters, som_parameters
+from shsa_core.model.som import Som
+from shsa_core.ros.master.node_api import FAILURES, master_api
+
+POLL_S = 0.4
+SHARE = 0.02
+"""Of the time at most this much goes into looking: it takes half a second at 1,000 services."""
+MOST_SAID = 20
+"""Errors of one look: anybody can set thousands of parameters."""
+
+FAILS = (*FAILURES, rospy.ROSException)
+
+
+def put_som(som: Som) -> None:
+    """Put `som` onto the parameter server."""
+    rospy.set_param(PARAMETER, som_parameters(som))
+
+
+def get_som_parameter() -> Optional[object]:
+    """What lies at shsa/som now; None if nothing does, or the master does not answer."""
+    return _ask(lambda: rospy.get_param(PARAMETER, None))
+
+
+class SomWatch:
+    """Calls `changed(som)` from a thread of its own within a second of a change at shsa/som.
+
+    What is not valid is named once and refused: the old entry stays. `reread`, if given, reads the
+    SOM file again, for a parameter that does not fit the file as it was: only the file can add,
+    drop or move a service.
+    """
+
+    def __init__(
+        self,
+        som: Som,
+        changed: Callable[[Som], None],
+        reread: Optional[Callable[[], Som]] = None,
+    ) -> None:
+        self._som, self._changed, self._reread = som, changed, reread
+        self._seen = ""
+        self._said: Set[str] = set()
+        self._name = rospy.resolve_name(PARAMETER)
+        self._lock = threading.Lock()
+        self._look = threading.Event()
+        self._hear_updates()
+        threading.Thread(target=self._watch, name="som", daemon=True).start()
+
+    def replace(self, som: Som) -> None:
+        """Go by another SOM from a file; what lies at shsa/som counts on top of it."""
+        with self._lock:
+            self._som, self._seen = som, ""
+        self._look.set()
+
+    def _hear_updates(self) -> None:
+        """Look as soon as the master says that something has changed.
+
+        rospy's own cache loses the news of a key that was not there before, and then unsubscribes.
+        """
+        cache = get_param_server_cache()
+        rospys_own = cache.update
+
+        def update(key: str, value: object) -> None:
+            if (key.rstrip("/") + "/").startswith(self._name + "/"):
+                self._look.set()
+            else:
+                rospys_own(key, value)
+
+        cache.update = update
+
+    def _watch(self) -> None:
+        while not rospy.is_shutdown():
+            begin = time.monotonic()
+            self._look.clear()
+            value = _ask(self._subscribe)
+            if value is not None:
+                with self._lock:
+                    self._take(value)
+            self._look.wait(max(POLL_S, (time.monotonic() - begin) / SHARE))
+
+    def _subscribe(self) -> Optional[object]:
+        """The value, {} if there is none; from now on the master tells of changes.
+
+        A master that was started anew knows of nobody.
+        """
+        return master_api().subscribeParam(rospy.get_node_uri(), self._name)
+
+    def _take(self, value: object) -> None:
+        seen = json.dumps(value, default=_contents)  # as text: NaN equals itself
+        if seen == self._seen:
+            return
+        self._seen = seen
+        if not _names(value):
+            self._put_back(value)
+            return
+        where = self._name, rospy.get_namespace()
+        som, errors = merge_parameters(self._som, value, *where)
+        if self._reread is not None and (errors or _names(value) != set(som.services)):
+            try:
+                som, errors = merge_parameters(self._reread(), value, *where)
+            except ModelError as refusal:
+                errors.append(refusal)
+        texts = [str(each) for error in errors for each in error.errors]
+        new = [text for text in texts if text not in self._said]
+        for text in new[:MOST_SAID]:
+            rospy.logerr("Refused: %s", text)
+        if len(new) > MOST_SAID:
+            rospy.logerr("Refused: %d more in %s.", len(new) - MOST_SAID, self._name)
+        self._said = set(texts)
+        if som != self._som:
+            self._som = som
+            self._changed(som)
+
+    def _put_back(self, value: object) -> None:
+        """No service is left at shsa/som, as with a master that is new: the last ones stay."""
+        _, errors = merge_parameters(self._som, value, self._name)
+        why = str(errors[0]) if errors else f"{self._name}: there is no service in it"
+        rospy.logerr("Refused: %s. The SOM so far counts, and is put back.", why)
+        _ask(lambda: put_som(self._som))
+
+
+def _contents(value: object) -> str:
+    """What is neither number, text, list nor mapping, as text: dates and bytes."""
+    return f"{type(value).__name__} {getattr(value, '__dict__', '')}"
+
+
+def _names(value: object) -> Set[str]:
+    services = value.get("services") if isinstance(value, dict) else None
+    return set(services) if isinstance(services, dict) else set()
+
+
+def _ask(question: Callable[[], Any]) -> Optional[Any]:
+    try:
+        return question()
+    except FAILS as error:
+        rospy.logwarn_throttle(10.0, f"The master does not answer: {error}")
+        return None

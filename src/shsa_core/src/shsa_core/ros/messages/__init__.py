@@ -1,0 +1,1 @@
+"""Messages: their fields, and the tables that are sent as changes."""

@@ -1,0 +1,354 @@
+"""Tables sent as changes: a new subscriber, or one that missed a change, gets the whole.
+
+The messages have the fields `header`, `began`, `sequence`, `whole`, `removed` and one with rows;
+see shsa_msgs/Health. A table that commands, or that decisions read, is signed. One of which some
+subscribers are told only what concerns them has `to` as well; see shsa_msgs/Substitutions.
+"""
+import io
+import threading
+import time
+from collections import defaultdict
+from typing import Any, Callable, Collection, DefaultDict, Dict, Iterable, List, Optional, Type
+
+import genpy
+import rospy
+from std_msgs.msg import Header
+
+from shsa_core.ros.rospy_patches.bounds import subscribe
+from shsa_core.ros.trust.signing import LARGEST_B, Signing
+
+QUEUE = 200
+"""Messages that wait for a slow subscriber. It misses those beyond, and then subscribes again."""
+RESUBSCRIBE_PAUSE_S = 0.5
+"""At least between two subscriptions of one table."""
+
+Key = Callable[[Any], str]
+"""The key of a row, as `removed` names it."""
+EVERYBODY = ""
+
+
+class Addressing:
+    """Which rows a subscriber is told, by its name: here, all are told all."""
+
+    def addressed(self, subscriber: str) -> bool:
+        """Whether it is told what concerns it alone."""
+        return False
+
+    def rows(self, subscriber: str, rows: Dict[str, Any]) -> List[Any]:
+        """Of a table by keys, what concerns one that is addressed."""
+        return list(rows.values())
+
+    def readers(
+        self, key: str, rows: Dict[str, Any], subscribers: Collection[str]
+    ) -> Iterable[str]:
+        """Of those that are addressed, whom a new, changed or removed row concerns."""
+        return subscribers
+
+
+class _Channel:
+    """What is sent to the connections of one subscriber, or of all who are told everything.
+
+    `began` and `sequence` are never the same for two messages: what a connection of it is sent
+    cannot be taken for another one later.
+    """
+
+    def __init__(self, to: str, began: int) -> None:
+        self.to, self.began, self.sequence = to, began, 0
+        self.connections: List[Any] = []
+
+
+class TablePublisher(rospy.SubscribeListener):
+    """Publishes a table: its changes to everybody, the whole of it to whoever connects.
+
+    Rows are messages; `rows_field` is the message's field for them. `signing`: how it is signed;
+    None: it is not. Nothing waits for a subscriber. `opened`: nobody is told anything before `open`
+    is called. `addressing`: whom only some of the rows concern; it is sent no others.
+    """
+
+    def __init__(
+        self,
+        topic: str,
+        message_class: Type[genpy.Message],
+        rows_field: str,
+        key: Key,
+        signing: Optional[Signing] = None,
+        opened: bool = True,
+        addressing: Optional[Addressing] = None,
+    ) -> None:
+        super().__init__()
+        self._class: Any = signing.signed(topic, message_class) if signing else message_class
+        self._sent = _written(message_class)
+        self._field, self._key = rows_field, key
+        self._addressing = addressing
+        self._rows: Dict[str, genpy.Message] = {}
+        self._everybody = _Channel(EVERYBODY, time.monotonic_ns())
+        self._channels: Dict[str, _Channel] = {}
+        self._lock = threading.Lock()  # whoever holds it sees table, sequences and queues agree
+        self._topic = topic
+        self._publisher: Any = None
+        if opened:
+            self.open()
+
+    def open(self) -> None:
+        """Register as a publisher: whoever connects from now on gets the table as it is."""
+        with self._lock:
+            self._publisher = rospy.Publisher(
+                self._topic, self._class, self, queue_size=QUEUE, tcp_nodelay=True
+            )
+
+    def update(self, changed: Iterable[genpy.Message], removed: Iterable[str] = ()) -> None:
+        """Publish new and changed rows, and the keys of those that are gone, if any."""
+        rows = {self._key(row): row for row in changed}
+        with self._lock:
+            gone = [key for key in removed if key in self._rows and key not in rows]
+            if not rows and not gone:
+                return
+            told = self._concerned(gone)
+            self._rows.update(rows)
+            for key in gone:
+                del self._rows[key]
+            for name, keys in self._concerned(rows).items():
+                told[name] += keys
+            self._change(self._everybody, [*gone, *rows])
+            for name, keys in told.items():
+                self._change(self._channels[name], keys)
+
+    def _concerned(self, keys: Iterable[str]) -> DefaultDict[str, List[str]]:
+        """Which of some rows concern whom of those that are addressed."""
+        found: DefaultDict[str, List[str]] = defaultdict(list)
+        if self._addressing is not None and self._channels:
+            for key in keys:
+                for name in self._addressing.readers(key, self._rows, self._channels):
+                    found[name].append(key)
+        return found
+
+    def _change(self, channel: _Channel, keys: List[str]) -> None:
+        """Tell one channel of changes; a key without a row is gone."""
+        channel.sequence += 1
+        up = [each for each in channel.connections if not each.done]
+        if up:
+            rows = [self._rows[key] for key in keys if key in self._rows]
+            gone = [key for key in keys if key not in self._rows]
+            self._send(up, self._message(channel, False, rows, gone))
+
+    def peer_subscribe(
+        self, topic_name: str, topic_publish: object, peer_publish: Callable[[Any], None]
+    ) -> None:
+        """Called by rospy, in a thread of its own, once a subscriber has connected."""
+        with self._lock:
+            impl = self._publisher.impl
+            up = [] if impl is None else list(impl.connections)
+            for channel in (self._everybody, *self._channels.values()):
+                channel.connections = [each for each in channel.connections if not each.done]
+            self._channels = {name: c for name, c in self._channels.items() if c.connections}
+            known = {id(each) for each in self._everybody.connections}
+            known.update(id(each) for c in self._channels.values() for each in c.connections)
+            for connection in up:
+                if id(connection) not in known:
+                    self._welcome(connection)
+
+    def _welcome(self, connection: Any) -> None:
+        """Send a new connection the whole, as far as it concerns its subscriber."""
+        name = connection.endpoint_id  # as its subscriber calls itself
+        channel, rows = self._everybody, list(self._rows.values())
+        if self._addressing is not None and self._addressing.addressed(name):
+            if name not in self._channels:
+                self._channels[name] = _Channel(name, time.monotonic_ns())
+            channel, rows = self._channels[name], self._addressing.rows(name, self._rows)
+        channel.connections.append(connection)
+        self._send([connection], self._message(channel, True, rows, []))
+
+    def unregister(self) -> None:
+        """Publish no more."""
+        if self._publisher is not None:
+            self._publisher.unregister()
+
+    def _send(self, connections: List[Any], message: genpy.Message) -> None:
+        """Send one message, signed once: who is connected twice knows it again."""
+        data = io.BytesIO()
+        message.serialize(data)
+        sent = self._sent()
+        sent.written = data.getvalue()
+        impl = self._publisher.impl
+        if impl is None:
+            return  # we publish no more
+        impl.acquire()  # rospy's own way for one connection does not
+        try:
+            for connection in connections:
+                impl.publish(sent, connection_override=connection)
+        finally:
+            impl.release()
+
+    def _message(
+        self, channel: _Channel, whole: bool, rows: List[genpy.Message], gone: List[str]
+    ) -> genpy.Message:
+        header = Header(stamp=rospy.Time.now(), seq=channel.sequence)
+        message: genpy.Message = self._class(
+            header=header,
+            began=channel.began,
+            sequence=channel.sequence,
+            whole=whole,
+            removed=gone,
+        )
+        setattr(message, self._field, rows)
+        if channel.to:
+            setattr(message, "to", channel.to)
+        return message
+
+
+def _written(kind: Type[genpy.Message]) -> Any:
+    """A message class like `kind` whose bytes are made already."""
+
+    class Written(kind):  # type: ignore[misc,valid-type]
+        """A message that is sent as it was written."""
+
+        written = b""
+
+        def serialize(self, buff: io.BytesIO) -> None:
+            """Write the message."""
+            buff.write(self.written)
+
+    return Written
+
+
+class TableSubscriber:
+    """Calls `heard(message)` with a whole table, or with the changes that follow; never others.
+
+    `heard` is called in rospy's threads, by one at a time. A table needs a subscriber of its own: a
+    process may have one for each topic, since rospy shares the connections among all of a process's
+    subscribers.
+
+    `signing`: what is not signed is refused, and so is a table older than one that was heard of.
+    None: for show alone, whoever sends it is believed. `name`: what is addressed to that name is
+    heard as well; what is addressed to others never is.
+    """
+
+    def __init__(
+        self,
+        topic: str,
+        message_class: Type[genpy.Message],
+        heard: Callable[[Any], None],
+        signing: Optional[Signing] = None,
+        name: str = EVERYBODY,
+    ) -> None:
+        self._topic, self._heard, self._signing, self._name = topic, heard, signing, name
+        self._class = signing.checked(topic, message_class) if signing else message_class
+        self._lock = threading.Lock()
+        self._at = (0, 0)
+        """The table that was heard last, and its sequence."""
+        self._sent = b"", 0, 0
+        """Of the newest message: whose clock, when by that clock, and by ours."""
+        self._follows = False
+        self._retry: Optional[threading.Timer] = None
+        self._ended = False
+        self._subscribe()
+
+    def ask_again(self) -> None:
+        """Have the whole table told once more, by a connection of its own; returns at once."""
+        with self._lock:
+            self._miss()
+
+    def unregister(self) -> None:
+        """Hear no more."""
+        with self._lock:
+            self._ended = True
+            self._subscriber.unregister()
+
+    def get_num_connections(self) -> int:
+        """How many publishers are connected."""
+        return int(self._subscriber.get_num_connections())
+
+    def _subscribe(self) -> None:
+        self._subscribed = time.monotonic()
+        if self._signing is None:
+            self._subscriber = subscribe(self._topic, self._class, self._received, LARGEST_B)
+        else:
+            self._subscriber = self._signing.subscribe(
+                self._topic, self._class, self._received, self._lost
+            )
+
+    def _received(self, message: Any) -> None:
+        with self._lock:
+            if self._ended or getattr(message, "to", EVERYBODY) not in (EVERYBODY, self._name):
+                return
+            late = self._is_late(message)
+            (began, sequence), came = self._at, (message.began, message.sequence)
+            follows = self._follows and came == (began, sequence + 1)
+            if follows or (message.whole and not late):
+                self._at, self._follows = came, True
+                self._heard(message)
+            elif not (late and self._follows):
+                self._miss()
+
+    def _is_late(self, message: Any) -> bool:
+        """Whether what a message tells is known; it may come by two connections, or be kept back.
+
+        Of two who send the table, the one counts that is heard last, as long as it can be followed.
+        """
+        if self._signing is not None:
+            boot, sent, here = self._sent
+            same = message.boot == boot
+            late = message.sent <= sent if same else message.sent_here <= here
+            if not late:
+                self._sent = message.boot, message.sent, message.sent_here
+            return bool(late)
+        began, sequence = self._at
+        return bool(not message.whole and message.began == began and message.sequence <= sequence)
+
+    def _lost(self) -> None:
+        """What was refused may have been right: a whole that is missed must come again."""
+        with self._lock:
+            if not self._follows:
+                self._miss()
+
+    def _miss(self) -> None:
+        """Subscribe again soon, unless a whole table comes before."""
+        self._follows = False
+        if self._retry is None and not self._ended:
+            pause = self._subscribed + RESUBSCRIBE_PAUSE_S - time.monotonic()
+            self._retry = threading.Timer(max(0.0, pause), self._subscribe_again)
+            self._retry.daemon = True
+            self._retry.start()
+
+    def _subscribe_again(self) -> None:
+        with self._lock:
+            self._retry = None
+            if self._ended or self._follows or rospy.is_shutdown():
+                return
+            self._subscriber.unregister()
+            self._subscribe()
+
+
+class TableCopy:
+    """A copy of a table that is kept up: `rows` by key.
+
+    `changed`, if given, is called after each change.
+    """
+
+    def __init__(
+        self,
+        topic: str,
+        message_class: Type[genpy.Message],
+        rows_field: str,
+        key: Key,
+        changed: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.rows: Dict[str, Any] = {}
+        self._field, self._key, self._changed = rows_field, key, changed
+        self._subscriber = TableSubscriber(topic, message_class, self._heard)
+
+    def _heard(self, message: Any) -> None:
+        rows = {} if message.whole else dict(self.rows)
+        for key in message.removed:
+            rows.pop(key, None)
+        rows.update({self._key(row): row for row in getattr(message, self._field)})
+        self.rows = rows  # a new one each time: readers need no lock
+        self._changed()
+
+    def get_num_connections(self) -> int:
+        """How many publishers are connected."""
+        return self._subscriber.get_num_connections()
+
+    def unregister(self) -> None:
+        """Keep it up no more."""
+        self._subscriber.unregister()

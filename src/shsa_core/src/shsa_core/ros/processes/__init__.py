@@ -1,0 +1,1 @@
+"""Processes of the robot and of healing: learned, started, watched and ended."""

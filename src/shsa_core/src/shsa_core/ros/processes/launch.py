@@ -1,0 +1,147 @@
+"""Whether the launch that this node belongs to is ending, or the one of a node that we watch.
+
+Then nodes stop on purpose, and nothing is to be healed.
+
+roslaunch signals its nodes ten at a time, in no certain order, each in a session of its own: a
+healthy node may be gone up to seconds before we are told to go. It writes to its log that it shuts
+down before it signals anybody, at Ctrl-C as well as when its terminal is closed, and that log is
+open in the parent process of its nodes for us to find. Where it cannot be read, our own signal is
+the first sign, and for nodes of others there is none.
+"""
+import os
+import re
+import threading
+import time
+from typing import BinaryIO, Dict, Iterable, Iterator, Optional, Set, Tuple
+
+import psutil
+import rospy
+
+from shsa_core.ros.trust.places import master_place
+from shsa_core.ros.worker import Worker
+
+SHUTDOWN = re.compile(rb"\[roslaunch\.pmon\].*ProcessMonitor\.(_post_run|shutdown) ")
+LONGEST_LINE = 1000
+NAME = "__name:="
+LOOK_PAUSE_S = 0.5
+
+
+class _Log:
+    """The log of a roslaunch, from now on."""
+
+    def __init__(self, path: str) -> None:
+        self._file: BinaryIO = open(path, "rb")
+        self._seen = os.fstat(self._file.fileno()).st_size
+
+    def tells(self) -> bool:
+        """Whether roslaunch has written since the last look that it shuts down."""
+        if os.fstat(self._file.fileno()).st_size <= self._seen:
+            return False
+        self._file.seek(max(0, self._seen - LONGEST_LINE))
+        overlap = self._seen - self._file.tell()
+        new = self._file.read()
+        self._seen += len(new) - overlap
+        # What was there before we came is of a launch that went on: only what ends in the new part
+        # counts.
+        return any(found.end() > overlap for found in SHUTDOWN.finditer(new))
+
+
+class Launch:
+    """The roslaunch that started this node, if one did."""
+
+    def __init__(self) -> None:
+        self._log = _open_log(_ancestors(os.getppid()))
+        self._ends = False
+
+    def ending(self) -> bool:
+        """Whether it is shutting down, or this node is. Costs a microsecond; asks nobody."""
+        if not self._ends:
+            tells = self._log is not None and self._log[1].tells()
+            self._ends = bool(rospy.core.is_shutdown_requested()) or tells
+        return self._ends
+
+
+class Launches:
+    """The roslaunches of nodes that run on this computer as our user."""
+
+    def __init__(self) -> None:
+        self._worker = Worker("launches")
+        self._lock = threading.Lock()
+        self._unknown: Set[str] = set()
+        self._of_node: Dict[str, int] = {}
+        self._logs: Dict[int, _Log] = {}
+
+    def learn(self, node: str) -> None:
+        """Find out who started a node, soon; returns at once."""
+        with self._lock:
+            if not self._unknown:
+                self._worker.put(self._look)
+            self._unknown.add(node)
+
+    def ending(self) -> Tuple[str, ...]:
+        """The nodes whose launch has begun to end since the last look."""
+        with self._lock:
+            ended = {pid for pid, log in self._logs.items() if log.tells()}
+            if not ended:
+                return ()
+            self._logs = {pid: log for pid, log in self._logs.items() if pid not in ended}
+            return tuple(sorted(node for node, pid in self._of_node.items() if pid in ended))
+
+    def _look(self) -> None:
+        time.sleep(LOOK_PAUSE_S)  # nodes come many at a time
+        with self._lock:
+            nodes, self._unknown = self._unknown, set()
+        for node, process in _processes_of(nodes):
+            found = _open_log(_ancestors(process))
+            with self._lock:
+                self._of_node.pop(node, None)
+                if found is not None:
+                    self._of_node[node] = found[0]
+                    self._logs.setdefault(*found)
+                known = set(self._of_node.values())
+                self._logs = {pid: log for pid, log in self._logs.items() if pid in known}
+
+
+def _processes_of(nodes: Set[str]) -> Iterator[Tuple[str, int]]:
+    """The processes of our user that were started as one of these nodes, by roslaunch or rosrun."""
+    ours = master_place()
+    for process in psutil.process_iter(["cmdline"]):
+        words = process.info["cmdline"] or ()
+        name = next((word[len(NAME) :] for word in words if word.startswith(NAME)), "")
+        if not any(node.endswith(f"/{name}") for node in nodes):
+            continue
+        try:
+            environment = process.environ()
+            if master_place(environment) != ours:
+                continue  # another robot's node has the same name
+        except (psutil.Error, ValueError):
+            continue  # it is somebody else's process, or gone, or of no master at all
+        namespace = environment.get("ROS_NAMESPACE", "/")
+        full = f"/{namespace.strip('/')}/{name}".replace("//", "/")
+        if full in nodes:
+            yield full, process.pid
+
+
+def _open_log(pids: Iterable[int]) -> Optional[Tuple[int, _Log]]:
+    """The nearest roslaunch among some processes, and its log."""
+    for pid in pids:
+        name = re.compile(rf"/[^/]*-{pid}\.log$")
+        folder = f"/proc/{pid}/fd"
+        try:
+            files = [os.readlink(f"{folder}/{each}") for each in os.listdir(folder)]
+            found = next((file for file in files if name.search(file)), None)
+            if found is not None:
+                return pid, _Log(found)
+        except OSError:
+            continue  # it is somebody else's process, or gone
+    return None
+
+
+def _ancestors(pid: int) -> Iterator[int]:
+    while pid > 1:
+        yield pid
+        try:
+            with open(f"/proc/{pid}/stat", "rb") as stat:
+                pid = int(stat.read().rsplit(b")", 1)[1].split()[1])
+        except (OSError, ValueError, IndexError):
+            return

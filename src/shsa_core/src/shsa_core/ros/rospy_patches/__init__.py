@@ -1,0 +1,1 @@
+"""What rospy does otherwise here than as it was released."""

@@ -1,0 +1,166 @@
+"""Connections that others make to us: who says nothing, or too much, holds nobody else up.
+
+rospy reads the header of a connection in the thread that accepts them all: one that stays silent
+would keep every subscriber out, for as long as it likes. Here each has a thread until it has said
+what it wants, a deadline and a largest size; and the oldest goes where too many wait. So it does
+with calls of our XML-RPC interface: thousands of threads would leave the others no time.
+"""
+import socket
+import struct
+import threading
+import time
+from collections import OrderedDict
+from typing import Any, Callable
+
+import rospy
+from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
+from rospy.impl.tcpros_base import TCPROSServer
+
+from shsa_core.errors import ShsaError
+from shsa_core.ros.rospy_patches.bounds import LARGEST_HEADER_B
+
+HEADER_S = 2.0
+"""So long a header may take, whole."""
+MOST_WAITING = 100
+"""Connections without a header at the same time; an honest one takes milliseconds."""
+MOST_CALLS = 200
+"""Connections to a node's XML-RPC interface at the same time."""
+LARGEST_CALL_B = 32 << 20
+"""The SOM of a large robot, as the master tells it, has a tenth."""
+LENGTH = struct.Struct("<I")
+
+Callback = Callable[[Any, socket.socket, Any], None]
+
+
+def serve_each_by_itself() -> None:
+    """To be called before the node is initialised."""
+    TCPROSServer._tcp_server_callback = _apart(TCPROSServer._tcp_server_callback)
+    ThreadingXMLRPCServer.process_request = _with_room(ThreadingXMLRPCServer.process_request)
+    SilenceableXMLRPCRequestHandler.do_POST = _up_to(SilenceableXMLRPCRequestHandler.do_POST)
+
+
+class _Room:
+    """Connections that are open at the same time: with more than `most`, the oldest is ended."""
+
+    def __init__(self) -> None:
+        self._open: "OrderedDict[int, socket.socket]" = OrderedDict()
+        self._lock = threading.Lock()
+
+    def enter(self, connection: socket.socket, most: int) -> None:
+        """Have one more."""
+        with self._lock:
+            self._open[connection.fileno()] = connection
+            oldest = self._open.popitem(last=False)[1] if len(self._open) > most else None
+            if oldest is not None:
+                _end(oldest)
+
+    def leave(self, connection: socket.socket) -> None:
+        """Have one less; before it is closed."""
+        with self._lock:
+            if self._open.get(connection.fileno()) is connection:
+                del self._open[connection.fileno()]
+
+
+def _apart(callback: Callback) -> Callback:
+    room = _Room()
+
+    def serve(server: Any, connection: socket.socket, address: Any) -> None:
+        try:
+            header = _read_header(connection)
+        except (OSError, ShsaError) as error:
+            rospy.logdebug("A connection from %s is given up: %s", address, error)
+            room.leave(connection)
+            connection.close()
+            return
+        room.leave(connection)
+        callback(server, _Greeted(connection, header), address)
+
+    def accept(server: Any, connection: socket.socket, address: Any) -> None:
+        room.enter(connection, MOST_WAITING)
+        arguments = server, connection, address
+        try:
+            threading.Thread(target=serve, args=arguments, name="inbound", daemon=True).start()
+        except (RuntimeError, MemoryError):  # no thread is left: whoever asks again may be served
+            room.leave(connection)
+            connection.close()
+            raise
+
+    return accept
+
+
+def _with_room(process: Callback) -> Callback:
+    """Calls of a node's API: a client whose idle connection was ended makes another."""
+    room = _Room()
+
+    def accept(server: Any, connection: socket.socket, address: Any) -> None:
+        shutdown = server.shutdown_request
+
+        def leave(request: socket.socket) -> None:
+            room.leave(request)
+            shutdown(request)
+
+        if "shutdown_request" not in vars(server):
+            server.shutdown_request = leave
+        room.enter(connection, MOST_CALLS)
+        process(server, connection, address)
+
+    return accept
+
+
+def _up_to(post: Callable[[Any], None]) -> Callable[[Any], None]:
+    """What a call may send."""
+
+    def bounded(handler: Any) -> None:
+        length = str(handler.headers.get("content-length", ""))
+        if not length.isdigit() or len(length) > 9 or int(length) > LARGEST_CALL_B:
+            handler.close_connection = True
+            handler.send_error(413)
+            return
+        post(handler)
+
+    return bounded
+
+
+class _Greeted(socket.socket):
+    """A connection whose header was read, and is given first."""
+
+    def __init__(self, connection: socket.socket, header: bytes) -> None:
+        super().__init__(fileno=connection.detach())
+        self._header = header
+
+    def recv(self, size: int, flags: int = 0) -> bytes:
+        """What comes next."""
+        given, self._header = self._header[:size], self._header[size:]
+        return given or super().recv(size, flags)
+
+
+def _read_header(connection: socket.socket) -> bytes:
+    """The header with its length, and no byte more. Raises OSError, ShsaError."""
+    end = time.monotonic() + HEADER_S
+    length = _read(connection, LENGTH.size, end)
+    (size,) = LENGTH.unpack(length)
+    if size > LARGEST_HEADER_B:
+        raise ShsaError(f"a header of {size} bytes; {LARGEST_HEADER_B} are allowed")
+    header = length + _read(connection, size, end)
+    connection.settimeout(None)
+    return header
+
+
+def _read(connection: socket.socket, size: int, end: float) -> bytes:
+    data = b""
+    while len(data) < size:
+        connection.settimeout(max(1e-3, end - time.monotonic()))
+        came = connection.recv(size - len(data))
+        if not came:
+            raise ShsaError("it ended before its header")
+        data += came
+        if time.monotonic() > end:
+            raise ShsaError(f"no header within {HEADER_S:g} s")
+    return data
+
+
+def _end(connection: socket.socket) -> None:
+    try:
+        connection.shutdown(socket.SHUT_RDWR)
+    except OSError:
+        return  # it has ended

@@ -1,0 +1,104 @@
+"""Lines of the log, written by a thread of their own: whoever says something waits for nothing.
+
+A terminal that stands still, a disk and the master may take as long as they like. rospy asks the
+master about one parameter at every line that goes to /rosout; here that is asked once.
+"""
+import logging
+import logging.handlers
+import queue
+import sys
+import threading
+from typing import List, Optional, Sequence, Set, Tuple
+
+import rospy
+from rospy.impl.paramserver import get_param_server_cache
+
+from shsa_core.ros.master.node_api import FAILURES
+
+LINES = 1000
+"""So many lines wait at most; what is said beyond is lost."""
+CLOSE_TIMEOUT_S = 1.0
+LOGGERS = ("", "rosout")
+ROSOUT = "/rosout_disable_topics_generation"
+
+Line = Tuple[Sequence[logging.Handler], logging.LogRecord]
+
+
+class LogQueue:
+    """Takes the place of the handlers of `loggers`, and hands them the lines in order."""
+
+    def __init__(self, loggers: Sequence[str] = LOGGERS) -> None:
+        self._lines: "queue.Queue[Optional[Line]]" = queue.Queue(LINES)
+        for name in loggers:
+            logger = logging.getLogger(name)
+            handlers, logger.handlers = logger.handlers, []
+            if handlers:
+                logger.addHandler(_Later(self._lines, handlers))
+        self._thread = threading.Thread(target=self._write, name="log", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Write what waits, as far as that is possible in a moment."""
+        try:
+            self._lines.put(None, timeout=CLOSE_TIMEOUT_S)
+            self._thread.join(CLOSE_TIMEOUT_S)
+        except queue.Full:
+            return  # whoever shows the lines stands still
+
+    def _write(self) -> None:
+        while True:
+            line = self._lines.get()
+            if line is None:
+                return
+            handlers, record = line
+            for handler in handlers:
+                if record.levelno >= handler.level:
+                    try:
+                        handler.handle(record)
+                    except Exception:  # whatever it is, the next line is written
+                        handler.handleError(record)
+
+
+class _Later(logging.handlers.QueueHandler):
+    """Puts records beside those who will handle them."""
+
+    def __init__(self, lines: "queue.Queue[Optional[Line]]", handlers: List[logging.Handler]):
+        super().__init__(lines)
+        self._handlers = handlers
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        try:
+            self.queue.put_nowait((self._handlers, record))
+        except queue.Full:
+            pass  # whoever shows the lines stands still: the newest are lost
+
+
+def say_failures_once() -> None:
+    """Have every handler that fails, as on a full disk, say so once on stderr, and shortly."""
+    logging.Handler.handleError = _failed  # type: ignore
+
+
+_said: Set[int] = set()
+
+
+def _failed(handler: logging.Handler, _: logging.LogRecord) -> None:
+    if id(handler) not in _said:
+        _said.add(id(handler))
+        where = getattr(handler, "baseFilename", type(handler).__name__)
+        _complain(f"The log {where} cannot be written: {sys.exc_info()[1]}. This is said once.")
+
+
+def _complain(text: str) -> None:
+    try:
+        sys.stderr.write(text + "\n")
+    except OSError:
+        return  # then nobody can be told
+
+
+def ask_once_for_rosout() -> None:
+    """Have rospy know for good whether lines on /rosout name the topics of the node."""
+    try:
+        value = bool(rospy.get_param(ROSOUT, False))
+    except FAILURES:
+        value = False
+    get_param_server_cache().set(ROSOUT, value)

@@ -1,0 +1,1 @@
+"""Connections to publishers, read by one thread as bytes."""

@@ -1,0 +1,91 @@
+"""Makes events of messages, which are read and decoded only as far as somebody checks them."""
+from typing import Dict, NamedTuple, Optional
+
+import rospy
+
+from shsa_core.errors import ShsaError
+from shsa_core.model.service import Service
+from shsa_core.monitoring.events import Message
+from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
+from shsa_core.monitoring.last_messages import LARGEST_B
+from shsa_core.ros.sockets.frames import Wanted
+from shsa_core.ros.messages.messages import STAMP_END, Decoder, stamp
+from shsa_core.ros.sockets.stream import Connection
+
+ALL = Wanted()
+HEAD = Wanted(LARGEST_B, STAMP_END)
+"""Nobody judges values: of a message too large to be kept, the stamp is all that is looked at."""
+
+
+class _Needs(NamedTuple):
+    """What the checks of a service need to know of the messages of one connection."""
+
+    service: Optional[Service]
+    values: Optional[Decoder] = None
+    stamps: bool = False
+
+
+class Reader:
+    """Reads the messages of every connection, each as the service needs it that it is judged by.
+
+    `unjudged`: what is wanted of messages of which no value is judged.
+    """
+
+    def __init__(self, unjudged: Wanted = HEAD) -> None:
+        self._unjudged = unjudged
+        self._needs: Dict[Connection, _Needs] = {}
+
+    def event(
+        self,
+        time: float,
+        waited: float,
+        connection: Connection,
+        data: bytes,
+        whole: bool,
+        service: Optional[Service],
+        ahead: float,
+    ) -> Message:
+        """The event that a message makes.
+
+        `waited`: s that it may have waited for us; `whole`: `data` is all of it; `ahead`: s of ROS
+        time before the time of events. What was not copied is not judged.
+        """
+        needs = self._needs.get(connection)
+        if needs is None or (needs.service is not service and needs.service != service):
+            needs = self._learn(connection, service)
+        values, error, age, stamped = None, "", None, 0
+        if needs.values is not None and whole:
+            try:
+                values = needs.values.values(data)
+            except ShsaError as refusal:
+                error = str(refusal)
+        if needs.stamps:
+            stamped = stamp(data)
+            age = time + ahead - stamped / 1e9 if stamped else None
+        whom = (connection.topic, connection.publisher)
+        return Message(time, *whom, values, error, age, waited, stamp=stamped)
+
+    def forget(self) -> None:
+        """Services have changed: what is needed is learned anew, from whole messages."""
+        for connection in self._needs:
+            connection.frames.wanted = ALL
+        self._needs.clear()
+
+    def _learn(self, connection: Connection, service: Optional[Service]) -> _Needs:
+        for gone in [known for known in self._needs if known.transport.done]:
+            del self._needs[gone]
+        needs = _Needs(service)
+        fields = [each.field for each in checked_provisions(service)] if service else []
+        if service is not None and (fields or checks_stamps(service)):
+            try:
+                decoder = Decoder(service.type, connection.header, fields)
+                needs = _Needs(service, decoder if fields else None, decoder.has_stamp)
+                problems = decoder.problems
+            except ShsaError as error:
+                problems = [str(error)]
+            for problem in problems:
+                text = "%s: the messages of %s are not checked: %s"
+                rospy.logwarn(text, connection.topic, connection.publisher, problem)
+        self._needs[connection] = needs
+        connection.frames.wanted = ALL if needs.values is not None else self._unjudged
+        return needs

@@ -1,0 +1,1 @@
+"""Signatures, secrets, and the computers whose messages are believed."""

@@ -1,0 +1,186 @@
+"""Healing's own messages, signed: strangers on the master can read them, but not speak for it.
+
+A message type that is signed ends with `boot`, `sent` and `signature` (shsa_msgs/Failure). The key
+is made of the secret and that boot. It stands for the present boot of a computer and for the ROS
+master: what was said in another boot, or to another robot's healing, is worth nothing here. `sent`
+is on the monotonic clock, which all processes of a computer share, and which neither jumps nor goes
+back: so a restarted sender is always ahead of what it said before. What another computer says is
+believed once it has proved itself, and its clock was compared with ours (`computers`).
+"""
+import io
+import os
+import threading
+import time
+from typing import Any, Callable, Dict, Optional, Type
+
+import genpy
+import rospy
+
+from shsa_core.errors import ShsaError
+from shsa_core.ros.trust import secret
+from shsa_core.ros.rospy_patches.bounds import subscribe
+from shsa_core.ros.trust.challenges import Challenger, serve
+from shsa_core.ros.trust.computers import Computers
+from shsa_core.ros.trust.places import BOOT_B, origin
+from shsa_core.ros.trust.proof import WrongSecret
+from shsa_core.ros.trust.refusals import PAUSE_S, SENDERS, Refusals
+from shsa_core.ros.trust.seal import (
+    EARLY,
+    FOREIGN,
+    SIGNATURE_B,
+    TRAILER,
+    TWICE,
+    UNPROVEN,
+    UNSIGNED,
+    Gate,
+    Seal,
+)
+
+LARGEST_B = 1 << 25
+"""A larger message is not read: its sender is cut off."""
+NO_SIGNATURE = bytes(SIGNATURE_B)
+
+Heard = Callable[[Any], None]
+
+
+class Signing:
+    """Signs and checks messages by the secret in a file (empty: the default one).
+
+    `make`: it is made if it is not there. Raises ShsaError if it cannot be read. `computers`: those
+    that are believed.
+    """
+
+    def __init__(self, path: str = "", make: bool = True) -> None:
+        self.path = os.path.abspath(path or secret.default_path())
+        self.refusals = Refusals()
+        self._secret = secret.obtain(self.path) if make else secret.read(self.path)
+        self._boot = origin()
+        self._challenger = Challenger(self._secret)
+        self.computers = Computers(self._boot, self._challenger.ask)
+        self._lock = threading.Lock()
+        self._measuring: Optional[threading.Thread] = None
+        self._met = threading.Event()
+        self._suspects: Dict[str, float] = {}
+        serve(self._secret, self._boot)
+
+    def signed(self, topic: str, kind: Type[genpy.Message]) -> Any:
+        """A message class like `kind`, whose messages are signed as they are serialized."""
+        boot, seal = self._boot, Seal(self._secret, self._boot, rospy.resolve_name(topic))
+
+        class Signed(kind):  # type: ignore[misc,valid-type]
+            """A message that is signed."""
+
+            def serialize(self, buff: io.BytesIO) -> None:
+                """Write the message, and its signature at its end."""
+                self.boot, self.sent, self.signature = boot, time.monotonic_ns(), NO_SIGNATURE
+                start = buff.tell()
+                super().serialize(buff)
+                end = buff.tell() - SIGNATURE_B
+                buff.seek(end)
+                buff.write(seal.signature(buff.getvalue()[start:end]))
+
+        return Signed
+
+    def signer(self, topic: str, kind: Type[genpy.Message]) -> Callable[[Any], Any]:
+        """What makes a message that is signed of one that is not."""
+        signed = self.signed(topic, kind)
+        return lambda message: signed(*(getattr(message, name) for name in kind.__slots__))
+
+    def checked(
+        self, topic: str, kind: Type[genpy.Message], unsigned: bool = False
+    ) -> Type[genpy.Message]:
+        """A message class like `kind` for one reader: of what is refused, nothing is decoded.
+
+        Its messages have `refusal`; empty: none. `unsigned`: who signs nothing is believed too.
+        """
+        find = self.computers.find
+        gate = Gate(self._secret, rospy.resolve_name(topic), find, time.monotonic_ns)
+
+        class Checked(kind):  # type: ignore[misc,valid-type]
+            """A message that is checked."""
+
+            refusal = ""
+            data = b""
+
+            def deserialize(self, data: bytes) -> genpy.Message:
+                """Read the message if its signature is right."""
+                if unsigned and data.endswith(UNSIGNED):
+                    return super().deserialize(data)
+                self.refusal = gate.refusal(data)
+                if self.refusal:
+                    self.data = data if self.refusal == UNPROVEN else b""
+                    return self
+                super().deserialize(data)
+                self.boot, self.sent, _ = TRAILER.unpack_from(data, len(data) - TRAILER.size)
+                return self
+
+        return Checked
+
+    def subscribe(
+        self,
+        topic: str,
+        checked: Type[genpy.Message],
+        heard: Heard,
+        lost: Callable[[], None] = lambda: None,
+    ) -> rospy.Subscriber:
+        """Call `heard` with what is not refused; the rest is counted.
+
+        What is heard has `sent_here`: when it was sent on our monotonic clock in ns, about.
+        `lost` is called when a message was refused that may have been right: its sender did not
+        answer, or two clocks could not be compared well enough.
+        """
+
+        def received(message: Any) -> None:
+            sender = message._connection_header.get("callerid", "")
+            if message.refusal == UNPROVEN:
+                message = self._judge_again(message, sender)
+            if not message.refusal:
+                message.sent_here = self.computers.ours(message.boot, message.sent, sender)
+                heard(message)
+            elif message.refusal != TWICE:
+                self.refusals.note(rospy.resolve_name(topic), sender, message.refusal)
+                if message.refusal == FOREIGN:
+                    self._suspect(sender)
+                elif message.data or message.refusal == EARLY:
+                    lost()
+
+        return subscribe(topic, checked, received, LARGEST_B)
+
+    def _judge_again(self, message: Any, sender: str) -> Any:
+        """A message whose computer is not known, once its sender was asked."""
+        end = len(message.data) - TRAILER.size
+        message.refusal = self.computers.refusal(message.data[end : end + BOOT_B], sender)
+        if message.refusal:
+            return message
+        self._keep_measured()
+        again = type(message)()
+        again._connection_header = message._connection_header
+        return again.deserialize(message.data)
+
+    def _keep_measured(self) -> None:
+        """Compare clocks from now on, in a thread that one computer alone does not need."""
+        self._met.set()
+        with self._lock:
+            if self._measuring is None:
+                self._measuring = threading.Thread(target=self._measure, name="clocks", daemon=True)
+                self._measuring.start()
+
+    def _measure(self) -> None:
+        while not rospy.is_shutdown():
+            self._met.wait(self.computers.renew())
+            self._met.clear()
+
+    def _suspect(self, sender: str) -> None:
+        """Say so if a sender has another secret, which a person can mend; once a minute."""
+        now = time.monotonic()
+        with self._lock:
+            known = sender in self._suspects or len(self._suspects) < SENDERS
+            if not known or now < self._suspects.get(sender, -PAUSE_S) + PAUSE_S:
+                return
+            self._suspects[sender] = now
+        try:
+            self._challenger.ask(sender)
+        except WrongSecret as error:
+            rospy.logerr("%s: healing there is not believed. Ours is in %s.", error, self.path)
+        except ShsaError:
+            return  # it is no healer; that it was refused is said
