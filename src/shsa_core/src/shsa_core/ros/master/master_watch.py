@@ -79,7 +79,7 @@ class MasterWatch:
         self._is_ours, self._acts = is_ours, acts
         self._me = rospy.get_name()
         self._calls = MasterCalls()
-        self._nodes = Workers("nodes", MOST_CALLS, lambda text: rospy.logwarn("%s", text))
+        self._nodes = Workers("nodes", MOST_CALLS)
         self._introductions = Introductions(self._me)
         self._topics: Set[str] = set()
         self._pid = 0
