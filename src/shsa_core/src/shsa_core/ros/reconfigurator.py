@@ -138,7 +138,7 @@ class ReconfiguratorNode:
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False
         )
         self._records: Optional[RecordFile] = None
-        self._commands = Workers("command", MOST_COMMANDS, lambda text: rospy.logerr("%s", text))
+        self._commands = Workers("command", MOST_COMMANDS)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {

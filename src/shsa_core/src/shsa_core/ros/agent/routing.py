@@ -28,7 +28,7 @@ class Hosts:
         self._local, self._agents, self._tell, self._own = local, agents, tell, own
         self._homes: Dict[str, str] = {}
         self._watched: Dict[str, List[str]] = {}
-        self._looks = Workers("route", MOST_CALLS, lambda text: rospy.logerr("%s", text))
+        self._looks = Workers("route", MOST_CALLS)
         self._routes: dispatch.Table[None] = dispatch.table(
             HostCommand,
             {
