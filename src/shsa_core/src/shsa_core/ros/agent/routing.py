@@ -8,8 +8,8 @@ from shsa_core.healing import events
 from shsa_core.ros import clock
 from shsa_core.ros.master.node_api import FAILURES, address, master_api
 from shsa_core.ros.workers import Workers
-from shsa_core.ros.host.agents import Agents
-from shsa_core.ros.host.host import Host, HostCommand, NodeCommand, Tell
+from shsa_core.ros.agent.agents import Agents
+from shsa_core.ros.processes.host import Host, HostCommand, NodeCommand, Tell
 
 MOST_CALLS = 32
 LOCAL = ""

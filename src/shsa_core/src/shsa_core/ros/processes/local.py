@@ -12,13 +12,13 @@ from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.ros import clock
 from shsa_core.ros.processes.coming_up import ComingUp
-from shsa_core.ros.processes.fence import Fence, Known
+from shsa_core.ros.processes.nodes import Fence, Known
 from shsa_core.ros.processes.heartbeats import Signs, Watch
-from shsa_core.ros.processes.processes import Forks, Processes
+from shsa_core.ros.processes.starting import Forks, Processes
 from shsa_core.ros.processes.protection import Protection
-from shsa_core.ros.processes.restarts import Restarts
+from shsa_core.ros.processes.restarting import Restarts
 from shsa_core.ros.workers import Workers
-from shsa_core.ros.host.host import HostCommand, Tell
+from shsa_core.ros.processes.host import HostCommand, Tell
 
 MOST_CALLS = 32
 """Of one kind of command, under way at the same time."""
