@@ -77,7 +77,7 @@ def elsewhere() -> FrozenSet[str]:
     folders = ("src/*/bench/*.py", "src/*/test/unit/audit.py", "src/*/test/browser/*.py")
     found = {other.stem for folder in folders for other in ROOT.glob(folder)}
     found |= {p.parent.name for p in ROOT.glob("src/*/bench/*/__init__.py")}
-    return frozenset(found | {"attempts", "conftest"})
+    return frozenset(found | {"conftest"})
 
 
 @lru_cache(maxsize=None)

@@ -12,7 +12,7 @@ PACKAGE = SOURCE / "shsa_core"
 # Lower to higher; those in one row do not know one another.
 ORDER = [
     ("text",),
-    ("errors", "dispatch", "agenda", "silence"),
+    ("errors", "dispatch", "agenda", "watch"),
     ("message_types",),
     ("language",),
     ("model",),
@@ -25,7 +25,8 @@ ORDER = [
     ("healing",),
     ("analysis",),
     ("cli",),
-    ("ros.clock", "ros.worker", "ros.workers"),
+    ("ros.settings",),
+    ("ros.clock", "ros.workers"),
     ("ros.master",),
     ("ros.rospy_patches",),
     ("ros.trust",),

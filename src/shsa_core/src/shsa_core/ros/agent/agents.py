@@ -7,11 +7,11 @@ from shsa_msgs import msg
 
 from shsa_core.healing import events
 from shsa_core.ros import clock
-from shsa_core.ros.processes.load import Load
+from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, master_api
 from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.host.host import HostCommand
-from shsa_core.ros.host.remote import TICK_S, RemoteHost, TellAny, Told
+from shsa_core.ros.processes.host import HostCommand
+from shsa_core.ros.agent.remote import TICK_S, RemoteHost, TellAny, Told
 from shsa_core.ros.node import publish
 from shsa_core.ros.wire import names
 

@@ -12,9 +12,8 @@ from shsa_msgs import msg
 from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
-from shsa_core.ros.host.host import HostCommand, HostEvent
-from shsa_core.ros.host.line import Line
-from shsa_core.ros.host.texts import command_text, read_event
+from shsa_core.ros.processes.host import HostCommand, HostEvent
+from shsa_core.ros.agent.line import Line, command_text, read_event
 
 TICK_S = 0.05
 """Between two calls of `tick`."""

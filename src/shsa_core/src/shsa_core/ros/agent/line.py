@@ -3,9 +3,17 @@
 Both ends number what they say from 1, tell how much they have heard, and say again what the other
 end has not.
 """
+import json
 from collections import deque
-from typing import Deque, List, NamedTuple, Optional
+from typing import Any, Deque, List, NamedTuple, Optional, cast
 
+from shsa_core.errors import ModelError
+from shsa_core.journal.codec import Codec
+from shsa_core.journal.machines import FORMS
+from shsa_core.ros.processes.host import HostCommand, HostEvent
+
+COMMANDS = Codec(HostCommand, FORMS)
+EVENTS = Codec(HostEvent, FORMS)
 RESEND_S = 0.2
 """Without an answer for so long, all that is not answered is said again."""
 
@@ -59,3 +67,30 @@ class Line:
     def waiting(self, now: float) -> Optional[float]:
         """For how long the other end has owed an answer; None: it owes none."""
         return now - self._since if self._open else None
+
+
+def command_text(command: HostCommand) -> str:
+    """A command as one line."""
+    return json.dumps(COMMANDS.encode(command))
+
+
+def event_text(event: HostEvent) -> str:
+    """An event as one line."""
+    return json.dumps(EVENTS.encode(event))
+
+
+def read_command(text: str, where: str) -> HostCommand:
+    """The command that a text is. Raises ModelError if it is none."""
+    return cast(HostCommand, COMMANDS.decode(_parsed(text, where), where, "the command"))
+
+
+def read_event(text: str, where: str) -> HostEvent:
+    """The event that a text is. Raises ModelError if it is none."""
+    return cast(HostEvent, EVENTS.decode(_parsed(text, where), where, "the event"))
+
+
+def _parsed(text: str, where: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ModelError(where, f"this is no JSON: {error}") from error

@@ -21,20 +21,18 @@ from shsa_core.healing import events
 from shsa_core.healing.naming import Names
 from shsa_core.ros import clock
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.processes.alone import await_turn
-from shsa_core.ros.processes.ending import Ending
+from shsa_core.ros.processes.handover import Handover, await_turn
 from shsa_core.ros.processes.heartbeats import Signs, hearer
-from shsa_core.ros.processes.load import Load
+from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.processes.restarts import may_restart
+from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.host.agent_records import AgentRecords
-from shsa_core.ros.host.host import HostCommand, HostEvent
-from shsa_core.ros.host.line import Line
-from shsa_core.ros.processes.processes import Forks
-from shsa_core.ros.host.local import LocalHost
-from shsa_core.ros.host.remote import LOST_S
-from shsa_core.ros.host.texts import event_text, read_command
+from shsa_core.ros.agent.agent_records import AgentRecords
+from shsa_core.ros.processes.host import HostCommand, HostEvent
+from shsa_core.ros.processes.starting import Forks
+from shsa_core.ros.processes.local import LocalHost
+from shsa_core.ros.agent.remote import LOST_S
+from shsa_core.ros.agent.line import Line, event_text, read_command
 from shsa_core.ros.node import publish, run
 from shsa_core.ros.wire import names
 
@@ -84,7 +82,7 @@ class AgentEnd:
 class AgentNode:
     """Takes commands from the reconfigurator alone, by their signature."""
 
-    def __init__(self, arguments: argparse.Namespace, ending: Ending) -> None:
+    def __init__(self, arguments: argparse.Namespace, handover: Handover) -> None:
         self._name = arguments.name
         if not NAME.fullmatch(self._name):
             raise ShsaError(f"--name is {self._name!a}: letters, digits and _ are allowed")
@@ -116,7 +114,7 @@ class AgentNode:
         left = [*self._host.take_up_left(), *(each.node for each in restarted)]
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
-        self._ending = ending
+        self._handover = handover
         self._publisher = rospy.Publisher(topic, msg.HostEvent, queue_size=QUEUE, tcp_nodelay=True)
         topic = names.host_commands(self._name)
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
@@ -142,7 +140,7 @@ class AgentNode:
             except queue.Empty:
                 continue
             self._carry_out(command)
-        if not self._ending.followed:
+        if not self._handover.followed:
             self._host.stop_all(self._with_us)
 
     def _cut_off(self) -> bool:
@@ -250,5 +248,5 @@ def main() -> None:
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     node = f"agent_{arguments.name}"
     await_turn(node)
-    ending = Ending()
-    run(node, lambda: AgentNode(arguments, ending).spin())
+    handover = Handover()
+    run(node, lambda: AgentNode(arguments, handover).spin())

@@ -11,7 +11,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.ros.processes.children import Children
 from shsa_core.ros.processes.kernel import NOBODY, Identity, gone, identity, is_ours, same_process
-from shsa_core.ros.processes.processes import AnyProcess, FormerProcess, end
+from shsa_core.ros.processes.starting import AnyProcess, FormerProcess, end
 
 POLL_S = 1.0  # between two looks whether the process that started the node first is still there
 

@@ -8,7 +8,7 @@ from shsa_core.healing.events import NodeRestarted
 from shsa_core.healing.records import RestartedNode
 from shsa_core.journal.record_file import RecordFile, read_records
 from shsa_core.ros.processes.kernel import same_process
-from shsa_core.ros.processes.restarts import Restarts
+from shsa_core.ros.processes.restarting import Restarts
 from shsa_core.ros.succession import CODEC, owner, record_path
 
 

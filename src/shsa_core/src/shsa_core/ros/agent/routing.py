@@ -8,8 +8,8 @@ from shsa_core.healing import events
 from shsa_core.ros import clock
 from shsa_core.ros.master.node_api import FAILURES, address, master_api
 from shsa_core.ros.workers import Workers
-from shsa_core.ros.host.agents import Agents
-from shsa_core.ros.host.host import Host, HostCommand, NodeCommand, Tell
+from shsa_core.ros.agent.agents import Agents
+from shsa_core.ros.processes.host import Host, HostCommand, NodeCommand, Tell
 
 MOST_CALLS = 32
 LOCAL = ""
@@ -28,7 +28,7 @@ class Hosts:
         self._local, self._agents, self._tell, self._own = local, agents, tell, own
         self._homes: Dict[str, str] = {}
         self._watched: Dict[str, List[str]] = {}
-        self._looks = Workers("route", MOST_CALLS, lambda text: rospy.logerr("%s", text))
+        self._looks = Workers("route", MOST_CALLS)
         self._routes: dispatch.Table[None] = dispatch.table(
             HostCommand,
             {

@@ -12,13 +12,13 @@ from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.ros import clock
 from shsa_core.ros.processes.coming_up import ComingUp
-from shsa_core.ros.processes.fence import Fence, Known
+from shsa_core.ros.processes.nodes import Fence, Known
 from shsa_core.ros.processes.heartbeats import Signs, Watch
-from shsa_core.ros.processes.processes import Forks, Processes
+from shsa_core.ros.processes.starting import Forks, Processes
 from shsa_core.ros.processes.protection import Protection
-from shsa_core.ros.processes.restarts import Restarts
+from shsa_core.ros.processes.restarting import Restarts
 from shsa_core.ros.workers import Workers
-from shsa_core.ros.host.host import HostCommand, Tell
+from shsa_core.ros.processes.host import HostCommand, Tell
 
 MOST_CALLS = 32
 """Of one kind of command, under way at the same time."""
@@ -49,7 +49,7 @@ class LocalHost:
         self._tell = tell
         self.prefix = prefix
         self._endings: List[threading.Event] = []
-        clearing = _workers("clear")
+        clearing = Workers("clear", MOST_CALLS)
         self.fence = Fence()
         self._protection = Protection()
         self.processes = Processes(
@@ -70,17 +70,19 @@ class LocalHost:
             lambda node: tell(events.ProcessHeard(clock.now(), node)),
             prefix,
         )
-        stops = _workers("stop")
+        stops = Workers("stop", MOST_CALLS)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             HostCommand,
             {
-                events.LearnNode: self._by(_workers("learn", LEARNING), self._learn),
+                events.LearnNode: self._by(Workers("learn", LEARNING), self._learn),
                 events.WatchNodes: self._by(
-                    _workers("watch"), lambda c: self._coming_up.watch(c.nodes)
+                    Workers("watch", MOST_CALLS), lambda c: self._coming_up.watch(c.nodes)
                 ),
-                events.FindNode: self._by(_workers("find"), self._find),
-                events.AskToLeave: self._by(_workers("ask to leave"), self._ask_to_leave),
-                events.EndProcess: self._by(_workers("end process"), self._end_process),
+                events.FindNode: self._by(Workers("find", MOST_CALLS), self._find),
+                events.AskToLeave: self._by(
+                    Workers("ask to leave", MOST_CALLS), self._ask_to_leave
+                ),
+                events.EndProcess: self._by(Workers("end process", MOST_CALLS), self._end_process),
                 events.ClearNode: self._by(clearing, self._clear),
                 events.StartSubstitute: self._start,
                 events.StopSubstitute: self._by(stops, self._stop, True),
@@ -220,7 +222,3 @@ class LocalHost:
             return
         identities = self.restarts.identities(command.node)
         self._tell(events.NodeRestarted(clock.now(), command.node, with_us, *identities))
-
-
-def _workers(name: str, most: int = MOST_CALLS) -> Workers:
-    return Workers(name, most, lambda text: rospy.logerr("%s", text))

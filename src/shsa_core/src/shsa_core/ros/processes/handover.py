@@ -11,6 +11,7 @@ from typing import Optional
 import psutil
 import rosgraph
 import rosgraph.names
+import rospy
 
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.master.node_api import FAILURES, master_api, pid
@@ -18,6 +19,10 @@ from shsa_core.ros.master.node_api import FAILURES, master_api, pid
 LOOK_S = 1.0
 GONE_LOOKS = 5
 """So often nobody must be found: a launch starts its healer again within 2 s."""
+
+
+ASKED_BY_API = "external shutdown request"
+"""What rospy's reason begins with then."""
 
 
 def await_turn(name: str) -> None:
@@ -70,3 +75,22 @@ def _full_name(name: str) -> str:
     mappings = rosgraph.names.load_mappings(sys.argv)
     namespace = rosgraph.names.get_ros_namespace()
     return str(rosgraph.names.ns_join(namespace, mappings.get("__name", name)))
+
+
+class Handover:
+    """Hears why this node ends; to be made before the node is initialised.
+
+    Anybody may ask for it by our API, or by taking our name, and as soon as we have registered.
+    """
+
+    def __init__(self) -> None:
+        self._asked = False
+        rospy.core.add_preshutdown_hook(self._told)
+
+    @property
+    def followed(self) -> bool:
+        """Whether our launch starts another one: then what publishes goes on."""
+        return self._asked and kernel.started_by_launch(psutil.Process())
+
+    def _told(self, reason: str) -> None:
+        self._asked = reason.startswith(ASKED_BY_API)
