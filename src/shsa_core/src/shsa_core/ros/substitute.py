@@ -20,7 +20,7 @@ from shsa_core.ros.messages.composing import read_message
 from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
 from shsa_core.ros.messages.fields import Field, problem
 from shsa_core.ros.master.node_api import FAILURES
-from shsa_core.ros.master.original import Originals
+from shsa_core.ros.master.bus import Originals
 from shsa_core.ros.messages.outputs import Outputs
 from shsa_core.ros.sockets.arrivals import Arrivals
 from shsa_core.ros.trust import secret
