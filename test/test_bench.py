@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from attempts import attempt
 
 from shsa_testing.processes import marked
 from shsa_testing.thorough import LONG
@@ -32,10 +31,7 @@ SELDOM = ("gated", "interference", "transfer_nodes", *UNDRAWN)
 
 @pytest.mark.parametrize("name", [name for name in ROWS if LONG or name not in SELDOM])
 def test_short_form(name: str, tmp_path: Path) -> None:
-    attempt(lambda: failure(name, tmp_path))
-
-
-def failure(name: str, results: Path) -> str:
+    results = tmp_path
     mark = f"test_{os.getpid()}_{name}"
     done = subprocess.run(
         [
@@ -59,7 +55,6 @@ def failure(name: str, results: Path) -> str:
     assert all(len(row) == len(rows[0]) for row in rows)
     assert name in UNDRAWN or (results / f"{name}.png").stat().st_size > 10000
     assert not marked("SHSA_TEST", mark)
-    return ""
 
 
 def test_a_measurement_goes_on_where_it_was(tmp_path: Path) -> None:

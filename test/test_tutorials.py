@@ -2,14 +2,11 @@
 
 learning.md has a test of its own, in shsa_rover: its drives take 24 minutes.
 """
-import itertools
 import math
 import re
 from pathlib import Path
-from typing import Iterator
 
 import pytest
-from attempts import attempt
 from following import Follower, Tutorial, prepared
 from listings import ROOT, Page, new_reader
 
@@ -25,36 +22,29 @@ LONGEST_S = 15 * 60.0
 WORDS_A_MINUTE = 200
 
 
-@pytest.fixture
-def folders(tmp_path: Path) -> Iterator[Path]:
-    """Each with the workspace's own in it."""
-    return (prepared(tmp_path / str(number)) for number in itertools.count())
+def test_the_rover_is_healed(tmp_path: Path) -> None:
+    follow(tmp_path, ROVER)
 
 
-def test_the_rover_is_healed(folders: Iterator[Path]) -> None:
-    attempt(lambda: follow(next(folders), ROVER))
+def test_a_robot_of_ones_own_is_healed_and_its_incident_read(tmp_path: Path) -> None:
+    follow(tmp_path, OWN_ROBOT, INCIDENT)
 
 
-def test_a_robot_of_ones_own_is_healed_and_its_incident_read(folders: Iterator[Path]) -> None:
-    attempt(lambda: follow(next(folders), OWN_ROBOT, INCIDENT))
-
-
-def test_the_rover_is_healed_on_three_computers(folders: Iterator[Path]) -> None:
+def test_the_rover_is_healed_on_three_computers(tmp_path: Path) -> None:
     if refusal(ssh=True):
         pytest.skip(refusal(ssh=True))
-    attempt(lambda: follow(next(folders), THREE))
+    follow(tmp_path, THREE)
 
 
-def follow(folder: Path, *tutorials: Tutorial) -> str:
+def follow(folder: Path, *tutorials: Tutorial) -> None:
     """Follow them one after the other, on the same robot. Each looks for `.finished()` itself."""
-    with new_reader(folder) as reader:
+    with new_reader(prepared(folder / "reader")) as reader:
         follower = Follower(reader)
         for tutorial in tutorials:
             seconds = follower.follow(tutorial)
             print(f"{tutorial.path.name}: {seconds:.0f} s")
             if tutorial is OWN_ROBOT:
                 assert seconds + 60.0 * reading(tutorial) < LONGEST_S
-    return ""
 
 
 def reading(tutorial: Tutorial) -> int:

@@ -32,7 +32,7 @@ from shsa_core.monitoring.settings import Settings
 from shsa_core.monitoring.share import watched_at, watched_beside
 from shsa_core.ros import diagnostics
 from shsa_core.ros import clock
-from shsa_core.ros.processes.alone import await_turn
+from shsa_core.ros.processes.handover import await_turn
 from shsa_core.ros.sockets.arrival_times import ArrivalTimes
 from shsa_core.ros.sockets.connections import (
     Arrived,
@@ -54,7 +54,7 @@ from shsa_core.ros.sockets.reconnection import Answered
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import SomWatch, get_som_parameter, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
-from shsa_core.ros.worker import Worker
+from shsa_core.ros.workers import Workers
 from shsa_core.ros.node import run
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
@@ -119,7 +119,7 @@ class MonitorNode:
         # Only the monitor that the reconfigurator watches may hear, and so end, it in turn.
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
         self._connections = Connections(self._inbox, settings.reconnect, refused)
-        self._parameters = Worker("parameters")
+        self._parameters = Workers("parameters")
         self._reader = Reader()
         self._sign = signing.signer(names.FAILURES, msg.Failure)
         self._lasting = LastingFailures()

@@ -28,7 +28,7 @@ from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import substitution_row
 from shsa_core.ros.messages.tables import TableSubscriber
-from shsa_core.ros.worker import Worker
+from shsa_core.ros.workers import Workers
 from shsa_core.ros.node import run
 from shsa_core.substitution import events, machine, sharing
 from shsa_core.substitution.signals import JOURNAL, SHARED, VARIABLE, decode
@@ -83,10 +83,10 @@ class SubstituteNode:
         self._arrivals.read(signal.topic for signal in row.inputs)
         self._heart = Heart(hearer(os.environ.get(HOST, "")))
         self._outputs = Outputs(self._advertised, self._joined)
-        self._registrations = Worker("registrations")
-        self._telling = Worker("telling")
-        self._calls = Worker("calls")
-        self._looks = Worker("looks")
+        self._registrations = Workers("registrations")
+        self._telling = Workers("telling")
+        self._calls = Workers("calls")
+        self._looks = Workers("looks")
         self._originals = Originals()
         self._carry_out: Table[None] = table(
             events.Command,

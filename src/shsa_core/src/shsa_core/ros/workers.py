@@ -4,29 +4,33 @@ import threading
 import time
 from typing import Any, Callable
 
-STANDING = 2
-"""Threads that are always there: a call is made even where no thread can be started any more."""
-IDLE_S = 10.0
-"""A thread beyond these ends when it has had nothing to do for so long."""
-SAY_AGAIN_S = 10.0
+import rospy
+
+from shsa_core.ros import settings
 
 Call = Callable[[], Any]
 
 
+def _log(text: str) -> None:
+    # At shutdown rospy closes the topics under the feet of whoever uses them.
+    if not rospy.core.is_shutdown_requested():
+        rospy.logerr("%s", text)
+
+
 class Workers:
-    """Makes the calls that are put, up to `most` at a time.
+    """Makes the calls that are put, up to `most` at a time; one alone makes them in order.
 
     `failed(text)` is told, from any thread and not more often than every SAY_AGAIN_S, what a call
     has raised, and that no thread could be started.
     """
 
-    def __init__(self, name: str, most: int, failed: Callable[[str], None]) -> None:
+    def __init__(self, name: str, most: int = 1, failed: Callable[[str], None] = _log) -> None:
         self._name, self._most, self._failed = name, most, failed
         self._calls: "queue.Queue[Call]" = queue.Queue()
         self._lock = threading.Lock()
         self._threads = self._busy = 0
         self._said = float("-inf")
-        for _ in range(min(STANDING, most)):
+        for _ in range(min(settings.STANDING_WORKERS, most)):
             self._start(standing=True)
 
     def put(self, call: Call) -> None:
@@ -49,7 +53,7 @@ class Workers:
     def _work(self, standing: bool) -> None:
         while True:
             try:
-                call = self._calls.get(timeout=None if standing else IDLE_S)
+                call = self._calls.get(timeout=None if standing else settings.IDLE_WORKER_S)
             except queue.Empty:
                 with self._lock:
                     if not self._calls.empty():
@@ -69,6 +73,6 @@ class Workers:
 
     def _say(self, text: str) -> None:
         now = time.monotonic()
-        if now >= self._said + SAY_AGAIN_S:
+        if now >= self._said + settings.SAY_AGAIN_S:
             self._said = now
             self._failed(text)

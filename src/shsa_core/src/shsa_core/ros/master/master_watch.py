@@ -24,8 +24,8 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.files.som_file import PARAMETER
-from shsa_core.healing.introductions import Introductions, Publisher, unserved
-from shsa_core.healing.registrations import (
+from shsa_core.ros.master.introductions import Introductions, Publisher, unserved
+from shsa_core.ros.master.registrations import (
     NOTHING,
     Graph,
     Said,
@@ -79,7 +79,7 @@ class MasterWatch:
         self._is_ours, self._acts = is_ours, acts
         self._me = rospy.get_name()
         self._calls = MasterCalls()
-        self._nodes = Workers("nodes", MOST_CALLS, lambda text: rospy.logwarn("%s", text))
+        self._nodes = Workers("nodes", MOST_CALLS)
         self._introductions = Introductions(self._me)
         self._topics: Set[str] = set()
         self._pid = 0

@@ -18,7 +18,7 @@ import psutil
 import rospy
 
 from shsa_core.ros.trust.places import master_place
-from shsa_core.ros.worker import Worker
+from shsa_core.ros.workers import Workers
 
 SHUTDOWN = re.compile(rb"\[roslaunch\.pmon\].*ProcessMonitor\.(_post_run|shutdown) ")
 LONGEST_LINE = 1000
@@ -65,7 +65,7 @@ class Launches:
     """The roslaunches of nodes that run on this computer as our user."""
 
     def __init__(self) -> None:
-        self._worker = Worker("launches")
+        self._worker = Workers("launches")
         self._lock = threading.Lock()
         self._unknown: Set[str] = set()
         self._of_node: Dict[str, int] = {}
