@@ -12,7 +12,9 @@ OUTER = """
 <launch>
   <arg name="own" default="shsa.launch" /><arg name="fixed" value="1" />
   <group><arg name="within" default="2" /></group>
-  <include file="{folder}/$(arg own)" pass_all_args="{passes}"><arg name="som" value="x" /></include>
+  <include file="{folder}/$(arg own)" pass_all_args="{passes}">
+    <arg name="som" value="x" />
+  </include>
 </launch>
 """
 

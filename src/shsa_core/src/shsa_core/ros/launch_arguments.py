@@ -25,7 +25,7 @@ def unknown(command: List[str]) -> List[Tuple[str, List[str]]]:
     names = [os.path.basename(word) for word in command[:2]]
     start = next((at for at, name in enumerate(names, 1) if name in _PROGRAMS), None)
     words = command[start:] if start else []
-    given = dict(found.groups() for found in map(_ARGUMENT.match, words) if found)
+    given = {found[1]: found[2] for found in map(_ARGUMENT.match, words) if found}
     plain = [word for word in words if ":=" not in word and not word.startswith("-")]
     files = [word for word in plain if os.path.isfile(word)]
     for package, name in zip(plain, plain[1:]):
