@@ -164,7 +164,7 @@ def messages() -> str:
 
 def commands() -> str:
     """What `shsa COMMAND --help` says, of every command."""
-    parser, _ = command_line()
+    parser = command_line()[0]
     (subparsers,) = (each for each in parser._actions if each.choices and not each.option_strings)
     parts = [_help("", parser)]
     parts += [_help(name, each) for name, each in sorted(dict(subparsers.choices or {}).items())]

@@ -32,7 +32,7 @@ from shsa_core.monitoring.settings import Settings
 from shsa_core.monitoring.share import watched_at, watched_beside
 from shsa_core.ros import diagnostics
 from shsa_core.ros import clock
-from shsa_core.ros.processes.alone import await_turn
+from shsa_core.ros.processes.handover import await_turn
 from shsa_core.ros.sockets.arrival_times import ArrivalTimes
 from shsa_core.ros.sockets.connections import (
     Arrived,
