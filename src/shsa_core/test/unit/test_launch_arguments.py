@@ -37,6 +37,7 @@ def test_what_is_passed_on_counts(tmp_path: Path, passes: str, ok: bool) -> None
     assert refused(str(file), "hold_off:=3") == ([] if ok else ["hold_off"])
     assert refused(str(file), "som:=y") == ["som"]
     assert refused(str(file), "own:=agent.launch", "sandbox:=x") == ([] if ok else ["sandbox"])
+    assert refused(str(file), "own:=$(env FILE)", "x:=1") == ([] if ok else ["x"])
 
 
 def test_other_commands_and_files_that_cannot_be_found_are_left_alone() -> None:

@@ -12,6 +12,8 @@ from subprocess import DEVNULL, PIPE
 from typing import Dict, Iterator, List, Tuple
 from xml.etree import ElementTree
 
+_ANY = "*"
+"""Stands for the arguments of an included file whose path cannot be told."""
 _PROGRAMS = ("roslaunch", "rostest")
 _ARGUMENT = re.compile(r"([A-Za-z]\w*):=(.*)\Z", re.DOTALL)
 _FOUND = re.compile(r"find\W+(\w+)\W.*?([\w.-]+)\Z", re.DOTALL)
@@ -30,9 +32,9 @@ def unknown(command: List[str]) -> List[Tuple[str, List[str]]]:
     files = [word for word in plain if os.path.isfile(word)]
     for package, name in zip(plain, plain[1:]):
         files += [] if os.path.isfile(name) else _resource(package, name)
-    if not files:
-        return []
     taken = sorted({name for file in files for name in _taken(file, given)})
+    if not files or _ANY in taken:
+        return []
     return [(name, taken) for name in given if name not in taken]
 
 
@@ -51,6 +53,8 @@ def _taken(file: str, given: Dict[str, str]) -> Iterator[str]:
         own = {each.get("name") for each in include.iterfind("arg")}
         path = path.replace("$(dirname)", os.path.dirname(file)).rstrip("')")
         found = _FOUND.search(path)
+        if found is None and not os.path.isfile(path):
+            yield _ANY
         for each in _resource(*found.groups()) if found else filter(os.path.isfile, [path]):
             yield from (name for name in _taken(each, given) if name not in own)
 
