@@ -68,3 +68,21 @@ STOP_S = 3.0
 """So long at most the end of ROS waits until agents have heard what is to be stopped."""
 START_S = 1.5
 """So long an agent that is registered is given to tell what runs there."""
+
+# The master.
+MASTER_LOOK_S = 0.25
+"""Between two looks which process the master is: a new one is told all within a second."""
+MASTER_PAUSE_S, LONGEST_MASTER_PAUSE_S = 2.0, 10.0
+"""Between two looks at where everybody is, and at the parameters: at least, and at most."""
+LOOKING_SHARE = 0.02
+"""Of the time at most this much goes into looking: it takes long on a large robot."""
+MASTER_CALL_S = 2.0
+"""So long the master is given to answer, as it may be a while on a large robot."""
+BUSY_S = 5.0
+"""So long nodes may only be busy that do not answer a new master: they are asked at every look."""
+HUNG_NODE_S = 600.0
+"""So long a node that does not answer is asked what it had registered at the former master."""
+INTRODUCTION_LOOKS_S = (0.3, 1.0, 3.0)
+"""After a publisher has come; the master takes 0.1 s, and a connection a moment."""
+SOM_LOOK_S = 0.4
+"""Between two looks at shsa/som: a change counts within a second."""

@@ -339,9 +339,8 @@ def _paths(text: str) -> Paths:
 
 def _by_hand(inputs: Paths, code: str, outputs: Paths) -> Substitution:
     """The row of a substitute that somebody started by hand: what it must know is looked up."""
-    from shsa_core.ros.master.som_lookup import (
-        look_up,
-    )  # not for those who ask nobody: it takes long
+    # Not for those who ask nobody: it takes long.
+    from shsa_core.ros.master.som_parameter import look_up
 
     signals = look_up((*inputs, *outputs))
     muted = bool(rospy.get_param("~muted", False))
