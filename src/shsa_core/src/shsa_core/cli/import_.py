@@ -7,7 +7,7 @@ import json
 import os
 from typing import Any, Dict, List, Sequence
 
-from shsa_core.cli._output import say
+from shsa_core.cli._common import say
 from shsa_core.errors import ModelError
 from shsa_core.files.knowledge_base import Provision, read_knowledge_base
 from shsa_core.files.saving import save_ontology

@@ -14,7 +14,7 @@ import sys
 from typing import Any, Dict, List, Optional, Tuple
 
 from shsa_core import __version__
-from shsa_core.cli._output import say
+from shsa_core.cli._common import say
 from shsa_core.errors import NoSubstitute, ShsaError
 
 ELSEWHERE = {
