@@ -31,7 +31,7 @@ from shsa_core.healing.naming import Names  # noqa: E402
 from shsa_core.healing.settings import Settings  # noqa: E402
 from shsa_core.journal.machines import MACHINES, machine_kind  # noqa: E402
 from shsa_core.journal.reader import Journal  # noqa: E402
-from shsa_core.language.composition import parse_law  # noqa: E402
+from shsa_core.language.expression import parse_law  # noqa: E402
 from shsa_core.language.units import parse_unit  # noqa: E402
 from shsa_core.model.field import parse_field  # noqa: E402
 from shsa_core.model.som import Som  # noqa: E402

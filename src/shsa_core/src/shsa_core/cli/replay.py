@@ -9,8 +9,7 @@ from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 from shsa_core.cli._common import say
 from shsa_core.journal.lines import Answer
-from shsa_core.journal.reader import Journal
-from shsa_core.journal.replay import Step, replay
+from shsa_core.journal.reader import Journal, Step, replay
 
 DIFFER = "differ from the recording"
 PROBLEMS: Dict[str, Callable[[Step], bool]] = {

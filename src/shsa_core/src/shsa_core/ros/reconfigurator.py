@@ -115,7 +115,7 @@ class ReconfiguratorNode:
         journals = _substitute_journals(journal)
         types = sorted({service.type for service in som if service.type})
         ready = lambda: self._put(events.Prepared(clock.now()))
-        forks = Forks(prefix.rsplit("/", 1)[0], types, ready) if arguments.prepared else None
+        forks = Forks(prefix.rsplit("/", 1)[0], types, ready)
         self._local = LocalHost(
             self._told, signs, prefix, journals, signing.path, arguments.sandbox, "", forks
         )
@@ -422,12 +422,6 @@ def main() -> None:
     parser.add_argument("--host", default="", help="what the SOM calls this computer")
     sandbox = "a program and its arguments to run the substitutes in"
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
-    parser.add_argument(
-        "--no-prepared",
-        dest="prepared",
-        action="store_false",
-        help="start each substitute by rosrun, and fork none from a prepared process",
-    )
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     await_turn("reconfigurator")
     handover = Handover()

@@ -3,8 +3,7 @@ from dataclasses import replace
 from typing import Dict, Optional
 
 from shsa_core.files.error_values import usual_quality
-from shsa_core.language.composition import parse_law
-from shsa_core.language.expression import parse_constraint
+from shsa_core.language.expression import parse_constraint, parse_law
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction

@@ -106,7 +106,7 @@ class AgentNode:
             signing.path,
             arguments.sandbox,
             self._name,
-            Forks(prefix.rsplit("/", 1)[0]) if arguments.prepared else None,
+            Forks(prefix.rsplit("/", 1)[0]),
         )
         self._records = AgentRecords(self._name)
         restarted = list(self._records.take_up(self._host.restarts))
@@ -239,12 +239,6 @@ def main() -> None:
     parser.add_argument("--restart-as-root", action="store_true", help="also if we are root")
     sandbox = "a program and its arguments to run the substitutes in"
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
-    parser.add_argument(
-        "--no-prepared",
-        dest="prepared",
-        action="store_false",
-        help="start each substitute by rosrun, and fork none from a prepared process",
-    )
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     node = f"agent_{arguments.name}"
     await_turn(node)
