@@ -30,11 +30,13 @@ def started(tmp_path: Path) -> Iterator[psutil.Process]:
     """A node that was started again by its agent; it was first started by us."""
     (tmp_path / "node").write_text("import time\ntime.sleep(60.0)\n")
     first = subprocess.Popen([sys.executable, str(tmp_path / "node")])
-    agent = restarts()
-    agent.learn(NODE, psutil.Process(first.pid))
+    agent, runs = restarts(), psutil.Process(first.pid)
+    wait_until(runs.environ, 5.0, "it has begun")
+    agent.learn(NODE, runs)
     first.kill()
     first.wait()
     process = agent.start(NODE)
+    wait_until(process.environ, 5.0, "it has begun")
     yield process
     if process.is_running():
         process.kill()
