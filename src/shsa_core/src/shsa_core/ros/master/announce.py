@@ -29,12 +29,12 @@ def announce(topic: str, kind: str) -> None:
 
 
 def _listens(topic: str) -> bool:
-    """Whether this process subscribes a topic, as a substitute may its own."""
+    """Return whether this process subscribes a topic, as a substitute may its own."""
     return topic in dict(rospy.topics.get_topic_manager().get_subscriptions())
 
 
 def find_subscribers(topics: Iterable[str]) -> Dict[str, Tuple[str, ...]]:
-    """The nodes that subscribe each of `topics`; raises one of node_api.FAILURES.
+    """Return the nodes that subscribe each of `topics`; raises one of node_api.FAILURES.
 
     A master that was started anew just after we were may not know us: then we register again.
     """
@@ -64,7 +64,7 @@ def tell(topic: str, nodes: Iterable[str]) -> None:
 
 
 def of_topic(state: Graph, topic: str) -> List[str]:
-    """The nodes that publish or subscribe a topic, by one part of the master's getSystemState."""
+    """Return the nodes that publish or subscribe a topic, by one part of getSystemState."""
     return [node for name, nodes in state if name == topic for node in nodes]
 
 
