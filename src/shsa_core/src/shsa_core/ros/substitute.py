@@ -20,7 +20,7 @@ from shsa_core.ros.messages.composing import read_message
 from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
 from shsa_core.ros.messages.fields import Field, problem
 from shsa_core.ros.master.node_api import FAILURES
-from shsa_core.ros.master.original import Originals
+from shsa_core.ros.master.bus import Originals
 from shsa_core.ros.messages.outputs import Outputs
 from shsa_core.ros.sockets.arrivals import Arrivals
 from shsa_core.ros.trust import secret
@@ -339,9 +339,8 @@ def _paths(text: str) -> Paths:
 
 def _by_hand(inputs: Paths, code: str, outputs: Paths) -> Substitution:
     """The row of a substitute that somebody started by hand: what it must know is looked up."""
-    from shsa_core.ros.master.som_lookup import (
-        look_up,
-    )  # not for those who ask nobody: it takes long
+    # Not for those who ask nobody: it takes long.
+    from shsa_core.ros.master.som_parameter import look_up
 
     signals = look_up((*inputs, *outputs))
     muted = bool(rospy.get_param("~muted", False))

@@ -9,12 +9,11 @@ from shsa_core.codegen.program import compile_program
 from shsa_core.model.service import Deadlines, Source
 from shsa_core.search.derivation import Derivation
 from shsa_core.substitution.settings import Settings
-from shsa_learning.recordings.alignment import held
-from shsa_learning.recordings.recording import Recording, Series
+from shsa_learning.recordings.recording import Recording, Series, held
 
 
 class Played(NamedTuple):
-    """What a program yielded beside what was measured: (n,) each, at `time` in s.
+    """The output of a program beside what was measured: (n,) each, at `time` in s.
 
     NaN in `values` where it had no output, in `measured` where nothing was.
     """
@@ -25,7 +24,7 @@ class Played(NamedTuple):
 
 
 def recorded(recording: Recording, source: Source) -> Optional[Series]:
-    """The series of a source in a recording; None if there is none."""
+    """Return the series of a source in a recording; None if there is none."""
     found = (s for s in recording.of(source.property) if s.service == source.service.name)
     return next(found, None)
 
@@ -53,11 +52,11 @@ class Rehearsal:
         self.measured[place] = np.where(np.isfinite(series.values), series.values, np.nan)
 
     def play(self, derivation: Derivation, program: Program) -> Played:
-        """What the program of a derivation yields. An integral begins where the target was."""
+        """Run the program of a derivation. An integral begins where the target was."""
         return self.run(inputs_of([derivation]), program)
 
     def run(self, sources: Sequence[Source], program: Program, place: int = 0) -> Played:
-        """What a program that reads some sources yields for the output at `place`."""
+        """Run a program that reads these sources; return its output at `place`."""
         n_outputs = len(program.outputs)
         compiled = compile_program(program.code, len(program.inputs), n_outputs, self._gap)
         columns = [self._inputs(source) for source in sources]
@@ -91,7 +90,7 @@ class Rehearsal:
 
 
 def _ticks(time: np.ndarray, period: float) -> np.ndarray:
-    """The times of a series (s), and once a period in its gaps."""
+    """Return the times of a series (s), and once a period in its gaps."""
     gaps = np.flatnonzero(np.diff(time) > 2.0 * period).tolist() if period > 0.0 else []
     more: List[np.ndarray] = [
         np.arange(time[k] + period, time[k + 1] - 0.5 * period, period) for k in gaps
@@ -101,7 +100,7 @@ def _ticks(time: np.ndarray, period: float) -> np.ndarray:
 
 
 def joined(parts: Sequence[Played]) -> Tuple[np.ndarray, np.ndarray]:
-    """What was yielded and what was measured, where it was measured, of all recordings."""
+    """Return outputs and measurements of all recordings, where something was measured."""
     values = np.concatenate([part.values[np.isfinite(part.measured)] for part in parts])
     measured = np.concatenate([part.measured[np.isfinite(part.measured)] for part in parts])
     return values, measured

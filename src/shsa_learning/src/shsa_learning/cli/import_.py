@@ -7,10 +7,10 @@ import json
 import os
 from typing import Any, Dict, List, Sequence
 
-from shsa_core.cli._output import say
+from shsa_core.cli._common import say
 from shsa_core.errors import ModelError
-from shsa_core.files.knowledge_base import Provision, read_knowledge_base
 from shsa_core.files.saving import save_ontology
+from shsa_learning.init.knowledge_base import Provision, read_knowledge_base
 
 
 def add_parser(subparsers: Any) -> None:
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def som_draft(provisions: Sequence[Provision]) -> str:
-    """The text of a SOM file in which only what the knowledge base says is filled in."""
+    """Return the text of a SOM file in which only what the knowledge base says is filled in."""
     lines: List[str] = [
         "# A draft: fill in the blanks. A topic may still have its field at the end: split it",
         "# (/odom/twist/twist/linear/x is the field twist.twist.linear.x of the topic /odom).",
