@@ -15,7 +15,6 @@ from std_msgs.msg import Header
 
 from shsa_core.gating.events import Arrived, GateLeft, Log, Overheard, Pass, Tick
 from shsa_core.gating.machine import Gate
-from shsa_core.gating.settings import Settings
 from shsa_core.model.checks import Jump, Stuck
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message, SubstitutionsChanged
@@ -32,7 +31,7 @@ class Stand:
     """A gate whose time is moved by hand; collects what consumers hear, and when."""
 
     def __init__(self, gated: Service = GATED, standby_for: str = "") -> None:
-        self.core = Gate(gated, Settings(standby_for=standby_for))
+        self.core = Gate(gated, standby_for)
         self.time = 0.0
         self.heard: List[Tuple[float, Pass]] = []
         self.said: List[str] = []
