@@ -2,7 +2,7 @@
 from dataclasses import replace
 from typing import Dict, Optional
 
-from shsa_core.files.error_values import usual_quality
+from shsa_core.model.error import quality_of
 from shsa_core.language.composition import parse_law
 from shsa_core.language.expression import parse_constraint
 from shsa_core.model.error import Error
@@ -26,13 +26,13 @@ def relation_of(learned: Learned, table: Table) -> TransferFunction:
     source = f"{error.source}; {model.choice.recipe} from {', '.join(model.inputs)}"
     known = _short(replace(error, source=source))
     if model.law is not None:
-        return replace(model.law.function, error=known, quality=usual_quality(known))
+        return replace(model.law.function, error=known, quality=quality_of(known))
     relation = TransferFunction(
         LEARNED + learned.target,
         learned.target,
         model.inputs,
         parse_law(model.function),
-        usual_quality(known),
+        quality_of(known),
         parse_constraint(model.constraint),
         model.function,
         error=known,
