@@ -6,8 +6,7 @@ from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tu
 from shsa_core.errors import ModelError
 from shsa_core.files.regular import open_to_read
 from shsa_core.healing.incident import Incident, State
-from shsa_core.journal.codec import Codec
-from shsa_core.journal.coders import CLASS
+from shsa_core.journal.codec import CLASS, Codec
 from shsa_core.journal.lines import read_line
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind

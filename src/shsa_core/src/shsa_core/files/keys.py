@@ -32,7 +32,8 @@ from shsa_core.files.readers import (
     text,
     whole_number,
 )
-from shsa_core.language.expression import is_name, parse_constraint, parse_expression
+from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.language.syntax import is_name
 from shsa_core.model.checks import OF_VALUE, REGISTRY, Check, Checks, Limit, default_checks
 from shsa_core.model.error import Error
 from shsa_core.model.field import parse_field
@@ -86,7 +87,10 @@ _expression = parsed("expression", parse_expression)
 
 
 def _steps(value: Value, key: str) -> Dict[str, Any]:
-    return {n: _expression.read(item, f"{key}: {n}") for n, item in value.mapping(key).items()}
+    entries = value.mapping(key)
+    if not entries:
+        raise value.error(f"{key} has no entry")
+    return {name: _expression.read(item, f"{key}: {name}") for name, item in entries.items()}
 
 
 FUNCTION: Keys = {

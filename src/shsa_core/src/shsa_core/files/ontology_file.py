@@ -6,9 +6,8 @@ from shsa_core.errors import ExpressionError, ModelError, ModelErrors
 from shsa_core.files.document import Value, read_yaml
 from shsa_core.files.keys import CONSTANT, FUNCTION, ONTOLOGY, PROPERTY
 from shsa_core.files.readers import read_entry, read_keys
-from shsa_core.language.composition import compose
-from shsa_core.language.expression import Expression, is_name
-from shsa_core.language.law import Law
+from shsa_core.language.expression import Expression, Law, compose
+from shsa_core.language.syntax import is_name
 from shsa_core.model.error import quality_of
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
@@ -105,11 +104,11 @@ class _Reader:
             raise value.error(f"{what}: the key 'where' belongs to 'function' alone")
         constraint, error = given.get("constraint"), given.get("error")
         names = list(given.get("inputs", ()))
-        function: Optional[Expression] = given.get("function")
-        law: Optional[Law] = function
-        if function is not None and "where" in given:
-            law = self._composed(what, function, given["where"], entry.mapping(what)["where"])
-        names += law.names if law else ()
+        law: Optional[Law] = None
+        if "function" in given:
+            where = entry.mapping(what).get("where", value)
+            law = self._law(what, given["function"], given.get("where", {}), where)
+            names += law.names
         names += constraint.names if constraint else ()
         self._check_inputs(names, relation, output, value)
         self.functions.append(
@@ -126,7 +125,7 @@ class _Reader:
             )
         )
 
-    def _composed(
+    def _law(
         self, what: str, function: Expression, steps: Dict[str, Expression], value: Value
     ) -> Law:
         for name in steps:

@@ -7,7 +7,7 @@ from shsa_core.errors import ModelError, ModelErrors, listed
 from shsa_core.files.document import Entry, Value, from_parameters, read_yaml
 from shsa_core.files.keys import COUNTS, HOST, MESSAGE_CHECKS, SERVICE, SOM, VALUE, VALUE_CHECKS
 from shsa_core.files.readers import Keys, plain, plain_entry, read_entry, read_keys
-from shsa_core.language.expression import is_name
+from shsa_core.language.syntax import is_name
 from shsa_core.model.checks import LEARNED, Check, Checks, default_checks, default_limit
 from shsa_core.model.error import quality_of
 from shsa_core.model.field import tells_of_nothing

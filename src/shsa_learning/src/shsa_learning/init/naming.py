@@ -2,7 +2,7 @@
 import re
 from typing import Dict, Iterable, List, Sequence, Set
 
-from shsa_core.language.expression import is_name
+from shsa_core.language.syntax import is_name
 from shsa_learning.init.survey import Publisher
 
 LONGEST = 60

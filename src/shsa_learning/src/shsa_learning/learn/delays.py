@@ -64,7 +64,7 @@ def lagged(time: np.ndarray, values: np.ndarray, lag: Lag) -> np.ndarray:
     """The values behind a lag, sample by sample, by the functions that a substitute has."""
     for function, seconds in ((DELAY, lag.delay), (FILTER, lag.filter)):
         if seconds > 0.0:
-            memory: Callable[..., float] = STATEFUL[function].make(MAX_GAP_S)
+            memory: Callable[..., float] = STATEFUL[function].call(MAX_GAP_S)
             pairs = zip(values.tolist(), time.tolist())
             values = np.array([memory(value, seconds, now) for value, now in pairs])
     return values

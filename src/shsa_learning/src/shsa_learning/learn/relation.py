@@ -2,10 +2,8 @@
 from dataclasses import replace
 from typing import Dict, Optional
 
-from shsa_core.model.error import quality_of
-from shsa_core.language.composition import parse_law
-from shsa_core.language.expression import parse_constraint
-from shsa_core.model.error import Error
+from shsa_core.language.expression import parse_constraint, parse_law
+from shsa_core.model.error import Error, quality_of
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_learning.learn.evaluation import LEARNED, check_agreement

@@ -4,9 +4,7 @@ from typing import Any, Dict, Mapping, Sequence
 
 import numpy as np
 
-from shsa_core.language.composition import compose
-from shsa_core.language.expression import Expression, parse_expression
-from shsa_core.language.law import Law
+from shsa_core.language.expression import Expression, Law, compose, parse_expression
 from shsa_learning.learn.delays import Lag
 from shsa_learning.learn.formula import MAGNITUDE, Formula, Kernels, Network, Terms
 
@@ -70,10 +68,7 @@ def law_of(formula: Formula, names: Sequence[str], lags: Sequence[Lag]) -> Law:
         if lags[number] != Lag():
             places[number] = _free(f"past_{names[number]}", names)
             steps[places[number]] = parse_expression(lags[number].text(names[number]))
-    result = parse_expression(text_of(formula, places))
-    if steps:
-        return compose(steps, result)
-    return result
+    return compose(steps, parse_expression(text_of(formula, places)))
 
 
 def _free(name: str, taken: Sequence[str]) -> str:

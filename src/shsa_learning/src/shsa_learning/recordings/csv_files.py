@@ -7,7 +7,7 @@ import numpy as np
 
 from shsa_core.errors import ModelError, listed
 from shsa_core.files.regular import read_text
-from shsa_core.language.expression import is_name
+from shsa_core.language.syntax import is_name
 from shsa_learning.recordings.recording import Series
 from shsa_learning.recordings.sampling import ordered
 
