@@ -45,7 +45,7 @@ from shsa_core.ros.sockets.connections import (
 )
 from shsa_core.ros.master.greeter import Greeter, Tell
 from shsa_core.ros.sockets.identities import Identified
-from shsa_core.ros.processes.companion import Companion
+from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.sockets.inbox import Inbox
 from shsa_core.ros.processes.launch import Launch, Launches
