@@ -10,7 +10,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.learning.scope import outside
 from shsa_core.learning.survey import LARGEST_MESSAGE_B, Publisher, Refused, Survey, Surveyor
-from shsa_core.ros.rospy_patches.bounds import subscribe
+from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.ros.messages.contents import Reader
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.text import shown

@@ -14,7 +14,7 @@ import genpy
 import rospy
 from std_msgs.msg import Header
 
-from shsa_core.ros.rospy_patches.bounds import subscribe
+from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.ros.trust.signing import LARGEST_B, Signing
 
 QUEUE = 200

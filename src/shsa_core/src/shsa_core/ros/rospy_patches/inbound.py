@@ -17,7 +17,7 @@ from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServ
 from rospy.impl.tcpros_base import TCPROSServer
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.rospy_patches.bounds import LARGEST_HEADER_B
+from shsa_core.ros.settings import LARGEST_HEADER_B
 
 HEADER_S = 2.0
 """So long a header may take, whole."""

@@ -8,20 +8,16 @@ import socket
 import threading
 import time
 from collections import deque
-from typing import Any, Deque, Dict, NamedTuple, Tuple
+from functools import partial
+from typing import Callable, Deque, Dict, NamedTuple, Tuple
 from urllib.parse import urlparse
 
-import rospy
 from rospy.impl.tcpros import get_tcpros_handler
 
-from shsa_core.ros.sockets.inbox import Inbox
+from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, ask
-
-LOOK_S = 0.002
-"""A node on this computer has refused, or dropped the call, by then; any other is asked."""
-
-LISTENED_S = 0.1
-"""A node that has just listened is asked without another look."""
+from shsa_core.ros.rospy_patches.subscribing import HandedOver
+from shsa_core.ros.workers import Workers
 
 
 class Answered(NamedTuple):
@@ -37,16 +33,16 @@ class Answered(NamedTuple):
 
 
 def refuses(address: str, uri: str) -> bool:
-    """Whether nobody listens any more where the node at `uri` did, by the address of its host.
+    """Return whether nobody listens any more where the node at `uri` did, on host `address`.
 
     A process that dies closes its connections before the socket that it listens on: who accepts is
     given a moment to drop the call.
     """
     port = _port(uri)
-    if not address or not port:
+    if not port:
         return False
-    end = time.monotonic() + LOOK_S
-    left = LOOK_S
+    end = time.monotonic() + settings.REFUSAL_S
+    left = settings.REFUSAL_S
     while left > 0.0:
         with socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET) as caller:
             caller.settimeout(left)
@@ -72,52 +68,52 @@ def _port(uri: str) -> int:
 
 
 class Reconnection:
-    """Asks nodes for connections; one thread a node, so that a hung one delays no other."""
+    """Asks nodes for connections: each for one at a time, so that a hung one delays no other."""
 
-    def __init__(self, inbox: Inbox) -> None:
-        self._inbox = inbox
+    def __init__(self, tell: Callable[[Answered], None]) -> None:
+        self._tell = tell
+        self._workers = Workers("reconnect", settings.MOST_CALLS)
         self._lock = threading.Lock()
-        self._waiting: Dict[str, Deque[Tuple[str, Any, int]]] = {}
+        self._waiting: Dict[str, Deque[Tuple[str, HandedOver, int]]] = {}
         self._listened: Dict[str, float] = {}
 
     def is_gone(self, address: str, uri: str) -> bool:
-        """Whether a node refuses calls; one look does for all the topics that it closes at once."""
-        now = time.monotonic()
-        self._listened = {each: at for each, at in self._listened.items() if at > now - LISTENED_S}
-        if uri in self._listened:
+        """Return whether a node refuses calls; one look does for all topics that it closes."""
+        begin = time.monotonic() - settings.LISTENED_S
+        self._listened = {each: at for each, at in self._listened.items() if at > begin}
+        if not address or uri in self._listened:
             return False
         gone = refuses(address, uri)
         if not gone:
-            self._listened[uri] = now
+            self._listened[uri] = time.monotonic()
         return gone
 
-    def ask(self, topic: str, uri: str, implementation: Any, number: int) -> None:
-        """Connect rospy's subscription of a topic to the node at `uri`; puts Answered."""
+    def ask(self, topic: str, uri: str, implementation: HandedOver, number: int) -> None:
+        """Connect rospy's subscription of a topic to the node at `uri`; tells Answered."""
         with self._lock:
-            if uri in self._waiting:
-                self._waiting[uri].append((topic, implementation, number))
-                return
-            self._waiting[uri] = deque([(topic, implementation, number)])
-        threading.Thread(target=self._work, args=(uri,), name="reconnect", daemon=True).start()
+            waiting = self._waiting.setdefault(uri, deque())
+            waiting.append((topic, implementation, number))
+            if len(waiting) == 1:
+                self._workers.put(partial(self._work, uri))
 
     def _work(self, uri: str) -> None:
-        while True:
+        with self._lock:
+            topic, implementation, number = self._waiting[uri][0]
+        willing = False
+        try:
+            willing = _connect(topic, uri, implementation)
+        finally:  # whatever a strange node answers, it is not willing
+            self._tell(Answered(topic, uri, willing, number))
             with self._lock:
-                waiting = self._waiting[uri]
-                if not waiting:
+                self._waiting[uri].popleft()
+                if self._waiting[uri]:
+                    self._workers.put(partial(self._work, uri))
+                else:
                     del self._waiting[uri]
-                    return
-                topic, implementation, number = waiting.popleft()
-            try:
-                willing = _connect(topic, uri, implementation)
-            except Exception as error:  # whatever a strange node answers, it is not willing
-                rospy.logdebug("%s gives no connection for %s: %r", uri, topic, error)
-                willing = False
-            self._inbox.put(Answered(topic, uri, willing, number))
 
 
-def _connect(topic: str, uri: str, implementation: Any) -> bool:
-    """As rospy does when the master tells it of a publisher."""
+def _connect(topic: str, uri: str, implementation: HandedOver) -> bool:
+    """Connect as rospy does when the master tells it of a publisher."""
     if implementation.connects(uri):
         return True
     try:
