@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 from shsa_core.cli.main import command_line
 from shsa_core.files import error_values, ontology_file, som_values
+from shsa_core.files.parameters import PARAMETERS, names_of
 from shsa_core.healing.settings import Settings as HealingSettings
 from shsa_core.language.functions import CALLS, STATEFUL
 from shsa_core.model.checks import LEARNED, REGISTRY, Checks, Limit
@@ -139,14 +140,15 @@ def injected() -> str:
     return table(("fault", "made in", "what"), rows)
 
 
-def monitor_settings() -> str:
-    """The parameters of the monitor."""
-    return _settings(MonitoringSettings)
-
-
-def reconfigurator_settings() -> str:
-    """The parameters of the reconfigurator."""
-    return _settings(HealingSettings)
+def parameters() -> str:
+    """The parameters of monitor and reconfigurator."""
+    nodes = {"monitor": MonitoringSettings(), "reconfigurator": HealingSettings()}
+    rows = []
+    for name, means in PARAMETERS.items():
+        having = [node for node, settings in nodes.items() if name in names_of(type(settings))]
+        default = getattr(nodes[having[0]], name)
+        rows.append((code("~" + name), ", ".join(having), means, _plain(default)))
+    return table(("parameter", "of", "what", "default"), rows)
 
 
 def launch_files() -> str:
@@ -162,7 +164,7 @@ def messages() -> str:
 
 def commands() -> str:
     """What `shsa COMMAND --help` says, of every command."""
-    parser, _ = command_line()
+    parser = command_line()[0]
     (subparsers,) = (each for each in parser._actions if each.choices and not each.option_strings)
     parts = [_help("", parser)]
     parts += [_help(name, each) for name, each in sorted(dict(subparsers.choices or {}).items())]
@@ -175,7 +177,7 @@ PARTS: Dict[str, Callable[[], str]] = {
         *(som_service, som_provision, som_host, som_checks, som_counts, som_placement),
         *(som_deadline, som_last_resort, error_figures),
         *(ontology_sections, ontology_property, ontology_constant, ontology_function, functions),
-        *(kinds, injected, monitor_settings, reconfigurator_settings, launch_files),
+        *(kinds, injected, parameters, launch_files),
         *(messages, commands),
     )
 }
@@ -232,26 +234,6 @@ def _meanings(keys: Mapping[str, str], default: Optional[Callable[[str], str]] =
         return table(("key", "what"), [(code(key), means) for key, means in keys.items()])
     rows = [(code(key), means, default(key)) for key, means in keys.items()]
     return table(("key", "what", "default"), rows)
-
-
-def described(kind: Type[Any]) -> Dict[str, str]:
-    """What the words of a class say of each of its fields: "`a`, `b`: ... `c`: ..."."""
-    words = " ".join(str(kind.__doc__).split())
-    parts = re.split(r"(?:^|(?<=\s))((?:`\w+`, )*`\w+`): ", words)[1:]
-    return {
-        name: text.strip().rstrip(".")
-        for names, text in zip(parts[::2], parts[1::2])
-        for name in re.findall(r"`(\w+)`", names)
-    }
-
-
-def _settings(kind: Type[Any]) -> str:
-    means = described(kind)
-    rows = [
-        (code("~" + field.name), means[field.name], _plain(field.default))
-        for field in dataclasses.fields(kind)
-    ]
-    return table(("parameter", "what", "default"), rows)
 
 
 def _launch_file(path: Path) -> str:

@@ -10,8 +10,8 @@ import rospy
 from shsa_core.healing.events import NodeRestarted
 from shsa_core.ros import succession
 from shsa_core.ros.processes.kernel import NOBODY, identity
-from shsa_core.ros.processes.restarts import Restarts
-from shsa_core.ros.host.agent_records import AgentRecords
+from shsa_core.ros.processes.restarting import Restarts
+from shsa_core.ros.agent.agent_records import AgentRecords
 
 
 @pytest.fixture(autouse=True)

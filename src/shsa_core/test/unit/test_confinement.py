@@ -11,8 +11,8 @@ import pytest
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
-from shsa_core.ros.processes import confinement, processes
-from shsa_core.ros.processes.processes import Processes
+from shsa_core.ros.processes import confinement, starting
+from shsa_core.ros.processes.starting import Processes
 from shsa_testing.waiting import wait_until
 
 LOOK = """
@@ -40,8 +40,8 @@ def looked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     rosrun.chmod(0o755)
     monkeypatch.setenv("PATH", f"{bin_folder}:{os.environ['PATH']}")
     monkeypatch.setenv("SHSA_FOUND", str(tmp_path / "found"))
-    monkeypatch.setattr(processes, "find_node", lambda _, name: [str(script)])
-    monkeypatch.setattr(processes, "get_pkg_dir", lambda _: str(tmp_path))
+    monkeypatch.setattr(starting, "find_node", lambda _, name: [str(script)])
+    monkeypatch.setattr(starting, "get_pkg_dir", lambda _: str(tmp_path))
     return tmp_path / "found"
 
 

@@ -13,7 +13,7 @@ import rosgraph
 from plain_node import PlainNode
 from shsa_core.healing.events import Where
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.processes.fence import Fence, Known
+from shsa_core.ros.processes.nodes import Fence, Known
 from shsa_core.ros.master.original import Originals
 from shsa_core.ros.processes.protection import URIS, Protection
 from shsa_testing.waiting import wait_until

@@ -5,8 +5,8 @@ import pytest
 import rospy
 
 from shsa_core.healing import events
-from shsa_core.ros.host import hosts
-from shsa_core.ros.host.hosts import Hosts
+from shsa_core.ros.agent import routing
+from shsa_core.ros.agent.routing import Hosts
 from shsa_testing.waiting import wait_until
 
 Sent = List[Tuple[str, Any]]
@@ -49,7 +49,7 @@ class Robot:
 @pytest.fixture
 def robot(monkeypatch: pytest.MonkeyPatch) -> Robot:
     robot = Robot()
-    monkeypatch.setattr(hosts, "master_api", lambda: robot)
+    monkeypatch.setattr(routing, "master_api", lambda: robot)
     monkeypatch.setattr(rospy, "get_node_uri", lambda: "http://me:99/")
     return robot
 

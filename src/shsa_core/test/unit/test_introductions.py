@@ -1,5 +1,5 @@
 """Which new publishers are looked at, and whom healing tells of them."""
-from shsa_core.healing.introductions import LOOKS_S, Introductions, Publisher, unserved
+from shsa_core.ros.master.introductions import LOOKS_S, Introductions, Publisher, unserved
 
 OLD, NEW = Publisher("/x", "/a", "http://a:1/"), Publisher("/x", "/a", "http://a:2/")
 OURS = Publisher("/shsa/health", "/monitor", "http://m:1/")

@@ -8,7 +8,7 @@ import pytest
 from shsa_core.cli.main import main
 from shsa_core.codegen.generator import generate
 from shsa_core.errors import GenerationError, ModelError
-from shsa_core.language.expression import Condition, Expression
+from shsa_core.language.expression import Condition, parse_law
 from shsa_core.files.knowledge_base import KnowledgeBase, Provision, read_knowledge_base
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
@@ -88,7 +88,7 @@ def test_the_ontology(read: Read) -> None:
     }
     steer = functions["steer", "wheel_angle"]
     assert steer.inputs == ("steering_angle",) and steer.quality == 1.0
-    assert steer.law == Expression("steering_angle / gear", ("steering_angle", "gear"))
+    assert steer.law == parse_law("steering_angle / gear")
     assert steer.constraint == Condition("steering_angle < 3", ("steering_angle",))
     assert functions["steer", "steering_angle"].law.text == "9*wheel_angle"
     scan = functions["scan", "dmin"]

@@ -4,7 +4,7 @@ from typing import List, Tuple
 
 import pytest
 
-from shsa_core.ros.host.line import RESEND_S, Line, Said
+from shsa_core.ros.agent.line import RESEND_S, Line, Said
 
 
 def test_what_is_said_is_numbered_and_said_again_until_it_was_heard() -> None:

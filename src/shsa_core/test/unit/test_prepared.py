@@ -19,7 +19,7 @@ from shsa_core.model.service import Signal
 from shsa_core.ros.processes import forking
 from shsa_core.ros.processes import prepared as prepared_process
 from shsa_core.ros.processes.forking import Forked
-from shsa_core.ros.processes.processes import Forks, Processes
+from shsa_core.ros.processes.starting import Forks, Processes
 from shsa_testing.waiting import wait_until
 
 NAMESPACE = "/robot"

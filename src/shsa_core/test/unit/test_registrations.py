@@ -4,7 +4,7 @@ from typing import Any, Dict, List
 
 import pytest
 
-from shsa_core.healing.registrations import (
+from shsa_core.ros.master.registrations import (
     NOTHING,
     Graph,
     Part,

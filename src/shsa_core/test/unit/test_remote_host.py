@@ -9,10 +9,10 @@ from shsa_msgs import msg  # noqa: E402
 
 from shsa_core.healing import events  # noqa: E402
 from shsa_core.healing.events import Where  # noqa: E402
-from shsa_core.ros.host.agent import AgentEnd  # noqa: E402
-from shsa_core.ros.host.host import HostEvent  # noqa: E402
-from shsa_core.ros.host.remote import LOST_S, RETURN_S, TICK_S, RemoteHost  # noqa: E402
-from shsa_core.ros.host.texts import command_text, event_text, read_command  # noqa: E402
+from shsa_core.ros.agent.agent import AgentEnd  # noqa: E402
+from shsa_core.ros.processes.host import HostEvent  # noqa: E402
+from shsa_core.ros.agent.remote import LOST_S, RETURN_S, TICK_S, RemoteHost  # noqa: E402
+from shsa_core.ros.agent.line import command_text, event_text, read_command  # noqa: E402
 
 SUBSTITUTE = events.StartSubstitute("/substitute_a_1", None, host="pi")
 

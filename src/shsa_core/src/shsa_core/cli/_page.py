@@ -9,7 +9,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.text import LONGEST_LINE, shown
 
-TEMPLATES = Path(__file__).resolve().parent / "templates"
+REPORT = Path(__file__).resolve().parent / "templates" / "report.html"
 
 
 def page(ontology: Ontology, som: Som, summary: Sequence[str], tables: Iterable[object]) -> str:
@@ -20,7 +20,7 @@ def page(ontology: Ontology, som: Som, summary: Sequence[str], tables: Iterable[
     except CannotDraw as error:
         not_drawn = str(error)
     return render(
-        "report.html",
+        REPORT,
         summary=summary,
         tables=tables,
         # The XML declaration has no place inside a page.
@@ -29,17 +29,17 @@ def page(ontology: Ontology, som: Som, summary: Sequence[str], tables: Iterable[
     )
 
 
-def render(template: str, **values: object) -> str:
+def render(template: Path, **values: object) -> str:
     """The page that a template makes of some values."""
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(str(TEMPLATES)),
+        loader=jinja2.FileSystemLoader(str(template.parent)),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         finalize=_printable,
         trim_blocks=True,
         keep_trailing_newline=True,
     )
-    return environment.get_template(template).render(**values)
+    return environment.get_template(template.name).render(**values)
 
 
 def _printable(value: object) -> object:

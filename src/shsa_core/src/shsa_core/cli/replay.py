@@ -8,8 +8,7 @@ from typing import Any, Dict, Iterator, List, Optional, Tuple
 from shsa_core.cli._output import say
 from shsa_core.cli._short import in_short
 from shsa_core.journal.lines import Answer
-from shsa_core.journal.reader import Journal
-from shsa_core.journal.replay import Step, replay
+from shsa_core.journal.reader import Journal, Step, replay
 
 
 def add_parser(subparsers: Any) -> None:

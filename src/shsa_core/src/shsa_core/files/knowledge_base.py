@@ -7,11 +7,12 @@ from shsa_core.files.document import Entry, Value, read_yaml
 from shsa_core.files.knowledge_text import inserted, reduced, translated
 from shsa_core.language.expression import (
     Condition,
-    Expression,
-    is_name,
+    Law,
+    compose,
     parse_constraint,
     parse_expression,
 )
+from shsa_core.language.syntax import is_name
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 
@@ -237,10 +238,10 @@ class _Reader:
 
 def _executable(
     text: str, condition: str, inputs: Set[str]
-) -> Tuple[Optional[Expression], Optional[Condition], str]:
+) -> Tuple[Optional[Law], Optional[Condition], str]:
     """The function and its constraint, or why they are not expressions of the language."""
     try:
-        expression = parse_expression(text)
+        expression = compose({}, parse_expression(text))
         constraint = parse_constraint(condition) if condition else None
     except ExpressionError as error:
         return None, None, str(error)

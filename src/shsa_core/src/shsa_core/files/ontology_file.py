@@ -4,9 +4,14 @@ from typing import Callable, Dict, Iterator, List, Optional, Tuple, TypeVar
 from shsa_core.errors import ExpressionError, ModelError, ModelErrors
 from shsa_core.files.document import Entry, Value, read_yaml
 from shsa_core.files.error_values import read_error, usual_quality
-from shsa_core.language.composition import compose
-from shsa_core.language.expression import Expression, is_name, parse_constraint, parse_expression
-from shsa_core.language.law import Law
+from shsa_core.language.expression import (
+    Expression,
+    Law,
+    compose,
+    parse_constraint,
+    parse_expression,
+)
+from shsa_core.language.syntax import is_name
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 
@@ -163,13 +168,15 @@ class _Reader:
     def _law(self, what: str, entry: Entry) -> Law:
         function = _parse(entry["function"], what, parse_expression)
         if "where" not in entry:
-            return function
+            return compose({}, function)
         steps: Dict[str, Expression] = {}
         for name, value in entry["where"].mapping(f"{what}: where").items():
             if name in self.properties or name in self.constants:
                 kind = "property" if name in self.properties else "constant"
                 raise value.error(f"{what}: '{name}' under 'where' is the name of a {kind}")
             steps[name] = _parse(value, f"{what}: {name}", parse_expression)
+        if not steps:
+            raise entry["where"].error(f"{what}: 'where' has no entry")
         try:
             return compose(steps, function)
         except ExpressionError as error:

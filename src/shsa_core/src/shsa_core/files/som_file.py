@@ -8,7 +8,7 @@ from shsa_core.files.error_values import usual_quality
 from shsa_core.files.som_hosts import check_hosts, read_hosts
 from shsa_core.files.som_plain import hosts_parameters, service_parameters, som_parameters
 from shsa_core.files.som_values import PROVISION, SERVICE, read_keys
-from shsa_core.language.expression import is_name
+from shsa_core.language.syntax import is_name
 from shsa_core.model.checks import OFF_FOR_DISTANCES, default_checks
 from shsa_core.model.field import tells_of_nothing
 from shsa_core.model.kinds import Kind

@@ -109,7 +109,7 @@ class Monitor:
         return self._pace.simulated
 
     def handle(self, event: Event) -> List[Command]:
-        """What `event` brings to light: failures first, then the rows that changed."""
+        """Return what `event` brings to light: the rows that changed first, then the failures."""
         if self._ends:
             return []
         seen = self._pace.judged(event)
@@ -194,7 +194,9 @@ class Monitor:
         for publisher in list(topic.publishers.values()):
             if publisher.name != NOBODY:
                 watched = board.watched_of(topic, publisher.name)
-                publisher.provide(watched, anew=publisher.service != services[publisher.name])
+                board.provide(
+                    topic, publisher, watched, publisher.service != services[publisher.name]
+                )
                 board.notice(topic, publisher, time)
                 board.agenda.bring_forward(Silence(topic.name, publisher.name), publisher.deadline)
         if not topic.publishers:
@@ -213,7 +215,7 @@ class Monitor:
                     continue
                 board.substitutes.retired.discard((name, node))
                 watched = board.watched_of(topic, node)
-                publisher.provide(watched, anew=watched is not publisher.watched)
+                board.provide(topic, publisher, watched, watched is not publisher.watched)
                 board.agenda.bring_forward(Silence(name, node), publisher.deadline)
                 if publishes(before, name) and not publishes(now, name):
                     board.bridges.muted((name, node), event.time)

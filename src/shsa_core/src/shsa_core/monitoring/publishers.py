@@ -200,9 +200,10 @@ class Publisher:
             self.first_message = time
 
     def row(self, topic: str) -> PublisherHealth:
-        """Its row in the table."""
+        """Return its row in the table."""
         moments = (self.since, self.first_message, self.last_good)
-        return PublisherHealth(topic, self.name, self.state, *moments, self.kind, self.detail)
+        told = (self.kind, self.detail, self.service.name if self.service else "")
+        return PublisherHealth(topic, self.name, self.state, *moments, *told)
 
 
 @dataclass

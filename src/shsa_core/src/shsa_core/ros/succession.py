@@ -13,11 +13,11 @@ from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import FORMS
 from shsa_core.journal.record_file import Former, RecordFile, read_records
 from shsa_core.ros import clock
-from shsa_core.ros.processes.fence import Fence, Known
+from shsa_core.ros.processes.nodes import Fence, Known
 from shsa_core.ros.processes.kernel import same_process
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.trust.places import boot, master_place
-from shsa_core.ros.host.local import LocalHost
+from shsa_core.ros.processes.local import LocalHost
 
 CODEC = Codec(Record, FORMS)
 RUN = "/run_id"

@@ -55,11 +55,6 @@ class Bridging:
         """Whether the others must be heard."""
         return self._after > 0.0
 
-    @property
-    def after(self) -> float:
-        """The silence after which it fills in; infinite: never."""
-        return self._after or math.inf
-
     def stop(self) -> None:
         """Be muted until the others were heard and are silent again."""
         self.on, self._looks, self._awaited = False, False, None
@@ -119,13 +114,14 @@ class Bridging:
         Until their pace is known they are looked at as often: of messages that are read together
         only the newest tells when it came.
         """
-        if self._after > 0.0 and self._steady < STEADY and self._others.silence < self._after:
-            return self._others.left(self._after)
+        silent_at = self._others.silent_at(self._after)
+        if self._after > 0.0 and self._steady < STEADY and silent_at > now:
+            return silent_at
         if not self._waits or self._awaited is not None:
             return math.inf
         if self.on:
             return self._look
-        return now if self._others.silence >= self._after - 1e-9 else self._others.left(self._after)
+        return silent_at
 
     @property
     def _waits(self) -> bool:

@@ -25,11 +25,6 @@ class CutOff:
         self._heard = False  # somebody else was, so that silence tells something
         self._yielded = False
 
-    @property
-    def deadline(self) -> float:
-        """The silence after which others are silent; infinite: never, or it does not matter."""
-        return self._deadline if self.listens else math.inf
-
     def follow(self, row: Substitution, topic: str) -> None:
         """The row is another one; `topic`: that of its program."""
         self.listens = row.on_partition is OnPartition.HEAL and topic != ""
@@ -73,9 +68,9 @@ class CutOff:
         waits = self.listens and self._heard and (self._yielded or (self._cut and not self._says))
         if not waits or self._deadline == math.inf or self._is_silent:
             return math.inf
-        return self._others.left(self._deadline)
+        return self._others.silent_at(self._deadline)
 
     @property
     def _is_silent(self) -> bool:
         """Whether those are silent who were heard."""
-        return self._heard and self._others.silence >= self._deadline
+        return self._heard and self._others.are_silent(self._deadline)

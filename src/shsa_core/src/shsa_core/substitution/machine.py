@@ -82,7 +82,7 @@ class Substitute:
         What has become due meanwhile is among them, messages first.
         """
         self._now = max(self._now, event.time)
-        self._others.pass_time(self._now, self._wanted)
+        self._others.watch.look(self._now, self._wanted)
         self._at_its_own(self._cut_off.pass_time)
         commands: List[Command] = self._handlers[type(event)](event)
         commands += self._publish()
@@ -244,9 +244,7 @@ class Substitute:
         self._cut_off.follow(row, topic)
         self._bridging.follow(row, topic, job is not None and not job.integrates)
         listens = self._cut_off.listens or self._bridging.listens
-        self._others.listen(
-            topic if listens else "", min(self._cut_off.deadline, self._bridging.after)
-        )
+        self._others.listen(topic if listens else "")
         if not listens or topic in self._overheard:
             return []
         self._overheard.add(topic)

@@ -1,30 +1,45 @@
-"""What others publish on a substitute's topic: when they were heard last, by an honest watch."""
+"""The others who publish on a substitute's topic, and for how long they have been silent."""
+import math
 from typing import Optional
 
-from shsa_core.silence import Silence
 from shsa_core.substitution.events import OtherHeard
+from shsa_core.watch import Watch
 
 
-class Overhearing(Silence):
-    """How long the others on a topic have been silent; `topic` is empty where none is heard.
+class Overhearing:
+    """Measures the silence of the others on `topic`, which is empty where none is heard.
 
-    `last`: what was heard last, None: nothing so far.
+    `last`: the newest message of theirs, None: none so far. Times in s.
     """
 
     def __init__(self) -> None:
-        super().__init__()
+        self.watch = Watch()
         self.topic = ""
         self.last: Optional[OtherHeard] = None
+        self._since = -math.inf
 
-    def listen(self, topic: str, matters: float) -> None:
+    def listen(self, topic: str) -> None:
         """Hear the others on a topic from now on; on another one nobody was heard yet."""
         if topic != self.topic:
-            self.last, self.silence = None, 0.0
-        self.topic, self.matters = topic, matters
+            self.last, self._since = None, self.watch.now
+        self.topic = topic
 
     def heard(self, event: OtherHeard) -> bool:
-        """Somebody else has published; whether it is on our topic."""
+        """Take a message of somebody else; tell if it is on our topic."""
         if not self.topic or event.topic != self.topic:
             return False
-        self.last, self.silence = event, 0.0
+        self.last, self._since = event, self.watch.now
         return True
+
+    @property
+    def silence(self) -> float:
+        """The time for which they have been silent."""
+        return self.watch.passed(self._since)
+
+    def are_silent(self, length: float) -> bool:
+        """Tell if they have been silent for so long."""
+        return self.watch.has_passed(self._since, length)
+
+    def silent_at(self, length: float) -> float:
+        """Return when they will have been silent for so long."""
+        return self.watch.when(self._since, length)

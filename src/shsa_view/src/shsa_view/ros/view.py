@@ -10,14 +10,14 @@ from typing import Deque, Iterator, Tuple
 import rospkg
 import rospy
 
+from shsa_core.analysis.incident_log import read_log
 from shsa_core.errors import ShsaError
-from shsa_core.explaining.incident_log import read_log
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
 from shsa_core.model.names import file_name
-from shsa_core.ros.trust import secret
 from shsa_core.ros.incidents import log_path
 from shsa_core.ros.node import run
+from shsa_core.ros.trust import secret
 from shsa_view.facts import Fact, IncidentTold, ModelsRead
 from shsa_view.incidents import MOST
 from shsa_view.ros.actions import Actions

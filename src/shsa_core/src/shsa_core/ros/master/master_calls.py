@@ -5,7 +5,7 @@ import rosgraph
 import rospy
 
 from shsa_core.errors import ShsaError
-from shsa_core.healing.registrations import Pairs, Part, Registration, read_pairs
+from shsa_core.ros.master.registrations import Pairs, Part, Registration, read_pairs
 from shsa_core.ros.master.node_api import MASTER, node_api
 
 REGISTER = {

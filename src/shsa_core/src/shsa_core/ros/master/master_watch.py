@@ -24,8 +24,8 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.files.som_file import PARAMETER
-from shsa_core.healing.introductions import Introductions, Publisher, unserved
-from shsa_core.healing.registrations import (
+from shsa_core.ros.master.introductions import Introductions, Publisher, unserved
+from shsa_core.ros.master.registrations import (
     NOTHING,
     Graph,
     Said,
