@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
-from shsa_core.cli._page import render  # noqa: E402
+from shsa_core.cli._common import render  # noqa: E402
 from shsa_learning.figures import rms  # noqa: E402
 from shsa_learning.learn.learner import Learned  # noqa: E402
 

@@ -4,8 +4,7 @@ import json
 import math
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Tuple
 
-from shsa_core.cli._files import add_options, check_property, read_models
-from shsa_core.cli._output import say, whole_number
+from shsa_core.cli._common import add_models, check_property, read_models, say, whole_number
 from shsa_core.errors import ModelError
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
@@ -31,7 +30,7 @@ def add_parser(subparsers: Any) -> None:
     what = parser.add_mutually_exclusive_group()
     what.add_argument("property", metavar="PROPERTY", nargs="?", help="what is tried")
     what.add_argument("--all", action="store_true", help="all that was measured (the default)")
-    add_options(parser)
+    add_models(parser)
     parser.add_argument(
         "--data",
         metavar="FILE",
@@ -168,7 +167,7 @@ def _figures(error: Optional[Error]) -> Optional[Dict[str, Any]]:
 
 def _print(tested: "Tested", ontology: Ontology) -> None:
     """What was found of a property, for people."""
-    from shsa_core.cli._tables import Table, show
+    from shsa_core.cli._common import Table, show
 
     target = tested.target
     unit = _unit(target.property, ontology)

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any, List, Optional, Sequence, Tuple
 
 from shsa_core.analysis.incident_log import read_log
-from shsa_core.cli._files import add_namespace
-from shsa_core.cli._output import say, whole_number
+from shsa_core.cli._common import add_namespace, say, whole_number
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som

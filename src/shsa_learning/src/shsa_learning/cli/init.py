@@ -6,7 +6,7 @@ import os
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Dict, List, Tuple
 
-from shsa_core.cli._output import say, whole_number
+from shsa_core.cli._common import say, whole_number
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import parse_yaml
 from shsa_core.files.ontology_file import read_ontology

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Sequence
 
 from tabulate import tabulate
 
-from shsa_core.cli._files import add_namespace
-from shsa_core.cli._output import say, whole_number
+from shsa_core.cli._common import add_namespace, say, whole_number
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.regular import read_text

@@ -7,10 +7,10 @@ import json
 import os
 from typing import Any, Dict, List, Sequence
 
-from shsa_core.cli._output import say
+from shsa_core.cli._common import say
 from shsa_core.errors import ModelError
-from shsa_core.files.knowledge_base import Provision, read_knowledge_base
 from shsa_core.files.saving import save_ontology
+from shsa_learning.init.knowledge_base import Provision, read_knowledge_base
 
 
 def add_parser(subparsers: Any) -> None:

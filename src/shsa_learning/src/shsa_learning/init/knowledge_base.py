@@ -4,7 +4,6 @@ from typing import Dict, List, Optional, Set, Tuple
 
 from shsa_core.errors import ExpressionError
 from shsa_core.files.document import Entry, Value, read_yaml
-from shsa_core.files.knowledge_text import inserted, reduced, translated
 from shsa_core.language.expression import (
     Condition,
     Law,
@@ -15,6 +14,7 @@ from shsa_core.language.expression import (
 from shsa_core.language.syntax import is_name
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
+from shsa_learning.init.knowledge_text import inserted, reduced, translated
 
 
 @dataclass(frozen=True)
