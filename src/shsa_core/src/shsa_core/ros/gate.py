@@ -5,9 +5,8 @@ import argparse
 import struct
 import sys
 from dataclasses import replace
-from typing import Any, Callable, Dict, Type
+from typing import Callable, Dict
 
-import genpy
 import rospy
 from shsa_msgs import msg
 
@@ -21,7 +20,8 @@ from shsa_core.message_types import message_class
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
 from shsa_core.ros import clock, settings
-from shsa_core.ros.messages.messages import stamp
+from shsa_core.ros.messages.fields import stamp
+from shsa_core.ros.rospy_patches.publishing import as_written
 from shsa_core.ros.sockets.reader import ALL, Reader
 from shsa_core.ros.sockets.subscriptions import Arrived, Gone, Looked, Subscriptions
 from shsa_core.ros.trust.signing import Signing
@@ -51,7 +51,7 @@ class GateNode:
         self._inbox = self._subscriptions.inbox
         self._reader = Reader(ALL)
         self._fed = clock.now()
-        self._bytes = _bytes_of(self._kind)
+        self._written = as_written(self._kind)
         self._publisher = rospy.Publisher(
             self._service.heard,
             self._kind,
@@ -118,30 +118,11 @@ class GateNode:
             written = bytearray(data)
             struct.pack_into("<II", written, 4, *divmod(command.stamp, 10**9))
             data = bytes(written)
-        self._publisher.publish(self._bytes(data))
+        self._publisher.publish(self._written(data))
 
     def _log(self, command: events.Log) -> None:
         say: Callable[..., None] = rospy.logwarn if command.bad else rospy.loginfo
         say("%s.", command.text)
-
-
-def _bytes_of(kind: Type[genpy.Message]) -> Callable[[bytes], genpy.Message]:
-    """Makes messages that are serialized already: rospy neither encodes nor numbers them."""
-
-    class Bytes(kind):  # type: ignore[misc,valid-type]
-        """A message as it came."""
-
-        __slots__ = ("serialized_",)
-        _has_header = False
-
-        def __init__(self, data: bytes) -> None:
-            self.serialized_ = data
-
-        def serialize(self, buff: Any) -> None:
-            """Write it as it is."""
-            buff.write(self.serialized_)
-
-    return Bytes
 
 
 def _service(arguments: argparse.Namespace) -> Service:

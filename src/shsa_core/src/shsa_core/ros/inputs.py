@@ -11,7 +11,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.model.service import Signal
 from shsa_core.ros import clock, settings
-from shsa_core.ros.messages.messages import stamp
+from shsa_core.ros.messages.fields import stamp
 from shsa_core.ros.processes import priority
 from shsa_core.ros.sockets.subscriptions import Arrived, Gone, Subscriptions
 from shsa_core.substitution.events import Event, InputArrived, OtherGone, OtherHeard

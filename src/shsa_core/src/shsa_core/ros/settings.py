@@ -51,3 +51,9 @@ LARGEST_HEADER_B = 1 << 20
 """A connection header holds the message's definition."""
 MOST_CALLS = 32
 """Calls to nodes at the same time: so many hung ones hold up no other."""
+
+# Tables.
+QUEUE = 200
+"""Messages that wait for a slow subscriber. It misses those beyond, and then subscribes again."""
+RESUBSCRIBE_S = 0.5
+"""At least between two subscriptions of one table."""

@@ -21,7 +21,7 @@ from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
 from shsa_core.ros.messages.fields import Field, problem
 from shsa_core.ros.master.node_api import FAILURES
 from shsa_core.ros.master.original import Originals
-from shsa_core.ros.messages.outputs import Outputs
+from shsa_core.ros.outputs import Outputs
 from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.signing import Signing

@@ -5,7 +5,7 @@ from typing import Any, Dict, Optional, Tuple
 import rospy
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.messages.messages import Decoder
+from shsa_core.ros.messages.fields import Decoder
 from shsa_core.ros.sockets import arrival_times
 from shsa_core.ros.sockets.frames import Frames
 

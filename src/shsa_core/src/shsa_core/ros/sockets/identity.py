@@ -47,7 +47,7 @@ class Identities:
     """
 
     def __init__(
-        self, tell: Callable[[Identified], None], refused: Callable[[str, str, str], None]
+        self, tell: Callable[[Identified], None], refused: Callable[[str, str, str], object]
     ) -> None:
         self._tell, self._refused = tell, refused
         self._known: Dict[Tuple[str, str], None] = {}

@@ -6,7 +6,7 @@ from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
 from shsa_core.monitoring.last_messages import LARGEST_B
-from shsa_core.ros.messages.messages import STAMP_END, Decoder, stamp
+from shsa_core.ros.messages.fields import STAMP_END, Decoder, stamp
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.sockets.frames import Wanted
 from shsa_core.ros.sockets.subscriptions import Arrived

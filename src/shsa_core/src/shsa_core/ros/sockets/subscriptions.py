@@ -114,7 +114,7 @@ class Subscriptions:
     def __init__(
         self,
         now: Callable[[], float],
-        refused: Callable[[str, str, str], None],
+        refused: Callable[[str, str, str], object],
         wakes: Callable[[str], bool] = lambda topic: True,
     ) -> None:
         self.inbox = Inbox()
