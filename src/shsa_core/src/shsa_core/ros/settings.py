@@ -57,3 +57,19 @@ QUEUE = 200
 """Messages that wait for a slow subscriber. It misses those beyond, and then subscribes again."""
 RESUBSCRIBE_S = 0.5
 """At least between two subscriptions of one table."""
+
+# What rospy is held to.
+HEADER_S = 2.0
+"""So long the header of a connection to us may take, whole."""
+MOST_WAITING = 100
+"""Connections to us without a header at the same time; an honest one takes milliseconds."""
+MOST_API_CONNECTIONS = 200
+"""Connections to our XML-RPC interface at the same time."""
+LARGEST_CALL_B = 32 << 20
+"""Of a call to it: the SOM of a large robot, as the master tells it, has a tenth."""
+EXHAUSTED_S = 0.2
+"""After a lack of descriptors, threads or memory it is tried again in these pauses."""
+LOG_LINES = 1000
+"""So many lines wait at most; what is said beyond is lost."""
+CLOSE_LOG_S = 1.0
+"""At its end a node waits no longer for its last lines."""
