@@ -10,18 +10,17 @@ node is at the address that we connected to; until then what comes is read and d
 newest message, so that nobody who publishes is held up.
 """
 from collections import deque
-from dataclasses import dataclass
-from typing import Any, Callable, Deque, Dict, Iterator, List, NamedTuple, Set, Tuple, Union
+from typing import Any, Callable, Deque, Dict, Iterable, Iterator, List, NamedTuple, Set, Union
 
 import rospy
 
-from shsa_core.ros import clock, settings
+from shsa_core.ros import clock
 from shsa_core.ros.rospy_patches.subscribing import HandedOver, subscribe_handed_over
 from shsa_core.ros.sockets.arrival_times import ArrivalTimes
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.sockets.identity import Identified, Identities
 from shsa_core.ros.sockets.inbox import Inbox
-from shsa_core.ros.sockets.reconnection import Answered, Reconnection
+from shsa_core.ros.sockets.reconnection import Answered, Doubt, Reconnection
 
 
 class Connected(NamedTuple):
@@ -87,22 +86,6 @@ class _Closed(NamedTuple):
     transport: Any
 
 
-@dataclass
-class _Doubt:
-    """Somebody who is not connected any more, and may be gone; or never was, and has no name.
-
-    It is asked for another connection TRIES times at most: the last time under the number `asked`;
-    it may not have answered yet (`waits`). `until`: when it is taken to be gone.
-    """
-
-    publisher: str
-    until: float
-    host: str = ""
-    tries: int = 0
-    asked: int = 0
-    waits: bool = False
-
-
 class Subscriptions:
     """The connections of every subscribed topic.
 
@@ -129,8 +112,6 @@ class Subscriptions:
         self._standing: Dict[int, Connection] = {}
         self._newest: Dict[Connection, bytes] = {}  # the last message of who is not known yet
         self._hurried: Set[int] = set()  # descriptors that are read whether they are ready or not
-        self._doubts: Dict[Tuple[str, str], _Doubt] = {}
-        self._asked = 0
 
     def subscribe(self, topic: str) -> None:
         """Subscribe `topic`; waits for the master."""
@@ -146,7 +127,7 @@ class Subscriptions:
         for connection in list(self._standing.values()):
             if connection.topic == topic:
                 self._forget(connection)
-        self._doubts = {key: doubt for key, doubt in self._doubts.items() if key[0] != topic}
+        self._reconnection.forget(topic)
 
     def wake(self) -> None:
         """Ask again of each topic whether it wakes."""
@@ -180,7 +161,11 @@ class Subscriptions:
         self._identities.ask_again()
         since = looked.time if found else since
         ready, self._hurried = self.inbox.ready() | self._hurried, set()
-        came = [*self._read(ready, since), *self._give_up(), Looked(looked.time)]
+        came = [
+            *self._read(ready, since),
+            *self._gone(self._reconnection.overdue()),
+            Looked(looked.time),
+        ]
         return [*found, *sorted(came, key=lambda each: each.time)]
 
     def _tell(self, item: Union[_Made, _Closed, Answered, Identified]) -> None:
@@ -190,14 +175,11 @@ class Subscriptions:
     def _heed(self, item: Union[_Made, _Closed, Answered, Identified]) -> Iterator[Happening]:
         """Do what follows from what rospy did, or from what a node or the master answered."""
         topic = item.connection.topic if isinstance(item, Identified) else item.topic
-        if topic not in self._implementations:
-            return
+        implementation = self._implementations.get(topic)
+        if implementation is None:
+            return  # it was unsubscribed
         if isinstance(item, Answered):
-            doubt = self._doubts.get((topic, item.uri))
-            if doubt is not None and doubt.asked == item.number:  # and not of a doubt before
-                doubt.waits = False
-                doubt.tries = doubt.tries if item.willing else settings.TRIES
-                yield from self._settle(topic, item.uri)
+            yield from self._gone(self._reconnection.answered(item))
         elif isinstance(item, Identified):
             if self._identities.answered(item):
                 yield from self._recognize(item.connection)
@@ -208,10 +190,8 @@ class Subscriptions:
                 if connection.transport is item.transport:
                     yield from self._lose(connection)
             uri = item.transport.endpoint_id
-            if (topic, uri) in self._doubts:
-                yield from self._settle(topic, uri)
-            elif not item.transport.header:
-                yield from self._doubt(topic, uri)
+            if not item.transport.header or self._reconnection.is_doubted(topic, uri):
+                yield from self._gone(self._reconnection.lost(topic, uri, implementation))
 
     def _take_over(self, topic: str, transport: Any) -> Iterator[Happening]:
         if transport.done or transport.socket is None:
@@ -238,7 +218,7 @@ class Subscriptions:
         others = (each for each in self._standing.values() if each is not connection)
         if not any(each.is_known and _same(each, connection) for each in others):
             yield Connected(self._time, topic, publisher)
-        self._doubts.pop((topic, connection.uri), None)
+        self._reconnection.connected(topic, connection.uri)
         if connection in self._newest:
             data = self._newest.pop(connection)
             yield Arrived(self._time, connection, data, True, self._times.looked.ros_time)
@@ -278,51 +258,24 @@ class Subscriptions:
         """A connection has ended; its publisher may be connected otherwise, or again soon."""
         self._forget(connection)
         topic, publisher = connection.topic, connection.publisher
+        lost = topic, connection.uri, self._implementations[topic]
         if not connection.is_known:
-            yield from self._doubt(topic, connection.uri)
+            yield from self._gone(self._reconnection.lost(*lost))
         elif publisher not in self.publishers(topic):
-            happenings = list(self._doubt(topic, connection.uri, publisher, connection.host))
-            yield from happenings or [Interrupted(self._time, topic, publisher)]
+            gone = self._reconnection.lost(*lost, publisher, connection.host)
+            yield from self._gone(gone) if gone else [Interrupted(self._time, topic, publisher)]
 
     def _forget(self, connection: Connection) -> None:
         del self._standing[connection.descriptor]
         self._newest.pop(connection, None)
         self._identities.drop(connection)
 
-    def _doubt(
-        self, topic: str, uri: str, publisher: str = "", host: str = ""
-    ) -> Iterator[Happening]:
-        """See whether who was at `uri` is gone; nobody else would ask it for a connection."""
-        key, until = (topic, uri), clock.now() + settings.RECONNECT_S
-        if publisher:
-            self._doubts[key] = _Doubt(publisher, until, host)
-        else:
-            self._doubts.setdefault(key, _Doubt("", until))
-        yield from self._settle(topic, uri)
-
-    def _settle(self, topic: str, uri: str) -> Iterator[Happening]:
-        """See whether who is in doubt is gone, or else ask it for a connection."""
-        doubt, implementation = self._doubts[topic, uri], self._implementations[topic]
-        if doubt.waits or implementation.connects(uri):
-            return
-        if doubt.tries < settings.TRIES and not self._reconnection.is_gone(doubt.host, uri):
-            self._asked += 1
-            doubt.asked, doubt.waits, doubt.tries = self._asked, True, doubt.tries + 1
-            self._reconnection.ask(topic, uri, implementation, doubt.asked)
-        elif doubt.publisher:
-            yield from self._end_doubt(topic, uri)
-
-    def _give_up(self) -> Iterator[Happening]:
-        """Take those who were in doubt for too long to be gone."""
-        now = clock.now()
-        for key in [key for key, doubt in self._doubts.items() if doubt.until <= now]:
-            yield from self._end_doubt(*key)
-
-    def _end_doubt(self, topic: str, uri: str) -> Iterator[Happening]:
-        doubt = self._doubts.pop((topic, uri))
-        if doubt.publisher and doubt.publisher not in self.publishers(topic):
-            self._identities.forget(doubt.publisher, uri)
-            yield Gone(self._time, topic, doubt.publisher)
+    def _gone(self, doubts: Iterable[Doubt]) -> Iterator[Happening]:
+        """Say who is gone of those whose doubt has ended."""
+        for doubt in doubts:
+            if doubt.publisher and doubt.publisher not in self.publishers(doubt.topic):
+                self._identities.forget(doubt.publisher, doubt.uri)
+                yield Gone(self._time, doubt.topic, doubt.publisher)
 
 
 def _same(one: Connection, other: Connection) -> bool:
