@@ -313,8 +313,7 @@ class Reconfigurator(Hearing):
         if event.node in self._nodes.substitutes:
             return []  # none of ours is ever started again
         self._with_us[event.node] = event.with_us
-        told = event.node, event.with_us, event.process, event.starter
-        self._records.put(RestartedNode(*told))
+        self._records.put(RestartedNode(event.node, event.with_us))
         return []
 
     def _restart_failed(self, event: events.RestartFailed) -> List[Command]:

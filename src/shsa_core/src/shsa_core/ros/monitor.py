@@ -32,7 +32,7 @@ from shsa_core.monitoring.share import watched_at, watched_beside
 from shsa_core.ros import clock, diagnostics, settings
 from shsa_core.ros.processes.handover import await_turn
 from shsa_core.ros.master.greeter import Greeter, Tell
-from shsa_core.ros.processes.companion import Companion
+from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch, Launches
 from shsa_core.ros.sockets.reader import Reader

@@ -1,4 +1,4 @@
-"""What was learned as a relation of an ontology"""
+"""A learned model as a relation of an ontology."""
 from dataclasses import replace
 from typing import Dict, Optional
 
@@ -15,7 +15,7 @@ FIGURES, DIGITS = ("rms", "bias", "p95", "delay", "baseline"), 4
 
 
 def relation_of(learned: Learned, table: Table) -> TransferFunction:
-    """The relation: as generated code it gives what was fitted, on the rows of the table.
+    """Return the relation: as generated code it gives what was fitted, on the rows of the table.
 
     A law that was the best keeps its text and gets its error. Raises ModelError if the generated
     code gives anything else, ExpressionError if the function is too long for the language.
@@ -41,7 +41,7 @@ def relation_of(learned: Learned, table: Table) -> TransferFunction:
 
 
 def with_relation(ontology: Ontology, relation: TransferFunction) -> Ontology:
-    """The ontology with the relation, instead of one of its name.
+    """Return the ontology with the relation, instead of one of its name.
 
     A property that is not there is added; its unit is not known.
     """
@@ -59,7 +59,7 @@ def with_relation(ontology: Ontology, relation: TransferFunction) -> Ontology:
 
 
 def _short(error: Error) -> Error:
-    """The error with as many digits as mean something."""
+    """Return the error with as many digits as mean something."""
     figures = {name: _digits(getattr(error, name)) for name in FIGURES}
     return replace(error, **figures)
 

@@ -6,21 +6,17 @@ import rospy
 from shsa_msgs import msg
 
 from shsa_core.healing import events
-from shsa_core.ros import clock
+from shsa_core.ros import clock, settings
 from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, master_api
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.processes.host import HostCommand
-from shsa_core.ros.agent.remote import TICK_S, RemoteHost, TellAny, Told
+from shsa_core.ros.agent.remote import RemoteHost, TellAny, Told
 from shsa_core.ros.node import publish
 from shsa_core.ros.wire import names
 
-BEAT_S = 0.1
 QUEUE = 200
-STOP_S = 3.0
-"""So long the agents are given to hear that something is to be stopped."""
-START_S = 1.5
-"""So long an agent that is registered is given to tell what runs there."""
+"""Messages that wait for a slow agent; what is beyond is said again."""
 
 
 class Agents:
@@ -64,9 +60,9 @@ class Agents:
         Waits for the agents that are registered, and for nobody where there are none.
         """
         wanted = self._registered()
-        deadline = clock.now() + START_S
+        deadline = clock.now() + settings.START_S
         while clock.now() < deadline and not all(self._hosts[n].is_reached for n in wanted):
-            rospy.rostime.wallsleep(TICK_S / 5)
+            rospy.rostime.wallsleep(settings.TICK_S / 5)
         with self._lock:
             return {node: name for name, host in self._hosts.items() for node in host.take_up()}
 
@@ -88,9 +84,9 @@ class Agents:
 
     def await_quiet(self) -> None:
         """Wait until the agents that can be reached have heard everything."""
-        deadline = clock.now() + STOP_S
+        deadline = clock.now() + settings.STOP_S
         while clock.now() < deadline and not all(h.is_quiet for h in self._hosts.values()):
-            rospy.rostime.wallsleep(TICK_S)
+            rospy.rostime.wallsleep(settings.TICK_S)
 
     def _host(self, name: str) -> RemoteHost:
         topic = names.host_commands(name)
@@ -131,9 +127,9 @@ class Agents:
                     if now >= beat_at:
                         host.beat()
             if now >= beat_at:
-                beat_at = now + BEAT_S
+                beat_at = now + settings.HEARTBEAT_S
                 self._look(now)
-            rospy.rostime.wallsleep(TICK_S)
+            rospy.rostime.wallsleep(settings.TICK_S)
 
     def _look(self, now: float) -> None:
         """Tell of our own computer, as agents do of theirs."""

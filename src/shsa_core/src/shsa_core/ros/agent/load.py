@@ -7,8 +7,7 @@ import psutil
 import rosgraph.network
 import rospy
 
-LOOK_S = 1.0
-"""Between two looks."""
+from shsa_core.ros import settings
 
 
 class Load:
@@ -29,7 +28,7 @@ class Load:
     def look(self, now: float) -> None:
         """Look, if it is time to; `now`: s."""
         elapsed = now - self._looked
-        if elapsed < LOOK_S:
+        if elapsed < settings.LOOK_S:
             return
         counted, before = _counters(), self._counted
         self.busy = psutil.cpu_percent() / 100.0 * self.cores

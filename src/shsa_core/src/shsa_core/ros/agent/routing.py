@@ -16,7 +16,7 @@ LOCAL = ""
 """The name of the computer that we run on."""
 
 
-class Hosts:
+class Router:
     """A Host of all computers.
 
     A substitute is where it was started; another node is on the computer whose agent tells the

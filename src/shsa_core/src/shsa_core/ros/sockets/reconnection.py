@@ -107,7 +107,7 @@ class Reconnection:
         self, topic: str, uri: str, implementation: HandedOver, publisher: str = "", host: str = ""
     ) -> List[Doubt]:
         """Doubt whose connection has ended, or never stood: nobody else would ask for another."""
-        doubt = Doubt(topic, uri, implementation, publisher, host, _now() + settings.RECONNECT_S)
+        doubt = Doubt(topic, uri, implementation, publisher, host, _now() + settings.CALL_S)
         if publisher or (topic, uri) not in self._doubts:
             self._doubts[topic, uri] = doubt
         return self._settle(self._doubts[topic, uri])
