@@ -1,4 +1,4 @@
-"""What was learned as one HTML page that needs nothing else."""
+"""A learned relation as one HTML page that needs nothing else."""
 import base64
 import io
 from pathlib import Path
@@ -20,7 +20,7 @@ MEASURED, SAID = "#1f5fa8", "#d1592a"
 
 
 def page(learned: Learned, summary: Sequence[str]) -> str:
-    """The page: what is said of it in words, and the pictures, if anything was fitted."""
+    """Return the page: what is said of it in words, and the pictures, if anything was fitted."""
     pictures: List[Tuple[str, str]] = []
     if learned.tested is not None:
         pictures = [
@@ -103,7 +103,7 @@ def _ladder(learned: Learned) -> Figure:
 
 
 def _png(figure: Figure) -> str:
-    """A picture as text that a page can hold."""
+    """Return a picture as text that a page can hold."""
     figure.tight_layout()
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=80)

@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _plain(value: Any) -> Any:
-    """A document as JSON can hold it: a number that is not finite, as an error can be, is null."""
+    """Return a document for JSON: numbers that are not finite are null."""
     if isinstance(value, dict):
         return {key: _plain(each) for key, each in value.items()}
     if isinstance(value, list):
@@ -112,7 +112,7 @@ def _watch(work: Iterable[Any], total: int, what: str) -> Iterable[Any]:
 
 
 def _document(tested: "Tested") -> Dict[str, Any]:
-    """All that was found of a property, for programs."""
+    """Return all that was found of a property, for programs."""
     target = tested.target
     return {
         "property": target.property,
@@ -131,7 +131,7 @@ def _document(tested: "Tested") -> Dict[str, Any]:
 
 
 def _place(tested: "Tested", trial: "Optional[Trial]") -> Optional[int]:
-    """Where a trial stands among the derivations, from 0."""
+    """Return the place of a trial among the derivations, from 0."""
     return tested.trials.index(trial) if trial is not None else None
 
 
@@ -166,7 +166,7 @@ def _figures(error: Optional[Error]) -> Optional[Dict[str, Any]]:
 
 
 def _print(tested: "Tested", ontology: Ontology) -> None:
-    """What was found of a property, for people."""
+    """Print the trials of a property as a table, and what follows from them."""
     from shsa_core.cli._common import Table, show
 
     target = tested.target

@@ -118,5 +118,5 @@ def _write(
 
 
 def file_part(name: str) -> str:
-    """A name from a record as a part of a file's name."""
+    """Return a name from a record as a part of a file's name."""
     return re.sub(r"[^A-Za-z0-9_-]", "_", name)[:60] or "incident"

@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def som_draft(provisions: Sequence[Provision]) -> str:
-    """The text of a SOM file in which only what the knowledge base says is filled in."""
+    """Return the text of a SOM file in which only what the knowledge base says is filled in."""
     lines: List[str] = [
         "# A draft: fill in the blanks. A topic may still have its field at the end: split it",
         "# (/odom/twist/twist/linear/x is the field twist.twist.linear.x of the topic /odom).",

@@ -90,7 +90,7 @@ def _check_paths(paths: List[str], force: bool) -> None:
 
 
 def _survey(args: argparse.Namespace) -> Tuple[Survey, str, List[str]]:
-    """What was seen, what of, and what else is to be told."""
+    """Return the survey, its source in words, and notes."""
     if args.bag is not None:
         survey, notes = _shell("survey_bag").survey_bag(args.bag)
         return survey, f"{survey.seconds:.3g} s of {os.path.basename(args.bag)}", notes
@@ -100,7 +100,7 @@ def _survey(args: argparse.Namespace) -> Tuple[Survey, str, List[str]]:
 
 
 def _shell(name: str) -> Any:
-    """A module that needs ROS: it is loaded by who uses it. Raises ShsaError if there is none."""
+    """Load a module that needs ROS. Raises ShsaError if there is none."""
     try:
         return importlib.import_module(f"shsa_learning.ros.{name}")
     except ImportError as error:
@@ -156,7 +156,7 @@ def _document(survey: Survey, made: Draft, args: argparse.Namespace) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """What was seen as mappings and lists."""
+    """Return a survey as mappings and lists."""
     if is_dataclass(value):
         return {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
     if hasattr(value, "_asdict"):

@@ -35,7 +35,7 @@ class Provision:
 
 @dataclass(frozen=True)
 class KnowledgeBase:
-    """What such a file holds: ontology, services, and notes on what could not be taken over."""
+    """The contents of such a file, and notes on what could not be taken over."""
 
     ontology: Ontology
     provisions: Tuple[Provision, ...]
@@ -43,7 +43,7 @@ class KnowledgeBase:
 
 
 def read_knowledge_base(path: str) -> KnowledgeBase:
-    """The knowledge base in a file. Raises ModelError with file and line if it is none."""
+    """Read a knowledge base. Raises ModelError with file and line if the file is none."""
     return _Reader(read_yaml(path)).read()
 
 
@@ -239,7 +239,7 @@ class _Reader:
 def _executable(
     text: str, condition: str, inputs: Set[str]
 ) -> Tuple[Optional[Law], Optional[Condition], str]:
-    """The function and its constraint, or why they are not expressions of the language."""
+    """Return the function and its constraint, or why they are not expressions of the language."""
     try:
         expression = compose({}, parse_expression(text))
         constraint = parse_constraint(condition) if condition else None
@@ -253,14 +253,14 @@ def _executable(
 
 
 def _number(value: Optional[Value]) -> Optional[float]:
-    """The number that the value is, or the one number in its list."""
+    """Return the number that the value is, or the one number in its list."""
     if value is not None and isinstance(value.data, list) and len(value.data) == 1:
         value = value.data[0]
     return value.data if value is not None and isinstance(value.data, float) else None
 
 
 def _paths(value: Optional[Value]) -> List[str]:
-    """The texts in the value's list."""
+    """Return the texts in the value's list."""
     items = value.data if value is not None and isinstance(value.data, list) else []
     return [item.text for item in items if isinstance(item.data, str)]
 

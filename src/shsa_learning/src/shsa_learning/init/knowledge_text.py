@@ -3,7 +3,7 @@ import re
 from typing import Collection, Dict, Tuple
 
 REDUCTIONS = {"min": "min", "max": "max", "mean": "mean", "average": "mean"}
-"""What makes one number of an array, and how a field of the SOM says it."""
+"""Functions that make one number of an array, and their form in a field of the SOM."""
 
 _SPELLINGS = (
     (re.compile(r"\b(math|np|numpy)\."), ""),
@@ -19,14 +19,14 @@ _REDUCTION = re.compile(rf"\b({'|'.join(REDUCTIONS)})\s*\(\s*([A-Za-z_]\w*)\s*\)
 
 
 def translated(text: str) -> str:
-    """The text with mathematical spellings as the language has them."""
+    """Return the text with mathematical spellings as the language has them."""
     for pattern, words in _SPELLINGS:
         text = pattern.sub(words, text)
     return text
 
 
 def reduced(text: str, arrays: Collection[str]) -> Tuple[str, Dict[str, Tuple[str, str]]]:
-    """The text with a name for each number that is made of an array, as in `min(laser)`.
+    """Return the text with a name for each number that is made of an array, as in `min(laser)`.
 
     And what each name stands for: the reduction, and the array.
     """
@@ -43,5 +43,5 @@ def reduced(text: str, arrays: Collection[str]) -> Tuple[str, Dict[str, Tuple[st
 
 
 def inserted(condition: str, name: str, text: str) -> str:
-    """A condition on the output of a function, as one on its inputs."""
+    """Return a condition on the output of a function, as one on its inputs."""
     return re.sub(rf"\b{re.escape(name)}\b", lambda _: f"({text})", condition)

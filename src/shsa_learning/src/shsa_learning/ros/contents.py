@@ -10,7 +10,7 @@ from shsa_core.ros.messages.fields import Field
 from shsa_learning.init.contents import Array, Contents, LeftOut, Number, contents, elements
 
 MOST_SHAPES = 50
-"""How many sets of lengths and names the arrays of one publisher may have."""
+"""Sets of lengths and names that the arrays of one publisher may have."""
 
 Shape = Tuple[Tuple[int, Tuple[str, ...]], ...]
 
@@ -30,7 +30,7 @@ class Reader:
         self._shapes: Dict[Shape, List[Tuple[Number, Field]]] = {}
 
     def read(self, data: bytes) -> Tuple[Mapping[Number, Optional[float]], List[LeftOut]]:
-        """The numbers in a message, and the parts that are none, as far as that is new.
+        """Return the numbers in a message, and the parts that are none, as far as that is new.
 
         Raises ShsaError if the bytes are not a message of the type.
         """
@@ -60,7 +60,7 @@ class Reader:
 
 
 def _shape(message: Any, array: Array) -> Tuple[int, Tuple[str, ...]]:
-    """How long an array is in a message, and the names of its elements."""
+    """Return the length of an array in a message, and the names of its elements."""
     owner: Any = message
     *path, last = array.path.split(".")
     for name in path:

@@ -9,10 +9,16 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.rospy_patches.bounds import subscribe
+from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.text import shown
-from shsa_learning.init.scope import outside
-from shsa_learning.init.survey import LARGEST_MESSAGE_B, Publisher, Refused, Survey, Surveyor
+from shsa_learning.init.survey import (
+    LARGEST_MESSAGE_B,
+    Publisher,
+    Refused,
+    Survey,
+    Surveyor,
+    outside,
+)
 from shsa_learning.ros.contents import Reader
 
 AT_ONCE = 300
@@ -44,7 +50,7 @@ class Values:
         self._why: Dict[Tuple[str, str], str] = {}
 
     def takes(self, publisher: Publisher, md5sum: str = "") -> Optional[Reader]:
-        """The reader for a publisher, which is taken in; None if it is left out."""
+        """Return the reader for a publisher, which is taken in; None if it is left out."""
         why = outside(*publisher)
         reader = None if why else self._reader(publisher.type, md5sum)
         if reader is None:
@@ -87,7 +93,7 @@ class Values:
 
 
 class _Inbox:
-    """What rospy's threads put, and one thread takes."""
+    """A queue that rospy's threads fill and one thread reads."""
 
     def __init__(self) -> None:
         self._queue: "queue.Queue[Heard]" = queue.Queue()
@@ -104,7 +110,7 @@ class _Inbox:
         self._queue.put(Heard(topic, now, message._connection_header, size, data))
 
     def take(self, seconds: float) -> Optional[Heard]:
-        """The next message; None if none came in time."""
+        """Return the next message; None if none came in time."""
         try:
             heard = self._queue.get(timeout=max(1e-3, seconds))
         except queue.Empty:
@@ -116,7 +122,7 @@ class _Inbox:
 
 
 class _Graph:
-    """Who publishes what, by the master's word."""
+    """The publishers of each topic, as the master lists them."""
 
     def __init__(self) -> None:
         self.types: Dict[str, str] = {}
@@ -159,7 +165,7 @@ class _Listening:
         self._inbox = _Inbox()
 
     def run(self) -> Tuple[Survey, List[str]]:
-        """All topics, and those that come meanwhile."""
+        """Survey all topics, and those that come meanwhile."""
         begin, notes = time.monotonic(), []
         while True:
             group = self._next(AT_ONCE)

@@ -15,11 +15,11 @@ FAILURES = (
     *(rosbag.ROSBagException, genpy.DeserializationError, OSError, EOFError, struct.error),
     *(ValueError, KeyError, IndexError, TypeError, AttributeError, MemoryError),
 )
-"""What rosbag raises at files that are none, or are damaged."""
+"""Exceptions of rosbag at files that are no bags, or damaged."""
 
 
 def survey_bag(path: str) -> Tuple[Survey, List[str]]:
-    """What is in a rosbag; times are those at which messages were recorded, s.
+    """Survey a rosbag; times are those at which messages were recorded, in s.
 
     Raises ShsaError if it cannot be read.
     """
