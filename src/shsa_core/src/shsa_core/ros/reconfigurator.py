@@ -37,7 +37,7 @@ from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch
 from shsa_core.ros.master.master_watch import MasterWatch
-from shsa_core.ros.processes.starting import run_command
+from shsa_core.ros.processes.starting import Setup, run_command
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import SomWatch, put_som
@@ -47,7 +47,6 @@ from shsa_core.ros.workers import Workers
 from shsa_core.ros.agent.agents import Agents
 from shsa_core.ros.processes.host import HostCommand
 from shsa_core.ros.agent.routing import Router
-from shsa_core.ros.processes.starting import Forks
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import run
@@ -115,10 +114,9 @@ class ReconfiguratorNode:
         journals = _substitute_journals(journal)
         types = sorted({service.type for service in som if service.type})
         ready = lambda: self._put(events.Prepared(clock.now()))
-        forks = Forks(prefix.rsplit("/", 1)[0], types, ready)
-        self._local = LocalHost(
-            self._told, signs, prefix, journals, signing.path, arguments.sandbox, "", forks
-        )
+        given = signing.path, journals, arguments.sandbox
+        how = Setup(prefix, *given, forks=True, types=types, ready=ready)
+        self._local = LocalHost(self._told, signs, how)
         self._agents = Agents(signing, self._told, arguments.host)
         self._hosts = Router(self._local, self._agents, self._told, arguments.host)
         self._asked: Dict[str, float] = {}
