@@ -65,8 +65,6 @@ MOST_API_CONNECTIONS = 200
 """Connections to our XML-RPC interface at the same time."""
 LARGEST_CALL_B = 32 << 20
 """Of a call to it: the SOM of a large robot, as the master tells it, has a tenth."""
-EXHAUSTED_S = 0.2
-"""After a lack of descriptors, threads or memory it is tried again in these pauses."""
 LOG_LINES = 1000
 """So many lines wait at most; what is said beyond is lost."""
 CLOSE_LOG_S = 1.0

@@ -44,7 +44,7 @@ class Field:
         self.writable = self._type.writable
 
     def get(self, message: genpy.Message) -> Optional[float]:
-        """The field's value; None if the message has none, as it does not name it.
+        """Return the field's value; None if the message has none, as it does not name it.
 
         NaN where an array is shorter than the place, or where there is no number.
         """
@@ -72,7 +72,7 @@ class Field:
             self._put(owner, last, plain)
 
     def _inner(self, owner: Any, step: Step) -> Any:
-        """The message that a step leads to; it must be there."""
+        """Return the message that a step leads to; it must be there."""
         found = getattr(owner, step.name)
         if step.part is None:
             return found
@@ -167,7 +167,7 @@ class Decoder:
         self.has_stamp: bool = self._class._has_header
 
     def values(self, data: bytes) -> Tuple[Optional[float], ...]:
-        """The fields' values, None where there is none.
+        """Return the fields' values, None where there is none.
 
         Raises ShsaError if the bytes are not a message of the type.
         """
@@ -180,7 +180,7 @@ class Decoder:
 
 
 def stamp(data: bytes) -> int:
-    """The time in the std_msgs/Header that a message begins with, in ns; 0: it was not set."""
+    """Return the time in the std_msgs/Header that a message begins with, in ns; 0: none."""
     if len(data) < STAMP_END:
         return 0
     seconds, nanoseconds = struct.unpack_from("<4xII", data)
@@ -188,14 +188,14 @@ def stamp(data: bytes) -> int:
 
 
 class Problem(NamedTuple):
-    """What cannot be used, and whether somebody needs it, so that it would be healed."""
+    """Something that cannot be used; `needed`: it would have to be healed."""
 
     text: str
     needed: bool
 
 
 def mark_unusable(som: Som) -> Tuple[Som, List[Problem]]:
-    """The SOM with a mark at all that cannot be used here, and what that is.
+    """Return the SOM with a mark at all that cannot be used here, and what that is.
 
     What is not marked is used and healed as ever.
     """
