@@ -15,7 +15,6 @@ from shsa_core.errors import ModelError
 from shsa_core.files.som_file import read_som
 from shsa_core.gating import events
 from shsa_core.gating.machine import Gate
-from shsa_core.gating.settings import Settings
 from shsa_core.message_types import message_class
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
@@ -46,7 +45,7 @@ class GateNode:
         first = arguments.standby and full_name(arguments.standby, rospy.get_namespace())
         signing = Signing(arguments.secret)
         self._kind = message_class(self._service.type)
-        self._core = Gate(self._service, Settings(standby_for=first), clock.now())
+        self._core = Gate(self._service, first, clock.now())
         self._subscriptions = Subscriptions(clock.now, signing.refusals.note)
         self._inbox = self._subscriptions.inbox
         self._reader = Reader(ALL)

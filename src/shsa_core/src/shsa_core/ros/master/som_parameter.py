@@ -157,7 +157,7 @@ class SomWatch:
 
 
 def _contents(value: object) -> str:
-    """What is neither number, text, list nor mapping, as text: dates and bytes."""
+    """Return dates and bytes as text."""
     return f"{type(value).__name__} {getattr(value, '__dict__', '')}"
 
 
