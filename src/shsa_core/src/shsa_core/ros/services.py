@@ -1,4 +1,4 @@
-"""What people and programs may ask of the reconfigurator: its ROS services and its action."""
+"""The reconfigurator's ROS services and its action, for people and programs."""
 import queue
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as Late
@@ -54,7 +54,7 @@ class Services:
         self._action.start()
 
     def _ask(self, question: Callable[[], Any]) -> Any:
-        """The core's answer. Raises ShsaError."""
+        """Return the core's answer. Raises ShsaError."""
         answer: "Future[Any]" = Future()
 
         def work() -> None:
@@ -70,7 +70,7 @@ class Services:
             raise ShsaError(f"no answer within {ANSWER_TIMEOUT_S:g} s") from error
 
     def _needed(self, name: str) -> Service:
-        """The needed service of a name or topic. Raises ShsaError."""
+        """Return the needed service of a name or topic. Raises ShsaError."""
         service: Service = self._ask(lambda: self._core.find(name))
         if not service.needed:
             known = ", ".join(each.topic for each in self._core.needed())

@@ -118,6 +118,8 @@ LOOK_S = 1.0
 """Between two looks at what changes seldom: who has started a node, how busy a computer is."""
 LEARN_PAUSE_S = 0.02
 """After each node that is learned: all of a large robot become healthy in the same moment."""
+GATHER_S = 0.5
+"""So long it is waited for more nodes that have come before their launches are looked for."""
 LISTING_AGE_S = 0.4
 """What the master has listed may be so old when a node is learned, as many are together."""
 MASTER_AGE_S = 10.0

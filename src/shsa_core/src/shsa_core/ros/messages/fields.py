@@ -14,8 +14,7 @@ from shsa_core import message_types
 from shsa_core.errors import ShsaError
 from shsa_core.model.field import ANGLES, Key, Step, parse_field
 from shsa_core.model.field_type import FLOATS, field_type
-from shsa_core.model.field_value import NAN, field_value, place_of
-from shsa_core.model.rotation import angles, quaternion
+from shsa_core.model.field_value import angles, field_value, place_of, quaternion
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.text import shown
@@ -96,7 +95,7 @@ class Field:
         array = list(getattr(owner, step.name))
         if isinstance(step.part, Key) and self._type.kind in FLOATS:
             # What is beside it in the array is not known; only such numbers can say so.
-            array += [NAN] * ((place or 0) - len(array))
+            array += [math.nan] * ((place or 0) - len(array))
         if place is None or place > len(array):
             raise ShsaError(
                 f"{self._text}: the array has {len(array)} elements, and no message that has more "
@@ -132,7 +131,7 @@ def _add_name(owner: Any, key: Key) -> int:
             continue
         if kind[:-2] not in FLOATS:
             raise ShsaError(f"{key.name} cannot be added: {name} has no mark for what is not known")
-        setattr(owner, name, [*array, NAN])
+        setattr(owner, name, [*array, math.nan])
     setattr(owner, key.names, [*names, key.name])
     return len(names)
 
