@@ -87,7 +87,7 @@ def test_who_is_not_the_one_that_failed_is_not_touched_and_goes_on_to_count() ->
     commands = robot.handle(events.NodeFound(10.01, B, Where.ANOTHER, "it is another"))
     assert "/b_node is not touched: it is another." in decision(commands)
     assert not has(commands, events.AskToLeave) and B not in robot.core._nodes.excluded
-    assert robot.core._availability.states["b"].available
+    assert robot.core.robot.availability.states["b"].available
 
 
 def test_healing_goes_on_beside_one_that_cannot_be_verified() -> None:
