@@ -49,7 +49,7 @@ fuzz: build
 	@tools/fuzz $(MINUTES)
 
 coverage: build
-	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -q src/shsa_core/test/unit --cov --cov-report=term
+	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -q src/shsa_core/test/unit src/shsa_learning/test/unit --cov --cov-report=term
 
 mutation: build
 	@$(ENV) && SHSA_LONG=1 tools/mutation

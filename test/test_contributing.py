@@ -8,7 +8,13 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "contributing.md"
 PLACES = (
-    *("src/shsa_core/src/**/*.py", "src/shsa_msgs/*/*.msg", "docs/som.md", "docs/ontology.md"),
+    *(
+        "src/shsa_core/src/**/*.py",
+        "src/shsa_learning/src/**/*.py",
+        "src/shsa_msgs/*/*.msg",
+        "docs/som.md",
+        "docs/ontology.md",
+    ),
     "docs/journal.md",
 )
 

@@ -107,7 +107,7 @@ def _wrong_launch(words: List[str]) -> str:
 
 def _options() -> Dict[str, Set[str]]:
     """The commands of `shsa`, and the options of each."""
-    parser, _ = command_line()
+    parser = command_line()[0]
     (subparsers,) = (each for each in parser._actions if each.choices and not each.option_strings)
     return {
         name: {option for action in command._actions for option in action.option_strings}

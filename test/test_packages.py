@@ -9,8 +9,12 @@ from xml.etree import ElementTree
 
 import pytest
 
+from shsa_testing.thorough import LONG
+
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = {path.parent.name: path.parent for path in sorted(ROOT.glob("src/*/package.xml"))}
+ROBOT = ("shsa_core", "shsa_msgs")
+"""The packages with which a robot heals."""
 OURS = ("ROS_PACKAGE_PATH", "CMAKE_PREFIX_PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "PKG_CONFIG_PATH")
 
 
@@ -29,6 +33,19 @@ def environment() -> Dict[str, str]:
         parts = clean.get(name, "").split(":")
         clean[name] = ":".join(part for part in parts if part and not part.startswith(str(ROOT)))
     return clean
+
+
+def run(command: List[str], environment: Dict[str, str]) -> str:
+    """Return what a command prints; fail with that if it fails."""
+    done = subprocess.run(
+        command,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        universal_newlines=True,
+    )
+    assert done.returncode == 0, done.stdout[-4000:]
+    return done.stdout
 
 
 def files(folder: Path) -> Iterator[Path]:
@@ -73,14 +90,7 @@ class Installed:
         configure = ["cmake", "-S", str(source), "-B", str(build), "-DCATKIN_ENABLE_TESTING=OFF"]
         configure += ["-DPYTHON_EXECUTABLE=/usr/bin/python3", f"-DCMAKE_INSTALL_PREFIX={prefix}"]
         for command in (configure, ["make", "-C", str(build), "-j2", "install"]):
-            done = subprocess.run(
-                command,
-                env=clean,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                universal_newlines=True,
-            )
-            assert done.returncode == 0, done.stdout[-4000:]
+            run(command, clean)
         shutil.rmtree(str(source))  # what is installed must not need it
         return prefix
 
@@ -102,6 +112,25 @@ def test_a_package_stands_alone(name: str, installed: Installed) -> None:
     wanted = {path.relative_to(modules) for path in files(modules) if path.is_file()}
     (found,) = prefix.glob(f"lib/python3*/*-packages/{name}")
     assert {path.relative_to(found) for path in files(found)} >= wanted
+
+
+def test_healing_needs_no_other_package_of_this_repository() -> None:
+    for name in ROBOT:
+        root = ElementTree.parse(str(PACKAGES[name] / "package.xml")).getroot()
+        named = {str(each.text) for each in root.iter() if each.tag.endswith("depend")}
+        assert named & set(PACKAGES) <= set(ROBOT)
+
+
+@pytest.mark.skipif(not LONG, reason="builds for a minute: make test-long")
+def test_a_workspace_of_what_a_robot_needs_builds_with_its_tests(tmp_path: Path) -> None:
+    for name in ROBOT:
+        shutil.copytree(str(PACKAGES[name]), str(tmp_path / "src" / name), symlinks=True)
+    command = ["catkin_make", "-C", str(tmp_path), "-DPYTHON_EXECUTABLE=/usr/bin/python3"]
+    run([*command, "-DCATKIN_ENABLE_TESTING=ON"], environment())
+    shsa = f"source {tmp_path}/devel/setup.bash && rosrun shsa_core shsa"
+    run(["bash", "-c", f"{shsa} --version"], environment())
+    said = run(["bash", "-c", f"{shsa} learn x; test $? = 2"], environment())
+    assert "shsa: learn needs the package shsa_learning" in said
 
 
 def test_the_command_line_works_where_it_is_installed(installed: Installed, tmp_path: Path) -> None:

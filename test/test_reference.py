@@ -58,12 +58,6 @@ def test_every_kind_has_its_row() -> None:
     assert [row[0].strip("`") for row in rows("kinds")] == [kind.value for kind in Kind]
 
 
-@pytest.mark.parametrize("kind", [TABLES.HealingSettings, TABLES.MonitoringSettings])
-def test_a_setting_is_described_under_its_own_name(kind: Any) -> None:
-    assert list(TABLES.described(kind)) != []
-    assert set(TABLES.described(kind)) == {field for field in kind.__dataclass_fields__}
-
-
 @pytest.mark.skipif(not message_types.available(), reason="there is no ROS here")
 @pytest.mark.parametrize("path", INTERFACES, ids=lambda path: path.name)
 def test_every_field_of_a_message_has_its_row(path: Path) -> None:

@@ -26,7 +26,7 @@ from report import Goals
 from shsa_core.analysis.check import check_model
 from shsa_core.analysis.resilience import analyse
 from shsa_core.healing.plan_table import PlanTable
-from shsa_core.language.expression import parse_expression
+from shsa_core.language.expression import parse_law
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
@@ -37,7 +37,7 @@ from shsa_core.search.substitutes import improving_substitutes, iter_substitutes
 QUALITIES = [1.0, 0.99, 0.95, 0.9, 0.8]
 TARGET = "p0"
 ROUNDS = 4
-ANY = parse_expression("1")  # the functions' contents do not matter to the search
+ANY = parse_law("1")  # the functions' contents do not matter to the search
 
 Say = Callable[[str], None]
 Model = Tuple[List[TransferFunction], List[Source]]
@@ -268,7 +268,7 @@ def ready_plans(size: int, say: Say, goals: Goals) -> None:
         for i in range(length):
             output = number * (length + 1) + i
             one = law(len(functions), output, [output + 1], 0.99)
-            text = parse_expression(f"2*{one.inputs[0]}")
+            text = parse_law(f"2*{one.inputs[0]}")
             functions.append(dataclasses.replace(one, law=text))
     tops = [service(c * (length + 1), needed=c < 100) for c in range(count)]
     bottoms = [service(c * (length + 1) + length, quality=0.99) for c in range(count)]
@@ -296,7 +296,7 @@ def ready_plans(size: int, say: Say, goals: Goals) -> None:
 
 def executable(functions: Iterable[TransferFunction]) -> List[TransferFunction]:
     """The same with laws that use their inputs: code can be generated for them."""
-    return [dataclasses.replace(f, law=parse_expression(" + ".join(f.inputs))) for f in functions]
+    return [dataclasses.replace(f, law=parse_law(" + ".join(f.inputs))) for f in functions]
 
 
 def resilience(say: Say, goals: Goals) -> None:

@@ -12,7 +12,7 @@ from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
 from shsa_core.healing import events
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
-from shsa_core.language.expression import parse_expression
+from shsa_core.language.expression import parse_law
 from shsa_core.model.kinds import Kind, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
@@ -29,7 +29,7 @@ def models(size: int, standby: Standby, topics_a_node: int = 1) -> Tuple[Ontolog
     functions = []
     for number, name in enumerate(names):
         for relation, other, quality in (("next", number + 1, 0.9), ("previous", number - 1, 0.8)):
-            law = parse_expression(f"2*{names[other % size]}")
+            law = parse_law(f"2*{names[other % size]}")
             functions.append(
                 TransferFunction(
                     f"{relation}_{number}", name, law.names, law, quality, text=law.text

@@ -3,9 +3,9 @@ from typing import Dict, Mapping
 
 import numpy as np
 
-from shsa_core.learning.evaluation import evaluate
 from shsa_core.model.ontology import Ontology
 from shsa_core.search.derivation import Derivation
+from shsa_learning.learn.evaluation import evaluate
 
 
 class Columns:

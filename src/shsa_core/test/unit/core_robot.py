@@ -7,7 +7,7 @@ from shsa_core.healing.incident import Incident
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.records import Record
 from shsa_core.healing.settings import Settings
-from shsa_core.language.expression import parse_expression
+from shsa_core.language.expression import parse_law
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.kinds import Kind
@@ -21,7 +21,7 @@ C_ = TypeVar("C_")
 
 
 def function(relation: str, output: str, text: str, quality: float) -> TransferFunction:
-    expression = parse_expression(text)
+    expression = parse_law(text)
     return TransferFunction(relation, output, expression.names, expression, quality, text=text)
 
 

@@ -6,7 +6,7 @@ from typing import Dict, Iterable, Iterator, List, Sequence, Tuple
 
 from hypothesis import strategies as st
 
-from shsa_core.language.expression import parse_expression
+from shsa_core.language.expression import parse_law
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
@@ -50,7 +50,7 @@ def som_of(sources: Iterable[Source]) -> Som:
 def law(relation: str, output: str, *inputs: str, quality: float = 1.0) -> TransferFunction:
     """A function that adds up its inputs."""
     text = " + ".join(inputs) or "1"
-    return TransferFunction(relation, output, inputs, parse_expression(text), quality, text=text)
+    return TransferFunction(relation, output, inputs, parse_law(text), quality, text=text)
 
 
 def ontology(*functions: TransferFunction) -> Ontology:

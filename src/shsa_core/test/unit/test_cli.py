@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from shsa_core.cli.main import PLUGINS, main
+from shsa_core.cli.main import ELSEWHERE, main
 
 HERE = pathlib.Path(__file__).resolve().parent
 MODELS = ["--ontology", str(HERE / "data/boat.yaml"), "--som", str(HERE / "data/boat_som.yaml")]
@@ -46,8 +46,8 @@ def found(shsa: Shsa) -> Found:
 def test_a_command_of_a_package_that_is_not_installed_says_so(
     monkeypatch: Any, capsys: Any
 ) -> None:
-    monkeypatch.setitem(PLUGINS, "inject", "no_such_package.cli")
-    assert main(["inject", "/odom", "stuck", "--for", "5s"]) == 2
+    monkeypatch.setitem(ELSEWHERE, "nothing", "no_such_package")
+    assert main(["nothing", "/odom", "stuck", "--for", "5s"]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and "needs the package no_such_package" in said
 

@@ -7,7 +7,7 @@ import pytest
 from shsa_core.codegen.generator import Program, generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import GenerationError
-from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.language.expression import parse_constraint, parse_law
 from shsa_core.model.ontology import Constant
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service
@@ -31,7 +31,7 @@ def source(name: str, topic: Optional[str] = None, field: str = "data") -> Deriv
 def function(
     relation: str, output: str, text: str, constraint: Optional[str] = None
 ) -> TransferFunction:
-    expression = parse_expression(text)
+    expression = parse_law(text)
     condition = parse_constraint(constraint) if constraint else None
     names = [*expression.names, *(condition.names if condition else ())]
     inputs = tuple(dict.fromkeys(name for name in names if name not in CONSTANTS))
@@ -158,7 +158,7 @@ def test_what_a_constant_makes_of_an_exponent_is_refused_by_name() -> None:
 
 def test_a_name_that_is_not_one_cannot_smuggle_code_in() -> None:
     for relation, output in (("r\nimport os\n#", "z"), ("r", "z\nimport os"), ("r'", "z")):
-        evil = TransferFunction(relation, output, ("a",), parse_expression("a"), text="a")
+        evil = TransferFunction(relation, output, ("a",), parse_law("a"), text="a")
         with pytest.raises(GenerationError):
             generate([(derive(evil, source("a")), "/z")], {})
 

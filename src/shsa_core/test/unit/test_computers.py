@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.trust import challenges, proof
-from shsa_core.ros.trust.challenges import Challenger
+from shsa_core.ros.trust import proof
 from shsa_core.ros.trust.computers import (
     FIRST_RENEWAL_NS,
     MOST,
@@ -24,6 +23,7 @@ from shsa_core.ros.trust.computers import (
 )
 from shsa_core.ros.master.node_api import Answer, BadAnswer
 from shsa_core.ros.trust.places import Place
+from shsa_core.ros.trust.proof import Challenger
 from shsa_core.ros.trust.seal import (
     AHEAD_NS,
     EARLY,
@@ -403,14 +403,14 @@ def test_another_node_is_asked_once_the_one_that_proved_it_is_gone(world: World)
 
 
 def test_a_process_proves_each_secret_that_it_holds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(challenges, "_served", challenges.OrderedDict())
-    monkeypatch.setattr(challenges, "master_seen", lambda: MASTER)
-    challenges.serve(SECRET, b"b" * 16)
-    challenges.serve(bytes(32), b"c" * 16)
+    monkeypatch.setattr(proof, "_served", proof.OrderedDict())
+    monkeypatch.setattr(proof, "master_seen", lambda: MASTER)
+    proof.serve(SECRET, b"b" * 16)
+    proof.serve(bytes(32), b"c" * 16)
     asked = proof.nonce()
-    code, _, answers = challenges._prove(None, "/me", asked)
-    call = lambda uri, method, nonce: Answer(challenges._prove(None, "/me", nonce)[2], 0, 0)
+    code, _, answers = proof._prove(None, "/me", asked)
+    call = lambda uri, method, nonce: Answer(proof._prove(None, "/me", nonce)[2], 0, 0)
     met = Challenger(SECRET, lambda node: "http://x:1/", call, lambda: MASTER).ask("/sender")
     assert code == 1 and len(answers) == 2 and met.boot == b"b" * 16
     for wrong in ("", "x" * 32, "a" * 31, 7, None):
-        assert challenges._prove(None, "/me", wrong)[0] == -1
+        assert proof._prove(None, "/me", wrong)[0] == -1

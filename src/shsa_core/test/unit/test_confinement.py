@@ -11,8 +11,8 @@ import pytest
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
-from shsa_core.ros.processes import confinement, processes
-from shsa_core.ros.processes.processes import Processes
+from shsa_core.ros.processes import starting
+from shsa_core.ros.processes.starting import Processes
 from shsa_testing.waiting import wait_until
 
 LOOK = """
@@ -40,8 +40,8 @@ def looked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     rosrun.chmod(0o755)
     monkeypatch.setenv("PATH", f"{bin_folder}:{os.environ['PATH']}")
     monkeypatch.setenv("SHSA_FOUND", str(tmp_path / "found"))
-    monkeypatch.setattr(processes, "find_node", lambda _, name: [str(script)])
-    monkeypatch.setattr(processes, "get_pkg_dir", lambda _: str(tmp_path))
+    monkeypatch.setattr(starting, "find_node", lambda _, name: [str(script)])
+    monkeypatch.setattr(starting, "get_pkg_dir", lambda _: str(tmp_path))
     return tmp_path / "found"
 
 
@@ -64,7 +64,7 @@ def test_a_substitute_has_limits_and_no_new_rights(
     found = start(looked, [])
     assert found["status"]["NoNewPrivs"].strip() == "1"
     assert found["limits"][0] == [0, 0]
-    assert found["limits"][1][1] <= confinement.LIMITS["data"]
+    assert found["limits"][1][1] <= starting.LIMITS["data"][1]
     environment = found["environment"]
     assert "AWS_SECRET_ACCESS_KEY" not in environment and "LD_PRELOAD" not in environment
     assert (environment["LC_ALL"], environment["ROS_IP"]) == ("C.UTF-8", "127.0.0.1")
@@ -72,7 +72,7 @@ def test_a_substitute_has_limits_and_no_new_rights(
 
 
 def test_a_limit_is_never_raised() -> None:
-    program = "import resource; from shsa_core.ros.processes.confinement import wrapper; "
+    program = "import resource; from shsa_core.ros.processes.starting import wrapper; "
     program += "resource.setrlimit(resource.RLIMIT_NOFILE, (100, 100)); print(wrapper([]))"
     told = subprocess.check_output([sys.executable, "-c", program]).decode()
     assert "--nofile=100'" in told

@@ -9,9 +9,7 @@ import pytest
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import CompiledProgram, compile_program, compile_steady
 from shsa_core.errors import CodeError
-from shsa_core.language.composition import compose
-from shsa_core.language.expression import parse_expression
-from shsa_core.language.law import Law
+from shsa_core.language.expression import Law, compose, parse_expression
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service
 from shsa_core.search.derivation import Derivation
@@ -22,10 +20,7 @@ Step = Callable[[Sequence[float]], float]
 
 def law(function: str, where: Mapping[str, str] = {}) -> Law:
     steps = {name: parse_expression(text) for name, text in where.items()}
-    result = parse_expression(function)
-    if steps:
-        return compose(steps, result)
-    return result
+    return compose(steps, parse_expression(function))
 
 
 def generated(of: Law) -> Step:

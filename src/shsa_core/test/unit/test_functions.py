@@ -257,7 +257,7 @@ def test_the_list_cannot_be_changed() -> None:
     with pytest.raises(AttributeError):
         setattr(FUNCTIONS["abs"], "most", 2)
     with pytest.raises(AttributeError):
-        setattr(STATEFUL["previous"], "arguments", 2)
+        setattr(STATEFUL["previous"], "least", 2)
 
 
 def test_values_of_the_functions_of_fitted_models() -> None:

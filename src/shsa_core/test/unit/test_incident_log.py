@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import rospy
 
+from shsa_core.analysis.incident_log import MOST_BYTES, of_message, read_log
 from shsa_core.errors import ModelError
-from shsa_core.explaining.incident_log import MOST_BYTES, of_message, read_log
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind

@@ -32,7 +32,7 @@ def test_values_lie_within_the_interval_and_exist_where_no_trouble_is_found(
     }
     tree = parse_expression(sample.text).tree()
     found = interval_of(tree, ranges)
-    trouble = find_troubles(sample.text, tree, ranges)
+    trouble = find_troubles([("", sample.text, tree)], ranges)
     for _ in range(20):
         values = {name: _pick(choice, ranges[name]) for name in NAMES}
         try:
@@ -71,7 +71,7 @@ def test_the_image_of_every_function_contains_its_values(
     text = f"{name}({', '.join(names)})"
     tree = parse_expression(text).tree()
     image = interval_of(tree, dict(zip(names, ranges)))
-    trouble = find_troubles(text, tree, dict(zip(names, ranges)))
+    trouble = find_troubles([("", text, tree)], dict(zip(names, ranges)))
     choice = random.Random(seed)
     for _ in range(20):
         values = [_pick(choice, each) for each in ranges]
@@ -92,13 +92,13 @@ def test_the_image_of_every_function_with_memory_contains_its_values(
     """Save integrals, which grow with the time."""
     choice = random.Random(seed)
     values = Interval(min(bounds), max(bounds))
-    text = f"{name}(a{', 0.3' * (STATEFUL[name].arguments - 1)})"
+    text = f"{name}(a{', 0.3' * (STATEFUL[name].least - 1)})"
     image = interval_of(parse_expression(text).tree(), {"a": values})
-    memory = STATEFUL[name].make(1.0)
+    memory = STATEFUL[name].call(1.0)
     now = 0.0
     for _ in range(20):
         now += choice.uniform(0.01, 0.5)
-        value = memory(_pick(choice, values), *[0.3] * (STATEFUL[name].arguments - 1), now)
+        value = memory(_pick(choice, values), *[0.3] * (STATEFUL[name].least - 1), now)
         assert math.isnan(value) or within(value, image)
 
 
@@ -123,7 +123,7 @@ def test_the_image_of_every_operation_contains_its_values(
         other = Interval(exponent, exponent)
     tree = parse_expression(f"a {sign} b").tree()
     image = interval_of(tree, {"a": one, "b": other})
-    trouble = find_troubles(f"a {sign} b", tree, {"a": one, "b": other})
+    trouble = find_troubles([("", f"a {sign} b", tree)], {"a": one, "b": other})
     step = compile_program(
         f"t0=x[0]; t1=x[1];\ndef _tf1(i1,i2):\n  return i1 {sign} i2\nt2=_tf1(t0,t1)\ny=t2\n", 2, 1
     ).step
@@ -160,7 +160,7 @@ def test_the_images_of_functions_of_fitted_models_contain_their_values(
     known = dict(zip(names, ranges))
     text = f"{name}({', '.join(names)})"
     tree = parse_expression(text).tree()
-    image, trouble = interval_of(tree, known), find_troubles(text, tree, known)
+    image, trouble = interval_of(tree, known), find_troubles([("", text, tree)], known)
     assert image.known
     choice = random.Random(seed)
     for _ in range(20):

@@ -16,8 +16,7 @@ import pytest
 import toy_machine as toy
 from shsa_core.errors import ModelError
 from shsa_core.journal import writer as writer_module
-from shsa_core.journal.reader import CUT, Journal
-from shsa_core.journal.replay import Step, replay
+from shsa_core.journal.reader import CUT, Journal, Step, replay
 from shsa_core.journal.writer import WRITE_PERIOD_S, JournalWriter
 from shsa_core.model.som import Som
 

@@ -23,8 +23,7 @@ import toy_machine as toy
 from shsa_core.errors import ModelError
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import FORMS, MACHINES, machine_kind
-from shsa_core.language.expression import Condition, parse_constraint, parse_expression
-from shsa_core.language.law import Law
+from shsa_core.language.expression import Condition, Law, parse_constraint, parse_law
 from shsa_core.model.checks import REGISTRY, Check, OutOfRange, Stuck
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
@@ -53,7 +52,7 @@ st.register_type_strategy(Service, record(Service))
 st.register_type_strategy(
     Som, st.lists(record(Service), max_size=3, unique_by=lambda service: service.name).map(Som)
 )
-st.register_type_strategy(Law, EXPRESSIONS.map(parse_expression))  # type: ignore[type-abstract]
+st.register_type_strategy(Law, EXPRESSIONS.map(parse_law))  # type: ignore[type-abstract]
 NAMES = st.sampled_from("abc")
 QUALITIES = st.sampled_from([1.0, 0.9, 1 / 3])
 st.register_type_strategy(
@@ -63,7 +62,7 @@ st.register_type_strategy(
         NAMES,
         NAMES,
         st.lists(NAMES, max_size=2).map(tuple),
-        st.none() | EXPRESSIONS.map(parse_expression),
+        st.none() | EXPRESSIONS.map(parse_law),
         QUALITIES,
         st.none() | st.just(parse_constraint("a > 10 and b < 3")),
         st.text(),

@@ -10,8 +10,9 @@ from typing import Iterator, List
 import psutil
 import pytest
 
-from shsa_core.ros.processes import processes
-from shsa_core.ros.processes.processes import Processes
+from shsa_core.ros import settings
+from shsa_core.ros.processes import starting
+from shsa_core.ros.processes.starting import Processes
 from shsa_testing.waiting import wait_until
 
 NODE = "/robot/substitute_a_7"
@@ -22,8 +23,8 @@ def ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A package with our executables, each of which only sleeps."""
     for name in ("substitute", "standby", "monitor"):
         (tmp_path / name).write_text("import time\nprint(flush=True)\ntime.sleep(60.0)\n")
-    monkeypatch.setattr(processes, "find_node", lambda _, name: [str(tmp_path / name)])
-    monkeypatch.setattr(processes, "get_pkg_dir", lambda _: str(tmp_path))
+    monkeypatch.setattr(starting, "find_node", lambda _, name: [str(tmp_path / name)])
+    monkeypatch.setattr(starting, "get_pkg_dir", lambda _: str(tmp_path))
     return tmp_path
 
 
@@ -106,8 +107,8 @@ def test_what_was_left_behind_is_found_and_ended_as_our_own(
     wait_until(is_stopped, 5.0, "it is stopped")
     began = time.monotonic()
     known.stop(NODE)
-    assert not psutil.pid_exists(started[0].pid) and not ended
-    assert time.monotonic() - began < processes.STOP_TIMEOUT_S  # it was not asked
+    assert started[0].poll() == -signal.SIGKILL and not ended
+    assert time.monotonic() - began < settings.PROCESS_END_S  # it was not asked
 
 
 def test_the_end_of_one_that_was_left_behind_is_told(

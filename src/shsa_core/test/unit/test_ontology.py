@@ -1,7 +1,7 @@
 """The ontology as a graph."""
 from typing import Tuple
 
-from shsa_core.language.expression import parse_expression
+from shsa_core.language.expression import parse_law
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 
@@ -9,7 +9,7 @@ from shsa_core.model.relation import TransferFunction
 def function(
     relation: str, output: str, text: str, inputs: Tuple[str, ...], quality: float = 1.0
 ) -> TransferFunction:
-    return TransferFunction(relation, output, inputs, parse_expression(text), quality, text=text)
+    return TransferFunction(relation, output, inputs, parse_law(text), quality, text=text)
 
 
 ONTOLOGY = Ontology(

@@ -17,7 +17,7 @@ from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, service
 from shsa_core import message_types
 from shsa_core.codegen.checked_code import check_code
 from shsa_core.errors import CodeError, ShsaError
-from shsa_core.files.parameters import HIGHEST, read_settings
+from shsa_core.files.parameters import HIGHEST, names_of, read_settings
 from shsa_core.files.som_file import merge_parameters, som_parameters
 from shsa_core.healing.naming import Names
 from shsa_core.healing.settings import Settings
@@ -122,7 +122,7 @@ def test_a_name_like_a_substitutes_takes_no_number(node: str) -> None:
 @pytest.mark.parametrize("kind", [Settings, MonitorSettings])
 @pytest.mark.parametrize("value", [1e308, -1, 1e6 + 1, math.nan, math.inf, "x", [], {}, b"\0"])
 def test_a_setting_that_cannot_be_is_refused_and_the_default_counts(kind: Any, value: Any) -> None:
-    parameters = {field.name: value for field in dataclasses.fields(kind)}
+    parameters = dict.fromkeys(names_of(kind), value)
     read, errors = read_settings(kind, parameters, "/node")
     assert read == kind() and len(errors) == len(parameters)
     assert all(error.where.startswith("/node/") for error in errors)

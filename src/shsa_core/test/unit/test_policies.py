@@ -2,6 +2,7 @@
 
 And what is done when nothing is left.
 """
+import math
 from dataclasses import replace
 from typing import List
 
@@ -338,12 +339,14 @@ def test_a_substitute_that_dies_in_the_hold_off_does_not_keep_the_incident_open(
 
 
 def test_settings_are_read_and_bad_ones_named() -> None:
-    given = {"hold_off": 1, "switches": 2.0, "method": "orr", "som": "file", "retry": 0.5}
+    given = {"hold_off": 1, "switches": 2.0, "method": "orr", "minimum_deadline": 0.5}
     settings, errors = read_settings(Settings, given, "/reconfigurator")
-    assert settings == Settings(hold_off=1.0, switches=2, method="orr", retry=0.5) and not errors
-    bad = {"hold_off": -1, "switches": 1.5, "method": "guess", "pool": "2", "retry": float("nan")}
+    read = Settings(hold_off=1.0, switches=2, method="orr", minimum_deadline=0.5)
+    assert settings == read and not errors
+    bad = {"hold_off": -1, "switches": 1.5, "method": "guess", "pool": "2", "hot_hosts": math.nan}
+    bad.update({"retry": 0.5, "som": "file"})  # an internal number, and no number of this node
     settings, errors = read_settings(Settings, bad, "/r")
-    assert settings == Settings() and len(errors) == 5
+    assert settings == Settings() and len(errors) == 7
     for name in bad:
         assert any(f"/r/{name}" in str(error) for error in errors)
 

@@ -11,7 +11,7 @@ from search_models import som_of
 
 from shsa_core.codegen.prediction import P95, predict, predictor
 from shsa_core.files.ontology_file import read_ontology
-from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.language.expression import parse_constraint, parse_law
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
@@ -25,7 +25,7 @@ Range = Optional[Tuple[float, float]]
 def law(
     output: str, text: str, error: Optional[Error] = None, quality: float = 1.0, name: str = ""
 ) -> TransferFunction:
-    parsed = parse_expression(text)
+    parsed = parse_law(text)
     inputs = tuple(each for each in parsed.names if each != "k")
     return TransferFunction(
         name or "to_" + output, output, inputs, parsed, quality, text=text, error=error

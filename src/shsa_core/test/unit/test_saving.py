@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shsa_core.errors import ModelError
-from shsa_core.language.expression import is_name, parse_constraint, parse_expression
+from shsa_core.language.expression import parse_constraint, parse_law
+from shsa_core.language.syntax import is_name
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
@@ -119,7 +120,7 @@ def test_a_new_relation_leaves_the_rest_and_its_comments(file: pathlib.Path) -> 
         "learned",
         "c",
         ("a",),
-        parse_expression("1.5*a - 2"),
+        parse_law("1.5*a - 2"),
         0.75,
         None,
         "1.5*a - 2",
@@ -146,7 +147,7 @@ def test_what_is_usual_is_saved(file: pathlib.Path) -> None:
 def test_figures_are_saved_on_one_line(file: pathlib.Path) -> None:
     ontology = read_ontology(str(file))
     error = Error(0.2, -0.1, 0.4, 0.04, 0.8, 100, "drive.bag: 60 s")
-    law = parse_expression("a")
+    law = parse_law("a")
     new = [
         TransferFunction("by_figures", "c", ("a",), law, 0.75, text="a", error=error),
         TransferFunction("by_word", "c", ("a",), law, 1.0, text="a", error=error),
@@ -164,7 +165,7 @@ def test_figures_are_saved_on_one_line(file: pathlib.Path) -> None:
 
 def test_a_new_direction_of_a_relation(file: pathlib.Path) -> None:
     ontology = read_ontology(str(file))
-    new = TransferFunction("r", "c", ("a",), parse_expression("a"), text="a")
+    new = TransferFunction("r", "c", ("a",), parse_law("a"), text="a")
     functions = (*ontology.functions[:2], new, *ontology.functions[2:])
     save_ontology(change(ontology, functions=functions), str(file))
     assert read_ontology(str(file)).functions == functions
@@ -174,7 +175,7 @@ def test_a_new_direction_of_a_relation(file: pathlib.Path) -> None:
 def test_changed_and_removed_entries(file: pathlib.Path) -> None:
     ontology = read_ontology(str(file))
     first = ontology.functions[0]
-    changed = TransferFunction("r", "a", ("b",), parse_expression("b*2"), 1.0, None, "b*2")
+    changed = TransferFunction("r", "a", ("b",), parse_law("b*2"), 1.0, None, "b*2")
     smaller = Ontology(
         {"a": Property("a", "mA"), "b": ontology.properties["b"], "d": Property("d")},
         {"g": Constant("g", 9.81, "m/s^2")},
@@ -201,8 +202,8 @@ def test_sections_that_were_not_there_and_empty_ones(tmp_path: pathlib.Path) -> 
 
 
 def test_one_relation_cannot_yield_a_property_twice(tmp_path: pathlib.Path) -> None:
-    one = TransferFunction("r", "a", (), parse_expression("1"), text="1")
-    other = TransferFunction("r", "a", (), parse_expression("2"), text="2")
+    one = TransferFunction("r", "a", (), parse_law("1"), text="1")
+    other = TransferFunction("r", "a", (), parse_law("2"), text="2")
     with pytest.raises(ModelError, match="r: yields a twice; give one a name of its own"):
         save_ontology(Ontology({"a": Property("a")}, {}, (one, other)), str(tmp_path / "o.yaml"))
     assert os.listdir(str(tmp_path)) == []
@@ -353,7 +354,7 @@ def test_any_ontology_survives(
             texts[0] if is_name(texts[0]) else "r",
             a,
             (b, c),
-            parse_expression(f"{b} + {k}"),
+            parse_law(f"{b} + {k}"),
             quality,
             parse_constraint(f"{c} > {k}"),
             f"{b} + {k}",

@@ -6,7 +6,7 @@ from substitute_driver import DEADLINE, OUT, PERIOD, Driver, only, row, running,
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
-from shsa_core.silence import LONGEST_STEP_S
+from shsa_core.watch import LONGEST_STEP_S
 
 
 def heals(publishing: bool = False, **of: Any) -> Substitution:

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shsa_core.cli._drawing import dot_text
-from shsa_core.cli._output import say
+from shsa_core.cli.plot import dot_text
+from shsa_core.cli._common import say
 from shsa_core.cli.main import main
 from shsa_core.errors import ModelError, ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology

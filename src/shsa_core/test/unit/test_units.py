@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shsa_core.errors import UnitError
-from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.language.expression import parse_constraint, parse_law
 from shsa_core.language.units import Unit, parse_unit
 from shsa_testing.thorough import many
 
@@ -35,7 +35,7 @@ UNITS = {
 
 
 def mismatches(text: str, unit: str, constraint: Optional[str] = None) -> List[Tuple[str, bool]]:
-    found = parse_expression(text).mismatches(UNITS, parse_unit(unit))
+    found = parse_law(text).mismatches(UNITS, parse_unit(unit))
     return found + (parse_constraint(constraint).mismatches(UNITS) if constraint else [])
 
 

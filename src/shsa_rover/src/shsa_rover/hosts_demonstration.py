@@ -25,7 +25,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
         return CANNOT
     with Computers(*COMPUTERS, ssh=True) as network:
         prepare(network)
-        more = ("rover:=rover_distributed.launch", "raspberry_pi:=raspberry_pi")
+        more = ("rover:=rover_distributed.launch", "restarted_on:=raspberry_pi")
         launch = lambda words: await_end(launching(network, *words, *more), os.environ)
         return demonstrate(results, launch)
 

@@ -1,6 +1,8 @@
 """The launch files load, for the simulated and the real rover, with and without healing."""
+import subprocess
 from pathlib import Path
-from typing import Dict, List, Set
+from subprocess import DEVNULL, PIPE
+from typing import Dict, List, Sequence, Set
 
 import pytest
 import roslaunch
@@ -58,6 +60,24 @@ def test_the_real_rover_has_the_same_nodes_without_the_simulator() -> None:
 
 def test_healing_is_there_unless_it_is_switched_off() -> None:
     assert names(load()) == SIMULATED | {"monitor", "reconfigurator"}
+
+
+@pytest.mark.parametrize("more", [(), ("healing:=false",)])
+def test_an_argument_that_no_file_takes_is_refused(more: Sequence[str]) -> None:
+    command = ["roslaunch", "--nodes", "shsa_rover", "rover.launch", *more]
+    assert subprocess.run([*command, "method:=orr", "view_port:=1"], stdout=DEVNULL).returncode == 0
+    refused = subprocess.run([*command, "methd:=orr"], stdout=DEVNULL, stderr=PIPE)
+    assert b"no argument methd. Did you mean method?" in refused.stderr and refused.returncode
+
+
+def test_the_rover_takes_the_arguments_of_healing() -> None:
+    given = ("hold_off:=7.0", "switches:=1", "dry_run:=true", "som:=/s")
+    for launch in ("rover.launch", "rover_distributed.launch"):
+        config = load(*given, launch=launch)
+        assert parameters(config)["/reconfigurator/hold_off"] == 7.0
+        assert parameters(config)["/reconfigurator/switches"] == 1
+        (healer,) = [node for node in config.nodes if node.name == "reconfigurator"]
+        assert "--dry-run" in healer.args and "--som '/s'" in healer.args
 
 
 def test_the_view_is_there_if_it_is_asked_for() -> None:
@@ -145,7 +165,7 @@ def test_the_distributed_rover_has_the_parameters_of_the_rover() -> None:
 
 
 def test_the_demonstration_runs_on_three_computers_as_well() -> None:
-    arguments = ("results:=/x", "rover:=rover_distributed.launch", "raspberry_pi:=pi@raspberry_pi")
+    arguments = ("results:=/x", "rover:=rover_distributed.launch", "restarted_on:=pi@raspberry_pi")
     nodes = {node.name: node for node in load(*arguments, launch="demo.launch").nodes}
     assert GROUPS["raspberry_pi"] < set(nodes)
     assert nodes["amperemeter"].machine_name == "raspberry_pi"

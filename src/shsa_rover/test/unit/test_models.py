@@ -14,9 +14,9 @@ from shsa_core.codegen.prediction import predictor
 from shsa_core.codegen.program import compile_program
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
-from shsa_core.learning.evaluation import evaluate_derivation
 from shsa_core.model.service import Provision, Service
 from shsa_core.search.substitutes import Substitute, find_substitute
+from shsa_learning.learn.evaluation import evaluate_derivation
 from shsa_rover import measuring
 from shsa_rover.accuracy import errors, relations, services, substitutes, usual_ranges
 from shsa_rover.dataset import Dataset, random_drive, simulate

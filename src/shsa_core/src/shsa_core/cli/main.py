@@ -1,52 +1,60 @@
-"""The command line `shsa COMMAND`. Each other module of this package is a command."""
+"""The command line `shsa COMMAND`.
+
+Each package `shsa_*` may bring commands: the modules of its `cli`, but for this one and those that
+begin with an underscore. A command has `add_parser(subparsers)` and `run(args)`, which returns the
+exit status.
+"""
 import argparse
 import importlib
+import importlib.util
 import os
 import pkgutil
 import signal
 import sys
 from typing import Any, Dict, List, Optional, Tuple
 
-import shsa_core.cli
 from shsa_core import __version__
-from shsa_core.cli._output import say
+from shsa_core.cli._common import say
 from shsa_core.errors import NoSubstitute, ShsaError
 
-PLUGINS = {
-    "inject": "shsa_injection.cli",
-    "chaos": "shsa_injection.cli",
-    "top": "shsa_view.cli",
+ELSEWHERE = {
+    **dict.fromkeys(("backtest", "explain", "import", "init", "learn"), "shsa_learning"),
+    **dict.fromkeys(("chaos", "inject"), "shsa_injection"),
+    "top": "shsa_view",
 }
-"""Commands of packages that need not be installed, and where each is."""
+"""The packages of commands that need not be installed: for those who look for one."""
 DONE, NO, WRONG = 0, 1, 2  # exit statuses
 INTERRUPTED, CLOSED_PIPE = 128 + signal.SIGINT, 128 + signal.SIGPIPE  # as the shell tells them
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
     """Run a command. Returns 0 if it is done, 1 if the answer is no, 2 if it was called wrongly."""
-    parser, commands = command_line()
+    parser, commands, missing = command_line()
     if "_ARGCOMPLETE" in os.environ:  # the shell asks for completions
         import argcomplete
 
         argcomplete.autocomplete(parser)
-    given = parser.parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    if words and words[0] in missing:
+        return _fail(f"{words[0]} needs {missing[words[0]]}", WRONG)
+    given = parser.parse_args(words)
     try:
         status: int = commands[given.command].run(given)
         sys.stdout.flush()
         return status
     except NoSubstitute as none:
-        return _say(none, NO)
+        return _fail(none, NO)
     except BrokenPipeError:  # whoever read our output has enough of it, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return CLOSED_PIPE
     except KeyboardInterrupt:
         return INTERRUPTED
     except (ShsaError, OSError) as error:
-        return _say(error, WRONG)
+        return _fail(error, WRONG)
 
 
-def command_line() -> Tuple[argparse.ArgumentParser, Dict[str, Any]]:
-    """The parser of all commands, and their modules by the commands' names."""
+def command_line() -> Tuple[argparse.ArgumentParser, Dict[str, Any], Dict[str, str]]:
+    """Return the parser, the commands by name, and what each command that is missing needs."""
     parser = argparse.ArgumentParser(
         prog="shsa", description="Self-healing by structural adaptation, from the command line."
     )
@@ -54,42 +62,30 @@ def command_line() -> Tuple[argparse.ArgumentParser, Dict[str, Any]]:
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
     subparsers.required = True
     commands: Dict[str, Any] = {}
-    for module in pkgutil.iter_modules(shsa_core.cli.__path__):
-        if module.name != "main" and not module.name.startswith("_"):
-            command: Any = importlib.import_module("shsa_core.cli." + module.name)
-            command.add_parser(subparsers)
-            commands[module.name.rstrip("_")] = command
-    for name, package in PLUGINS.items():
-        commands[name] = _plugin(name, package)
-        commands[name].add_parser(subparsers)
-    return parser, commands
+    missing = {name: f"the package {package}" for name, package in ELSEWHERE.items()}
+    for name, module in sorted(_modules()):
+        try:
+            command: Any = importlib.import_module(module)
+        except ImportError as error:
+            missing[name] = f"what its package lacks: {error}"
+            continue
+        command.add_parser(subparsers)
+        commands[name] = command
+        missing.pop(name, None)
+    return parser, commands, missing
 
 
-class _NotInstalled:
-    """Stands for a command whose package is not installed."""
-
-    def __init__(self, name: str, package: str, why: str) -> None:
-        self._name = name
-        self._text = f"needs the package {package}, which is not installed ({why})"
-
-    def add_parser(self, subparsers: Any) -> None:
-        """Take any words: nobody here can tell whether they are right."""
-        parser = subparsers.add_parser(self._name, prefix_chars="\0", add_help=False)
-        parser.add_argument("words", nargs="*")
-
-    def run(self, args: argparse.Namespace) -> int:
-        """Raises ShsaError."""
-        raise ShsaError(f"{self._name} {self._text}")
+def _modules() -> List[Tuple[str, str]]:
+    """Return the name and the module of each command that is installed."""
+    found = []
+    for package in {each.name for each in pkgutil.iter_modules() if each.name.startswith("shsa_")}:
+        spec = importlib.util.find_spec(f"{package}.cli")
+        for module in pkgutil.iter_modules(spec.submodule_search_locations if spec else []):
+            if module.name != "main" and not module.name.startswith("_"):
+                found.append((module.name.rstrip("_"), f"{package}.cli.{module.name}"))
+    return found
 
 
-def _plugin(name: str, package: str) -> Any:
-    """The module of a command in another package; where that cannot be loaded, what says so."""
-    try:
-        return importlib.import_module(f"{package}.{name}")
-    except ImportError as error:
-        return _NotInstalled(name, package.split(".")[0], str(error))
-
-
-def _say(error: Exception, status: int) -> int:
+def _fail(error: object, status: int) -> int:
     say(f"shsa: {error}", error=True)
     return status

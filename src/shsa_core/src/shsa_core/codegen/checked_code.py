@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Dict, List, Mapping, NoReturn, Optional, Sequence, Set, Tuple, Union
 
 from shsa_core.errors import CodeError, ExpressionError
-from shsa_core.language.expression import check_tree
-from shsa_core.language.syntax import MAX_STEPS, NO_FILE, is_free
+from shsa_core.language.syntax import MAX_STEPS, NO_FILE, check_tree, is_free
 from shsa_core.language.trees import name_nodes
 
 MAX_CODE = 100_000

@@ -4,8 +4,7 @@ from typing import Dict, List, Mapping, Sequence, Tuple, Union
 
 from shsa_core.codegen.checked_code import check_code
 from shsa_core.errors import CodeError, GenerationError, listed
-from shsa_core.language.expression import Condition
-from shsa_core.language.law import Law
+from shsa_core.language.expression import Condition, Law
 from shsa_core.model.ontology import Constant
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source

@@ -195,7 +195,7 @@ class _Compiler:
             memory = self._remember(integral(self._max_gap, total))
             self._sums[f"value_of{memory}"] = total
         else:
-            memory = self._remember(STATEFUL[function].make(self._max_gap))
+            memory = self._remember(STATEFUL[function].call(self._max_gap))
         return memory, f"value_of{memory}"
 
 

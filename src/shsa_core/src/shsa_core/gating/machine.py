@@ -21,7 +21,7 @@ from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.monitoring.events import SubstitutionsChanged
 from shsa_core.monitoring.evidence import Evidence, Finding
-from shsa_core.silence import Silence
+from shsa_core.watch import Watch
 
 MOST_NAMED = 20
 """So many strangers are named."""
@@ -99,7 +99,8 @@ class Gate:
         self._strangers: Dict[str, float] = {}
         self._newest: Optional[_Newest] = None
         self._last_out = time
-        self._first = Silence(self._patience(service))  # of the gate that this one stands by for
+        self._watch, self._patience = Watch(), _patience(service, settings)
+        self._first_heard = time  # the gate that this one stands by for
         self._may_miss = time + settings.start  # whom it has not heard yet
         self._wanted: Optional[float] = None  # when it wanted to wake
         self._stamp = self._substitutes_stamp = 0
@@ -132,24 +133,17 @@ class Gate:
 
     def handle(self, event: Event) -> List[Command]:
         """The commands that an event calls for."""
-        self._first.pass_time(event.time, self._wanted)
+        self._watch.look(event.time, self._wanted)
         self._said = self._handlers[type(event)](event)
         self._wanted = self.next_deadline
         return self._said
-
-    def _patience(self, service: Service) -> float:
-        """The silence in s after which the first gate is missed."""
-        settings = self._settings
-        if service.period is None:
-            return math.inf
-        return max(settings.silence * service.period, settings.least_silence)
 
     @property
     def next_deadline(self) -> float:
         """When the next Tick is wanted; inf: not before another event."""
         due = math.inf
         if self._muted:
-            due = max(self._may_miss, self._first.left(self._first.matters))
+            due = max(self._may_miss, self._watch.when(self._first_heard, self._patience))
         elif not self._filling:
             due = self._last_out + self._periods(self._settings.late)
         return due if self._service.period is not None else math.inf
@@ -253,7 +247,7 @@ class Gate:
         """The gate that this one stands by for speaks: be still."""
         if event.publisher != self._settings.standby_for:
             return []
-        self._first.silence, self._may_miss = 0.0, -math.inf
+        self._first_heard, self._may_miss = event.time, -math.inf
         self._last_out = max(self._last_out, event.time)
         self._stamp = max(self._stamp, event.stamp)
         self._filling = False
@@ -271,7 +265,7 @@ class Gate:
     def _tick(self, event: Tick) -> List[Command]:
         """Whatever has come was heard before: who is missed now is late."""
         if self._muted:
-            missed = self._first.silence >= self._first.matters - 1e-9
+            missed = self._watch.has_passed(self._first_heard, self._patience)
             due = missed and event.time >= self._may_miss
             return self._take_over(event.time) if due else []
         if event.time < self.next_deadline:
@@ -326,6 +320,13 @@ class Gate:
     def _periods(self, count: float, else_: float = math.inf) -> float:
         period = self._service.period
         return else_ if period is None else count * period
+
+
+def _patience(service: Service, settings: Settings) -> float:
+    """Return the silence in s after which the first gate is missed."""
+    if service.period is None:
+        return math.inf
+    return max(settings.silence * service.period, settings.least_silence)
 
 
 def _values_alone(service: Service) -> Service:

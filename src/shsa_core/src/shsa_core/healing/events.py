@@ -256,15 +256,12 @@ class SubstituteRequested:
 class NodeRestarted:
     """A node was started again.
 
-    `with_us`: whoever started it first has started the reconfigurator too. `process`, `starter`: as
-    in RestartedNode.
+    `with_us`: whoever started it first has started the reconfigurator too.
     """
 
     time: float
     node: str
     with_us: bool
-    process: Tuple[int, float] = (0, 0.0)
-    starter: Tuple[int, float] = (0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,8 @@ class Health:
         """Return the failure that a row tells of."""
         kind = row.kind or Kind.OTHER
         detail = row.detail or f"the monitor's table says {kind}"
-        return FailureSeen(row.since, "", row.topic, row.publisher, kind, detail, row.last_good)
+        whom = row.service, row.topic, row.publisher
+        return FailureSeen(row.since, *whom, kind, detail, row.last_good, row.last_message)
 
     @staticmethod
     def _begins(before: PublisherHealth, row: PublisherHealth) -> bool:

@@ -425,7 +425,7 @@ class Reconfigurator:
     def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
         if event.node not in self.robot.health.substitutes:  # none of ours is ever started again
             self._nodes.restarted[event.node] = event.with_us
-            record = RestartedNode(event.node, event.with_us, event.process, event.starter)
+            record = RestartedNode(event.node, event.with_us)
             self.robot.records.set(record.key, record)
         return []
 

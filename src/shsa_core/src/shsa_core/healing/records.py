@@ -116,15 +116,10 @@ class Healthy:
 
 @dataclass(frozen=True)
 class RestartedNode:
-    """A node that was started again: its process, and that of whoever started it first.
-
-    Each by number and start time, (0, 0): nobody. `with_us` as in NodeRestarted.
-    """
+    """A node that was started again; `with_us` as in NodeRestarted."""
 
     node: str
     with_us: bool
-    process: Tuple[int, float] = (0, 0.0)
-    starter: Tuple[int, float] = (0, 0.0)
 
     @property
     def key(self) -> str:

@@ -1,9 +1,9 @@
-"""The lines of a journal; each is one JSON object, known by its first key.
+"""The lines of a journal: each is one JSON object, known by its first key.
 
-    {"journal": 1, "machine": NAME, "begun": DATE, "setup": {...}}    the first line {"class":
-    "FailureSeen", "time": 12.5, ...}                       an event {"answer": ["AskToLeave",
-    "Log"], "sha1": "..."}                  what the machine said to it, if anything {"end": WHY}
-    the last line, if the recording was ended
+- `{"journal": 1, "machine": NAME, "begun": DATE, "setup": {...}}`: the first line
+- `{"class": "FailureSeen", "time": 12.5, ...}`: an event
+- `{"answer": ["AskToLeave", "Log"], "sha1": "..."}`: the machine's answer to it, if any
+- `{"end": WHY}`: the last line, if the recording was ended
 """
 import hashlib
 import json
@@ -15,12 +15,12 @@ from shsa_core.journal.codec import Codec
 VERSION = 1
 HEADER, ANSWER, DIGEST, END = "journal", "answer", "sha1", "end"
 START = b'{"journal":'
-"""What every journal begins with."""
+"""The first bytes of every journal."""
 _write = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
 
 
 class Answer(NamedTuple):
-    """What a machine said to an event: the classes of the commands, and their SHA-1."""
+    """A machine's answer to an event: the classes of its commands, and their SHA-1."""
 
     names: Tuple[str, ...]
     digest: str
@@ -30,7 +30,7 @@ SILENCE = Answer((), "")
 
 
 def digest(codec: Codec, commands: Sequence[Any]) -> Answer:
-    """The answer that these commands are."""
+    """Return the answer that these commands are."""
     if not commands:
         return SILENCE
     text = _write([codec.encode(command) for command in commands])
@@ -39,12 +39,12 @@ def digest(codec: Codec, commands: Sequence[Any]) -> Answer:
 
 
 def write_line(data: Any) -> bytes:
-    """One line."""
+    """Return `data` as one line."""
     return _write(data).encode() + b"\n"
 
 
 def read_line(line: bytes, where: str) -> Any:
-    """The JSON object that a line is. Raises ModelError."""
+    """Return the JSON object that a line is. Raises ModelError."""
     try:
         data = json.loads(line.decode("utf-8"), parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
@@ -55,7 +55,7 @@ def read_line(line: bytes, where: str) -> Any:
 
 
 def read_answer(data: Any, where: str) -> Answer:
-    """The answer of a line that has one. Raises ModelError."""
+    """Return the answer of a line that has one. Raises ModelError."""
     names, told = data[ANSWER], data.get(DIGEST)
     if not isinstance(names, list) or not all(isinstance(each, str) for each in names):
         raise ModelError(where, "an answer must be a list of names")

@@ -1,4 +1,4 @@
-"""Which machines can be journaled, and how each is made again: a new one is a line in MACHINES."""
+"""The machines that can be journaled; a new one is a line in MACHINES."""
 import inspect
 from functools import lru_cache
 from importlib import import_module
@@ -6,11 +6,8 @@ from operator import attrgetter
 from typing import Any, Callable, Dict, List, Mapping, Protocol, Sequence, Tuple, get_type_hints
 
 from shsa_core.errors import ModelError
-from shsa_core.journal.codec import Codec
-from shsa_core.journal.coders import Form
-from shsa_core.language.composition import parse_law
-from shsa_core.language.expression import Condition, parse_constraint
-from shsa_core.language.law import Law
+from shsa_core.journal.codec import Codec, Form
+from shsa_core.language.expression import Condition, Law, parse_constraint, parse_law
 from shsa_core.model.host import Host
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
@@ -21,14 +18,14 @@ MACHINES = {
     "substitution": "substitution.machine.Substitute",
     "sharing": "substitution.sharing.Sharing",
 }
-"""Where in the core a machine is; `events` in the same part has its unions."""
+"""The class of each machine; `events` in the same part has its unions."""
 
 
 class Machine(Protocol):
     """Events in, commands out; the same events, in the same order, give the same commands."""
 
     def handle(self, event: Any) -> Sequence[Any]:
-        """What is to be done about an event."""
+        """Return the commands that answer an event."""
 
 
 FORMS: Mapping[type, Form] = {
@@ -40,14 +37,14 @@ FORMS: Mapping[type, Form] = {
     Law: Form(str, attrgetter("text"), parse_law),
     Condition: Form(str, attrgetter("text"), parse_constraint),
 }
-"""How the classes of the model that are no dataclasses, or that must be checked, are written."""
+"""The forms of classes of the model that are no dataclasses, or that must be checked."""
 
 
 class MachineKind:
-    """A sort of machine: how it is made, what it hears and says, and how that is written.
+    """A class of machines, and the codecs of its events, its commands and its setup.
 
-    `make` is its class; the names and types of its arguments are those of its setup. `events` and
-    `commands` are unions. Raises TypeError if one of these types cannot be written.
+    `make` is the class; its arguments are the setup. `events` and `commands` are unions. Raises
+    TypeError if one of these types cannot be written.
     """
 
     def __init__(self, name: str, make: Callable[..., Machine], events: Any, commands: Any) -> None:
@@ -61,17 +58,14 @@ class MachineKind:
         self._required = [n for n, each in arguments.items() if each.default is inspect._empty]
 
     def encode_setup(self, setup: Mapping[str, Any]) -> Dict[str, Any]:
-        """The arguments of a machine as JSON values.
-
-        Raises TypeError if it has no such argument.
-        """
+        """Return a machine's arguments as JSON values. Raises TypeError for an unknown one."""
         unknown = set(setup) - set(self._setup)
         if unknown:
             raise TypeError(f"{self.name} takes no {', '.join(sorted(unknown))}")
         return {name: self._setup[name].encode(value) for name, value in setup.items()}
 
     def decode_setup(self, data: Any, where: str) -> Dict[str, Any]:
-        """The arguments of a machine. Raises ModelError."""
+        """Return the arguments of a machine. Raises ModelError."""
         if not isinstance(data, dict):
             raise ModelError(where, "the setup must be an object")
         for name in data:
@@ -88,10 +82,7 @@ class MachineKind:
 
 @lru_cache(maxsize=None)
 def machine_kind(name: str) -> MachineKind:
-    """The machine of this name in MACHINES; only its own part of the core is imported.
-
-    Raises KeyError.
-    """
+    """Return the machine of this name in MACHINES. Only its part is imported. Raises KeyError."""
     part, module, class_name = MACHINES[name].split(".")
     machine = import_module(f"shsa_core.{part}.{module}")
     events = import_module(f"shsa_core.{part}.events")

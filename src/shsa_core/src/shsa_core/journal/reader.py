@@ -1,32 +1,25 @@
-"""Reads a journal, strictly: a line that this program could not have written is refused."""
+"""Reads a journal, and makes its decisions again.
+
+A line that this program could not have written is refused.
+"""
+from dataclasses import dataclass
+from time import perf_counter
 from typing import Any, Dict, Iterator, NamedTuple, Optional, Tuple
 
 from shsa_core.errors import ModelError
 from shsa_core.files.regular import open_to_read
-from shsa_core.journal.codec import Codec
-from shsa_core.journal.coders import CLASS
-from shsa_core.journal.lines import (
-    ANSWER,
-    END,
-    HEADER,
-    SILENCE,
-    VERSION,
-    Answer,
-    read_answer,
-    read_line,
-)
+from shsa_core.journal.codec import CLASS
+from shsa_core.journal.lines import ANSWER, END, HEADER, SILENCE, VERSION, Answer
+from shsa_core.journal.lines import digest, read_answer, read_line
 from shsa_core.journal.machines import MACHINES, MachineKind, machine_kind
 
 MAX_LINE_BYTES = 100_000_000
 CUT = "the recording stops without an end, as when the process is killed"
-"""Why a journal without a last line ends."""
+"""The end of a journal without a last line."""
 
 
 class Entry(NamedTuple):
-    """An event, where it stands, and what the machine answered.
-
-    None: the recording ends before that.
-    """
+    """An event, where it stands, and the machine's answer; None: the recording ends before that."""
 
     where: str
     event: Any
@@ -38,7 +31,7 @@ class Journal:
 
     Attributes:
         path: the file.
-        kind: which machine it is of.
+        kind: the machine.
         setup: the arguments that the machine was made with.
         begun: date and time.
         end: why it ends; known once all entries are read.
@@ -61,7 +54,7 @@ class Journal:
         self.setup: Dict[str, Any] = kind.decode_setup(header.get("setup"), where)
 
     def entries(self) -> Iterator[Entry]:
-        """The events in order. Raises ModelError at the first line that is not valid."""
+        """Yield the events in order. Raises ModelError at the first line that is not valid."""
         waiting: Optional[Entry] = None
         lines = self._lines()
         next(lines)
@@ -69,7 +62,7 @@ class Journal:
             if CLASS in data:
                 if waiting is not None:
                     yield waiting
-                waiting = Entry(where, _decode(self.kind.events, data, where), SILENCE)
+                waiting = Entry(where, self.kind.events.decode(data, where, "the event"), SILENCE)
             elif ANSWER in data and waiting is not None and waiting.answer is SILENCE:
                 waiting = waiting._replace(answer=read_answer(data, where))
             elif END in data:
@@ -82,10 +75,7 @@ class Journal:
             yield waiting if known else waiting._replace(answer=None)
 
     def _lines(self) -> Iterator[Tuple[str, Dict[str, Any]]]:
-        """Each whole line, with its place.
-
-        The last one is not whole if the process was killed while it wrote.
-        """
+        """Yield each whole line with its place; a kill may have cut the last one."""
         try:
             with open_to_read(self.path) as file:
                 for number in range(1, 1 << 62):
@@ -100,5 +90,49 @@ class Journal:
             raise ModelError(self.path, f"cannot be read: {error.strerror}") from error
 
 
-def _decode(codec: Codec, data: Dict[str, Any], where: str) -> Any:
-    return codec.decode(data, where, "the event")
+@dataclass(frozen=True)
+class Step:
+    """One event and the machine's answer now, which took `seconds`.
+
+    `then`: the recorded answer, None: unknown. `error`: what the machine raised. `broken`: the
+    invariant that does not hold after the event.
+    """
+
+    where: str
+    event: Any
+    commands: Tuple[Any, ...]
+    seconds: float
+    now: Answer
+    then: Optional[Answer]
+    error: str = ""
+    broken: str = ""
+
+    @property
+    def differs(self) -> bool:
+        """True if the answer is not the recorded one."""
+        return self.then is not None and self.then != self.now
+
+
+def replay(journal: Journal) -> Iterator[Step]:
+    """Make the decisions of a journal again with a new machine. Raises ModelError."""
+    try:
+        machine = journal.kind.make(**journal.setup)
+    except Exception as raised:  # whatever it is, it comes from this setup
+        raise ModelError(journal.path, f"the setup makes no machine: {raised!r}") from raised
+    validate = getattr(machine, "validate", None)
+    for where, event, then in journal.entries():
+        commands: Tuple[Any, ...] = ()
+        failed = broken = ""
+        begun = perf_counter()
+        try:
+            commands = tuple(machine.handle(event))
+        except Exception as raised:  # as the nodes do, which go on after whatever it was
+            failed = repr(raised)
+        seconds = perf_counter() - begun
+        if validate is not None:
+            try:
+                validate()
+            except Exception as raised:
+                broken = str(raised) or repr(raised)
+        now = digest(journal.kind.commands, commands) if commands else SILENCE
+        yield Step(where, event, commands, seconds, now, then, failed, broken)

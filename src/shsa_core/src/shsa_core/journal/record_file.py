@@ -1,6 +1,6 @@
-"""Records in a file that outlive the process which keeps them; the newest line of a key counts.
+"""Keeps records in a file, so that they outlive the process; the newest line of a key counts.
 
-A line is one JSON object: the first has the form's version and to whom the records belong, any
+A line is one JSON object: the first has the format's version and the owner of the records, any
 other a record, or the keys of those that are gone.
 """
 import contextlib
@@ -15,21 +15,21 @@ from shsa_core.journal.lines import read_line, write_line
 VERSION = 1
 HEADER, REMOVED = "records", "removed"
 LIMIT_BYTES = 20_000_000
-"""A longer file is not read, as it could not be ours."""
+"""The longest file that is read."""
 GROWTH_BYTES = 1_000_000
-"""The file is written anew when it has grown by so much."""
+"""The file is written anew after it has grown by this."""
 
 
 class Record(Protocol):
-    """What is written down: anything that a codec knows, and that has a key."""
+    """Anything that a codec knows, and that has a key."""
 
     @property
     def key(self) -> str:
-        """What it is known by."""
+        """The name of the record."""
 
 
 class Former(NamedTuple):
-    """What was read: to whom the records belong, and the records."""
+    """The owner of the records that were read, and the records."""
 
     owner: Mapping[str, str]
     records: Tuple[Any, ...]
@@ -45,8 +45,8 @@ class RecordFile:
     Args:
         path: the file; its folder must be there.
         codec: of the records.
-        owner: to whom the records belong, as texts by name.
-        warn: is told why nothing can be written, and that it can be again.
+        owner: of the records, as texts by name.
+        warn: is called when nothing can be written, and when it can be again.
     """
 
     def __init__(
@@ -71,18 +71,14 @@ class RecordFile:
             else:
                 _write_all(self._file, new)
         except OSError as error:
-            self._close()  # the whole is written next time: there are no gaps
+            self.close()  # the whole is written next time: there are no gaps
             self._tell(error)
         else:
             self._tell(None)
 
-    def close(self) -> None:
-        """Write no more."""
-        self._close()
-
     def _write_anew(self) -> None:
         """Write the whole beside the file, and put it in its place."""
-        self._close()
+        self.close()
         beside = self._path + ".new"
         with contextlib.suppress(FileNotFoundError):
             os.unlink(beside)
@@ -93,7 +89,8 @@ class RecordFile:
         os.replace(beside, self._path)
         self._grown = 0
 
-    def _close(self) -> None:
+    def close(self) -> None:
+        """Close the file; the next write begins it anew."""
         if self._file is not None:
             os.close(self._file)
             self._file = None
@@ -106,10 +103,9 @@ class RecordFile:
 
 
 def read_records(path: str, codec: Codec) -> Former:
-    """The records in a file; those of a file that is not there are none.
+    """Return the records in a file, none if there is no file; a last line that was cut is left out.
 
-    Raises ModelError if it could not have been written by us: it is somebody else's, or others can
-    write it, or something in it is malformed. A last line that was cut is left out.
+    Raises ModelError if it is somebody else's, others can write it, or something is malformed.
     """
     try:
         data = read_own(path, LIMIT_BYTES)

@@ -1,4 +1,4 @@
-"""Writes a journal while a machine works, and never in its way."""
+"""Writes a journal in a thread, so that the machine never waits for the disk."""
 import os
 import stat
 import threading
@@ -11,11 +11,11 @@ from shsa_core.journal.machines import MachineKind, machine_kind
 
 LIMIT_BYTES = 50_000_000
 WRITE_PERIOD_S = 0.2
-"""How often what was recorded is written: at most this much is lost when the process is killed."""
+"""Pause between writes: a kill loses at most what was recorded in it."""
 WAITING = 100_000
-"""Records that may wait for the disk; a disk that is slower than that ends the recording."""
+"""Records that may wait for the disk; more end the recording."""
 BATCH = 50
-"""Lines that are made at once; between two batches other threads have their turn."""
+"""Lines that are made at once, before other threads have their turn."""
 CLOSE_TIMEOUT_S = 2.0
 
 
@@ -31,8 +31,8 @@ class JournalWriter:
         path: the file.
         machine: a name in MACHINES, or a kind of machine.
         setup: the arguments that the machine was made with.
-        warn: is told, once, why the recording ended. It may be called from another thread.
-        limit_bytes: how long the file may become.
+        warn: is called once with why the recording ended, maybe by another thread.
+        limit_bytes: the most that the file may hold.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class JournalWriter:
             self._waiting.append(event)
 
     def answered(self, commands: Sequence[Any]) -> None:
-        """Record what the machine said to the last event. Raises nothing."""
+        """Record the commands that answer the last event. Raises nothing."""
         if self.recording and commands:
             self._waiting.append(_Said(tuple(commands)))
 
@@ -156,7 +156,7 @@ class JournalWriter:
 
 
 class _Said:
-    """What a machine said to an event."""
+    """A machine's answer to an event."""
 
     __slots__ = ("commands",)
 

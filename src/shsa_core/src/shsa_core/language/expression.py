@@ -1,39 +1,30 @@
-"""Expressions of the ontology: the law of a relation, and the condition under which it holds."""
+"""The laws of relations, and the constraints under which they hold, as an ontology states them."""
 import ast
 from dataclasses import dataclass
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
+from shsa_core.errors import ExpressionError
 from shsa_core.language.interval import Interval
 from shsa_core.language.range_check import Trouble, find_troubles, narrow
-from shsa_core.language.syntax import check_tree, checked_text, is_name, syntax_tree
-from shsa_core.language.trees import literal, name_nodes
-from shsa_core.language.unit_check import Mismatch, find_mismatches, find_mismatches_of_condition
+from shsa_core.language.syntax import MAX_LENGTH, MAX_STEPS, checked_text, is_free, syntax_tree
+from shsa_core.language.trees import name_nodes
+from shsa_core.language.unit_check import Mismatch, find_mismatches
 from shsa_core.language.units import Unit
-
-__all__ = [
-    "Condition",
-    "Expression",
-    "check_tree",
-    "is_name",
-    "literal",
-    "parse_constraint",
-    "parse_expression",
-]
 
 
 @dataclass(frozen=True)
-class _Text:
+class Expression:
     """A checked text of the language, and the names it uses, in order of first use."""
 
     text: str
     names: Tuple[str, ...]
 
     def tree(self) -> ast.expr:
-        """The syntax tree of the text."""
+        """Return the syntax tree of the text."""
         return syntax_tree(self.text)
 
     def code(self, inputs: Mapping[str, str]) -> str:
-        """The text with each name replaced; every name must have a replacement."""
+        """Return the text with each name replaced; every name must have a replacement."""
         pieces: List[str] = []
         end = 0
         for node in name_nodes(self.tree()):
@@ -44,55 +35,119 @@ class _Text:
 
 
 @dataclass(frozen=True)
-class Expression(_Text):
-    """A number made of numbers, names and the fixed functions: a Law."""
+class Condition(Expression):
+    """An expression that is true or false, such as `battery_voltage > 10`."""
+
+    def mismatches(self, units: Mapping[str, Optional[Unit]]) -> List[Mismatch]:
+        """Return the units in it that cannot match."""
+        return find_mismatches([("", self.tree())], units)
+
+    def troubles(self, ranges: Mapping[str, Interval]) -> List[Trouble]:
+        """Return the parts that may make it neither true nor false."""
+        return find_troubles([("", self.text, self.tree())], ranges)
+
+    def narrowed(self, ranges: Mapping[str, Interval]) -> Dict[str, Interval]:
+        """Return the ranges for which it holds."""
+        return narrow(self.tree(), ranges, True)
+
+
+@dataclass(frozen=True)
+class Law:
+    """How a relation computes a number: an expression, and named `steps` before it.
+
+    A step may use the steps before it. `compose` makes a law that is valid.
+    """
+
+    steps: Tuple[Tuple[str, Expression], ...]
+    result: Expression
+
+    @property
+    def text(self) -> str:
+        """The whole law in one line."""
+        return "; ".join([*(f"{name} = {e.text}" for name, e in self.steps), self.result.text])
 
     @property
     def entry(self) -> Mapping[str, Any]:
-        """As it stands in an ontology file."""
-        return {"function": self.text}
+        """The law as it stands in an ontology file."""
+        where = {name: step.text for name, step in self.steps}
+        return {**({"where": where} if where else {}), "function": self.result.text}
 
-    def body(self, inputs: Mapping[str, str]) -> List[str]:
-        """The line of the generated function."""
-        return [f"return {self.code(inputs)}"]
+    @property
+    def names(self) -> Tuple[str, ...]:
+        """Its inputs, properties and constants, in order of first use."""
+        steps = dict(self.steps)
+        used = [name for each in (*steps.values(), self.result) for name in each.names]
+        return tuple(dict.fromkeys(name for name in used if name not in steps))
 
     def mismatches(
         self, units: Mapping[str, Optional[Unit]], result: Optional[Unit]
     ) -> List[Mismatch]:
-        """What cannot match if it should give the unit `result`."""
-        return find_mismatches(self.tree(), units, result)
+        """Return the units that cannot match if inputs are in `units` and the output in `result`.
+
+        None: not known.
+        """
+        parts = [(name, each.tree()) for name, each in (*self.steps, ("", self.result))]
+        return find_mismatches(parts, units, result)
 
     def troubles(
-        self,
-        ranges: Mapping[str, Interval],
-        always: Optional[Mapping[str, Interval]] = None,
+        self, ranges: Mapping[str, Interval], always: Optional[Mapping[str, Interval]] = None
     ) -> List[Trouble]:
-        """Where it may have no value."""
-        return find_troubles(self.text, self.tree(), ranges, always)
+        """Return the parts that may have no value; see find_troubles."""
+        parts = [(name, each.text, each.tree()) for name, each in (*self.steps, ("", self.result))]
+        return find_troubles(parts, ranges, always)
+
+    def body(self, inputs: Mapping[str, str]) -> List[str]:
+        """Return the lines of the generated function, with each input as it is called there."""
+        known = {**inputs, **{name: name for name, _ in self.steps}}
+        lines = [f"{name}={step.code(known)}" for name, step in self.steps]
+        return [*lines, f"return {self.result.code(known)}"]
 
 
-@dataclass(frozen=True)
-class Condition(_Text):
-    """What must hold for a law to have a value, such as `battery_voltage > 10`."""
-
-    def mismatches(self, units: Mapping[str, Optional[Unit]]) -> List[Mismatch]:
-        """What cannot match."""
-        return find_mismatches_of_condition(self.tree(), units)
-
-    def troubles(self, ranges: Mapping[str, Interval]) -> List[Trouble]:
-        """Where it may be neither true nor false."""
-        return find_troubles(self.text, self.tree(), ranges)
-
-    def narrowed(self, ranges: Mapping[str, Interval]) -> Dict[str, Interval]:
-        """The ranges where it holds."""
-        return narrow(self.tree(), ranges, True)
+def compose(steps: Mapping[str, Expression], result: Expression) -> Law:
+    """Return the law of some steps, in order, and its result. Raises ExpressionError."""
+    law = Law(tuple(steps.items()), result)
+    if len(steps) > MAX_STEPS:
+        raise ExpressionError(f"'where' has {len(steps)} entries; 1 to {MAX_STEPS} are allowed")
+    if len(law.text) > MAX_LENGTH:
+        raise ExpressionError(
+            f"all expressions have {len(law.text)} characters; at most {MAX_LENGTH} are allowed"
+        )
+    later = set(steps)
+    used = set(result.names)
+    for name, step in steps.items():
+        if not is_free(name):
+            raise ExpressionError(
+                f"a value under 'where' cannot be named {name!a}: take letters, digits and _, no "
+                "word of Python or the language, and none of generated code (_a, x, y, t0, i1)"
+            )
+        early = [each for each in step.names if each in later]
+        if early:
+            raise ExpressionError(f"{name} uses {early[0]}, which has no value before it")
+        later.remove(name)
+        used.update(step.names)
+    idle = [name for name in steps if name not in used]
+    if idle:
+        raise ExpressionError(f"{idle[0]} stands under 'where' and is not used")
+    return law
 
 
 def parse_expression(text: str) -> Expression:
-    """The expression that `text` is. Raises ExpressionError if it is anything else."""
+    """Return the number that `text` is. Raises ExpressionError if it is anything else."""
     return Expression(*checked_text(text, condition=False))
 
 
 def parse_constraint(text: str) -> Condition:
-    """The condition that `text` is. Raises ExpressionError if it is anything else."""
+    """Return the condition that `text` is. Raises ExpressionError if it is anything else."""
     return Condition(*checked_text(text, condition=True))
+
+
+def parse_law(text: str) -> Law:
+    """Return the law with this text: steps and its result, apart by `;`. Raises ExpressionError."""
+    *parts, last = text.split(";")
+    steps: Dict[str, Expression] = {}
+    for part in parts:
+        name, _, expression = part.partition("=")
+        if name.strip() in steps:
+            raise ExpressionError(f"{name.strip()!a} has a value already")
+        steps[name.strip()] = parse_expression(expression)
+    return compose(steps, parse_expression(last))

@@ -1,53 +1,48 @@
 """The functions that expressions may use: a fixed list, and nothing else.
 
-Whoever adds one adds a row here, with what it does to units and to ranges, and a row in
+To add one, add a row to the table, with its rules for units and ranges, and a row in
 docs/ontology.md.
 """
 import math
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Callable, Dict, Mapping, NamedTuple, Optional, Sequence, Union
+from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Sequence
 
-from shsa_core.language import fitted, images
-from shsa_core.language.images import RangeRule
-from shsa_core.language.interval import Interval
-from shsa_core.language.memory import MAX_DELAY_S, Memory
-from shsa_core.language.memory import delay, derivative, integral, lowpass, previous
+from shsa_core.language import fitted, interval, memory
+from shsa_core.language.interval import Interval, RangeRule
 from shsa_core.language.units import NO_UNIT, SECOND, Quantity, raised, times
 
 CONSTANTS: Mapping[str, float] = {"pi": math.pi}
 ELAPSED = "dt"
 FILTER, DELAY = "lowpass", "delay"
-"""What lets one input of a law come later than another: the names of these functions."""
+"""The functions that let one input of a law come later than another."""
 
 Common = Callable[[Sequence[Quantity], str], Quantity]
-"""The quantity that all of some parts must have; the text says what is wrong if two have not the
-same.
-"""
+"""Return the quantity that all parts have; the text says what is wrong if two differ."""
 
 UnitRule = Callable[[str, Sequence[Quantity], Common], Quantity]
-"""The quantity of a call, from the function's name and the quantities of its arguments."""
+"""Map a function's name and the quantities of its arguments to the quantity of the call."""
 
 
 class Domain(NamedTuple):
-    """Where a function has a value: by its `argument`, counted from 0."""
+    """The values of one `argument`, counted from 0, for which a function has a value."""
 
     low: float
-    high: float
+    high: float = math.inf
     zero: bool = True
     argument: int = 0
 
-    def has(self, interval: Interval) -> bool:
-        """Whether it has a value everywhere in the interval."""
-        inside = self.low <= interval.low and interval.high <= self.high
-        return inside and (self.zero or not interval.has_zero)
+    def has(self, part: Interval) -> bool:
+        """Return True if the function has a value everywhere in the interval."""
+        inside = self.low <= part.low and part.high <= self.high
+        return inside and (self.zero or not part.has_zero)
 
 
 class Fixed(NamedTuple):
-    """Arguments that must be numbers or constants, so that they are known before it is called.
+    """Arguments whose values are checked before the function is called.
 
-    `wrong`: what is wrong with their values, if anything. Without `must` they may be anything, and
-    only numbers are looked at.
+    They must be numbers or constants, or with `must=False` may be anything, and only numbers are
+    checked. `wrong` returns what is wrong with the values, or None.
     """
 
     places: slice
@@ -57,84 +52,67 @@ class Fixed(NamedTuple):
 
 @dataclass(frozen=True)
 class Function:
-    """A function without memory: `call` takes `least` to `most` floats and returns one.
+    """A function of the language.
 
-    `most` is None where any number will do that is `least` and some times `each`.
-
-    `domain`: where it has a value, if not everywhere. `takes`, `tells`: its arguments, and what it
-    yields, in the documentation.
+    `takes` and `tells` document its arguments and its result. `call` takes `least` to `most` floats
+    (None: any number that is `least` plus a multiple of `each`) and returns one. For a `stateful`
+    function, `call` takes the longest gap in s and makes the Memory of one use; `rests`: its result
+    becomes its first argument once all arguments have stood still for long.
     """
 
-    call: Callable[..., float]
+    takes: str
+    tells: str
+    call: Callable[..., Any]
     units: UnitRule
     range: RangeRule
     least: int = 1
     most: Optional[int] = 1
-    domain: Optional[Domain] = None
     each: int = 1
-    fixed: Optional[Fixed] = None
-    takes: str = "x"
-    tells: str = ""
-
-
-@dataclass(frozen=True)
-class Stateful:
-    """A function with memory: `make(max_gap)` is called once for each place where it is used.
-
-    `rests`: it yields its first argument once all have stood still for long. `takes`, `tells`: as
-    of a Function.
-    """
-
-    make: Callable[[float], Memory]
-    units: UnitRule
-    range: RangeRule
-    arguments: int = 1
     domain: Optional[Domain] = None
     fixed: Optional[Fixed] = None
+    stateful: bool = False
     rests: bool = False
-    takes: str = "x"
-    tells: str = ""
 
 
 def sign(value: float) -> float:
-    """-1, 0 or 1."""
+    """Return -1, 0 or 1."""
     return 1.0 if value > 0.0 else -1.0 if value < 0.0 else 0.0
 
 
 def floor(value: float) -> float:
-    """The largest whole number that is not greater, as a float."""
+    """Return the largest whole number that is not greater, as a float."""
     return float(math.floor(value))
 
 
 def ceil(value: float) -> float:
-    """The smallest whole number that is not less, as a float."""
+    """Return the smallest whole number that is not less, as a float."""
     return float(math.ceil(value))
 
 
 def power(base: float, exponent: float) -> float:
-    """`base` to the `exponent`, in real numbers alone: a negative base needs a whole exponent."""
+    """Return `base` to the `exponent` in real numbers: a negative base needs a whole exponent."""
     return math.pow(base, exponent)
 
 
-def _same_unit(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
+def _same(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
     return parts[0]
 
 
-def _common_unit(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
+def _shared(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
     return common(parts, name + " of {} and {}")
 
 
-def _no_unit(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
+def _none(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
     common([parts[0], NO_UNIT], name + " of {}, it needs {}")
     return NO_UNIT
 
 
 def _ratio(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
-    common(parts, name + " of {} and {}")
+    _shared(name, parts, common)
     return NO_UNIT
 
 
-def _timed_unit(what: str) -> UnitRule:
+def _timed(what: str) -> UnitRule:
     def rule(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
         common([parts[1], SECOND], f"the {what} of {name} is in {{}}, not in {{}}")
         return parts[0]
@@ -142,12 +120,12 @@ def _timed_unit(what: str) -> UnitRule:
     return rule
 
 
-def _sum_unit(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
+def _sum(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
     products = [times(*pair) for pair in zip(parts[::2], parts[1::2])]
     return common(products, name + " adds {} and {}")
 
 
-def _bell_unit(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
+def _bell(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
     gamma, *pairs = parts
     for pair in zip(pairs[::2], pairs[1::2]):
         distance = common(pair, name + " of {} from {}")
@@ -156,205 +134,189 @@ def _bell_unit(name: str, parts: Sequence[Quantity], common: Common) -> Quantity
     return NO_UNIT
 
 
-def _table_unit(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
+def _table(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
     common([parts[0], *parts[1::2]], name + " of {} by {}")
     return common(parts[2::2], name + " gives {} and {}")
 
 
 def _within_delay(times_s: Sequence[float]) -> Optional[str]:
-    good = all(0.0 < time_s <= MAX_DELAY_S for time_s in times_s)
-    return None if good else f"the time must be above 0 and at most {MAX_DELAY_S:g} s"
+    good = all(0.0 < time_s <= memory.MAX_DELAY_S for time_s in times_s)
+    return None if good else f"the time must be above 0 and at most {memory.MAX_DELAY_S:g} s"
 
 
-_POSITIVE = Domain(0.0, math.inf, zero=False)
+_SINE = Domain(-1.0, 1.0)
+_POSITIVE = Domain(0.0, zero=False)
+_rising = interval.monotonous
+_INCREASING = Fixed(slice(1, None, 2), fitted.rising)
+_ORDERED = Fixed(slice(1, 3), fitted.ordered, must=False)
+_DELAY = Fixed(slice(1, 2), _within_delay)
 
-FUNCTIONS: Mapping[str, Function] = {
-    "abs": Function(abs, _same_unit, images.absolute, tells="the size of x"),
+
+def _root(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
+    return raised(parts[0], Fraction(1, 2))
+
+
+CALLS: Mapping[str, Function] = {
+    "abs": Function("x", "the size of x", abs, _same, interval.absolute),
     "sign": Function(
-        sign,
-        lambda name, parts, common: NO_UNIT,
-        images.monotonous(sign, keeps_zero=True),
-        tells="-1, 0 or 1",
+        "x", "-1, 0 or 1", sign, lambda name, parts, common: NO_UNIT, _rising(sign, True)
     ),
-    "min": Function(
-        min, _common_unit, images.picked(min), 2, None, takes="x, y, ...", tells="the smallest"
-    ),
-    "max": Function(
-        max, _common_unit, images.picked(max), 2, None, takes="x, y, ...", tells="the largest"
-    ),
+    "min": Function("x, y, ...", "the smallest", min, _shared, interval.picked(min), 2, None),
+    "max": Function("x, y, ...", "the largest", max, _shared, interval.picked(max), 2, None),
     "floor": Function(
-        floor,
-        _same_unit,
-        images.monotonous(floor),
-        tells="the largest whole number that is not greater",
+        "x", "the largest whole number that is not greater", floor, _same, _rising(floor)
     ),
-    "ceil": Function(
-        ceil,
-        _same_unit,
-        images.monotonous(ceil),
-        tells="the smallest whole number that is not less",
-    ),
+    "ceil": Function("x", "the smallest whole number that is not less", ceil, _same, _rising(ceil)),
     "sqrt": Function(
-        math.sqrt,
-        lambda name, parts, common: raised(parts[0], Fraction(1, 2)),
-        images.monotonous(math.sqrt, keeps_zero=True),
-        domain=Domain(0.0, math.inf),
-        tells="the square root",
+        "x", "the square root", math.sqrt, _root, _rising(math.sqrt, True), domain=Domain(0.0)
     ),
-    "exp": Function(math.exp, _no_unit, images.exponential, tells="e to the x"),
+    "exp": Function("x", "e to the x", math.exp, _none, interval.exponential),
     "log": Function(
-        math.log,
-        _no_unit,
-        images.monotonous(math.log),
-        domain=_POSITIVE,
-        tells="the natural logarithm",
+        "x", "the natural logarithm", math.log, _none, _rising(math.log), domain=_POSITIVE
     ),
     "log10": Function(
+        "x",
+        "the logarithm to the base 10",
         math.log10,
-        _no_unit,
-        images.monotonous(math.log10),
+        _none,
+        _rising(math.log10),
         domain=_POSITIVE,
-        tells="the logarithm to the base 10",
     ),
     "sin": Function(
-        math.sin,
-        _no_unit,
-        images.wave(math.sin, math.pi / 2.0),
-        tells="the sine of an angle in rad",
+        "x", "the sine of an angle in rad", math.sin, _none, interval.wave(math.sin, math.pi / 2.0)
     ),
     "cos": Function(
-        math.cos, _no_unit, images.wave(math.cos, 0.0), tells="the cosine of an angle in rad"
+        "x", "the cosine of an angle in rad", math.cos, _none, interval.wave(math.cos, 0.0)
     ),
-    "tan": Function(math.tan, _no_unit, images.tangent, tells="the tangent of an angle in rad"),
+    "tan": Function("x", "the tangent of an angle in rad", math.tan, _none, interval.tangent),
     "asin": Function(
+        "x",
+        "the angle in rad whose sine is x",
         math.asin,
-        _no_unit,
-        images.monotonous(math.asin, True),
-        domain=Domain(-1.0, 1.0),
-        tells="the angle in rad whose sine is x",
+        _none,
+        _rising(math.asin, True),
+        domain=_SINE,
     ),
     "acos": Function(
+        "x",
+        "the angle in rad whose cosine is x",
         math.acos,
-        _no_unit,
-        images.monotonous(math.acos),
-        domain=Domain(-1.0, 1.0),
-        tells="the angle in rad whose cosine is x",
+        _none,
+        _rising(math.acos),
+        domain=_SINE,
     ),
     "atan": Function(
-        math.atan,
-        _no_unit,
-        images.monotonous(math.atan, True),
-        tells="the angle in rad whose tangent is x",
+        "x", "the angle in rad whose tangent is x", math.atan, _none, _rising(math.atan, True)
     ),
     "tanh": Function(
+        "x",
+        "the hyperbolic tangent, between -1 and 1",
         math.tanh,
-        _no_unit,
-        images.monotonous(math.tanh, True),
-        tells="the hyperbolic tangent, between -1 and 1",
+        _none,
+        _rising(math.tanh, True),
     ),
     "atan2": Function(
-        math.atan2,
-        _ratio,
-        images.angle,
-        2,
-        2,
-        takes="y, x",
-        tells="the angle in rad of the point (x, y)",
+        "y, x", "the angle in rad of the point (x, y)", math.atan2, _ratio, interval.angle, 2, 2
     ),
     "hypot": Function(
-        math.hypot,
-        _common_unit,
-        images.distance,
-        2,
-        2,
-        takes="x, y",
-        tells="the square root of x² + y²",
+        "x, y", "the square root of x² + y²", math.hypot, _shared, interval.distance, 2, 2
     ),
     "clip": Function(
+        "x, low, high",
+        "x, at least low and at most high",
         fitted.clip,
-        _common_unit,
+        _shared,
         fitted.clipped,
         3,
         3,
-        fixed=Fixed(slice(1, 3), fitted.ordered, must=False),
-        takes="x, low, high",
-        tells="x, at least low and at most high",
+        fixed=_ORDERED,
     ),
     "dot": Function(
+        "w1, x1, w2, x2, ...",
+        "the sum of the products w1·x1 + w2·x2 + ...",
         fitted.dot,
-        _sum_unit,
+        _sum,
         fitted.summed,
         2,
         None,
-        each=2,
-        takes="w1, x1, w2, x2, ...",
-        tells="the sum of the products w1·x1 + w2·x2 + ...",
+        2,
     ),
     "rbf": Function(
+        "gamma, x1, c1, x2, c2, ...",
+        "a radial basis function: exp(-gamma·((x1 - c1)² + (x2 - c2)² + ...))",
         fitted.rbf,
-        _bell_unit,
+        _bell,
         fitted.bell,
         3,
         None,
-        each=2,
-        takes="gamma, x1, c1, x2, c2, ...",
-        tells="a radial basis function: exp(-gamma·((x1 - c1)² + (x2 - c2)² + ...))",
+        2,
     ),
     "table": Function(
+        "x, x0, y0, x1, y1, ...",
+        "straight lines through points; beyond the ends the last y is held",
         fitted.table,
-        _table_unit,
+        _table,
         fitted.looked_up,
         5,
         None,
-        each=2,
-        fixed=Fixed(slice(1, None, 2), fitted.rising),
-        takes="x, x0, y0, x1, y1, ...",
-        tells="straight lines through points; beyond the ends the last y is held",
+        2,
+        fixed=_INCREASING,
     ),
-}
-
-STATEFUL: Mapping[str, Stateful] = {
-    "derivative": Stateful(
-        derivative,
+    "derivative": Function(
+        "x",
+        "the change of x since the evaluation before, per second",
+        memory.derivative,
         lambda name, parts, common: times(parts[0], SECOND, -1),
-        images.anything,
-        tells="the change of x since the evaluation before, per second",
+        interval.anything,
+        stateful=True,
     ),
-    "integral": Stateful(
-        integral,
+    "integral": Function(
+        "x",
+        "the area under x since the start, in seconds times x",
+        memory.integral,
         lambda name, parts, common: times(parts[0], SECOND),
-        images.anything,
-        tells="the area under x since the start, in seconds times x",
+        interval.anything,
+        stateful=True,
     ),
-    "previous": Stateful(
-        previous, _same_unit, images.same, rests=True, tells="x at the evaluation before"
-    ),
-    "lowpass": Stateful(
-        lowpass,
-        _timed_unit("time constant"),
-        images.filtered,
-        arguments=2,
-        domain=Domain(0.0, math.inf, zero=False, argument=1),
+    "previous": Function(
+        "x",
+        "x at the evaluation before",
+        memory.previous,
+        _same,
+        interval.same,
+        stateful=True,
         rests=True,
-        takes="x, tau",
-        tells="x behind a filter of first order with the time constant tau, in s",
     ),
-    "delay": Stateful(
-        delay,
-        _timed_unit("time"),
-        images.same,
-        arguments=2,
-        fixed=Fixed(slice(1, 2), _within_delay),
+    "lowpass": Function(
+        "x, tau",
+        "x behind a filter of first order with the time constant tau, in s",
+        memory.lowpass,
+        _timed("time constant"),
+        interval.filtered,
+        2,
+        2,
+        domain=Domain(0.0, zero=False, argument=1),
+        stateful=True,
         rests=True,
-        takes="x, T",
-        tells="x as it was T seconds ago",
+    ),
+    "delay": Function(
+        "x, T",
+        "x as it was T seconds ago",
+        memory.delay,
+        _timed("time"),
+        interval.same,
+        2,
+        2,
+        fixed=_DELAY,
+        stateful=True,
+        rests=True,
     ),
 }
-
-CALLS: Mapping[str, Union[Function, Stateful]] = {**FUNCTIONS, **STATEFUL}
+FUNCTIONS = {name: each for name, each in CALLS.items() if not each.stateful}
+STATEFUL = {name: each for name, each in CALLS.items() if each.stateful}
 RESERVED = frozenset([*CONSTANTS, ELAPSED, *CALLS, "require"])
 
 
 def namespace() -> Dict[str, Callable[..., float]]:
-    """The functions without memory by name, for compiled code."""
+    """Return the functions without memory by name, for compiled code."""
     return {name: function.call for name, function in FUNCTIONS.items()}

@@ -1,4 +1,4 @@
-"""The functions that remember earlier samples."""
+"""Functions that remember earlier samples."""
 import math
 from collections import deque
 from typing import Callable, Deque, List, Optional, Tuple
@@ -6,22 +6,22 @@ from typing import Callable, Deque, List, Optional, Tuple
 MAX_GAP_S = 1.0
 MAX_DELAY_S = 10.0
 HELD_SAMPLES = 1000
-"""How many a delay holds, whatever its time and however often it is evaluated."""
+"""The most samples that a delay holds."""
 SAME_TIME_S = 1e-6  # a float of a time of today has no finer steps
 NO_VALUE = math.nan
 
 Memory = Callable[..., float]
-"""A stateful function at one place of a program: called with its arguments and the time `now` (s).
+"""One use of a stateful function: called with its arguments and the time `now` (s).
 
-It returns a float, or NaN for "no value". A sample that is not finite is no sample. A sample at the
-time of the one before is the same sample: the result is the same and nothing changes. After a gap
-of more than `max_gap` (s), or when time runs backwards, the function starts anew. Each is one flat
+It returns a float, or NaN for "no value". A sample that is not finite is ignored. A sample at the
+time of the last one is the same sample: the result is the same and nothing changes. After a gap of
+more than `max_gap` (s), or when time runs backwards, the function starts anew. Each is one flat
 function: a call inside would double its cost.
 """
 
 
 def elapsed(max_gap: float = MAX_GAP_S) -> Memory:
-    """`dt`: seconds since the last evaluation; its argument is not used."""
+    """Make `dt`: seconds since the last evaluation; its argument is not used."""
     last = result = NO_VALUE
 
     def sample(value: float, now: float) -> float:
@@ -38,7 +38,7 @@ def elapsed(max_gap: float = MAX_GAP_S) -> Memory:
 
 
 def previous(max_gap: float = MAX_GAP_S) -> Memory:
-    """`previous(x)`: the sample before."""
+    """Make `previous(x)`: the sample before."""
     last = before = result = NO_VALUE
 
     def sample(value: float, now: float) -> float:
@@ -56,7 +56,7 @@ def previous(max_gap: float = MAX_GAP_S) -> Memory:
 
 
 def derivative(max_gap: float = MAX_GAP_S) -> Memory:
-    """`derivative(x)`: the change since the sample before, per second."""
+    """Make `derivative(x)`: the change since the sample before, per second."""
     last = before = result = NO_VALUE
 
     def sample(value: float, now: float) -> float:
@@ -74,13 +74,10 @@ def derivative(max_gap: float = MAX_GAP_S) -> Memory:
 
 
 def integral(max_gap: float = MAX_GAP_S, total: Optional[List[float]] = None) -> Memory:
-    """`integral(x)`: the area under the samples since the start, in seconds times x.
+    """Make `integral(x)`: the area under the samples since the start, by the trapezoidal rule.
 
-    By the trapezoidal rule.
-
-    It starts at 0, or at the only item of `total`, which holds the sum: whoever shares it may set
-    it. What happened during a gap is not known and is not added. A sum that has overflowed starts
-    anew at 0 with it.
+    It starts at 0, or at the only item of `total`, which holds the sum and may be set. A gap adds
+    nothing. A sum that has overflowed starts anew at 0 after a gap.
     """
     last = before = NO_VALUE
     sum_ = [0.0] if total is None else total
@@ -103,10 +100,9 @@ def integral(max_gap: float = MAX_GAP_S, total: Optional[List[float]] = None) ->
 
 
 def lowpass(max_gap: float = MAX_GAP_S) -> Memory:
-    """`lowpass(x, tau)`: x behind a first-order filter with time constant `tau` (s, positive).
+    """Make `lowpass(x, tau)`: x behind a first-order filter with time constant `tau` (s, positive).
 
-    It starts at the first sample. Between two samples x is taken to hold the later one, which the
-    filter follows exactly, whatever the time between them.
+    It starts at the first sample. Between two samples it takes x to be the later one.
     """
     last = result = NO_VALUE
 
@@ -127,11 +123,11 @@ def lowpass(max_gap: float = MAX_GAP_S) -> Memory:
 
 
 def delay(max_gap: float = MAX_GAP_S) -> Memory:
-    """`delay(x, time)`: x as it was `time` ago (s, above 0 and at most MAX_DELAY_S).
+    """Make `delay(x, time)`: x as it was `time` ago (s, above 0 and at most MAX_DELAY_S).
 
-    The last sample that is as old as that is held; as long as none is, the oldest one. Of samples
-    that come faster than HELD_SAMPLES in `time` only so many are held, so that it may be older by
-    one part in HELD_SAMPLES.
+    It is the last sample that is old enough, or the oldest one while none is. Of samples that come
+    faster than HELD_SAMPLES in `time` some are dropped, so that it may be older by one part in
+    HELD_SAMPLES.
     """
     last = result = NO_VALUE
     held: Deque[Tuple[float, float]] = deque()

@@ -1,4 +1,4 @@
-"""Range check: where an expression may have no value, as by a division by zero."""
+"""Finds where an expression may have no value, as by a division by zero."""
 import ast
 import math
 import operator
@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Type
 
 from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED, FUNCTIONS, STATEFUL
-from shsa_core.language.images import raised
 from shsa_core.language.interval import ANYTHING, Interval, from_corners, hull, negative
-from shsa_core.language.interval import product, total
-from shsa_core.language.trees import literal, row
+from shsa_core.language.interval import product, raised, total
+from shsa_core.language.trees import is_condition, literal, row
 
 
 @dataclass(frozen=True)
@@ -21,42 +20,39 @@ class Trouble:
 
 
 def find_troubles(
-    text: str,
-    tree: ast.expr,
+    parts: Sequence[Tuple[str, str, ast.expr]],
     ranges: Mapping[str, Interval],
     always: Optional[Mapping[str, Interval]] = None,
-    steps: Sequence[Tuple[str, str, ast.expr]] = (),
 ) -> List[Trouble]:
-    """Where an expression or a condition can have no value while each name stays in its range.
+    """Return where expressions can have no value while each name stays in its range.
 
-    Names that have no range are not taken into account. `ranges` hold where there is to be an
-    output, `always` at every sample: what the functions with a memory have seen. `steps` are values
-    on the way, in order: the names that the ones behind know them by, their texts and trees.
+    Each of `parts` has the name by which the parts behind it know it, its text and its tree. Names
+    that have no range are not taken into account. `ranges` hold where there is to be an output,
+    `always` at every sample, which the functions with a memory have seen.
     """
     here = dict(ranges)
     before = here if always is None or always is ranges else dict(always)
     analysis = _Analysis(before)
     found: List[Trouble] = []
-    for name, step, part in steps:
-        value = analysis.interval(part, here)
-        if before is not here:
-            before[name] = interval_of(part, before)
-        here[name] = value
-        found += analysis.told(step)
-    if isinstance(tree, (ast.Compare, ast.BoolOp)) or isinstance(getattr(tree, "op", 0), ast.Not):
-        analysis.condition(tree, here)
-    else:
-        analysis.interval(tree, here)
-    return list(dict.fromkeys([*found, *analysis.told(text)]))
+    for name, text, tree in parts:
+        if is_condition(tree):
+            analysis.condition(tree, here)
+        else:
+            value = analysis.interval(tree, here)
+            if before is not here:
+                before[name] = interval_of(tree, before)
+            here[name] = value
+        found += analysis.told(text)
+    return list(dict.fromkeys(found))
 
 
 def interval_of(tree: ast.expr, ranges: Mapping[str, Interval]) -> Interval:
-    """The values that an expression can have."""
+    """Return the range of an expression."""
     return _Analysis(ranges).interval(tree, ranges)
 
 
 def narrow(test: ast.expr, ranges: Mapping[str, Interval], holds: bool) -> Dict[str, Interval]:
-    """The ranges once it is known whether the test holds."""
+    """Return the ranges for which the test holds, or does not."""
     result = dict(ranges)
     if isinstance(test, ast.UnaryOp):
         return narrow(test.operand, result, not holds)
@@ -94,7 +90,7 @@ _MIRRORED: Mapping[Type[ast.cmpop], Type[ast.cmpop]] = {
 def _narrow(
     node: ast.expr, comparison: Type[ast.cmpop], bound: ast.expr, ranges: Dict[str, Interval]
 ) -> None:
-    """Narrows the range of a name, or of the name in abs(name), by one comparison with a bound."""
+    """Narrow the range of a name, or of the name in abs(name), by one comparison with a bound."""
     absolute = isinstance(node, ast.Call) and getattr(node.func, "id", "") == "abs"
     if absolute and isinstance(node, ast.Call):
         node = node.args[0]
@@ -131,13 +127,13 @@ class _Analysis:
         self._always = always
 
     def told(self, text: str) -> List[Trouble]:
-        """The troubles since this was called last, which are of this text."""
+        """Return the troubles found since the last call, which are of this text."""
         found = [(ast.get_source_segment(text, node), reason) for node, reason in self._troubles]
         self._troubles.clear()
         return [Trouble(part or text, reason) for part, reason in found]
 
     def interval(self, node: ast.expr, ranges: Mapping[str, Interval]) -> Interval:
-        """The values that a number can have."""
+        """Return the range of a number."""
         value = literal(node)
         if value is not None:
             return Interval(value, value)
@@ -168,7 +164,7 @@ class _Analysis:
         return self._call(node, node.func.id, ranges)
 
     def condition(self, node: ast.expr, ranges: Mapping[str, Interval]) -> None:
-        """Collects the troubles of a condition."""
+        """Collect the troubles of a condition."""
         if isinstance(node, ast.Compare):
             for part in (node.left, *node.comparators):
                 self.interval(part, ranges)
@@ -219,7 +215,7 @@ class _Analysis:
         return self._finite(node, function.range(parts), parts if name in FUNCTIONS else ())
 
     def _finite(self, node: ast.expr, result: Interval, parts: Sequence[Interval]) -> Interval:
-        """The result; a trouble if it can overflow, its parts being finite."""
+        """Return the result; note a trouble if it can overflow though its parts are finite."""
         if parts and result.known and all(part.finite for part in parts) and not result.finite:
             if not any(part.spans_zero and part.nonzero for part in parts):
                 self._troubles.append((node, "can be too large for a number"))
@@ -246,7 +242,7 @@ def _remainder(left: Interval, right: Interval) -> Interval:
 _OPERATIONS: Mapping[Type[ast.operator], Callable[[Interval, Interval], Interval]] = {
     ast.Add: total,
     ast.Sub: lambda left, right: total(left, negative(right)),
-    ast.Mult: lambda left, right: from_corners(product, left, right),
+    ast.Mult: product,
     ast.Div: _divided,
     ast.FloorDiv: _floored,
     ast.Mod: _remainder,

@@ -1,67 +1,54 @@
-"""The syntax of the language: what is within it, and nothing is ever run as free Python."""
+"""Checks that a text is within the language: nothing is ever run as free Python."""
 import ast
 import builtins
 import difflib
 import keyword
 import math
-import operator
 import re
-from typing import Callable, Dict, List, Mapping, NoReturn, Tuple, Type, Union
+from typing import Dict, List, NoReturn, Tuple
 
 from shsa_core.errors import ExpressionError
-from shsa_core.language.functions import CONSTANTS, ELAPSED, FUNCTIONS, RESERVED, STATEFUL
-from shsa_core.language.functions import Fixed, Function, Stateful, power
-from shsa_core.language.trees import literal, name_nodes, row
+from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED, RESERVED, STATEFUL, Fixed
+from shsa_core.language.range_check import interval_of
+from shsa_core.language.trees import is_condition, literal, name_nodes, row
 
 MAX_LENGTH = 40_000
 MAX_NODES = 10_000
 MAX_DEPTH = 100
 MAX_ROW = 600
-"""Operations in a row, within each other: the compiler's limit is 1000, for these, the depth and
-its caller together.
-"""
+"""Operations in a row: the compiler allows 1000 of them, of levels and of its callers together."""
 MAX_EXPONENT = 100
 MAX_STEPS = 100
-"""Values on the way that a law may give names to."""
+"""Steps of a law."""
 
 NO_FILE = ""
-"""The parser opens the file that it is told the text is from, to quote a line: so, none."""
+"""The name of the parsed file: the parser would open a named one to quote a line."""
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _TAKEN = re.compile(r"_.*|[it][0-9]+|[xy]")
 _NOT_ALLOWED = re.compile(r"[^A-Za-z0-9_+\-*/%.,<>=!() ]")
-_OPERATORS: Mapping[Type[ast.operator], Callable[[float, float], float]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.FloorDiv: operator.floordiv,
-    ast.Mod: operator.mod,
-    ast.Pow: power,
-}
+_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.FloorDiv, ast.Mod, ast.Pow)
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 _LANGUAGE = (
     "numbers, names, + - * / // % **, comparisons, and, or, not, 'a if c else b', "
-    "dt, pi, and the functions " + ", ".join([*FUNCTIONS, *STATEFUL])
+    "dt, pi, and the functions " + ", ".join(CALLS)
 )
 
 
 def is_name(text: str) -> bool:
-    """Whether a property or a constant may have this name."""
+    """Return True if a property or a constant may have this name."""
     return bool(_NAME.match(text)) and not keyword.iskeyword(text) and text not in RESERVED
 
 
 def is_free(name: str) -> bool:
-    """Whether a value on the way may have this name, in generated code as well."""
+    """Return True if a step may have this name, in generated code as well."""
     return is_name(name) and not _TAKEN.fullmatch(name) and not hasattr(builtins, name)
 
 
 def check_tree(tree: ast.expr, condition: bool, final: bool = False) -> Tuple[str, ...]:
-    """The names that the tree uses, in order, once it is shown to be within the language.
+    """Return the names that the tree uses, in order. Raises ExpressionError.
 
     `final`: constants have become numbers in it already.
-
-    Raises ExpressionError if it is not.
     """
     checker = _Checker(final)
     if condition:
@@ -72,10 +59,10 @@ def check_tree(tree: ast.expr, condition: bool, final: bool = False) -> Tuple[st
 
 
 def checked_text(text: str, condition: bool) -> Tuple[str, Tuple[str, ...]]:
-    """The text of an expression, with single spaces, and the names it uses, in order of first use.
+    """Return the text with single spaces, and the names it uses, in order of first use.
 
-    It is a number made of numbers, names and the fixed functions; or, with `condition`, a condition
-    made of those. Raises ExpressionError if it is anything else.
+    Raises ExpressionError unless it is a number made of numbers, names and the fixed functions, or,
+    with `condition`, a condition made of those.
     """
     text = " ".join(text.split())
     if not text:
@@ -94,7 +81,7 @@ def checked_text(text: str, condition: bool) -> Tuple[str, Tuple[str, ...]]:
 
 
 def syntax_tree(text: str) -> ast.expr:
-    """The syntax tree of a text. Raises ExpressionError if it has none."""
+    """Return the syntax tree of a text. Raises ExpressionError."""
     try:
         return ast.parse(text, NO_FILE, mode="eval").body
     except SyntaxError as error:
@@ -113,8 +100,8 @@ def _short(text: str) -> str:
 class _Checker:
     """Walks a tree and refuses everything that is not in the language.
 
-    `always` is false within a part that is not evaluated every time: a stateful function would miss
-    samples there.
+    `always` is False within a part that is not evaluated every time, where a stateful function
+    would miss samples.
     """
 
     def __init__(self, final: bool) -> None:
@@ -123,7 +110,7 @@ class _Checker:
         self._row = 0
 
     def number(self, node: ast.expr, depth: int, always: bool) -> None:
-        """Checks a part that must be a number."""
+        """Check a part that must be a number."""
         self._enter(depth)
         value = literal(node)
         if value is not None:
@@ -142,7 +129,7 @@ class _Checker:
             self.number(node.orelse, depth + 1, False)
         elif isinstance(node, ast.Call):
             self._call(node, depth, always)
-        elif _is_condition(node):
+        elif is_condition(node):
             raise ExpressionError(
                 "a condition stands where a number is needed; write '1 if condition else 0'"
             )
@@ -150,7 +137,7 @@ class _Checker:
             _refuse(node)
 
     def condition(self, node: ast.expr, depth: int, always: bool) -> None:
-        """Checks a part that must be true or false."""
+        """Check a part that must be true or false."""
         self._enter(depth)
         if isinstance(node, ast.Compare):
             for comparison in node.ops:
@@ -182,7 +169,7 @@ class _Checker:
             raise ExpressionError(f"the expression has more than {MAX_ROW} operations in a row")
         self.number(first, depth + 1, always)
         for operation in operations:
-            if type(operation.op) not in _OPERATORS:
+            if not isinstance(operation.op, _OPERATORS):
                 _refuse(operation)
             if operation is not node:
                 self._enter(depth)
@@ -202,26 +189,19 @@ class _Checker:
         if not isinstance(node.func, ast.Name):
             _refuse(node.func)
         name = node.func.id
-        function: Union[Function, Stateful]
-        if name in FUNCTIONS:
-            function = FUNCTIONS[name]
-            least, most, each = function.least, function.most, function.each
-        elif name in STATEFUL:
-            function = STATEFUL[name]
-            least = most = function.arguments
-            each = 1
-            if not always:
-                raise ExpressionError(
-                    f"{name}(...) stands where it is not evaluated every time, so it would miss "
-                    "samples; give it a property and a relation of its own"
-                )
-        else:
-            close = difflib.get_close_matches(name, [*FUNCTIONS, *STATEFUL], n=1)
+        function = CALLS.get(name)
+        if function is None:
+            close = difflib.get_close_matches(name, CALLS, n=1)
             hint = f"; did you mean {close[0]}?" if close else ""
             raise ExpressionError(f"there is no function '{name}'{hint}; allowed: {_LANGUAGE}")
+        if function.stateful and not always:
+            raise ExpressionError(
+                f"{name}(...) stands where it is not evaluated every time, so it would miss "
+                "samples; give it a property and a relation of its own"
+            )
         if node.keywords:
             raise ExpressionError(f"{name}(...) takes no arguments by name")
-        count = len(node.args)
+        least, most, each, count = function.least, function.most, function.each, len(node.args)
         if count < least or (most is not None and count > most) or (count - least) % each:
             number = str(least) if most == least else f"{least} or more"
             if each > 1:
@@ -236,7 +216,8 @@ class _Checker:
         places = range(*fixed.places.indices(len(arguments)))
         values = [literal(arguments[place]) for place in places]
         for place, value in zip(places, values):
-            constant = not self._final and _may_be_constant(arguments[place])
+            node = arguments[place]
+            constant = not self._final and isinstance(node, ast.Name) and node.id not in RESERVED
             if value is None and fixed.must and not constant:
                 what = f"argument {place + 1} must be a number or a constant"
                 raise ExpressionError(f"{name}(...): {what}")
@@ -246,46 +227,20 @@ class _Checker:
             raise ExpressionError(f"{name}(...): {wrong}")
 
 
-def _may_be_constant(node: ast.expr) -> bool:
-    return isinstance(node, ast.Name) and node.id not in RESERVED
-
-
 def _check_exponent(node: ast.expr) -> None:
     if any(child.id not in RESERVED or child.id == ELAPSED for child in name_nodes(node)):
         return
-    try:
-        value = _constant(node)
-    except (ArithmeticError, ValueError) as error:
-        raise ExpressionError("the exponent has no value") from error
-    if not abs(value) <= MAX_EXPONENT:
+    for child in ast.walk(node):
+        if isinstance(child, ast.IfExp) or getattr(child, "id", "") in STATEFUL:
+            raise ExpressionError(
+                "an exponent without names must be made of numbers and arithmetic alone"
+            )
+    exponent = interval_of(node, {})
+    if not exponent.finite:
+        raise ExpressionError("the exponent has no value")
+    value = max(exponent.low, exponent.high, key=abs)
+    if abs(value) > MAX_EXPONENT:
         raise ExpressionError(f"the exponent is {value:g}; at most {MAX_EXPONENT} is allowed")
-
-
-def _constant(node: ast.expr) -> float:
-    value = literal(node)
-    if value is not None:
-        return value
-    if isinstance(node, ast.Name):
-        return CONSTANTS[node.id]
-    if isinstance(node, ast.UnaryOp):
-        value = _constant(node.operand)
-        return -value if isinstance(node.op, ast.USub) else value
-    if isinstance(node, ast.BinOp):
-        first, operations = row(node)
-        value = _constant(first)
-        for each in operations:
-            value = _OPERATORS[type(each.op)](value, _constant(each.right))
-        return value
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        if node.func.id in FUNCTIONS:
-            return FUNCTIONS[node.func.id].call(*[_constant(a) for a in node.args])
-    raise ExpressionError("an exponent without names must be made of numbers and arithmetic alone")
-
-
-def _is_condition(node: ast.expr) -> bool:
-    return isinstance(node, (ast.Compare, ast.BoolOp)) or (
-        isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
-    )
 
 
 _PARTS: Dict[type, str] = {

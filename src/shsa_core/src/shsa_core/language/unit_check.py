@@ -1,57 +1,48 @@
-"""Unit check: dimensional analysis of expressions."""
+"""Dimensional analysis of expressions."""
 import ast
 from fractions import Fraction
 from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED
-from shsa_core.language.trees import literal, row
+from shsa_core.language.trees import is_condition, literal, row
 from shsa_core.language.units import NO_UNIT, SECOND, Number, Quantity, Unit
 from shsa_core.language.units import match, raised, times
 
 Mismatch = Tuple[str, bool]
-"""What cannot match, in words. The flag: no number could make it match; else a number may carry
-a unit.
-"""
+"""Two units that cannot match, in words. False: a number may carry a unit that makes them match."""
 
 
 def find_mismatches(
-    tree: ast.expr,
+    parts: Sequence[Tuple[str, ast.expr]],
     units: Mapping[str, Optional[Unit]],
-    result: Optional[Unit],
-    steps: Sequence[Tuple[str, ast.expr]] = (),
+    result: Optional[Unit] = None,
 ) -> List[Mismatch]:
-    """What cannot match in an expression that should give the unit `result`.
+    """Return the units that cannot match in expressions of which the last gives the unit `result`.
 
-    `steps` are values on the way, in order, by the names that the ones behind know them by.
+    Each of `parts` has the name by which the parts behind it know it. None: not known.
     """
     known: Dict[str, Quantity] = dict(units)
     analysis = _Analysis(known)
-    for name, step in steps:
-        known[name] = analysis.quantity(step)
-    analysis.common(
-        [analysis.quantity(tree), result], "the function gives {}, its property is in {}"
-    )
-    return list(dict.fromkeys(analysis.mismatches))
-
-
-def find_mismatches_of_condition(
-    tree: ast.expr, units: Mapping[str, Optional[Unit]]
-) -> List[Mismatch]:
-    """What cannot match in a condition."""
-    analysis = _Analysis(units)
-    analysis.condition(tree)
+    for name, tree in parts:
+        if is_condition(tree):
+            analysis.condition(tree)
+            result = known[name] = None
+        else:
+            known[name] = analysis.quantity(tree)
+    last = known[parts[-1][0]]
+    analysis.common([last, result], "the function gives {}, its property is in {}")
     return list(dict.fromkeys(analysis.mismatches))
 
 
 class _Analysis:
-    """Finds the quantity of each part of a tree and collects what does not match."""
+    """Finds the quantity of each part of a tree and collects mismatches."""
 
     def __init__(self, units: Mapping[str, Quantity]) -> None:
         self._units = units
         self.mismatches: List[Tuple[str, bool]] = []
 
     def quantity(self, node: ast.expr) -> Quantity:
-        """The quantity of a number."""
+        """Return the quantity of a number."""
         value = literal(node)
         if value is not None:
             return Number(plain=value == round(value) or abs(value) == 0.5)
@@ -76,7 +67,7 @@ class _Analysis:
         return CALLS[node.func.id].units(node.func.id, parts, self.common)
 
     def condition(self, node: ast.expr) -> None:
-        """Checks a part that is true or false."""
+        """Check a part that is true or false."""
         if isinstance(node, ast.Compare):
             parts = [self.quantity(part) for part in (node.left, *node.comparators)]
             self.common(parts, "{} is compared with {}")
@@ -87,7 +78,7 @@ class _Analysis:
             self.condition(node.operand)
 
     def common(self, parts: Sequence[Quantity], message: str) -> Quantity:
-        """The quantity that all parts have, and a mismatch where two have not the same."""
+        """Return the quantity that all parts have; note a mismatch where two differ."""
         units = [part for part in parts if isinstance(part, Unit)]
         for unit in units[1:]:
             if not match(units[0], unit):

@@ -1,4 +1,4 @@
-"""Units, and the quantities that parts of an expression are."""
+"""Units, and the quantities of the parts of an expression."""
 import functools
 import math
 import re
@@ -19,10 +19,9 @@ _SPELLINGS = (("°C", "degC"), ("°", "degree"), ("%", "percent"), ("^", "**"))
 
 @dataclass(frozen=True)
 class Unit:
-    """Powers of base units, and how many of them one unit is.
+    """Powers of base units, and the `scale` of one unit in them, None if it is not known.
 
-    `scale` is None where it is not known. `sure` is false where a plain factor such as 2 was taken
-    to have no unit.
+    `sure` is False where a plain factor such as 2 was taken to have no unit.
     """
 
     powers: Tuple[Tuple[str, Fraction], ...] = ()
@@ -41,10 +40,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class Number:
-    """A number as it is written: in a sum it takes any unit.
-
-    A plain one such as 2 is a factor without a unit.
-    """
+    """A literal number: it takes any unit in a sum; a plain one such as 2 is a factor of none."""
 
     plain: bool
 
@@ -55,9 +51,7 @@ NO_UNIT = Unit()
 
 
 def parse_unit(text: str) -> Optional[Unit]:
-    """The unit that `text` names: `A`, `m/s^2`, `1` for none.
-
-    None if the text is empty (not known).
+    """Return the unit that `text` names: `A`, `m/s^2`, `1` for none; None if the text is empty.
 
     Raises UnitError if there is no such unit.
     """
@@ -107,7 +101,7 @@ def _power_text(power: Fraction) -> str:
 
 
 def times(left: Quantity, right: Quantity, sign: int = 1) -> Quantity:
-    """The quantity of a product (`sign` 1) or a quotient (-1)."""
+    """Return the quantity of a product (`sign` 1) or a quotient (-1)."""
     if isinstance(left, Number) and isinstance(right, Number):
         return Number(left.plain and right.plain)
     for one, other, other_sign in ((left, right, sign), (right, left, 1)):
@@ -129,7 +123,7 @@ def times(left: Quantity, right: Quantity, sign: int = 1) -> Quantity:
 
 
 def raised(unit: Quantity, exponent: Fraction) -> Quantity:
-    """The quantity of a power."""
+    """Return the quantity of a power."""
     if not isinstance(unit, Unit):
         return unit
     scale = None if unit.scale is None else unit.scale ** float(exponent)
@@ -138,7 +132,7 @@ def raised(unit: Quantity, exponent: Fraction) -> Quantity:
 
 
 def match(one: Unit, other: Unit) -> bool:
-    """Whether two units are the same, as far as their scales are known."""
+    """Return True if two units are the same, as far as their scales are known."""
     if one.powers != other.powers:
         return False
     if one.scale is None or other.scale is None:

@@ -2,8 +2,7 @@
 from dataclasses import dataclass, field
 from typing import Optional, Tuple
 
-from shsa_core.language.expression import Condition
-from shsa_core.language.law import Law
+from shsa_core.language.expression import Condition, Law
 from shsa_core.model.error import Error
 
 

@@ -26,13 +26,13 @@ from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.monitoring import events
-from shsa_core.monitoring.lasting import LastingFailures
+from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
 from shsa_core.monitoring.share import watched_at, watched_beside
 from shsa_core.ros import diagnostics
 from shsa_core.ros import clock
-from shsa_core.ros.processes.alone import await_turn
+from shsa_core.ros.processes.handover import await_turn
 from shsa_core.ros.sockets.arrival_times import ArrivalTimes
 from shsa_core.ros.sockets.connections import (
     Arrived,
@@ -45,7 +45,7 @@ from shsa_core.ros.sockets.connections import (
 )
 from shsa_core.ros.master.greeter import Greeter, Tell
 from shsa_core.ros.sockets.identities import Identified
-from shsa_core.ros.processes.companion import Companion
+from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.sockets.inbox import Inbox
 from shsa_core.ros.processes.launch import Launch, Launches
@@ -122,7 +122,7 @@ class MonitorNode:
         self._parameters = Workers("parameters")
         self._reader = Reader()
         self._sign = signing.signer(names.FAILURES, msg.Failure)
-        self._lasting = LastingFailures()
+        self._last_messages = LastMessages()
         self._watched: Set[str] = set()
         self._to_watch: Deque[str] = deque()
         self._subscribe_at = 0.0
@@ -173,7 +173,7 @@ class MonitorNode:
             Som: self._som_changed,
             _Substitutions: self._substitutions_changed,
             _SomState: lambda heard: self._feed(wire.formerly_healthy(heard.table)),
-            _Subscribed: self._tell_lasting,
+            _Subscribed: self._tell_failed,
             _Report: self._report,
         }
         self._inbox.put(som)
@@ -276,7 +276,7 @@ class MonitorNode:
             service = self._core.service_of(connection.topic, connection.publisher)
             if service is not None and service.needed and whole:
                 if connection.header["type"] == service.type:
-                    self._lasting.messages.keep(now, connection.topic, connection.publisher, data)
+                    self._last_messages.keep(now, connection.topic, connection.publisher, data)
             waited, ahead = self._times.waited(now), self._ahead
             event = self._reader.event(now, waited, connection, data, whole, service, ahead)
             self._values[event.topic, event.publisher] = event.values
@@ -299,12 +299,15 @@ class MonitorNode:
         commands = self._core.handle(event)
         for command in commands:
             self._carry_out[type(command)](command)
+        if any(isinstance(command, events.FailureDetected) for command in commands):
+            self._show_health()  # else what has changed in a turn is published together
         if self._journal is not None:
             self._journal.answered(commands)
 
     def _tell_failure(self, failure: events.FailureDetected) -> None:
-        last_message = self._lasting.add(failure)
-        self._failures.publish(self._sign(wire.failure_message(failure, last_message)))
+        row = self._changes.get((failure.topic, failure.publisher))
+        message = row.last_message if row is not None else b""
+        self._failures.publish(self._sign(wire.failure_message(failure, message)))
         blamed = f"{failure.publisher} fails" if failure.publisher else "nobody publishes"
         # The reconfigurator tells people.
         rospy.logdebug("%s: %s, %s: %s.", failure.topic, blamed, failure.kind, failure.detail)
@@ -317,19 +320,19 @@ class MonitorNode:
         services = ", ".join(f"{topic} from {node}" for topic, node in awaited.services)
         rospy.logwarn("Nothing of the robot is there yet. Awaited: %s.", services)
 
-    def _tell_lasting(self, subscribed: _Subscribed) -> None:
-        for failure, last_message in self._lasting.all(clock.now()):
-            subscribed.tell(self._sign(wire.failure_message(failure, last_message)))
+    def _tell_failed(self, subscribed: _Subscribed) -> None:
+        for row in self._last_messages.failed():
+            failure = wire.failure_of(row)
+            subscribed.tell(self._sign(wire.failure_message(failure, row.last_message)))
 
     def _substitutions_changed(self, changed: _Substitutions) -> None:
         event = wire.substitutions_changed(changed.table)
-        self._lasting.substitutions(event.rows)
+        self._last_messages.substitutions(event.rows)
         self._feed(event)
 
     def _tell_health(self, change: events.HealthChanged) -> None:
-        self._lasting.health(change.rows, change.removed)
         self._changes.update({key: None for key in change.removed})
-        self._changes.update({row.key: row for row in change.rows})
+        self._changes.update({row.key: row for row in self._last_messages.rows(change)})
 
     def _tell_bridged(self, bridged: events.Bridged) -> None:
         text = "%s: %s has filled in for a late message, %s so far. Nobody is blamed for that."
@@ -341,7 +344,6 @@ class MonitorNode:
         self._calibrations.update(rows, [wire.calibration_key(*key) for key in change.removed])
 
     def _show_health(self) -> None:
-        """Publish the changes of this turn, after its failures."""
         changes, self._changes = self._changes, {}
         rows = [wire.health_row(row) for row in changes.values() if row is not None]
         removed = [wire.health_key(key) for key, row in changes.items() if row is None]

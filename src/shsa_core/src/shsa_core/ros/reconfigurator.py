@@ -32,24 +32,23 @@ from shsa_core.model.som import Som
 from shsa_core.model.substitution import row_key
 from shsa_core.ros import diagnostics
 from shsa_core.ros import clock
-from shsa_core.ros.processes.alone import await_turn
-from shsa_core.ros.processes.companion import Companion
-from shsa_core.ros.processes.ending import Ending
+from shsa_core.ros.processes.handover import Handover, await_turn
+from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch
 from shsa_core.ros.master.master_watch import MasterWatch
-from shsa_core.ros.processes.processes import run_command
-from shsa_core.ros.processes.restarts import may_restart
+from shsa_core.ros.processes.starting import run_command
+from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.messages.usable import Problem, mark_unusable
 from shsa_core.ros.workers import Workers
-from shsa_core.ros.host.agents import Agents
-from shsa_core.ros.host.host import HostCommand
-from shsa_core.ros.host.hosts import Hosts
-from shsa_core.ros.processes.processes import Forks
-from shsa_core.ros.host.local import LocalHost
+from shsa_core.ros.agent.agents import Agents
+from shsa_core.ros.processes.host import HostCommand
+from shsa_core.ros.agent.routing import Router
+from shsa_core.ros.processes.starting import Forks
+from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import run
 from shsa_core.ros.services import Services
@@ -78,7 +77,7 @@ class ReconfiguratorNode:
     Parameters: those of shsa_core.healing.settings. Raises ModelError if a file is not valid.
     """
 
-    def __init__(self, arguments: argparse.Namespace, ending: Ending) -> None:
+    def __init__(self, arguments: argparse.Namespace, handover: Handover) -> None:
         self._files = arguments
         self._said: List[Problem] = []
         signing = Signing(arguments.secret)
@@ -109,19 +108,19 @@ class ReconfiguratorNode:
             self._journal = JournalWriter(journal, "healing", setup, rospy.logwarn)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
-        self._ending, self._ends = ending, False
+        self._handover, self._ends = handover, False
         signs = Signs(RECONFIGURATOR)
         self._companion = Companion(MONITOR, signs)
         prefix = self._core.names.prefix
         journals = _substitute_journals(journal)
         types = sorted({service.type for service in som if service.type})
         ready = lambda: self._put(events.Prepared(clock.now()))
-        forks = Forks(prefix.rsplit("/", 1)[0], types, ready) if arguments.prepared else None
+        forks = Forks(prefix.rsplit("/", 1)[0], types, ready)
         self._local = LocalHost(
             self._told, signs, prefix, journals, signing.path, arguments.sandbox, "", forks
         )
         self._agents = Agents(signing, self._told, arguments.host)
-        self._hosts = Hosts(self._local, self._agents, self._told, arguments.host)
+        self._hosts = Router(self._local, self._agents, self._told, arguments.host)
         self._asked: Dict[str, float] = {}
         self._spins, self._stopped = False, threading.Event()
         rospy.core.add_preshutdown_hook(self._stop_elsewhere)
@@ -208,7 +207,7 @@ class ReconfiguratorNode:
                 if not rospy.core.is_shutdown_requested():
                     rospy.logerr("The reconfigurator could not handle an event: %r", error)
         self._spins = False
-        if not self._ending.followed:
+        if not self._handover.followed:
             self._stop_all()
         self._incidents.close()
         if self._records is not None:
@@ -218,7 +217,7 @@ class ReconfiguratorNode:
 
     def _stop_elsewhere(self, _: str) -> None:
         """Agents are told while our topics are open; with one computer nobody is waited for."""
-        if self._spins and self._agents.names and not self._ending.followed:
+        if self._spins and self._agents.names and not self._handover.followed:
             self._queue.put(self._stop_all)
             self._stopped.wait(STOP_S)
 
@@ -423,13 +422,7 @@ def main() -> None:
     parser.add_argument("--host", default="", help="what the SOM calls this computer")
     sandbox = "a program and its arguments to run the substitutes in"
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
-    parser.add_argument(
-        "--no-prepared",
-        dest="prepared",
-        action="store_false",
-        help="start each substitute by rosrun, and fork none from a prepared process",
-    )
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     await_turn("reconfigurator")
-    ending = Ending()
-    run("reconfigurator", lambda: ReconfiguratorNode(arguments, ending).spin())
+    handover = Handover()
+    run("reconfigurator", lambda: ReconfiguratorNode(arguments, handover).spin())

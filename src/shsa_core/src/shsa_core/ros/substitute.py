@@ -20,7 +20,7 @@ from shsa_core.ros.messages.composing import read_message
 from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
 from shsa_core.ros.messages.fields import Field, problem
 from shsa_core.ros.master.node_api import FAILURES
-from shsa_core.ros.master.original import Originals
+from shsa_core.ros.master.bus import Originals
 from shsa_core.ros.messages.outputs import Outputs
 from shsa_core.ros.sockets.arrivals import Arrivals
 from shsa_core.ros.trust import secret
@@ -98,8 +98,7 @@ class SubstituteNode:
                 events.Compose: self._compose,
                 events.Publish: self._publish,
                 events.Announce: self._announce,
-                events.FindSubscribers: self._find_subscribers,
-                events.Tell: self._tell,
+                events.Remind: self._remind,
                 events.LookAtOriginal: self._look_at_original,
                 events.LookAtOthers: self._look_at_others,
                 events.TellNoValue: self._tell_no_value,
@@ -120,9 +119,9 @@ class SubstituteNode:
                 self._journal.close()
 
     def _follow(self) -> None:
-        self._feed(
-            events.Started(self._clock.now(), self._row, unusable(self._row), clock.ros_ns())
-        )
+        if not self._row.shared:
+            row, time, ros_time = self._row, self._clock.now(), clock.ros_ns()
+            self._feed(events.RowChanged(time, row, unusable(row), ros_time=ros_time))
         if self._signing is not None:
             table_of = msg.Substitutions, self._table, self._signing, self._name
             TableSubscriber(names.SUBSTITUTIONS, *table_of)
@@ -240,26 +239,15 @@ class SubstituteNode:
             rospy.logwarn_throttle_identical(10.0, f"{self._name}: {topic}: {error}")
 
     def _announce(self, command: events.Announce) -> None:
-        def call() -> None:
-            announce.announce(command.topic, command.type)
-
-        self._call(f"announcing {command.topic}", call)
-
-    def _find_subscribers(self, command: events.FindSubscribers) -> None:
-        def call() -> None:
-            for topic, nodes in announce.find_subscribers(command.topics).items():
-                connected = self._outputs.connected(topic)
-                self._arrivals.put(
-                    events.SubscribersFound(self._clock.now(), topic, nodes, connected)
-                )
-
-        self._call(f"looking for the subscribers of {', '.join(command.topics)}", call)
-
-    def _tell(self, command: events.Tell) -> None:
-        nodes = ", ".join(command.subscribers)
         self._call(
-            f"telling {nodes} of {command.topic}",
-            lambda: announce.tell(command.topic, command.subscribers),
+            f"announcing {command.topic}",
+            lambda: announce.announce(command.topic, command.type),
+        )
+
+    def _remind(self, command: events.Remind) -> None:
+        self._call(
+            f"telling the subscribers of {', '.join(command.topics)} who publishes them",
+            lambda: announce.remind(command.topics, self._outputs.connected),
         )
 
     def _call(self, what: str, call: Callable[[], None]) -> None:
@@ -267,7 +255,7 @@ class SubstituteNode:
             try:
                 call()
             except FAILURES as error:
-                self._arrivals.put(events.CallFailed(self._clock.now(), what, str(error)))
+                rospy.logwarn("%s: %s: %s", self._name, what, error)
 
         self._calls.put(guarded)
 
@@ -339,9 +327,8 @@ def _paths(text: str) -> Paths:
 
 def _by_hand(inputs: Paths, code: str, outputs: Paths) -> Substitution:
     """The row of a substitute that somebody started by hand: what it must know is looked up."""
-    from shsa_core.ros.master.som_lookup import (
-        look_up,
-    )  # not for those who ask nobody: it takes long
+    # Not for those who ask nobody: it takes long.
+    from shsa_core.ros.master.som_parameter import look_up
 
     signals = look_up((*inputs, *outputs))
     muted = bool(rospy.get_param("~muted", False))

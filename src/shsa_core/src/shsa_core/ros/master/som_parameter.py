@@ -1,22 +1,26 @@
 """The SOM on the parameter server, at shsa/som: put there once, heeded while it changes."""
+import dataclasses
 import json
 import threading
 import time
-from typing import Any, Callable, Optional, Set
+from typing import Any, Callable, Dict, Optional, Sequence, Set, Tuple
 
 import rospy
 from rospy.impl.paramserver import get_param_server_cache
 
-from shsa_core.errors import ModelError
-from shsa_core.files.som_file import PARAMETER, merge_parameters, som_parameters
+from shsa_core.errors import ModelError, ShsaError
+from shsa_core.files.document import from_parameters
+from shsa_core.files.som_file import PARAMETER, merge_parameters, read_tree, som_parameters
+from shsa_core.model.field import parse_field
+from shsa_core.model.service import Deadlines, Signal
 from shsa_core.model.som import Som
+from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
 
-POLL_S = 0.4
-SHARE = 0.02
-"""Of the time at most this much goes into looking: it takes half a second at 1,000 services."""
 MOST_SAID = 20
 """Errors of one look: anybody can set thousands of parameters."""
+UNKNOWN_PERIOD_S, UNKNOWN_DEADLINE_S = 0.1, 0.5
+"""Of a topic that the SOM does not have."""
 
 FAILS = (*FAILURES, rospy.ROSException)
 
@@ -27,7 +31,7 @@ def put_som(som: Som) -> None:
 
 
 def get_som_parameter() -> Optional[object]:
-    """What lies at shsa/som now; None if nothing does, or the master does not answer."""
+    """Return what lies at shsa/som; None if nothing does, or the master does not answer."""
     return _ask(lambda: rospy.get_param(PARAMETER, None))
 
 
@@ -83,17 +87,18 @@ class SomWatch:
             value = _ask(self._subscribe)
             if value is not None:
                 with self._lock:
-                    self._take(value)
-            self._look.wait(max(POLL_S, (time.monotonic() - begin) / SHARE))
+                    self._heed(value)
+            took = (time.monotonic() - begin) / settings.LOOKING_SHARE
+            self._look.wait(max(settings.SOM_LOOK_S, took))
 
     def _subscribe(self) -> Optional[object]:
-        """The value, {} if there is none; from now on the master tells of changes.
+        """Return the value, {} if there is none; from now on the master tells of changes.
 
         A master that was started anew knows of nobody.
         """
         return master_api().subscribeParam(rospy.get_node_uri(), self._name)
 
-    def _take(self, value: object) -> None:
+    def _heed(self, value: object) -> None:
         seen = json.dumps(value, default=_contents)  # as text: NaN equals itself
         if seen == self._seen:
             return
@@ -143,3 +148,46 @@ def _ask(question: Callable[[], Any]) -> Optional[Any]:
     except FAILS as error:
         rospy.logwarn_throttle(10.0, f"The master does not answer: {error}")
         return None
+
+
+def look_up(paths: Sequence[str]) -> Tuple[Signal, ...]:
+    """Return the signals at paths like `/odom/twist/twist/linear/x`, for who was started by hand.
+
+    By the SOM on the parameter server, else by the master. Raises ShsaError if neither has one of
+    them, or the master does not answer. No type is loaded.
+    """
+    try:
+        known = _som_signals()
+        types: Dict[str, str] = {}
+        if not all(path in known for path in paths):
+            types = dict(master_api().getTopicTypes())
+    except FAILURES as error:
+        raise ShsaError(f"the master does not answer: {error}") from error
+    return tuple(known[path] if path in known else _unmapped(path, types) for path in paths)
+
+
+def _som_signals() -> Dict[str, Signal]:
+    """Return every value of the SOM by its path; whose message it is does not matter."""
+    value: Optional[object] = rospy.get_param(PARAMETER, None)
+    if value is None:
+        return {}
+    try:
+        # What is not valid is named by those who watch the SOM; here the valid part will do.
+        som, _ = read_tree(from_parameters(value, PARAMETER), rospy.get_namespace())
+    except ShsaError:
+        som = Som()
+    signals = (
+        som.signal(source, Deadlines(), written)
+        for source in som.sources
+        for written in (False, True)
+    )
+    return {signal.path: dataclasses.replace(signal, node="") for signal in signals}
+
+
+def _unmapped(path: str, types: Dict[str, str]) -> Signal:
+    topics = [topic for topic in types if path.startswith(topic + "/")]
+    if not topics:
+        raise ShsaError(f"{path}: neither in the SOM nor on a topic that the master knows")
+    topic = max(topics, key=len)
+    field = str(parse_field(path[len(topic) + 1 :], "/"))
+    return Signal(topic, field, types[topic], "", UNKNOWN_PERIOD_S, UNKNOWN_DEADLINE_S)

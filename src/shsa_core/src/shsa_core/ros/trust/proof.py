@@ -1,19 +1,37 @@
-"""How a computer proves to another that it holds the same secret, and tells its clocks.
+"""How a node on another computer proves that it holds our secret, and tells its clocks.
 
-The other one sends a nonce that nobody has seen before. The proof is text, signed together with
-the nonce; it is read only if the signature is right.
+Who is asked gets a nonce that nobody has seen before. The proof is text, signed together with the
+nonce; it is read only if the signature is right. The question is one more call of a node's own
+XML-RPC interface: no socket, port or thread is needed for it.
 """
 import hmac
 import json
 import secrets
-from typing import Any, NamedTuple, Sequence
+import socket
+import threading
+import time
+from collections import OrderedDict
+from typing import Any, Callable, List, NamedTuple, Sequence, Tuple
+
+from rospy.impl.masterslave import ROSHandler
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.trust.places import Place
+from shsa_core.ros.master.node_api import FAILURES, Answer, address, ask_timed, master_api
+from shsa_core.ros.trust.computers import MOST, Met, NoAnswer
+from shsa_core.ros.trust.places import Place, master_seen
+from shsa_core.text import shown
 
+METHOD = "proveSecret"
 NONCE_B = 16
 LONGEST = 1 << 16
 """Characters of a proof."""
+MOST_SECRETS = 8
+"""So many different ones of a process are proved, the newest."""
+
+Find = Callable[[str], str]
+"""Where the master says that a node is. Raises one of FAILURES."""
+Call = Callable[[str, str, str], Answer]
+"""Calls a method with a nonce at a URI. Raises one of FAILURES."""
 
 
 class WrongSecret(ShsaError):
@@ -76,3 +94,92 @@ def read(secret: bytes, asked: str, answer: object) -> Proof:
 def _signature(secret: bytes, asked: str, text: str) -> str:
     key = hmac.digest(secret, b"proof", "sha256")
     return hmac.digest(key, (asked + text).encode(), "sha256").hex()
+
+
+class Challenger:
+    """Asks nodes to prove that they hold the secret and use our master.
+
+    `ours`: our master. `wall`: the wall clock at a time of the monotonic one, in ns.
+    """
+
+    def __init__(
+        self,
+        secret: bytes,
+        find: Find = lambda node: str(master_api().lookupNode(node)),
+        call: Call = ask_timed,
+        ours: Callable[[], Place] = master_seen,
+        wall: Callable[[int], int] = lambda at: time.time_ns() + at - time.monotonic_ns(),
+    ) -> None:
+        self._secret, self._find, self._call, self._ours = secret, find, call, ours
+        self._wall = wall
+        self._uris: "OrderedDict[str, str]" = OrderedDict()
+
+    def ask(self, node: str) -> Met:
+        """Ask a node. Raises NoAnswer; WrongSecret or ShsaError if what it answers is no proof."""
+        asked = nonce()
+        try:
+            uri = self._locate(node)
+            where = shown(address(uri).host, 100)
+            answer = self._call(uri, METHOD, asked)
+        except FAILURES as error:
+            raise NoAnswer("its sender does not prove where it is: no answer") from error
+        try:
+            found = self._read(asked, answer.value)
+        except WrongSecret as error:
+            raise WrongSecret(f"{shown(node, 100)} on {where}: {error}") from error
+        ours = self._ours()
+        if not found.master.is_same(ours):
+            raise ShsaError(f"it is of another robot: its ROS master is {found.master}, not {ours}")
+        self._uris[node] = uri
+        if len(self._uris) > MOST:
+            self._uris.popitem(last=False)
+        ahead = found.wall - self._wall((answer.asked + answer.answered) // 2)
+        times = found.clock, ahead, answer.asked, answer.answered
+        return Met(found.boot, shown(found.host, 100), where, *times)
+
+    def _locate(self, node: str) -> str:
+        """Where a node is; without the master, where it was when it last proved itself."""
+        try:
+            return self._find(node)
+        except FAILURES:
+            if node not in self._uris:
+                raise
+            return self._uris[node]
+
+    def _read(self, asked: str, answers: object) -> Proof:
+        """The proof by our secret: a process may hold several."""
+        problem = ShsaError("what its sender answers is no proof")
+        for answer in (answers if isinstance(answers, list) else [])[:MOST_SECRETS]:
+            try:
+                return read(self._secret, asked, answer)
+            except ShsaError as error:
+                problem = error
+        raise problem
+
+
+_served: "OrderedDict[Tuple[bytes, bytes], None]" = OrderedDict()
+_lock = threading.Lock()
+
+
+def serve(secret: bytes, boot: bytes) -> None:
+    """Have this process prove from now on that it holds the secret, as what signs with `boot`."""
+    with _lock:
+        _served[secret, boot] = None
+        if len(_served) > MOST_SECRETS:
+            _served.popitem(last=False)
+        setattr(ROSHandler, METHOD, _prove)
+
+
+def _prove(handler: Any, caller_id: object, asked: object) -> Tuple[int, str, List[Sequence[str]]]:
+    """The call, as rospy makes it."""
+    if not is_nonce(asked):
+        return -1, "a nonce is needed", []
+    with _lock:
+        held = list(_served)
+    return 1, "", [_proof(secret, boot, str(asked)) for secret, boot in held]
+
+
+def _proof(secret: bytes, boot: bytes, asked: str) -> Sequence[str]:
+    clocks = time.monotonic_ns(), time.time_ns()
+    told = Proof(boot, socket.gethostname(), master_seen(), *clocks)
+    return written(secret, asked, told)

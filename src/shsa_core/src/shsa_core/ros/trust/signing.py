@@ -11,7 +11,7 @@ import io
 import os
 import threading
 import time
-from typing import Any, Callable, Dict, Optional, Type
+from typing import Any, Callable, Dict, List, Optional, Tuple, Type
 
 import genpy
 import rospy
@@ -19,11 +19,9 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.ros.trust import secret
 from shsa_core.ros.rospy_patches.bounds import subscribe
-from shsa_core.ros.trust.challenges import Challenger, serve
 from shsa_core.ros.trust.computers import Computers
 from shsa_core.ros.trust.places import BOOT_B, origin
-from shsa_core.ros.trust.proof import WrongSecret
-from shsa_core.ros.trust.refusals import PAUSE_S, SENDERS, Refusals
+from shsa_core.ros.trust.proof import Challenger, WrongSecret, serve
 from shsa_core.ros.trust.seal import (
     EARLY,
     FOREIGN,
@@ -39,6 +37,11 @@ from shsa_core.ros.trust.seal import (
 LARGEST_B = 1 << 25
 """A larger message is not read: its sender is cut off."""
 NO_SIGNATURE = bytes(SIGNATURE_B)
+PAUSE_S = 60.0
+"""At least between two lines of the log on one sender."""
+SENDERS = 100
+"""So many are told apart."""
+LONGEST_NAME = 100
 
 Heard = Callable[[Any], None]
 
@@ -60,7 +63,6 @@ class Signing:
         self._lock = threading.Lock()
         self._measuring: Optional[threading.Thread] = None
         self._met = threading.Event()
-        self._suspects: Dict[str, float] = {}
         serve(self._secret, self._boot)
 
     def signed(self, topic: str, kind: Type[genpy.Message]) -> Any:
@@ -138,8 +140,8 @@ class Signing:
                 message.sent_here = self.computers.ours(message.boot, message.sent, sender)
                 heard(message)
             elif message.refusal != TWICE:
-                self.refusals.note(rospy.resolve_name(topic), sender, message.refusal)
-                if message.refusal == FOREIGN:
+                said = self.refusals.note(rospy.resolve_name(topic), sender, message.refusal)
+                if said and message.refusal == FOREIGN:
                     self._suspect(sender)
                 elif message.data or message.refusal == EARLY:
                     lost()
@@ -171,16 +173,39 @@ class Signing:
             self._met.clear()
 
     def _suspect(self, sender: str) -> None:
-        """Say so if a sender has another secret, which a person can mend; once a minute."""
-        now = time.monotonic()
-        with self._lock:
-            known = sender in self._suspects or len(self._suspects) < SENDERS
-            if not known or now < self._suspects.get(sender, -PAUSE_S) + PAUSE_S:
-                return
-            self._suspects[sender] = now
+        """Say so if a sender has another secret: a person can mend that."""
         try:
             self._challenger.ask(sender)
         except WrongSecret as error:
             rospy.logerr("%s: healing there is not believed. Ours is in %s.", error, self.path)
         except ShsaError:
             return  # it is no healer; that it was refused is said
+
+
+class Refusals:
+    """Counts the refused messages by topic, by the name that their sender claims, and by reason."""
+
+    def __init__(self) -> None:
+        self._counts: Dict[Tuple[str, str, str], int] = {}
+        self._said: Dict[Tuple[str, str, str], float] = {}
+        self._lock = threading.Lock()
+
+    def note(self, topic: str, sender: str, why: str) -> bool:
+        """Count a message, and say so once in PAUSE_S; True: it was said now. From any thread."""
+        key = topic, ascii(sender[:LONGEST_NAME])[1:-1], why
+        now = time.monotonic()
+        with self._lock:
+            if key not in self._counts and len(self._counts) >= SENDERS:
+                key = topic, "others", why
+            count = self._counts[key] = self._counts.get(key, 0) + 1
+            if now < self._said.get(key, -PAUSE_S) + PAUSE_S:
+                return False
+            self._said[key] = now
+        text = "Refused a message on %s from who calls itself %s: %s (%d so far)."
+        rospy.logwarn(text, topic, key[1], why, count)
+        return True
+
+    def counts(self) -> List[Tuple[str, int]]:
+        """Return how many there were so far, each with topic, sender and reason."""
+        with self._lock:
+            return [(f"{t} from {s}: {why}", n) for (t, s, why), n in self._counts.items()]

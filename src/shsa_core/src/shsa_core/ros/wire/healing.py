@@ -120,6 +120,8 @@ def _publisher_health(row: msg.PublisherHealth, stamps: clock.Stamps) -> Publish
         last_good=stamps.at(row.last_good),
         kind=_kind(row.kind),
         detail=shown(row.detail),
+        service=row.service,
+        last_message=last_message(bytes(row.last_message)),
     )
 
 

@@ -7,6 +7,7 @@ from shsa_msgs import msg
 from std_msgs.msg import Header
 
 from shsa_core.codegen.generator import Program
+from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import (
@@ -18,6 +19,12 @@ from shsa_core.monitoring.events import (
     SubstitutionsChanged,
 )
 from shsa_core.ros import clock
+
+
+def failure_of(row: PublisherHealth) -> FailureDetected:
+    """Return the failure that the row of a failed publisher tells of."""
+    whom, why = (row.service, row.topic, row.publisher), (row.kind or Kind.OTHER, row.detail)
+    return FailureDetected(row.since, *whom, *why, row.last_good)
 
 
 def failure_message(failure: FailureDetected, last_message: bytes) -> msg.Failure:
@@ -46,6 +53,8 @@ def health_row(row: PublisherHealth) -> msg.PublisherHealth:
         since=clock.to_stamp(row.since),
         first_message=clock.to_stamp(row.first_message),
         last_good=clock.to_stamp(row.last_good),
+        service=row.service,
+        last_message=row.last_message,
     )
 
 

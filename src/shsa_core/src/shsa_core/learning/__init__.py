@@ -1,1 +1,0 @@
-"""Recordings: read, aligned, learned from, and what derivations are worth on them."""

@@ -1,0 +1,231 @@
+"""The agent of a computer: carries out there what the reconfigurator wants, and tells what happens.
+
+It decides nothing. Without a reconfigurator it does nothing, and what it has started goes on; that
+knows then that it is cut off.
+"""
+import argparse
+import os
+import queue
+import re
+import shlex
+import sys
+import threading
+import time
+from typing import Optional
+
+import rospy
+from shsa_msgs import msg
+
+from shsa_core.errors import ModelError, ShsaError
+from shsa_core.healing import events
+from shsa_core.healing.naming import Names
+from shsa_core.ros import clock, settings
+from shsa_core.ros.processes import kernel
+from shsa_core.ros.processes.handover import Handover, await_turn
+from shsa_core.ros.processes.heartbeats import Signs, hearer
+from shsa_core.ros.agent.load import Load
+from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.processes.restarting import may_restart
+from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.processes.host import HostCommand, HostEvent
+from shsa_core.ros.processes.starting import Forks
+from shsa_core.ros.processes.local import LocalHost
+from shsa_core.ros.agent.line import EVENTS, Line, read_command, written
+from shsa_core.ros.node import publish, run
+from shsa_core.ros.wire import names
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+QUEUE = 200
+"""Messages that wait for a slow reconfigurator; what is beyond is said again."""
+
+
+class AgentEnd:
+    """The agent's end of the conversation with a reconfigurator; of none at first.
+
+    `began`: the agent's own number. A reconfigurator that was silent must begin anew: what it has
+    said before may come late, and is not wanted any more. Times in s, on one clock.
+    """
+
+    def __init__(self, began: int) -> None:
+        self.began = began
+        self.session = 0
+        self.line = Line()
+        self._heard_at = float("-inf")
+        self._open = False
+
+    def is_open(self, now: float) -> bool:
+        """Return whether the conversation goes on."""
+        self._open = self._open and now < self._heard_at + settings.LOST_S
+        return self._open
+
+    def is_cut_off(self, now: float) -> bool:
+        """Return whether a reconfigurator was heard, and is not any more."""
+        return self.session > 0 and not self.is_open(now)
+
+    def hear(self, message: msg.HostCommand, now: float) -> bool:
+        """Return whether a message holds a command that is to be carried out now."""
+        if message.agent != self.began or message.session < self.session:
+            return False  # it is for another agent, or of a former reconfigurator
+        if message.session > self.session:
+            self.session, self.line, self._open = message.session, Line(), True
+        elif not self.is_open(now):
+            return False
+        self._heard_at = now
+        return self.line.hear(message.number, message.heard, now)
+
+
+class AgentNode:
+    """Takes commands from the reconfigurator alone, by their signature."""
+
+    def __init__(self, arguments: argparse.Namespace, handover: Handover) -> None:
+        self._name = arguments.name
+        if not NAME.fullmatch(self._name):
+            raise ShsaError(f"--name is {self._name!a}: letters, digits and _ are allowed")
+        signing = Signing(arguments.secret)
+        self._lock = threading.Lock()
+        self._end = AgentEnd(time.monotonic_ns())
+        self._load = Load()
+        self._commands: "queue.Queue[HostCommand]" = queue.Queue()
+        self._restarts = may_restart(arguments.restart_as_root)
+        self._forgotten = threading.Event()
+        topic = names.host_events(self._name)
+        self._sign = signing.signer(topic, msg.HostEvent)
+        self._publisher: Optional[rospy.Publisher] = None
+        prefix = Names(rospy.get_namespace()).prefix
+        self._host = LocalHost(
+            self._tell,
+            Signs(hearer(self._name), cut_off=self._cut_off),
+            prefix,
+            arguments.journal,
+            signing.path,
+            arguments.sandbox,
+            self._name,
+            Forks(prefix.rsplit("/", 1)[0]),
+        )
+        left = self._host.take_up()
+        if left:
+            rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
+        self._handover = handover
+        self._publisher = rospy.Publisher(topic, msg.HostEvent, queue_size=QUEUE, tcp_nodelay=True)
+        topic = names.host_commands(self._name)
+        signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
+
+    def spin(self) -> None:
+        """Carry out commands in order until ROS shuts down; then stop what was started.
+
+        Unless another agent follows, which takes it up. Raises ShsaError if another must follow, as
+        the master does not know us.
+        """
+        rospy.loginfo("Agent of %s ready.", self._name)
+        beat_at = 0.0
+        threading.Thread(target=self._watch_master, name="master", daemon=True).start()
+        while not rospy.is_shutdown():
+            if self._forgotten.is_set():
+                raise ShsaError("the master was started anew, and knows us only if we are, too")
+            now = clock.now()
+            if now >= beat_at:
+                beat_at = now + settings.HEARTBEAT_S
+                self._beat(now)
+            try:
+                command = self._commands.get(timeout=max(0.0, beat_at - clock.now()))
+            except queue.Empty:
+                continue
+            self._carry_out(command)
+        if not self._handover.followed:
+            self._host.stop_all()
+
+    def _cut_off(self) -> bool:
+        with self._lock:
+            return self._end.is_cut_off(clock.now())
+
+    def _watch_master(self) -> None:
+        """Look now and then whether the master knows us, if no reconfigurator is heard.
+
+        One that was restarted with the master does not find us, and cannot tell the master of us.
+        """
+        us, topic = rospy.get_name(), rospy.resolve_name(names.host_events(self._name))
+        while not rospy.is_shutdown() and kernel.started_by_launch(os.getpid()):
+            rospy.rostime.wallsleep(settings.LOOK_S)
+            with self._lock:
+                heard = self._end.is_open(clock.now())
+            try:
+                publishers = {} if heard else dict(master_api().getSystemState()[0])
+            except FAILURES:
+                continue
+            if not heard and us not in publishers.get(topic, ()):
+                self._forgotten.set()
+                return
+
+    def _carry_out(self, command: HostCommand) -> None:
+        if isinstance(command, events.RestartNode) and not self._restarts:
+            why = f"that would be as root on {self._name} (restart_as_root:=true)"
+            self._tell(events.RestartFailed(clock.now(), command.node, why))
+            return
+        self._host.carry_out(command)
+
+    def _received(self, message: msg.HostCommand) -> None:
+        now = clock.now()
+        with self._lock:
+            former = self._end.session
+            wanted = self._end.hear(message, now)
+            begun = self._end.session != former
+        if begun:
+            self._beat(now)
+        if wanted:
+            try:
+                self._commands.put(read_command(message.command, rospy.get_name()))
+            except ModelError as error:
+                rospy.logerr("Refused a command: %s.", error)
+
+    def _tell(self, event: HostEvent) -> None:
+        """Say what has happened; if nobody listens, whoever does later sees what runs."""
+        now = clock.now()
+        with self._lock:
+            if self._end.is_open(now):
+                self._say(*self._end.line.say(written(EVENTS, event), now))
+
+    def _beat(self, now: float) -> None:
+        self._load.look(now)
+        with self._lock:
+            self._say(0, "")
+            if self._end.is_open(now):
+                for number, text in self._end.line.again(now):
+                    self._say(number, text)
+
+    def _say(self, number: int, text: str) -> None:
+        """Publish; whoever calls holds the lock, so that numbers come in order."""
+        if self._publisher is None:
+            return
+        now = clock.now()
+        message = msg.HostEvent(
+            began=self._end.began,
+            session=self._end.session,
+            open=self._end.is_open(now),
+            number=number,
+            heard=self._end.line.heard,
+            event=text,
+            addresses=self._load.addresses,
+            running=self._host.processes.running(),
+            restarted=self._host.restarts.running(),
+            load=self._load.busy,
+            cores=self._load.cores,
+            received=self._load.received,
+            transmitted=self._load.sent,
+        )
+        publish(self._publisher, self._sign(message))
+
+
+def main() -> None:
+    """Run the agent node."""
+    parser = argparse.ArgumentParser(prog="agent", description=main.__doc__)
+    parser.add_argument("--name", required=True, help="the computer's name, as in the SOM's hosts")
+    parser.add_argument("--secret", default="", help="the file with the secret of healing")
+    parser.add_argument("--journal", default="", help="what the substitutes' journals begin with")
+    parser.add_argument("--restart-as-root", action="store_true", help="also if we are root")
+    sandbox = "a program and its arguments to run the substitutes in"
+    parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
+    arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
+    node = f"agent_{arguments.name}"
+    await_turn(node)
+    handover = Handover()
+    run(node, lambda: AgentNode(arguments, handover).spin())

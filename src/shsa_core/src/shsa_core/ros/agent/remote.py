@@ -1,0 +1,235 @@
+"""Another computer, by way of the agent there: a Host over a line that may be cut.
+
+A conversation begins when the agent is heard, and again when it was silent or was started anew. It
+counts once both ends have heard each other. What is wanted of a computer that cannot be reached is
+answered at once, with what is known of it: nothing.
+"""
+from dataclasses import replace
+from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Tuple, Type
+
+from shsa_msgs import msg
+
+from shsa_core.errors import ModelError
+from shsa_core.healing import events
+from shsa_core.healing.events import Where
+from shsa_core.ros import settings
+from shsa_core.ros.agent.line import COMMANDS, Line, read_event, written
+from shsa_core.ros.processes.host import HostCommand, HostEvent, not_done
+from shsa_core.watch import Watch
+
+TellAny = Callable[[events.Event], None]
+
+ANSWERS: Mapping[Type[Any], Tuple[Type[Any], ...]] = {
+    events.LearnNode: (events.NodeLearned,),
+    events.FindNode: (events.NodeFound, events.ProcessUntouchable),
+    events.AskToLeave: (events.NodeLeft, events.ProcessUntouchable),
+    events.EndProcess: (events.NodeLeft, events.ProcessUntouchable),
+    events.StartSubstitute: (events.SubstituteStarted, events.ProcessExited),
+    events.RestartNode: (events.NodeRestarted, events.RestartFailed),
+}
+"""Commands that somebody waits for the answer of."""
+
+
+class Told(NamedTuple):
+    """How a computer does, for people. `silent`: for how long in s; None: it was never heard."""
+
+    name: str
+    reached: bool
+    silent: Optional[float]
+    load: float = 0.0
+    cores: float = 0.0
+    received: float = 0.0
+    transmitted: float = 0.0
+
+
+def unreachable(command: HostCommand, now: float, why: str) -> Optional[events.Event]:
+    """Return the answer to a command for a computer that cannot be reached; None: it needs none."""
+    if isinstance(command, events.FindNode):
+        return events.NodeFound(now, command.node, Where.UNREACHABLE, why)
+    return not_done(command, now, why)
+
+
+class RemoteHost:
+    """A Host of the computer `name`. For one thread at a time; times in s, on our clock.
+
+    `tell(event)` hears its events, HostSeen and HostLost; `publish(message)` sends a HostCommand;
+    `ended()`: whether the agent has closed its connection, as it does when it ends. What is to be
+    stopped while it cannot be reached is stopped once it can be; substitutes that have ended
+    meanwhile are told.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        tell: TellAny,
+        publish: Callable[[msg.HostCommand], None],
+    ) -> None:
+        self.name = name
+        self.ended: Callable[[], bool] = lambda: False
+        self.addresses: Tuple[str, ...] = ()
+        self._running: Tuple[str, ...] = ()
+        self._restarted: Tuple[str, ...] = ()
+        self._tell, self._publish = tell, publish
+        self._agent = self._session = 0
+        self._line = Line()
+        self._reached = self._known = self._lost = self._left = self._settled = False
+        self._waits: Dict[Tuple[Type[Any], str], HostCommand] = {}
+        self._wanted: Dict[str, HostCommand] = {}  # what runs there, and how it is stopped
+        self._watched = events.WatchNodes(())
+        self._last: Optional[msg.HostEvent] = None
+        self._clock = Watch()
+        self._heard_at = float("-inf")
+
+    @property
+    def is_reached(self) -> bool:
+        """True if both ends hear each other."""
+        return self._reached
+
+    @property
+    def is_quiet(self) -> bool:
+        """True if nothing is under way to the agent, or can be."""
+        return not self._reached or self._line.since is None
+
+    def told(self) -> Told:
+        """Return how the computer does."""
+        last = self._last
+        if last is None:
+            return Told(self.name, False, None)
+        figures = last.load, last.cores, last.received, last.transmitted
+        return Told(self.name, self._reached, self._clock.passed(self._heard_at), *figures)
+
+    def take_up(self) -> Tuple[str, ...]:
+        """What runs there is wanted, and told; what is found later, and is not, is stopped."""
+        self._settled = True
+        self._wanted.update({node: events.StopSubstitute(node) for node in self._running})
+        self._wanted.update({node: events.StopNode(node) for node in self._restarted})
+        return tuple(self._wanted)
+
+    def carry_out(self, command: HostCommand, now: float) -> None:
+        """Begin to carry out a command; see Host."""
+        if isinstance(command, events.WatchNodes):
+            self._watched = command
+        elif isinstance(command, events.StartSubstitute):
+            self._wanted[command.node] = events.StopSubstitute(command.node)
+        elif isinstance(command, events.RestartNode):
+            self._wanted[command.node] = events.StopNode(command.node)
+        elif isinstance(command, (events.StopSubstitute, events.StopNode)):
+            self._wanted.pop(command.node, None)
+        if self._reached:
+            self._send(command, now)
+        else:
+            self._answer(command, now, f"{self.name} cannot be reached")
+
+    def heard(self, message: msg.HostEvent, now: float) -> None:
+        """The agent has said something."""
+        self._last = message
+        self.addresses = tuple(message.addresses)
+        if message.began != self._agent:
+            self._give_up(now, f"the agent of {self.name} was started anew")
+            self._begin(message)
+        elif message.session == self._session and message.open:
+            self._heard_at, self._left = now, False
+            new = self._line.hear(message.number, message.heard, now)
+            if not self._reached:
+                self._reach(message, now)
+            if new:
+                self._happened(message.event, now)
+            if message.number == 0:
+                figures = message.load, message.cores, message.transmitted, message.received
+                self._tell(events.HostSeen(now, self.name, *figures))
+        elif self._reached or message.session > self._session:
+            self._give_up(now, f"the agent of {self.name} did not hear us")
+            self._begin(message)
+
+    def tick(self, now: float) -> None:
+        """Say again what was not heard, and give up an agent that is silent; every TICK_S."""
+        self._clock.look(now, self._clock.now + settings.TICK_S)
+        for number, text in self._line.again(now):
+            self._say(number, text)
+        silence = self._clock.passed(self._heard_at)
+        owed = 0.0 if self._line.since is None else self._clock.passed(self._line.since)
+        if self._reached and max(silence, owed) >= settings.LOST_S:
+            why = f"{self.name} has not answered for {max(silence, owed):.1f} s"
+            self._give_up(now, why)
+        self._left = self._left or (not self._reached and self.ended())
+        patience = settings.RETURN_S if self._left else settings.LOST_S
+        if self._known and not self._reached and not self._lost and silence >= patience:
+            self._lost = True
+            why = f"its agent has not answered for {silence:.1f} s"
+            self._tell(events.HostLost(now, self.name, why))
+
+    def beat(self) -> None:
+        """Tell the agent that we are there, and how much of it was heard."""
+        if self._agent:
+            self._say(0, "")
+
+    def _begin(self, message: msg.HostEvent) -> None:
+        """Begin a conversation; all that belongs to former ones counts no more."""
+        self._agent = message.began
+        self._session = max(message.session, self._session) + 1
+        self.beat()
+
+    def _reach(self, message: msg.HostEvent, now: float) -> None:
+        """Both ends hear each other: bring together what is wanted there and what runs."""
+        self._reached, self._known, self._lost = True, True, False
+        self._running, self._restarted = tuple(message.running), tuple(message.restarted)
+        self._send(self._watched, now)
+        if not self._settled:
+            return
+        found: Dict[str, HostCommand] = {n: events.StopSubstitute(n) for n in self._running}
+        found.update({node: events.StopNode(node) for node in self._restarted})
+        for node in [each for each in self._wanted if each not in found]:
+            if isinstance(self._wanted.pop(node), events.StopSubstitute):
+                self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
+        for node in [each for each in found if each not in self._wanted]:
+            self._send(found[node], now)
+
+    def _happened(self, text: str, now: float) -> None:
+        try:
+            event = read_event(text, f"the agent of {self.name}")
+        except ModelError:
+            return
+        self._tell(self._ours(event, now))
+
+    def _ours(self, event: HostEvent, now: float) -> HostEvent:
+        """Return an event by our clock; whoever waited for it does not wait any more."""
+        for command in [each for each in self._waits if each[1] == event.node]:
+            if isinstance(event, ANSWERS[command[0]]):
+                del self._waits[command]
+        if isinstance(event, events.SubstituteStarted):
+            return replace(event, time=now, found=now)
+        if isinstance(event, (events.ProcessExited, events.RestartFailed)):
+            self._wanted.pop(event.node, None)
+        return replace(event, time=now)
+
+    def _give_up(self, now: float, why: str) -> None:
+        """The conversation is over; whoever waits for an answer gets that."""
+        self._reached = False
+        self._agent = 0
+        self._line = Line()
+        waits, self._waits = self._waits, {}
+        for command in waits.values():
+            self._answer(command, now, why)
+
+    def _answer(self, command: HostCommand, now: float, why: str) -> None:
+        event = unreachable(command, now, why)
+        if isinstance(event, (events.ProcessExited, events.RestartFailed)):
+            self._wanted.pop(event.node, None)
+        if event is not None:
+            self._tell(event)
+
+    def _send(self, command: HostCommand, now: float) -> None:
+        if not isinstance(command, events.WatchNodes) and type(command) in ANSWERS:
+            self._waits[type(command), command.node] = command
+        self._say(*self._line.say(written(COMMANDS, command), now))
+
+    def _say(self, number: int, text: str) -> None:
+        self._publish(
+            msg.HostCommand(
+                session=self._session,
+                agent=self._agent,
+                number=number,
+                heard=self._line.heard,
+                command=text,
+            )
+        )

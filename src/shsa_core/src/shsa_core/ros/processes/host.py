@@ -1,0 +1,56 @@
+"""What healing wants of one computer, and what that answers."""
+from typing import Callable, Optional, Protocol, Union
+
+from shsa_core.healing import events
+
+NodeCommand = Union[
+    events.LearnNode,
+    events.FindNode,
+    events.AskToLeave,
+    events.EndProcess,
+    events.ClearNode,
+    events.StartSubstitute,
+    events.StopSubstitute,
+    events.RestartNode,
+    events.StopNode,
+]
+"""Commands about one node."""
+HostCommand = Union[NodeCommand, events.WatchNodes]
+HostEvent = Union[
+    events.NodeLearned,
+    events.NodeCameUp,
+    events.NodeFound,
+    events.NodeLeft,
+    events.NodeUnregistered,
+    events.ProcessUntouchable,
+    events.SubstituteStarted,
+    events.ProcessExited,
+    events.ProcessSilent,
+    events.ProcessHeard,
+    events.ProcessHung,
+    events.NodeRestarted,
+    events.RestartFailed,
+    events.StarterEnded,
+]
+Tell = Callable[[HostEvent], None]
+"""Is told an event, from any thread; waits for nobody."""
+
+
+class Host(Protocol):
+    """Carries out the commands about the processes of one computer, and tells its events."""
+
+    def carry_out(self, command: HostCommand) -> None:
+        """Begin to carry out a command, and wait for nobody; what fails is answered by an event."""
+
+
+def not_done(command: HostCommand, now: float, why: str) -> Optional[HostEvent]:
+    """Return the answer to a command that cannot be carried out; None: it needs none."""
+    if isinstance(command, events.LearnNode):
+        return events.NodeLearned(now, command.node, False)
+    if isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess)):
+        return events.ProcessUntouchable(now, command.node, why)
+    if isinstance(command, events.StartSubstitute):
+        return events.ProcessExited(now, command.node, why)
+    if isinstance(command, events.RestartNode):
+        return events.RestartFailed(now, command.node, why)
+    return None

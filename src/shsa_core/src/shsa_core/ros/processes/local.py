@@ -1,0 +1,225 @@
+"""The computer that we run on: its processes are learned, found, ended, started and listened to."""
+import threading
+import time
+from typing import Any, Callable, List, Optional, Sequence
+
+import psutil
+import rospy
+
+from shsa_core import dispatch
+from shsa_core.errors import ShsaError
+from shsa_core.healing import events
+from shsa_core.healing.events import Where
+from shsa_core.ros import clock, settings
+from shsa_core.ros.master import bus
+from shsa_core.ros.master.node_api import FAILURES
+from shsa_core.ros.processes import ending, kernel
+from shsa_core.ros.processes.heartbeats import Signs
+from shsa_core.ros.processes.host import HostCommand, Tell, not_done
+from shsa_core.ros.processes.nodes import Known, Nodes
+from shsa_core.ros.processes.protection import protection
+from shsa_core.ros.processes.restarting import ComingUp, Restarts
+from shsa_core.ros.processes.starting import Forks, Processes
+from shsa_core.ros.processes.watching import Life
+from shsa_core.ros.workers import Workers
+
+MOST_CALLS = 32
+"""Of one kind of command, under way at the same time."""
+LEARNING = 2
+"""So many nodes are learned at the same time: to look at each is work for several processes."""
+
+
+class LocalHost:
+    """A Host of this computer.
+
+    `signs`: who hears the heartbeats of the substitutes, whose names begin with `prefix`.
+    `journals`, `secret_file`, `sandbox`, `name`, `forks`: as in Processes; `name` is its `host`.
+    """
+
+    def __init__(
+        self,
+        tell: Tell,
+        signs: Signs,
+        prefix: str,
+        journals: str,
+        secret_file: str,
+        sandbox: Sequence[str] = (),
+        name: str = "",
+        forks: Optional[Forks] = None,
+    ) -> None:
+        self._tell = tell
+        self.prefix = prefix
+        self._endings: List[threading.Event] = []
+        clearing = Workers("clear", MOST_CALLS)
+        self.nodes = Nodes()
+        self.processes = Processes(
+            lambda node, detail: tell(events.ProcessExited(clock.now(), node, detail)),
+            lambda node: clearing.put(lambda: ending.clear(self.nodes, node)),
+            journals,
+            secret_file,
+            sandbox,
+            name,
+            forks,
+        )
+        self.restarts = Restarts(lambda node: tell(events.StarterEnded(clock.now(), node)), name)
+        self._coming_up = ComingUp(self.restarts.started_again, self._came_up)
+        self._life = Life(
+            signs,
+            lambda node: node.startswith(prefix),
+            lambda node: tell(events.ProcessSilent(clock.now(), node)),
+            lambda node: tell(events.ProcessHung(clock.now(), node)),
+            lambda node: tell(events.ProcessHeard(clock.now(), node)),
+        )
+        stops = Workers("stop", MOST_CALLS)
+        by = lambda name, work, most=MOST_CALLS: self._by(Workers(name, most), work)
+        self._carry_out: dispatch.Table[object] = dispatch.table(
+            HostCommand,
+            {
+                events.LearnNode: by("learn", self._learn, LEARNING),
+                events.WatchNodes: by("watch", lambda c: self._coming_up.watch(c.nodes)),
+                events.FindNode: by("find", self._find),
+                events.AskToLeave: by("ask to leave", lambda c: self._end(c, ending.ask_to_leave)),
+                events.EndProcess: by("end process", lambda c: self._end(c, ending.end_process)),
+                events.ClearNode: self._by(clearing, self._clear),
+                events.StartSubstitute: self._start,
+                events.StopSubstitute: self._by(stops, self._stop, True),
+                events.RestartNode: self._restart,
+                events.StopNode: self._by(stops, lambda c: self.restarts.stop(c.node), True),
+            },
+        )
+
+    def carry_out(self, command: HostCommand) -> None:
+        """Begin to carry out a command; see Host."""
+        try:
+            self._carry_out[type(command)](command)
+        except Exception as error:  # whatever it is, the commands after it are carried out
+            self._failed(command, error)
+
+    def take_up(self) -> List[str]:
+        """Make ours what a former reconfigurator or agent has left running; return the nodes."""
+        left = self.processes.left_behind(self.prefix)
+        for node, process in left.items():
+            self.processes.take_up(node, process)
+        return [*left, *self.restarts.take_up()]
+
+    def stop_all(self) -> None:
+        """Stop the substitutes, and the nodes that would have ended with us; wait for that."""
+        for node in self.processes.running():
+            self.carry_out(events.StopSubstitute(node))
+        for node in filter(self.restarts.is_with_us, self.restarts.running()):
+            self.carry_out(events.StopNode(node))
+        self.await_stops()
+
+    def await_stops(self) -> None:
+        """Wait until all has ended that was to be stopped."""
+        for ended in self._endings:
+            ended.wait()
+
+    def _by(
+        self, workers: Workers, work: Callable[[Any], object], awaited: bool = False
+    ) -> Callable[[Any], None]:
+        """Return what has a command carried out by workers: to wait must not hold the events up.
+
+        `awaited`: we do not end before it is done.
+        """
+
+        def put(command: Any) -> None:
+            done = threading.Event()
+
+            def call() -> None:
+                try:
+                    work(command)
+                except Exception as error:  # whatever it is, the next command is carried out
+                    self._failed(command, error)
+                finally:
+                    done.set()
+
+            if awaited:
+                self._endings = [each for each in self._endings if not each.is_set()] + [done]
+            workers.put(call)
+
+        return put
+
+    def _failed(self, command: HostCommand, error: Exception) -> None:
+        """Say that a command could not be carried out, and answer it, so that nobody waits."""
+        what = f"{type(command).__name__} {getattr(command, 'node', '')}".strip()
+        why = f"{type(error).__name__}: {error}"
+        rospy.logerr_throttle(10.0, f"{what} could not be carried out: {why}")
+        kill = isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess))
+        answer = not_done(command, clock.now(), f"it could not be carried out: {why}")
+        # This computer may lack the means now: a kill without an answer is tried again.
+        if answer is not None and not (kill and isinstance(error, OSError)):
+            self._tell(answer)
+
+    def _learn(self, command: events.LearnNode) -> None:
+        node = command.node
+        time.sleep(settings.LEARN_PAUSE_S)
+        known = self.nodes.learn(node, command.topic)
+        why = ""
+        if known is not None and known.process is not None:
+            self.restarts.learn(node, known.process)
+            sharing = self.nodes.sharing(node, known.process)
+            why = protection(node, known.process, sharing)
+            for other in sharing:
+                others = sharing - {other} | {node}
+                told = protection(other, known.process, others)
+                self._tell(events.NodeLearned(clock.now(), other, True, told))
+        self._tell(events.NodeLearned(clock.now(), node, known is not None, why))
+
+    def _came_up(self, node: str, process: Optional[psutil.Process]) -> None:
+        if process is not None:
+            self.nodes.adopt(node, Known("", process))
+        self._tell(events.NodeCameUp(clock.now(), node))
+
+    def _find(self, command: events.FindNode) -> None:
+        node = command.node
+        found = self.nodes.find(node, command.topic, command.successor)
+        rate = None
+        if command.listen and found.where is Where.HERE:
+            rate = self._rate(node, command.topic, command.listen)
+        self._tell(events.NodeFound(clock.now(), node, *found, self._starter(node), rate))
+
+    def _rate(self, node: str, topic: str, seconds: float) -> Optional[float]:
+        try:
+            uri = self.nodes.uri(node)
+        except FAILURES:
+            return None
+        return bus.rate(uri, topic, seconds) if uri else None
+
+    def _starter(self, node: str) -> str:
+        """Return the process that has started a node, in words; empty: not known."""
+        known = self.nodes.known(node)
+        if known is None or known.process is None:
+            return ""
+        number, programs = kernel.starter(known.process.pid)
+        if not programs:
+            return ""
+        name = programs[-1] if programs[0].startswith("python") else programs[0]
+        return f"{name!a}, process {number}"
+
+    def _end(self, command: events.AskToLeave, how: Callable[..., None]) -> None:
+        node = command.node
+        left = lambda: self._tell(events.NodeLeft(clock.now(), node))
+        failed = lambda why: self._tell(events.ProcessUntouchable(clock.now(), node, why))
+        how(self.nodes, node, left, failed)
+
+    def _clear(self, command: events.ClearNode) -> None:
+        if not ending.clear(self.nodes, command.node):
+            self._tell(events.NodeUnregistered(clock.now(), command.node))
+
+    def _start(self, command: events.StartSubstitute) -> None:
+        asked = clock.now()
+        self.processes.start(command)
+        self._tell(events.SubstituteStarted(clock.now(), command.node, asked))
+
+    def _stop(self, command: events.StopSubstitute) -> None:
+        self.processes.stop(command.node, answers=not self._life.is_silent(command.node))
+
+    def _restart(self, command: events.RestartNode) -> None:
+        node = command.node
+        try:
+            self.nodes.adopt(node, Known("", self.restarts.start(node)))
+        except (ShsaError, OSError, psutil.Error) as error:
+            self._tell(events.RestartFailed(clock.now(), node, str(error)))
+            return
+        self._tell(events.NodeRestarted(clock.now(), node, self.restarts.is_with_us(node)))

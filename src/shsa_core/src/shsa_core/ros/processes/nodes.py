@@ -1,0 +1,229 @@
+"""The process of each node: learned while it is healthy, verified before it is touched.
+
+A name proves nothing, and neither does an address that the master gives for it: anybody registers
+both. A process is taken for a node if it listens there by the kernel's word, is of our own user,
+and says itself that it publishes the topic, as the master does.
+"""
+import threading
+import time
+from dataclasses import dataclass, replace
+from typing import Dict, FrozenSet, NamedTuple, Optional, Set
+
+import psutil
+import rosgraph
+import rospy
+
+from shsa_core.healing.events import Where
+from shsa_core.ros import settings
+from shsa_core.ros.master.node_api import FAILURES, master_api, pid, publications
+from shsa_core.ros.processes import kernel
+
+
+@dataclass(frozen=True)
+class Known:
+    """A node's address, and its process; None: that is on another computer, or cannot be told.
+
+    `dead`: nobody listens at its address, which is on this computer. `topics`: what it publishes.
+    `learned`: all that was verified. `ours`: we have started it.
+    """
+
+    uri: str
+    process: Optional[psutil.Process]
+    dead: bool = False
+    topics: FrozenSet[str] = frozenset()
+    learned: bool = False
+    ours: bool = False
+
+    @property
+    def lives(self) -> bool:
+        """True if it may still run."""
+        return not self.dead and (self.process is None or not kernel.gone(self.process))
+
+    @property
+    def where(self) -> Where:
+        """Return where its process runs."""
+        if self.process is None:
+            return Where.ELSEWHERE
+        return Where.STOPPED if kernel.stopped(self.process) else Where.HERE
+
+
+class Found(NamedTuple):
+    """Where the process of a node runs; `detail`: why it is not touched."""
+
+    where: Where
+    detail: str = ""
+
+
+class Nodes:
+    """Knows which process each node is.
+
+    Calls take as long as the network does: each in a thread of its own.
+    """
+
+    def __init__(self) -> None:
+        self._known: Dict[str, Known] = {}
+        self._publishers: Dict[str, Set[str]] = {}  # as the master listed them
+        self._listed = float("-inf")
+        self._said: Set[str] = set()
+        self._lock = threading.Lock()
+
+    def known(self, node: str) -> Optional[Known]:
+        """Return what was learned or found of a node last."""
+        with self._lock:
+            return self._known.get(node)
+
+    def forget(self, node: str) -> Optional[Known]:
+        """Forget a node unless its process lives; return what was known of it."""
+        with self._lock:
+            known = self._known.get(node)
+            if known is None or known.process is None or not known.lives:
+                self._known.pop(node, None)
+            return known
+
+    def sharing(self, node: str, process: psutil.Process) -> Set[str]:
+        """Return the other nodes that were found in the process of a node."""
+        with self._lock:
+            return {each for each, k in self._known.items() if k.process == process} - {node}
+
+    def look(self, node: str) -> Optional[Known]:
+        """Return the process of a node by what the master and the kernel say now; None: none.
+
+        Raises one of FAILURES if the master does not answer.
+        """
+        try:
+            uri = master_api().lookupNode(node)
+        except rosgraph.MasterException:
+            return None
+        process = None
+        if kernel.is_local(uri):
+            try:
+                process = psutil.Process(pid(uri))
+            except ConnectionRefusedError:
+                return Known(uri, None, dead=True)
+            except (*FAILURES, psutil.Error) as error:
+                rospy.logdebug("The kernel is asked which process %s is: %s", node, error)
+            if process is None or not kernel.listens(process, uri):
+                process = kernel.listener(uri)
+        return Known(uri, process)
+
+    def uri(self, node: str) -> str:
+        """Return the address of a node that is known; empty: it has none now.
+
+        Raises one of FAILURES if the master does not answer.
+        """
+        known = self.known(node)
+        if known is None or known.uri:
+            return known.uri if known else ""
+        current = self.look(node)  # it was not up yet when we started it
+        return current.uri if current and current.process == known.process else ""
+
+    def learn(self, node: str, topic: str) -> Optional[Known]:
+        """Remember the process of a healthy publisher of a topic; None: it cannot be verified."""
+        known = self.known(node)
+        if known is not None and known.process is not None and known.uri:
+            if known.lives and topic in known.topics:
+                return known
+        try:
+            current = self.look(node)
+            if current is None or current.dead:
+                return None  # it has died meanwhile
+            why = _stranger(current)
+            if why:
+                self._warn(f"{node} can be neither ended for certain nor started again: {why}.")
+                return None
+            listed = self._lists(node, topic, settings.LISTING_AGE_S)
+            topics = publications(current.uri) if listed else frozenset()
+        except FAILURES as error:
+            rospy.logdebug("%s is not learned: %s", node, error)
+            return None
+        if topic not in topics:
+            return None
+        return self._put(node, replace(current, topics=topics, learned=True))
+
+    def adopt(self, node: str, known: Known) -> None:
+        """Remember a process that we have started: it needs no further proof."""
+        self._put(node, replace(known, learned=True, ours=True))
+
+    def find(self, node: str, topic: str, successor: bool) -> Found:
+        """Find where the process of a publisher runs that failed on a topic.
+
+        The learned one, or if that is dead, its successor.
+        """
+        known = self.known(node)
+        if known is not None and known.process is not None and not known.lives and not successor:
+            return Found(Where.DEAD)
+        try:
+            if known is None or not known.lives:
+                current = self.look(node)
+                if current is None:
+                    return Found(Where.NOWHERE if known is None else Where.DEAD)
+                if known is not None and current.uri == known.uri:
+                    # Not called again: its address may be an innocent one's by now.
+                    return Found(Where.DEAD)
+                known = current
+                if known.dead:
+                    self._put(node, known)
+                    return Found(Where.DEAD)
+            doubt = self._doubt(node, topic, known)
+        except FAILURES as error:
+            return Found(Where.UNKNOWN, f"the master does not answer: {error}")
+        if doubt is not None:
+            return doubt
+        return Found(self._put(node, known).where)
+
+    def _put(self, node: str, known: Known) -> Known:
+        with self._lock:
+            self._known[node] = known
+        return known
+
+    def _lists(self, node: str, topic: str, age: float) -> bool:
+        """Return whether the master lists a node as a publisher of a topic, at most `age` s ago.
+
+        Whoever is not listed may have come since: the master is asked again. Raises one of
+        FAILURES if it does not answer.
+        """
+        with self._lock:
+            now = time.monotonic()
+            if node not in self._publishers.get(topic, ()) or now - self._listed > age:
+                publishers, _, _ = master_api().getSystemState()
+                self._publishers = {topic: set(nodes) for topic, nodes in publishers}
+                self._listed = now
+            return node in self._publishers.get(topic, ())
+
+    def _warn(self, text: str) -> None:
+        """Say it once."""
+        if text not in self._said:
+            self._said.add(text)
+            rospy.logwarn("%s", text)
+
+    def _doubt(self, node: str, topic: str, known: Known) -> Optional[Found]:
+        """Return why this may not be who failed; None: there is no doubt.
+
+        Raises one of FAILURES if the master does not answer.
+        """
+        if known.ours or (known.learned and topic in known.topics):
+            return None
+        why = kernel.never_to_end(known.process) if known.process is not None else ""
+        if why or not topic:
+            return Found(Where.ANOTHER, why or "nobody says what it failed on")
+        if not self._lists(node, topic, 0.0):
+            why = f"the master does not list it as a publisher of {topic}"
+            return Found(Where.ANOTHER, why)
+        try:
+            topics = publications(known.uri)
+        except FAILURES as error:
+            if known.learned:
+                return None  # it was seen well, and hangs now
+            return Found(Where.UNKNOWN, f"it was never seen well, and cannot be verified: {error}")
+        if topic in topics:
+            return None
+        return Found(Where.ANOTHER, f"whoever answers at its address does not publish {topic}")
+
+
+def _stranger(known: Known) -> str:
+    """Return why a process is none that may be ended; empty: it may be."""
+    if known.process is None:
+        return "its process is somebody else's" if kernel.is_local(known.uri) else ""
+    if not kernel.is_ours(known.process):
+        return f"its process belongs to {kernel.user(known.process)}"
+    return kernel.never_to_end(known.process)

@@ -1,0 +1,45 @@
+"""Arguments that a launch file does not take are named, and no others."""
+from pathlib import Path
+from typing import List
+
+import pytest
+
+from shsa_core.ros.launch_arguments import unknown
+
+LAUNCH = Path(__file__).resolve().parents[2] / "launch"
+SHSA = str(LAUNCH / "shsa.launch")
+OUTER = """
+<launch>
+  <arg name="own" default="shsa.launch" /><arg name="fixed" value="1" />
+  <group><arg name="within" default="2" /></group>
+  <include file="{folder}/$(arg own)" pass_all_args="{passes}">
+    <arg name="som" value="x" />
+  </include>
+</launch>
+"""
+
+
+def refused(*words: str) -> List[str]:
+    return [name for name, _ in unknown(["/usr/bin/python3", "/usr/bin/roslaunch", *words])]
+
+
+def test_a_wrong_name_is_refused_and_those_that_are_there_are_told() -> None:
+    assert refused(SHSA, "ontology:=/o", "som:=/a:=b", "__name:=x", "hold_off:=2") == []
+    ((name, taken),) = unknown(["roslaunch", "-p", "11322", SHSA, "methd:=orr", "--screen"])
+    assert name == "methd" and {"method", "hold_off", "som"} < set(taken)
+
+
+@pytest.mark.parametrize("passes, ok", [("true", True), ("false", False)])
+def test_what_is_passed_on_counts(tmp_path: Path, passes: str, ok: bool) -> None:
+    file = tmp_path / "robot.launch"
+    file.write_text(OUTER.format(folder=LAUNCH, passes=passes))
+    assert refused(str(file), "own:=agent.launch", "within:=3", "fixed:=2") == ["fixed"]
+    assert refused(str(file), "hold_off:=3") == ([] if ok else ["hold_off"])
+    assert refused(str(file), "som:=y") == ["som"]
+    assert refused(str(file), "own:=agent.launch", "sandbox:=x") == ([] if ok else ["sandbox"])
+    assert refused(str(file), "own:=$(env FILE)", "x:=1") == ([] if ok else ["x"])
+
+
+def test_other_commands_and_files_that_cannot_be_found_are_left_alone() -> None:
+    assert unknown(["python3", "-m", "pytest", "x:=1"]) == []
+    assert refused("no_package", "no.launch", "x:=1") == refused("x:=1") == []

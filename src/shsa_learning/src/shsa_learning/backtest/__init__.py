@@ -1,0 +1,1 @@
+"""Derivations, run on recorded data as their substitutes would have been."""

@@ -1,0 +1,1 @@
+"""Incidents, explained after the fact: the reason, the alternatives, the truth."""

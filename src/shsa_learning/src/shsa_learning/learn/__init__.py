@@ -1,0 +1,1 @@
+"""Relations, learned from rows of recorded data."""

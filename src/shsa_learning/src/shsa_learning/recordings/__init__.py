@@ -1,0 +1,1 @@
+"""Recorded data, from bags and CSV files, as series on one clock."""

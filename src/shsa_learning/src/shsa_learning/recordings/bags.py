@@ -1,0 +1,267 @@
+"""Reads a rosbag by a SOM: what the services said of their properties, and not what healing said.
+
+Message types come from the bag itself. Messages of substitutes are left out, by the publisher's
+name in the bag and by what healing recorded of itself.
+"""
+import contextlib
+import math
+import struct
+from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
+
+import numpy as np
+
+from shsa_core.errors import ModelError, ShsaError
+from shsa_core.files.regular import open_to_read
+from shsa_core.healing.naming import PREFIX
+from shsa_core.model.field import FieldText, parse_field
+from shsa_core.model.field_type import field_type
+from shsa_core.model.field_value import field_value
+from shsa_core.model.names import full_name
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+from shsa_learning.recordings.recording import Recording, Series, ordered, times_of
+
+MAGIC = b"#ROSBAG V"
+SUBSTITUTIONS, INCIDENTS = "/shsa/substitutions", "/shsa/incidents"
+"""The ends of the names of healing's own topics, whatever namespace it ran in."""
+
+Fields = Tuple[FieldText, ...]
+
+
+def is_bag(path: str) -> bool:
+    """Return whether a file is a rosbag by what it begins with, or by its name."""
+    with open_to_read(path) as file:
+        return file.read(len(MAGIC)) == MAGIC or path.endswith(".bag")
+
+
+def read_bag(path: str, som: Som) -> Recording:
+    """Read a rosbag: a series for each value of each service of the SOM in it.
+
+    Raises ShsaError if it cannot be read, if a topic has another type than the SOM says, or if a
+    type lacks a field.
+    """
+    with opened(path) as bag:
+        return _Reader(path, bag, som).read()
+
+
+@contextlib.contextmanager
+def opened(path: str) -> Iterator[Any]:
+    """Open a rosbag. Raises ModelError if it cannot be read, also while it is."""
+    open_to_read(path).close()  # rosbag would wait for a pipe
+    import rosbag  # ROS is loaded for a bag alone
+
+    try:
+        with rosbag.Bag(path) as bag:
+            yield bag
+    except rosbag.ROSBagUnindexedException as error:
+        what = "has no index, as its recording was cut off; `rosbag reindex` gives it one"
+        raise ModelError(path, what) from error
+    except (
+        *(OSError, EOFError, KeyError, IndexError, TypeError, ValueError, AttributeError),
+        *(rosbag.ROSBagException, struct.error, _message_exception()),
+    ) as error:
+        raise ModelError(path, f"cannot be read as a rosbag: {error}") from error
+
+
+def _message_exception() -> Any:
+    import genpy
+
+    return genpy.MessageException
+
+
+class Incident(NamedTuple):
+    """The time (s) in which a service had failed, and the node that stood in for it."""
+
+    topic: str
+    service: str
+    node: str
+    begin: float
+    end: float
+    substitute: str
+
+
+class _Heard:
+    """The messages of one publisher for one service: stamps, times of recording, values."""
+
+    def __init__(self) -> None:
+        self.stamps: List[float] = []
+        self.recorded: List[float] = []
+        self.rows: List[List[Optional[float]]] = []
+
+
+class _Reader:
+    """Reads one bag."""
+
+    def __init__(self, path: str, bag: Any, som: Som) -> None:
+        self._path = path
+        self._bag = bag
+        self._som = som
+        self._nodes = {service.node for service in som}
+        self._substitutes: Set[str] = set()
+        self._incidents: List[Incident] = []
+        self._fields: Dict[Tuple[str, str, str], Fields] = {}
+        self._heard: Dict[Tuple[str, str], _Heard] = {}  # by service and publisher
+        self._left_out: Dict[str, int] = {}
+
+    def read(self) -> Recording:
+        """Read the whole bag."""
+        self._read_healing()
+        wanted = set(self._som.topics())
+
+        def of_som(topic: str, *_: object) -> bool:
+            return full_name(topic, "/") in wanted
+
+        for topic, message, time, header in self._messages(of_som):
+            self._take(full_name(topic, "/"), message, time.to_sec(), callerid(header))
+        series, notes = self._series()
+        notes += [f"{_count(n)} left out: {why}" for why, n in self._left_out.items()]
+        silent = [t for t in self._som.topics() if not self._has(t)]
+        notes += [f"nothing of {topic}" for topic in silent]
+        return Recording(self._path, tuple(series), tuple(notes))
+
+    def _messages(self, wanted: Any) -> Any:
+        return self._bag.read_messages(connection_filter=wanted, return_connection_header=True)
+
+    def _read_healing(self) -> None:
+        """Read the substitutes and incidents that healing told of."""
+
+        def of_healing(topic: str, *_: object) -> bool:
+            return full_name(topic, "/").endswith((SUBSTITUTIONS, INCIDENTS))
+
+        incidents: Dict[Tuple[str, int, str], Incident] = {}
+        for topic, message, time, _ in self._messages(of_healing):
+            if topic.endswith("substitutions"):
+                self._substitutes |= {row.node for row in message.substitutions}
+            else:
+                key = topic, message.id, message.service
+                incidents[key] = _incident(message, time.to_sec())  # the last is the whole story
+        self._incidents = list(incidents.values())
+        self._substitutes |= {each.substitute for each in self._incidents} - {""}
+
+    def _take(self, topic: str, message: Any, time: float, publisher: str) -> None:
+        service = self._som.service_of(topic, publisher)
+        why = self._doubt(topic, publisher, service, time)
+        if why or service is None:
+            self._left_out[why] = self._left_out.get(why, 0) + 1
+            return
+        fields = self._fields_of(service, message)
+        heard = self._heard.setdefault((service.name, publisher), _Heard())
+        stamp = getattr(getattr(message, "header", None), "stamp", None)
+        heard.stamps.append(0.0 if stamp is None else stamp.to_sec())
+        heard.recorded.append(time)
+        heard.rows.append([field_value(message, field) for field in fields])
+
+    def _doubt(self, topic: str, publisher: str, service: Optional[Service], time: float) -> str:
+        """Why a message is not what a service measured; empty if it is."""
+        name = publisher.rsplit("/", 1)[-1]
+        named = name.startswith(PREFIX) or name == PREFIX.rstrip("_")
+        if publisher not in self._nodes and (named or publisher in self._substitutes):
+            return f"{topic} by the substitute {publisher}"
+        if service is None:
+            who = publisher or "nobody that the bag names"
+            return f"{topic} by {who}, which is no service of the SOM"
+        for each in self._incidents:
+            if each.topic == topic and each.begin < time < each.end:
+                if service.name == each.service or service.node == each.node:
+                    return f"{topic} while {each.node} had failed"
+        return ""
+
+    def _fields_of(self, service: Service, message: Any) -> Fields:
+        """Return the fields of a service in the type that its messages have in this bag."""
+        key = service.name, message._type, message._md5sum
+        if key not in self._fields:
+            if message._type != service.type:
+                raise ModelError(
+                    self._path,
+                    f"{service.topic} is a {message._type}; the SOM says {service.type}",
+                )
+            types = _layouts(message)
+
+            def layout(name: str) -> Mapping[str, str]:
+                if name not in types:
+                    raise ShsaError(f"the bag does not say what a {name} is")
+                return types[name]
+
+            for provision in service.provides:
+                try:
+                    field_type(message._type, provision.field, layout)
+                except ShsaError as error:
+                    raise ModelError(self._path, f"{service.topic}: {error}") from error
+            self._fields[key] = tuple(parse_field(p.field) for p in service.provides)
+        return self._fields[key]
+
+    def _has(self, topic: str) -> bool:
+        return any(self._som.services[name].topic == topic for name, _ in self._heard)
+
+    def _series(self) -> Tuple[List[Series], List[str]]:
+        """Return the series of each service, by its own node where that is in the bag."""
+        series: List[Series] = []
+        notes: List[str] = []
+        for name, service in self._som.services.items():
+            parts = {publisher: h for (of, publisher), h in self._heard.items() if of == name}
+            if service.node in parts:
+                for other in sorted(set(parts) - {service.node}):
+                    why = f"{service.topic} by {other or 'nobody'}, which is not {service.node}"
+                    self._left_out[why] = len(parts[other].rows)
+                parts = {service.node: parts[service.node]}
+            if parts:
+                new, told = _series_of(service, list(parts.values()))
+                series += new
+                notes += [f"{service.topic} {note}" for note in told]
+        return series, notes
+
+
+def _series_of(service: Service, parts: Sequence[_Heard]) -> Tuple[List[Series], List[str]]:
+    """Return the series of the values of a service, and what is to be said of them."""
+    stamps = [stamp for part in parts for stamp in part.stamps]
+    recorded = [time for part in parts for time in part.recorded]
+    rows = [row for part in parts for row in part.rows]
+    time, notes = times_of(stamps, recorded)
+    order = ordered(time)
+    notes += order.notes
+    series = []
+    for place, source in enumerate(service.sources):
+        pairs = [(t, rows[k][place]) for t, k in zip(order.time, order.kept)]
+        samples = [(t, value) for t, value in pairs if value is not None]
+        if not samples:
+            notes.append(f"never names {source.provision.field}")
+            continue
+        times, values = zip(*samples)
+        low, high = source.provision.range or (-math.inf, math.inf)
+        within = [value if low <= value <= high else math.nan for value in values]
+        beyond = sum(value < low or value > high for value in values)
+        if beyond:
+            notes.append(
+                f"has {beyond} values of {source.property} beyond its range; they are none"
+            )
+        where = source.path, source.node
+        values_ = np.array(within)
+        series.append(Series(source.property, *where, np.array(times), values_, service.name))
+    return series, notes
+
+
+def _incident(message: Any, now: float) -> Incident:
+    """Return an incident, from the last good message to the first good one after it."""
+    known = [t.to_sec() for t in (message.last_good, message.detected) if not t.is_zero()]
+    over = [t.to_sec() for t in (message.returned, message.ended) if not t.is_zero()]
+    begin, end = min(known, default=now), min(over, default=math.inf)
+    node = message.faulty_node
+    return Incident(message.topic, message.service, node, begin, end, message.substitute)
+
+
+def callerid(header: Mapping[str, Any]) -> str:
+    """Return the publisher, as its connection names it."""
+    name = header.get("callerid", b"")
+    return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)
+
+
+def _layouts(message: Any) -> Dict[str, Dict[str, str]]:
+    """Return the fields of a message's type and of all types in it, as the bag has them."""
+    from genpy.dynamic import generate_dynamic
+
+    types = generate_dynamic(message._type, message._full_text)
+    return {name: dict(zip(each.__slots__, each._slot_types)) for name, each in types.items()}
+
+
+def _count(number: int) -> str:
+    return "1 message" if number == 1 else f"{number} messages"

@@ -1,0 +1,68 @@
+"""The numbers in messages of which only the type is known."""
+import struct
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+import genpy
+
+from shsa_core import message_types
+from shsa_core.errors import ShsaError
+from shsa_core.ros.messages.fields import Field
+from shsa_learning.init.contents import Array, Contents, LeftOut, Number, contents, elements
+
+MOST_SHAPES = 50
+"""Sets of lengths and names that the arrays of one publisher may have."""
+
+Shape = Tuple[Tuple[int, Tuple[str, ...]], ...]
+
+
+class Reader:
+    """Reads all numbers from the bytes of messages of the type `kind` whose sum is `md5sum`.
+
+    Raises ShsaError if the type is not known here, or is another version.
+    """
+
+    def __init__(self, kind: str, md5sum: str = "") -> None:
+        self.message_class: Any = message_types.message_class(kind)
+        if md5sum not in ("", "*", self.message_class._md5sum):
+            raise ShsaError(f"{kind} is another version there: its sum is not the one here")
+        self.contents: Contents = contents(kind, message_types.layout)
+        self._numbers = [(number, self._field(number)) for number in self.contents.numbers]
+        self._shapes: Dict[Shape, List[Tuple[Number, Field]]] = {}
+
+    def read(self, data: bytes) -> Tuple[Mapping[Number, Optional[float]], List[LeftOut]]:
+        """Return the numbers in a message, and the parts that are none, as far as that is new.
+
+        Raises ShsaError if the bytes are not a message of the type.
+        """
+        message = self.message_class()
+        try:
+            message.deserialize(data)
+        except (genpy.DeserializationError, struct.error, UnicodeDecodeError) as error:
+            raise ShsaError(f"its messages cannot be read: {error}") from error
+        omitted: List[LeftOut] = []
+        fields = self._numbers + self._elements(message, omitted)
+        return {number: field.get(message) for number, field in fields}, omitted
+
+    def _elements(self, message: Any, omitted: List[LeftOut]) -> List[Tuple[Number, Field]]:
+        shape = tuple(_shape(message, array) for array in self.contents.arrays)
+        found = self._shapes.get(shape)
+        if found is not None or len(self._shapes) >= MOST_SHAPES:
+            return found or []
+        found = self._shapes[shape] = []
+        for array, (length, names) in zip(self.contents.arrays, shape):
+            numbers, others = elements(array, length, names)
+            found += [(each, self._field(each)) for each in numbers]
+            omitted += others
+        return found
+
+    def _field(self, number: Number) -> Field:
+        return Field(self.message_class, number.field)
+
+
+def _shape(message: Any, array: Array) -> Tuple[int, Tuple[str, ...]]:
+    """Return the length of an array in a message, and the names of its elements."""
+    owner: Any = message
+    *path, last = array.path.split(".")
+    for name in path:
+        owner = getattr(owner, name)
+    return len(getattr(owner, last)), tuple(getattr(owner, array.names)) if array.names else ()

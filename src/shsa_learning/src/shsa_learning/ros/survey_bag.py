@@ -1,0 +1,72 @@
+"""Surveys a recording: a rosbag, read with the message types that are built here."""
+import struct
+from typing import Any, List, Mapping, Tuple
+
+import genpy
+import rosbag
+
+from shsa_core.errors import ShsaError
+from shsa_core.files.regular import open_to_read
+from shsa_learning.init.draft import UNKNOWN_NODE
+from shsa_learning.init.survey import Publisher, Survey, Surveyor
+from shsa_learning.ros.survey import Values
+
+FAILURES = (
+    *(rosbag.ROSBagException, genpy.DeserializationError, OSError, EOFError, struct.error),
+    *(ValueError, KeyError, IndexError, TypeError, AttributeError, MemoryError),
+)
+"""Exceptions of rosbag at files that are no bags, or damaged."""
+
+
+def survey_bag(path: str) -> Tuple[Survey, List[str]]:
+    """Survey a rosbag; times are those at which messages were recorded, in s.
+
+    Raises ShsaError if it cannot be read.
+    """
+    with open_to_read(path) as file:
+        try:
+            with rosbag.Bag(file) as bag:
+                return _survey(bag), []
+        except rosbag.ROSBagUnindexedException as error:
+            raise ShsaError(
+                f"{path}: is not complete, as where a recording was cut off: "
+                f"`rosbag reindex` mends what is there of it"
+            ) from error
+        except FAILURES as error:
+            raise ShsaError(f"{path}: cannot be read as a rosbag: {error}") from error
+
+
+def _survey(bag: Any) -> Survey:
+    surveyor = Surveyor()
+    values = Values(surveyor)
+
+    def known(topic: str, kind: str, md5sum: str, _: str, header: Mapping[str, Any]) -> bool:
+        publisher = Publisher(topic, kind, _node(header))
+        reader = values.takes(publisher, md5sum)
+        if reader is None:
+            return False
+        # Else rosbag makes a module of the definition that the bag brings along, and loads it.
+        rosbag.bag._message_types[md5sum] = reader.message_class
+        return True
+
+    times: List[float] = []
+    for item in bag.read_messages(connection_filter=known, raw=True, return_connection_header=True):
+        kind, data, md5sum = item.message[:3]
+        publisher = Publisher(item.topic, kind, _node(item.connection_header))
+        reader = values.takes(publisher, md5sum)
+        if reader is None:
+            continue
+        time = item.timestamp.to_sec()
+        times = [times[0] if times else time, time]
+        latched = _text(item.connection_header.get("latching", "")) == "1"
+        surveyor.heard(publisher, time, latched)
+        values.read(publisher, reader, len(data), data)
+    return surveyor.result(*(times or [0.0, 0.0]))
+
+
+def _node(header: Mapping[str, Any]) -> str:
+    return _text(header.get("callerid", "")) or UNKNOWN_NODE
+
+
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)

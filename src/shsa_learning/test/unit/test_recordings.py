@@ -1,0 +1,440 @@
+"""Recorded data: rosbags by a SOM, CSV files, and what of them is left out."""
+import math
+from pathlib import Path
+from typing import Any, List, Tuple
+
+import numpy as np
+import pytest
+import rospy
+from genpy.dynamic import generate_dynamic
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, String
+
+from recordings import BEGIN_S, BagWriter, som_of, write_csv
+from shsa_core.errors import ShsaError
+from shsa_core.model.ontology import Ontology, Property
+from shsa_core.model.som import Som
+from shsa_core.ros.wire import names
+from shsa_learning.recordings import bags
+from shsa_learning.recordings.bags import read_bag
+from shsa_learning.recordings.csv_files import read_csv
+from shsa_learning.recordings.data import read
+from shsa_learning.recordings.recording import Recording, Series
+from shsa_msgs.msg import Float64Stamped, Incident, Substitution, Substitutions
+
+CURRENT = ("/current", "std_msgs/Float64", "/amperemeter", {"current": "data"})
+SPEED = ("/odom", "nav_msgs/Odometry", "/wheels", {"speed": "twist.twist.linear.x"})
+
+
+def odometry(speed: float, stamp: float) -> Odometry:
+    message = Odometry()
+    message.twist.twist.linear.x = speed
+    message.header.stamp = rospy.Time.from_sec(stamp)
+    return message
+
+
+def ramp(n: int, step: float = 0.1, begin: float = BEGIN_S) -> Tuple[Tuple[float, float], ...]:
+    return tuple((begin + step * k, float(k)) for k in range(n))
+
+
+def bag(tmp_path: Path) -> Path:
+    return tmp_path / "drive.bag"
+
+
+def only(recording: Recording) -> Series:
+    (series,) = recording.series
+    return series
+
+
+def told(recording: Recording, text: str) -> bool:
+    return any(text in note for note in recording.notes)
+
+
+def test_a_bag_is_read_by_the_som_and_by_header_stamps(tmp_path: Path) -> None:
+    with BagWriter(bag(tmp_path)) as out:
+        for time, value in ramp(50):
+            out.write("/odom", odometry(value, time - 0.03), time, "/wheels")
+            out.write("/unknown", String("not in the SOM"), time, "/somebody")
+        out.floats("/current", ramp(10), "/amperemeter")
+    recording = read_bag(str(bag(tmp_path)), som_of(odom=SPEED, amps=CURRENT))
+    assert recording.properties == ("speed", "current")
+    speed = recording.only("speed")
+    assert (speed.source, speed.node, speed.service) == (
+        "/odom/twist/twist/linear/x",
+        "/wheels",
+        "odom",
+    )
+    np.testing.assert_allclose(speed.time, [time - 0.03 for time, _ in ramp(50)], atol=1e-6)
+    np.testing.assert_array_equal(speed.values, np.arange(50.0))
+    np.testing.assert_allclose(recording.only("current").time, [t for t, _ in ramp(10)])
+    assert recording.duration == pytest.approx(4.9, abs=1e-5)
+    assert not recording.notes
+
+
+def test_a_topic_that_was_not_recorded_is_named(tmp_path: Path) -> None:
+    with BagWriter(bag(tmp_path)) as out:
+        out.floats("/current", ramp(3), "/amperemeter")
+    recording = read_bag(str(bag(tmp_path)), som_of(odom=SPEED, amps=CURRENT))
+    assert recording.notes == ("nothing of /odom",)
+    with pytest.raises(ShsaError, match="drive.bag: has no speed; recorded were current"):
+        recording.only("speed")
+
+
+def test_a_message_type_comes_from_the_bag(tmp_path: Path) -> None:
+    text = "float32[] volts\nstrange/Inner inner\n" + "=" * 80 + "\nMSG: strange/Inner\nint16 level"
+    types = generate_dynamic("strange/Battery", text)
+    with BagWriter(bag(tmp_path)) as out:
+        for time, value in ramp(5):
+            inner = types["strange/Inner"](level=int(value))
+            message = types["strange/Battery"](volts=[1.0, value], inner=inner)
+            out.write("/battery", message, time, "/bms")
+    fields = {"volts": "volts[1]", "level": "inner.level", "most": "max(volts)"}
+    som = som_of(battery=("/battery", "strange/Battery", "/bms", fields))
+    recording = read_bag(str(bag(tmp_path)), som)
+    assert [list(series.values) for series in recording.series] == [
+        [0.0, 1.0, 2.0, 3.0, 4.0],
+        [0.0, 1.0, 2.0, 3.0, 4.0],
+        [1.0, 1.0, 2.0, 3.0, 4.0],
+    ]
+    wrong = som_of(battery=("/battery", "strange/Battery", "/bms", {"volts": "inner.volts"}))
+    with pytest.raises(ShsaError, match="drive.bag: /battery: .* has no field inner.volts"):
+        read_bag(str(bag(tmp_path)), wrong)
+    other = som_of(battery=("/battery", "std_msgs/Float64", "/bms", {"volts": "data"}))
+    with pytest.raises(ShsaError, match="is a strange/Battery; the SOM says std_msgs/Float64"):
+        read_bag(str(bag(tmp_path)), other)
+
+
+def test_messages_of_substitutes_are_left_out_by_their_publisher(tmp_path: Path) -> None:
+    with BagWriter(bag(tmp_path)) as out:
+        out.floats("/current", ramp(20), "/amperemeter")
+        wrong = [(time, -1.0) for time, _ in ramp(15, begin=BEGIN_S + 2.0)]
+        out.floats("/current", wrong, "/substitute_current_1")
+    recording = read_bag(str(bag(tmp_path)), som_of(amps=CURRENT))
+    np.testing.assert_array_equal(only(recording).values, np.arange(20.0))
+    assert recording.notes == (
+        "15 messages left out: /current by the substitute /substitute_current_1",
+    )
+
+
+def test_a_substitute_of_any_name_is_known_by_the_table_that_healing_recorded(
+    tmp_path: Path,
+) -> None:
+    with BagWriter(bag(tmp_path)) as out:
+        row = Substitution(node="/stand_in", service="amps")
+        out.write("/robot/shsa/substitutions", Substitutions(substitutions=[row]), BEGIN_S)
+        out.floats("/current", ramp(20), "/amperemeter")
+        out.floats("/current", ramp(15, begin=BEGIN_S + 2.0), "/stand_in")
+    recording = read_bag(str(bag(tmp_path)), som_of(amps=CURRENT))
+    assert len(only(recording)) == 20
+    assert told(recording, "15 messages left out: /current by the substitute /stand_in")
+
+
+@pytest.mark.parametrize("publisher", ["", "/amperemeter", "/play_17"])
+def test_where_publishers_are_lost_or_wrong_the_recorded_incident_tells(
+    tmp_path: Path, publisher: str
+) -> None:
+    with BagWriter(bag(tmp_path)) as out:
+        incident = Incident(id=1, service="amps", topic="/current", faulty_node="/amperemeter")
+        incident.last_good = rospy.Time.from_sec(BEGIN_S + 1.95)
+        out.write("/shsa/incidents", incident, BEGIN_S + 2.0)
+        incident.returned = rospy.Time.from_sec(BEGIN_S + 3.95)
+        out.write("/shsa/incidents", incident, BEGIN_S + 4.0)
+        out.floats("/current", ramp(60), publisher)
+    recording = read_bag(str(bag(tmp_path)), som_of(amps=CURRENT))
+    assert list(only(recording).values) == [*range(20), *range(40, 60)]
+    assert told(recording, "20 messages left out: /current while /amperemeter had failed")
+
+
+def test_names_of_healings_topics_are_those_that_it_uses() -> None:
+    assert bags.SUBSTITUTIONS == "/" + names.SUBSTITUTIONS
+    assert bags.INCIDENTS == "/" + names.INCIDENTS
+
+
+def test_two_services_of_a_topic_are_told_apart_by_their_nodes(tmp_path: Path) -> None:
+    def joints(name: str, value: float) -> JointState:
+        return JointState(name=[name], velocity=[value])
+
+    with BagWriter(bag(tmp_path)) as out:
+        for time, value in ramp(10):
+            out.write("/joint_states", joints("left", value), time, "/base")
+            out.write("/joint_states", joints("left", -value), time + 0.05, "/arm")
+            out.write("/joint_states", joints("left", 99.0), time + 0.07, "/third")
+    kind = "sensor_msgs/JointState"
+    som = som_of(
+        base=("/joint_states", kind, "/base", {"wheel": "velocity[name=left]"}),
+        arm=("/joint_states", kind, "/arm", {"elbow": "velocity[name=left]"}),
+    )
+    recording = read_bag(str(bag(tmp_path)), som)
+    np.testing.assert_array_equal(recording.only("wheel").values, np.arange(10.0))
+    np.testing.assert_array_equal(recording.only("elbow").values, -np.arange(10.0))
+    assert told(recording, "10 messages left out: /joint_states by /third")
+
+
+def test_a_value_that_a_message_does_not_name_is_no_sample(tmp_path: Path) -> None:
+    with BagWriter(bag(tmp_path)) as out:
+        for time, value in ramp(10):
+            name = "left" if value % 2 else "right"
+            out.write("/joint_states", JointState(name=[name], velocity=[value]), time, "/base")
+    fields = {"left": "velocity[name=left]", "top": "velocity[name=top]"}
+    som = som_of(base=("/joint_states", "sensor_msgs/JointState", "/base", fields))
+    recording = read_bag(str(bag(tmp_path)), som)
+    assert list(only(recording).values) == [1.0, 3.0, 5.0, 7.0, 9.0]
+    assert told(recording, "never names velocity[name=top]")
+
+
+def test_the_services_own_node_counts_where_a_stranger_publishes_too(tmp_path: Path) -> None:
+    with BagWriter(bag(tmp_path)) as out:
+        out.floats("/current", ramp(10), "/amperemeter")
+        out.floats("/current", [(time, -5.0) for time, _ in ramp(4)], "/rostopic_pub")
+    recording = read_bag(str(bag(tmp_path)), som_of(amps=CURRENT))
+    np.testing.assert_array_equal(only(recording).values, np.arange(10.0))
+    assert told(recording, "4 messages left out: /current by /rostopic_pub")
+
+
+def test_a_publisher_of_another_name_stands_for_the_only_service(tmp_path: Path) -> None:
+    with BagWriter(bag(tmp_path)) as out:
+        out.floats("/current", ramp(10), "/amperemeter_1234")
+    assert len(only(read_bag(str(bag(tmp_path)), som_of(amps=CURRENT)))) == 10
+
+
+def stamped(tmp_path: Path, samples: Any) -> Recording:
+    """Return a recording of values with stamps and times of recording."""
+    with BagWriter(bag(tmp_path)) as out:
+        for value, stamp, time in samples:
+            message = Float64Stamped(data=value)
+            message.header.stamp = rospy.Time.from_sec(stamp)
+            out.write("/current", message, time, "/amperemeter")
+    type_ = "shsa_msgs/Float64Stamped"
+    return read_bag(
+        str(bag(tmp_path)), som_of(amps=("/current", type_, "/amperemeter", {"current": "data"}))
+    )
+
+
+def test_stamps_out_of_order_are_sorted_and_double_ones_counted_once(tmp_path: Path) -> None:
+    stamps = [0.0, 0.2, 0.1, 0.3, 0.3, 0.4]
+    samples = [(float(k), BEGIN_S + s, BEGIN_S + 0.1 * k) for k, s in enumerate(stamps)]
+    recording = stamped(tmp_path, samples)
+    assert list(only(recording).values) == [0.0, 2.0, 1.0, 4.0, 5.0]
+    np.testing.assert_allclose(only(recording).time - BEGIN_S, [0.0, 0.1, 0.2, 0.3, 0.4], atol=1e-6)
+    assert told(recording, "1 sample out of order") and told(recording, "1 sample with the time")
+
+
+def test_a_clock_that_is_off_by_a_constant_is_moved(tmp_path: Path) -> None:
+    samples = [
+        (float(k), 5000.0 + 0.1 * k, t + 0.01 * (k % 3)) for k, (t, _) in enumerate(ramp(60))
+    ]
+    recording = stamped(tmp_path, samples)
+    np.testing.assert_allclose(np.diff(only(recording).time), 0.1, atol=1e-6)
+    assert only(recording).begin == pytest.approx(BEGIN_S, abs=0.02)
+    assert told(recording, "off by 3999.99 s")
+
+
+@pytest.mark.parametrize("stamp", [lambda k: 0.0, lambda k: 1.0 + 7.0 * (k % 5)])
+def test_stamps_that_say_nothing_do_not_count(tmp_path: Path, stamp: Any) -> None:
+    samples = [(float(k), stamp(k), time) for k, (time, _) in enumerate(ramp(30))]
+    np.testing.assert_allclose(only(stamped(tmp_path, samples)).time, [t for t, _ in ramp(30)])
+
+
+def test_a_latched_message_from_before_the_recording_holds_from_its_begin(tmp_path: Path) -> None:
+    samples = [(1.0, 3.0, BEGIN_S)] + [(2.0 + k, BEGIN_S + k, BEGIN_S + k) for k in range(1, 40)]
+    series = only(stamped(tmp_path, samples))
+    assert len(series) == 40 and BEGIN_S - 2.5 < series.begin <= BEGIN_S
+
+
+def test_what_is_beyond_its_range_is_no_value(tmp_path: Path) -> None:
+    provides = {"current": {"field": "data", "range": [-1.0, 3.0]}}
+    given = {"topic": "/current", "type": "std_msgs/Float64", "node": "/n", "provides": provides}
+    with BagWriter(bag(tmp_path)) as out:
+        out.floats("/current", [*ramp(6), (BEGIN_S + 0.6, math.nan)], "/n")
+    recording = read_bag(str(bag(tmp_path)), som_of(amps=given))
+    np.testing.assert_array_equal(only(recording).values, [0.0, 1.0, 2.0, 3.0] + 3 * [math.nan])
+    assert told(recording, "2 values of current beyond its range")
+
+
+@pytest.mark.parametrize(
+    "content, says",
+    [
+        (b"", "cannot be read as a rosbag"),
+        (b"nonsense", "cannot be read as a rosbag"),
+        (b"#ROSBAG V2.0\n", "has no index"),
+        (b"#ROSBAG V2.0\n" + bytes(4096), "has no index"),
+    ],
+    ids=["empty", "nonsense", "short", "zeros"],
+)
+def test_what_is_no_bag_is_refused(tmp_path: Path, content: bytes, says: str) -> None:
+    bag(tmp_path).write_bytes(content)
+    with pytest.raises(ShsaError, match=f"drive.bag: {says}"):
+        read([str(bag(tmp_path))], som_of(amps=CURRENT))
+
+
+def test_a_bag_that_was_cut_off_is_refused(tmp_path: Path) -> None:
+    with BagWriter(bag(tmp_path)) as out:
+        out.floats("/current", ramp(100), "/amperemeter")
+    whole = bag(tmp_path).read_bytes()
+    for size in (100, 5000, len(whole) // 2, len(whole) - 10):
+        bag(tmp_path).write_bytes(whole[:size])
+        with pytest.raises(ShsaError, match="drive.bag"):
+            read([str(bag(tmp_path))], som_of(amps=CURRENT))
+
+
+def test_a_bag_needs_a_som(tmp_path: Path) -> None:
+    with BagWriter(bag(tmp_path)) as out:
+        out.floats("/current", ramp(3), "/amperemeter")
+    with pytest.raises(ShsaError, match="drive.bag: is a rosbag: a SOM"):
+        read([str(bag(tmp_path))])
+
+
+def test_csv_columns_are_properties_and_empty_cells_no_samples(tmp_path: Path) -> None:
+    path = tmp_path / "wheels.csv"
+    path.write_text("\ufefftime, speed ,turn_rate\r\n0,1.5,\r\n0.1,2.5,nan\r\n\r\n0.2,,-1e-3\r\n")
+    (speed, turn), notes = read_csv(str(path))
+    assert (speed.property, speed.source, speed.node) == ("speed", str(path), "")
+    np.testing.assert_array_equal(speed.time, [0.0, 0.1])
+    np.testing.assert_array_equal(turn.values, [math.nan, -0.001])
+    assert not notes
+
+
+@pytest.mark.parametrize(
+    "text, line, says",
+    [
+        ("", "", "holds no samples"),
+        ("time,speed\n", "", "holds no samples"),
+        ("t,speed\n0,1\n", ":1", "the first column must be time .s., not 't'"),
+        ("time\n0\n", ":1", "there is no column beside the time"),
+        ("time,wheel speed\n0,1\n", ":1", "'wheel speed' cannot be a property"),
+        ("time,v,v\n0,1,1\n", ":1", "the column v stands here a second time"),
+        ("time,v\n0,1\n1,2,3\n", ":3", "3 cells, but there are 2 columns"),
+        ("time,v\n0,1\n1;2\n", ":3", "1 cells"),
+        ("time,v\n0,1\n1,fast\n", ":3", "v must be a number or empty, not 'fast'"),
+        ("time,v\n0,1\n,2\n", ":3", "time must be a finite number"),
+        ("time,v\n0,1\nnan,2\n", ":3", "time must be a finite number"),
+        ("time,v\n0,1\n9,2\n\n3,2\n", ":5", "the time goes back from 9 to 3 s"),
+        ("time,v\n9,1\n8.4,2\n7.8,2\n", ":4", "the time goes back from 9 to 7.8 s"),
+        ('time,v\n0,"1\n', ":2", "is not valid CSV"),
+        ("time,v\n0,\n", "", "holds no value of v"),
+        ("time,v\n0,\x00\n", ":2", "holds a zero byte"),
+    ],
+)
+def test_a_wrong_csv_file_is_refused_with_its_line(
+    tmp_path: Path, text: str, line: str, says: str
+) -> None:
+    path = tmp_path / "v.csv"
+    path.write_text(text)
+    with pytest.raises(ShsaError, match=f"v.csv{line}: {says}"):
+        read([str(path)])
+
+
+def test_csv_times_out_of_order_are_sorted(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "v.csv", ["time", "v"], [[0, 0], [0.2, 2], [0.1, 1], [0.2, 3]])
+    (recording,) = read([path])
+    assert list(only(recording).values) == [0.0, 1.0, 3.0]
+    assert told(recording, "out of order") and told(recording, "the time of another")
+
+
+def test_csv_files_are_sources_of_one_recording(tmp_path: Path) -> None:
+    paths = [
+        write_csv(tmp_path / "a" / "wheels.csv", ["time", "v"], [[0, 1], [1, 2]]),
+        write_csv(tmp_path / "b" / "imu.csv", ["time", "a"], [[0.5, 1], [2, 2]]),
+    ]
+    (recording,) = read(paths)
+    assert [series.source for series in recording.series] == paths
+    assert (recording.begin, recording.end) == (0.0, 2.0)
+
+
+def test_csv_files_of_one_name_are_recordings_by_their_folders(tmp_path: Path) -> None:
+    paths = [
+        write_csv(tmp_path / drive / name, ["time", name[0]], [[0, 1], [1, 2]])
+        for drive in ("monday", "friday")
+        for name in ("v.csv", "a.csv")
+    ]
+    monday, friday = read(paths)
+    assert [series.source for series in friday.series] == paths[2:]
+    assert (monday.name, friday.name) == (str(tmp_path / "monday"), str(tmp_path / "friday"))
+
+
+def test_csv_files_that_do_not_overlap_are_recordings_apart(tmp_path: Path) -> None:
+    late = write_csv(tmp_path / "late.csv", ["time", "v"], [[1e6, 1], [1e6 + 1, 2]])
+    early = write_csv(tmp_path / "early.csv", ["time", "a"], [[0, 1], [1, 2]])
+    first, second = read([late, early])
+    assert (first.properties, second.properties) == (("a",), ("v",))
+    assert told(second, "is a recording apart: no overlap in time")
+
+
+GPS = ("/gps", "std_msgs/Float64", "/gps", {"speed": "data"})
+IMU = ("/imu", "sensor_msgs/Imu", "/imu", {"turn": "angular_velocity.z", "speed": "x"})
+
+
+def services(tmp_path: Path, som: Som, **columns: str) -> Tuple[List[str], Recording]:
+    """Return the services that are found for the columns of files."""
+    paths = [
+        write_csv(
+            tmp_path / f"{name}.csv", ["time", *text.split()], [[0.0] * (1 + len(text.split()))]
+        )
+        for name, text in columns.items()
+    ]
+    (recording,) = read(paths, som)
+    return [series.service for series in recording.series], recording
+
+
+def test_a_csv_file_is_of_the_service_that_it_is_named_after(tmp_path: Path) -> None:
+    som = som_of(odom=SPEED, gps=GPS, amps=CURRENT)
+    found, recording = services(tmp_path, som, gps="speed current")
+    assert found == ["gps", "amps"] and recording.series[1].node == "/amperemeter"
+    assert not recording.notes
+
+
+def test_a_csv_file_is_of_the_only_service_that_provides_its_columns(tmp_path: Path) -> None:
+    som = som_of(odom=SPEED, imu=IMU)
+    assert services(tmp_path, som, x="turn speed")[0] == ["imu", "imu"]
+
+
+def test_where_several_services_could_be_meant_the_first_that_is_free_counts(
+    tmp_path: Path,
+) -> None:
+    som = som_of(odom=SPEED, gps=GPS, imu=IMU)
+    found, recording = services(tmp_path, som, a="speed", odom="speed", b="speed", c="speed")
+    assert found == ["gps", "odom", "imu", ""]
+    assert told(recording, "speed is taken for that of gps; name the file after odom, gps, imu")
+    assert told(recording, "c.csv: speed is of none of odom, gps, imu")
+    found, recording = services(tmp_path, som, odom="speed unheard_of")
+    assert found == ["odom", ""]
+    assert told(recording, "unheard_of is provided by no service of the SOM")
+
+
+def test_a_column_that_is_no_property_is_told(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "v.csv", ["time", "spede", "speed"], [[0, 1, 2], [1, 2, 3]])
+    ontology = Ontology({"speed": Property("speed")}, {}, ())
+    (recording,) = read([path], None, ontology)
+    assert recording.notes == (
+        f"{path}: spede is no property of the ontology; did you mean speed?",
+    )
+    assert recording.properties == ("spede", "speed")
+
+
+def test_files_are_told_apart_by_what_they_hold(tmp_path: Path) -> None:
+    named = tmp_path / "drive.data"
+    with BagWriter(named) as out:
+        out.floats("/current", ramp(3), "/amperemeter")
+    table = write_csv(tmp_path / "current.txt", ["time", "current"], [[0, 1]])
+    recordings = read([str(named), table], som_of(amps=CURRENT))
+    assert [only(each).source for each in recordings] == ["/current/data", table]
+    with pytest.raises(ShsaError, match="is given twice"):
+        read([table, table])
+    with pytest.raises(ShsaError, match="no file is given"):
+        read([])
+    with pytest.raises(ShsaError, match="No such file"):
+        read([str(tmp_path / "nothing.csv")])
+
+
+def test_a_series_is_what_it_says() -> None:
+    for time, values in (
+        ([], []),
+        ([0.0, 1.0], [1.0]),
+        ([0.0, 0.0], [1.0, 2.0]),
+        ([math.nan], [1.0]),
+    ):
+        with pytest.raises(ShsaError, match="v of s: "):
+            Series("v", "s", "", np.array(time), np.array(values))
+    assert Series("v", "s", "", np.array([3.0]), np.array([1.0])).interval == 0.0
+    assert str(Float64(1.0)) == "data: 1.0"
