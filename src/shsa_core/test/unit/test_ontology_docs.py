@@ -24,7 +24,8 @@ from shsa_core.search.substitutes import find_substitute, iter_substitutes
 DOCS = pathlib.Path(__file__).resolve().parents[4] / "docs"
 TEXT = (DOCS / "ontology.md").read_text("utf-8")
 BLOCKS = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
-SOM_BLOCKS = re.findall(r"```yaml\n(.*?)```", (DOCS / "som.md").read_text("utf-8"), re.DOTALL)
+SOM_TEXT = "".join((DOCS / page).read_text("utf-8") for page in ("som.md", "reference/som.md"))
+SOM_BLOCKS = re.findall(r"```yaml\n(.*?)```", SOM_TEXT, re.DOTALL)
 
 
 @pytest.fixture

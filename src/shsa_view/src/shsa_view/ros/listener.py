@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.rospy_patches.bounds import subscribe
+from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.ros.trust.signing import LARGEST_B, Signing
 from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.wire import names
