@@ -15,7 +15,6 @@ from shsa_core.errors import ModelError
 from shsa_core.files.som_file import read_som
 from shsa_core.gating import events
 from shsa_core.gating.machine import Gate
-from shsa_core.gating.settings import Settings
 from shsa_core.message_types import message_class
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
@@ -30,9 +29,6 @@ from shsa_core.ros.node import run
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
 
-QUEUE = 10
-"""Messages that wait for a consumer that does not read; the others do not wait for it."""
-
 
 class GateNode:
     """Brings events to the core, and carries out what it says.
@@ -46,7 +42,7 @@ class GateNode:
         first = arguments.standby and full_name(arguments.standby, rospy.get_namespace())
         signing = Signing(arguments.secret)
         self._kind = message_class(self._service.type)
-        self._core = Gate(self._service, Settings(standby_for=first), clock.now())
+        self._core = Gate(self._service, first, clock.now())
         self._subscriptions = Subscriptions(clock.now, signing.refusals.note)
         self._inbox = self._subscriptions.inbox
         self._reader = Reader(ALL)
@@ -55,7 +51,7 @@ class GateNode:
         self._publisher = rospy.Publisher(
             self._service.heard,
             self._kind,
-            queue_size=QUEUE,
+            queue_size=settings.CONSUMER_QUEUE,
             tcp_nodelay=True,
             latch=self._service.latched,
         )
