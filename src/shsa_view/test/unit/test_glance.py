@@ -13,7 +13,7 @@ import pytest
 from shsa_view.glance import Look, Sort, glance, lines, value
 from shsa_view.judgement import Condition
 from shsa_view.state import State
-from shsa_view.terminal import Screen, keys, show
+from shsa_view.terminal import Screen, keys
 
 WELL, HEALED, LOST = "well", "substituted", "not_healed"
 
@@ -148,6 +148,7 @@ import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # who runs the tests may ignore it
 sys.path.insert(0, sys.argv.pop(1))
 from test_glance import document
+from shsa_view.terminal import show
 
 class Robot:
     def look(self):

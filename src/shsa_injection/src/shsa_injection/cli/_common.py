@@ -45,7 +45,7 @@ def duration(text: str) -> float:
 
 
 def end_in_order() -> None:
-    """From now on a request to end is like Ctrl-C: faults are taken back."""
+    """Treat a request to end like Ctrl-C from now on: faults are taken back."""
 
     def end(number: int, frame: Optional[Any]) -> None:
         sys.exit(128 + number)
