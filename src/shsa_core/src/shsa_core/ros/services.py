@@ -13,7 +13,7 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.model.service import Service
-from shsa_core.ros import clock
+from shsa_core.ros import clock, settings
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
@@ -22,7 +22,6 @@ ANSWER_TIMEOUT_S = 5.0
 NO_OPERATOR = (
     "refused: this reconfigurator was started with operator:=false, and does nothing on request"
 )
-LAST_MESSAGE_TIMEOUT_S = 0.5
 
 
 class Services:
@@ -121,7 +120,7 @@ class Services:
             self._action.set_aborted(text=str(error))
             return
         # The monitor sends the last message of what has failed, and this has not.
-        message = _one_message(service.topic, service.type, service.node, LAST_MESSAGE_TIMEOUT_S)
+        message = _one_message(service.topic, service.type, service.node, settings.CALL_S)
         last = wire.last_message(message)
         self._put(events.SubstituteRequested(clock.now(), service.name, last))
         incident = self._incidents.await_settled(

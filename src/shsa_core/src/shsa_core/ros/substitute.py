@@ -12,7 +12,7 @@ from shsa_msgs import msg
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.ros import clock
+from shsa_core.ros import clock, settings
 from shsa_core.ros.master import announce
 from shsa_core.ros.processes import priority
 from shsa_core.message_types import message_class
@@ -36,15 +36,6 @@ from shsa_core.substitution.signals import JOURNAL, SHARED, VARIABLE, decode
 if TYPE_CHECKING:
     from shsa_core.journal.writer import JournalWriter
 
-SIMULATED_S = 0.002
-"""At least so long between two looks at /clock, which nobody can wait for."""
-POLL_S = 0.1  # between two looks whether ROS shuts down
-ALONE_S = 60.0  # without a reconfigurator; a launch starts it again within 2 s
-PREPARE_PAUSE_S = 0.01
-"""Between two registrations that are in no hurry: each costs other nodes a connection, and a node
-that has many to make at once does not publish meanwhile."""
-SHARED_PAUSE_S = 0.1
-"""The same in a process that several share: ten of them come up together, with a program each."""
 USAGE = "usage: rosrun shsa_core substitute INPUTS CODE OUTPUT"
 Paths = Tuple[str, ...]
 
@@ -129,15 +120,19 @@ class SubstituteNode:
         alone = cut_off = False
         while not rospy.is_shutdown():
             deadline = self._core.next_deadline()
-            wait = POLL_S if deadline is None else min(POLL_S, deadline - self._clock.now())
-            self._inputs.wait(max(wait, SIMULATED_S) if clock.is_simulated() else wait)
+            wait = (
+                settings.TURN_S
+                if deadline is None
+                else min(settings.TURN_S, deadline - self._clock.now())
+            )
+            self._inputs.wait(max(wait, settings.REST_S) if clock.is_simulated() else wait)
             self._heart.beat()
             if self._heart.cut_off is not cut_off:
                 cut_off = not cut_off
                 self._feed(events.ReachChanged(self._clock.now(), cut_off))
-            if self._heart.unheard > ALONE_S and not alone:
+            if self._heart.unheard > settings.ALONE_S and not alone:
                 self._feed(events.LeftAlone(self._clock.now()))
-            alone = self._heart.unheard > ALONE_S
+            alone = self._heart.unheard > settings.ALONE_S
             for event in self._inputs.take(self._clock.now() >= self._core.reads_at):
                 self._feed(event)
             self._inputs.hurry(self._core.hurries)
@@ -224,7 +219,7 @@ class SubstituteNode:
         """Make a call to the master; who is in no hurry makes room for others after it."""
         self._registrations.put(call)
         if self._idle or self._row.shared:
-            pause = SHARED_PAUSE_S if self._row.shared else PREPARE_PAUSE_S
+            pause = settings.SHARED_PAUSE_S if self._row.shared else settings.PREPARE_PAUSE_S
             self._registrations.put(lambda: self._hurry.wait(pause))
 
     def _withdraw(self, command: events.Withdraw) -> None:
