@@ -28,7 +28,7 @@ from shsa_core.model.som import Som
 from shsa_core.monitoring import events
 from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.machine import Monitor
-from shsa_core.monitoring.settings import Settings
+from shsa_core.monitoring.settings import RECONNECT_S, Settings
 from shsa_core.monitoring.share import watched_at, watched_beside
 from shsa_core.ros import diagnostics
 from shsa_core.ros import clock
@@ -118,7 +118,7 @@ class MonitorNode:
         refused = signing.refusals.note
         # Only the monitor that the reconfigurator watches may hear, and so end, it in turn.
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
-        self._connections = Connections(self._inbox, settings.reconnect, refused)
+        self._connections = Connections(self._inbox, RECONNECT_S, refused)
         self._parameters = Workers("parameters")
         self._reader = Reader()
         self._sign = signing.signer(names.FAILURES, msg.Failure)
