@@ -34,7 +34,7 @@ from shsa_core.language.expression import parse_law  # noqa: E402
 from shsa_core.language.units import parse_unit  # noqa: E402
 from shsa_core.model.field import parse_field  # noqa: E402
 from shsa_core.model.som import Som  # noqa: E402
-from shsa_core.ros.messages.messages import Decoder  # noqa: E402
+from shsa_core.ros.messages.fields import Decoder  # noqa: E402
 from shsa_core.substitution import signals  # noqa: E402
 from shsa_core.text import shown  # noqa: E402
 from shsa_learning.explain import words as in_words  # noqa: E402

@@ -2,19 +2,19 @@
 import os
 import re
 import tempfile
-from typing import Any, Dict, Iterable, List, Mapping, Tuple
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Tuple
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from shsa_core.errors import ModelError
-from shsa_core.files.error_values import plain_error, usual_quality
+from shsa_core.files.keys import CONSTANT, HOST, PROPERTY
 from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.readers import plain, plain_entry
 from shsa_core.files.regular import read_text
-from shsa_core.files.som_file import NAMES, read_som, service_parameters
-from shsa_core.files.som_plain import host_parameters
-from shsa_core.model.error import Error
+from shsa_core.files.som_file import NAMES, read_som, service_entry
+from shsa_core.model.error import Error, quality_of
 from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
@@ -66,7 +66,7 @@ def save_som(som: Som, path: str, namespace: str = "/") -> None:
         if old.services.get(name) != service
     }
     computers = {
-        name: _one_line(host_parameters(host))
+        name: _one_line(plain_entry(host, HOST))
         for name, host in som.hosts.items()
         if old.hosts.get(name) != host
     }
@@ -126,23 +126,26 @@ def _text(text: str) -> str:
     return text if _PLAIN.match(text) else DoubleQuotedScalarString(text)
 
 
-def _flow(**entries: Any) -> Any:
-    """The entries that have a value, on one line; None if there are none."""
-    given = CommentedMap((key, value) for key, value in entries.items() if value != "")
-    given.fa.set_flow_style()
-    return given or None
+def _one_line(entries: Mapping[str, Any]) -> CommentedMap:
+    """Return entries that are written on one line, lists too, and texts in quotes if need be."""
+    line = CommentedMap()
+    for key, value in entries.items():
+        if isinstance(value, list):
+            value = CommentedSeq(value)
+            value.fa.set_flow_style()
+        line[key] = _text(value) if isinstance(value, str) else value
+    line.fa.set_flow_style()
+    return line
 
 
-def _property_entry(item: Property) -> Any:
-    usual: Any = ""
-    if item.usual is not None:
-        usual = CommentedSeq(item.usual)
-        usual.fa.set_flow_style()
-    return _flow(unit=_text(item.unit), symbol=_text(item.symbol), usual=usual)
+def _property_entry(item: Property) -> Optional[CommentedMap]:
+    entry = plain_entry(item, PROPERTY)
+    return _one_line({key: value for key, value in entry.items() if value != ""}) or None
 
 
-def _constant_entry(item: Constant) -> Any:
-    return _flow(value=item.value, unit=_text(item.unit))
+def _constant_entry(item: Constant) -> CommentedMap:
+    entry = plain_entry(item, CONSTANT)
+    return _one_line({key: value for key, value in entry.items() if value != ""})
 
 
 def _function_entry(function: TransferFunction) -> Any:
@@ -153,7 +156,7 @@ def _function_entry(function: TransferFunction) -> Any:
         entry["not_executable"] = _text(function.text)
         entry["inputs"] = CommentedSeq(function.inputs)
         entry["inputs"].fa.set_flow_style()
-    if function.quality != usual_quality(function.error):
+    if function.quality != quality_of(function.error):
         entry["quality"] = function.quality
     if function.constraint is not None:
         entry["constraint"] = function.constraint.text
@@ -163,31 +166,17 @@ def _function_entry(function: TransferFunction) -> Any:
 
 
 def _error_entry(error: Error) -> Any:
-    plain = plain_error(error)
-    if not isinstance(plain, dict):
-        return plain
-    if error.source:
-        plain["source"] = _text(error.source)
-    return _one_line(plain)
+    entry = plain(error)
+    return _one_line(entry) if isinstance(entry, dict) else entry
 
 
 def _service_entry(service: Service) -> CommentedMap:
-    """What the parameter server gets, and the command, which stands in a file alone."""
-    entry = CommentedMap(service_parameters(service))
-    if service.last_resort.command:
-        resort = {"values": dict(service.last_resort.values)} if service.last_resort.values else {}
-        entry["last_resort"] = {**resort, "command": list(service.last_resort.command)}
+    entry = CommentedMap(service_entry(service))
     if "placement" in entry:
         entry["placement"] = _one_line(entry["placement"])
     provides = entry.pop("provides")
     entry["provides"] = CommentedMap((name, _one_line(line)) for name, line in provides.items())
     return entry
-
-
-def _one_line(entries: Mapping[str, Any]) -> CommentedMap:
-    line = CommentedMap(entries)
-    line.fa.set_flow_style()
-    return line
 
 
 def _editor() -> YAML:

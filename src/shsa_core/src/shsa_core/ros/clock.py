@@ -1,23 +1,13 @@
 """Two clocks: decisions use the monotonic one, messages carry ROS time."""
-import os
 import threading
 import time
 from typing import NamedTuple, Optional, Tuple
 
 import rospy
-import rospy.impl.simtime
 
-WALL_TIME = "SHSA_WALL_TIME"
-"""The environment variable by which a launch says `true`: nobody's parameter stops our time."""
-LOOKS, TOGETHER_S = 3, 1e-3
+LOOKS, TOGETHER_S = 3, 1e-3  # looks at two clocks, which took s at most
 LEAP_S, LEAP = 1.0, 20.0
 """ROS time that advances by more, and so many times faster than ours, has been set."""
-
-
-def heed_launch() -> None:
-    """To be called before the node is initialised: whether /use_sim_time counts."""
-    if os.environ.get(WALL_TIME) == "true":
-        rospy.impl.simtime._is_use_simtime = lambda: False
 
 
 def now() -> float:

@@ -9,11 +9,11 @@ import genpy
 import rospy
 
 from shsa_core.errors import ModelError, ShsaError
-from shsa_core.ros import clock
 from shsa_core.ros.rospy_patches.inbound import serve_each_by_itself
 from shsa_core.ros.rospy_patches.log_queue import LogQueue, ask_once_for_rosout, say_failures_once
 from shsa_core.ros.processes.priority import SWITCH_INTERVAL_S
 from shsa_core.ros.rospy_patches.standing import keep_rospys_threads
+from shsa_core.ros.rospy_patches.wall_time import heed_launch
 from shsa_core.text import LONGEST_LINE, shown
 
 POLL_S = 0.05
@@ -32,7 +32,7 @@ def run(name: str, work: Callable[[], None]) -> None:
     say_failures_once()
     keep_rospys_threads()
     serve_each_by_itself()
-    clock.heed_launch()
+    heed_launch()
     rospy.init_node(name)
     _log_plainly()
     log = LogQueue()

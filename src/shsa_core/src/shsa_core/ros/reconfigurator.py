@@ -42,7 +42,7 @@ from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
-from shsa_core.ros.messages.usable import Problem, mark_unusable
+from shsa_core.ros.messages.fields import Problem, mark_unusable
 from shsa_core.ros.workers import Workers
 from shsa_core.ros.agent.agents import Agents
 from shsa_core.ros.processes.host import HostCommand
@@ -55,7 +55,7 @@ from shsa_core.ros.services import Services
 from shsa_core.ros.succession import take_over
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
-from shsa_core.ros.wire.rows import OwnRows, substitution_message
+from shsa_core.ros.wire.rows import own_rows, substitution_message
 
 LOG: Dict[Level, Callable[..., None]] = {
     Level.INFO: rospy.loginfo,
@@ -132,7 +132,7 @@ class ReconfiguratorNode:
             row_key,
             signing,
             opened=False,
-            addressing=OwnRows(prefix),
+            concerning=own_rows(prefix),
         )
         self._som_state = TablePublisher(
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False

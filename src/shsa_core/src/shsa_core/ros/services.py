@@ -1,4 +1,5 @@
 """What people and programs may ask of the reconfigurator: its ROS services and its action."""
+import queue
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as Late
 from typing import Any, Callable
@@ -13,7 +14,6 @@ from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.model.service import Service
 from shsa_core.ros import clock
-from shsa_core.ros.messages.messages import one_message
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
@@ -121,7 +121,7 @@ class Services:
             self._action.set_aborted(text=str(error))
             return
         # The monitor sends the last message of what has failed, and this has not.
-        message = one_message(service.topic, service.type, service.node, LAST_MESSAGE_TIMEOUT_S)
+        message = _one_message(service.topic, service.type, service.node, LAST_MESSAGE_TIMEOUT_S)
         last = wire.last_message(message)
         self._put(events.SubstituteRequested(clock.now(), service.name, last))
         incident = self._incidents.await_settled(
@@ -137,3 +137,21 @@ class Services:
     def _feedback(self, incident: Incident) -> None:
         state, detail = incident.state.value, incident.detail
         self._action.publish_feedback(msg.SubstituteFeedback(state=state, detail=detail))
+
+
+def _one_message(topic: str, kind: str, publisher: str, seconds: float) -> bytes:
+    """The next message of a publisher, serialized; empty if none comes in time."""
+    heard: "queue.Queue[bytes]" = queue.Queue()
+
+    def take(message: rospy.AnyMsg) -> None:
+        header = message._connection_header
+        if (header["callerid"], header["type"]) == (publisher, kind):
+            heard.put(message._buff)
+
+    subscriber = rospy.Subscriber(topic, rospy.AnyMsg, take, tcp_nodelay=True)
+    try:
+        return heard.get(timeout=seconds)
+    except queue.Empty:
+        return b""
+    finally:
+        subscriber.unregister()

@@ -8,7 +8,8 @@ from shsa_core.codegen.generator import Program, inputs_of
 from shsa_core.codegen.program import compile_program
 from shsa_core.model.service import Deadlines, Source
 from shsa_core.search.derivation import Derivation
-from shsa_core.substitution.settings import Settings
+from shsa_core.substitution.job import longest_gap
+from shsa_core.substitution.settings import SHORTEST_SHARE
 from shsa_learning.recordings.recording import Recording, Series, held
 
 
@@ -36,15 +37,13 @@ class Rehearsal:
     count that had come by then and are not stale. `time` in s and what was `measured`: (n,) each.
     """
 
-    def __init__(self, recording: Recording, target: Source, settings: Settings = Settings()):
+    def __init__(self, recording: Recording, target: Source):
         series = recorded(recording, target)
         assert series is not None, "what was not measured cannot be compared"
         self._recording = recording
         self._period = target.service.period or series.interval
-        self._soonest = settings.shortest_step_share * self._period
-        self._gap = math.inf
-        if target.service.period is not None:
-            self._gap = max(settings.shortest_gap_s, settings.gap_periods * self._period)
+        self._soonest = SHORTEST_SHARE * self._period
+        self._gap = longest_gap(target.service.period)
         self._held: Dict[Source, np.ndarray] = {}
         self.time = _ticks(series.time, self._period)
         place = np.searchsorted(self.time, series.time)

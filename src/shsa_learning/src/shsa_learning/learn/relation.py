@@ -2,9 +2,8 @@
 from dataclasses import replace
 from typing import Dict, Optional
 
-from shsa_core.files.error_values import usual_quality
 from shsa_core.language.expression import parse_constraint, parse_law
-from shsa_core.model.error import Error
+from shsa_core.model.error import Error, quality_of
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_learning.learn.evaluation import LEARNED, check_agreement
@@ -25,13 +24,13 @@ def relation_of(learned: Learned, table: Table) -> TransferFunction:
     source = f"{error.source}; {model.choice.recipe} from {', '.join(model.inputs)}"
     known = _short(replace(error, source=source))
     if model.law is not None:
-        return replace(model.law.function, error=known, quality=usual_quality(known))
+        return replace(model.law.function, error=known, quality=quality_of(known))
     relation = TransferFunction(
         LEARNED + learned.target,
         learned.target,
         model.inputs,
         parse_law(model.function),
-        usual_quality(known),
+        quality_of(known),
         parse_constraint(model.constraint),
         model.function,
         error=known,

@@ -9,7 +9,7 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.rospy_patches.bounds import subscribe
+from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.text import shown
 from shsa_learning.init.survey import (
     LARGEST_MESSAGE_B,

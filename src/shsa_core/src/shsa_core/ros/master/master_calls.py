@@ -45,7 +45,7 @@ class MasterCalls:
         return pid if isinstance(pid, int) else 0
 
     def look_up(self, method: str, names: Iterable[str]) -> Mapping[str, str]:
-        """Return where nodes (lookupNode) or services (lookupService) are, by what the master knows."""
+        """Return where nodes (lookupNode) or services (lookupService) are, by the master."""
         names = sorted(names)
         found = self._many([(method, (self._me, name)) for name in names])
         return {name: uri for name, uri in zip(names, found) if isinstance(uri, str) and uri}

@@ -3,7 +3,7 @@
 A module of its own: a substitute must start soon, and needs nothing else of the wire.
 """
 import math
-from typing import Collection, Dict, Iterable, List, Optional, Sequence
+from typing import Callable, List, Mapping, Optional, Sequence
 
 from shsa_msgs import msg
 
@@ -13,46 +13,29 @@ from shsa_core.model.error import Error
 from shsa_core.model.kinds import OnPartition, Others
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
-from shsa_core.ros.messages.tables import Addressing
+from shsa_core.ros.messages.tables import Concerns
 from shsa_core.substitution import signals
 
 NOT_KNOWN = math.nan
-Rows = Dict[str, msg.Substitution]
-"""By their keys; see shsa_core.model.substitution."""
 
 
-class OwnRows(Addressing):
-    """Substitutes, named with `prefix` by healing/naming, are told their own row.
+def own_rows(prefix: str) -> Callable[[str], Optional[Concerns]]:
+    """Return which rows concern a subscriber; None: all, as it is not named as a substitute is.
 
-    An idle one is told the rows of the plans too, which name no node.
+    Substitutes, named with `prefix` by healing/naming, are told their own row, and an idle one the
+    rows of the plans too, which name no node.
     """
 
-    def __init__(self, prefix: str) -> None:
-        self._prefix = prefix
+    def concerning(name: str) -> Optional[Concerns]:
+        if not name.startswith(prefix) or not NUMBERED.fullmatch(name[len(prefix) :]):
+            return None
+        return lambda row, rows: row.node == name or (not row.node and _may_be_idle(name, rows))
 
-    def addressed(self, subscriber: str) -> bool:
-        """Whether it is named as a substitute."""
-        rest = subscriber[len(self._prefix) :]
-        return subscriber.startswith(self._prefix) and bool(NUMBERED.fullmatch(rest))
-
-    def rows(self, subscriber: str, rows: Rows) -> List[msg.Substitution]:
-        """Its own, and the plans if it is idle."""
-        own = [row for row in rows.values() if row.node == subscriber]
-        if not _idle(subscriber, rows):
-            return own
-        return own + [row for row in rows.values() if not row.node]
-
-    def readers(self, key: str, rows: Rows, subscribers: Collection[str]) -> Iterable[str]:
-        """The node of a row, or all that are idle."""
-        node = rows[key].node
-        if node:
-            return [node] if node in subscribers else []
-        return [name for name in subscribers if _idle(name, rows)]
+    return concerning
 
 
-def _idle(subscriber: str, rows: Rows) -> bool:
-    """Whether a substitute may have no program yet."""
-    return subscriber not in rows or not rows[subscriber].code
+def _may_be_idle(name: str, rows: Mapping[str, msg.Substitution]) -> bool:
+    return name not in rows or not rows[name].code
 
 
 def substitution_message(row: Substitution) -> msg.Substitution:

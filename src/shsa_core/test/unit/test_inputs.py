@@ -11,14 +11,16 @@ from typing import Any, Dict, Iterator, List, Tuple
 
 import pytest
 import rospy
+from plain_sockets import connected
 from shsa_msgs.msg import Float64Stamped
 from std_msgs.msg import Float64, String
 
 from shsa_core.model.service import Signal
 from shsa_core.ros.processes import priority
-from shsa_core.ros.sockets import arrivals as module
-from shsa_core.ros.sockets.arrivals import Arrivals
-from shsa_core.ros.sockets.connections import Closed, Connections, Made, _Implementation
+from shsa_core.ros import settings
+from shsa_core.ros.inputs import Inputs
+from shsa_core.ros.rospy_patches.subscribing import HandedOver
+from shsa_core.ros.sockets.subscriptions import Subscriptions, _Closed, _Made
 from shsa_core.substitution.events import (
     Advertised,
     Event,
@@ -45,22 +47,20 @@ class Bench:
 
     def __init__(self) -> None:
         clock: Any = Time()
-        self.arrivals = Arrivals(OURS, clock)
-        self.inbox = self.arrivals._inbox
-        self.connections = self.arrivals._hearing._connections
+        self.inputs = Inputs(OURS, clock)
+        self.subscriptions = self.inputs._subscriptions
+        self.inbox = self.subscriptions.inbox
         self.ends: List[socket.socket] = []
 
     def listen(self, topic: str, kind: str = "std_msgs/Float64", field: str = "data") -> None:
-        self.arrivals.listen(Signal(topic, field, kind, "", None, None))
+        self.inputs.listen(Signal(topic, field, kind, "", None, None))
 
     def connect(self, topic: str, node: str, kind: Any = Float64, uri: str = "") -> socket.socket:
         """A connection to a publisher: its end."""
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            here = socket.create_connection(server.getsockname())
-            there, _ = server.accept()
+        there, here = connected()
         self.ends += [here, there]
         uri = uri or f"http://{node[1:]}:1/"
-        self.connections._claims._identities._known[node, uri] = None
+        self.subscriptions._identities._known[node, uri] = None
         header: Dict[str, str] = {"type": kind._type, "md5sum": kind._md5sum, "callerid": node}
         transport = SimpleNamespace(
             socket=here,
@@ -71,17 +71,17 @@ class Bench:
             read_buff=io.BytesIO(),
             close=here.close,
         )
-        self.inbox.put(Made(topic, transport))
+        self.subscriptions._tell(_Made(topic, transport))
         self.take()
         return there
 
     def take(self, reads: bool = False) -> List[Event]:
-        return self.arrivals.take(reads)
+        return self.inputs.take(reads)
 
     def is_woken(self, within: float = 5.0) -> bool:
         """Whether the reader need not wait that long."""
         before = time.monotonic()
-        self.arrivals.wait(within)
+        self.inputs.wait(within)
         return time.monotonic() - before < within
 
 
@@ -106,11 +106,11 @@ def values(events: List[Event]) -> List[Tuple[str, Any]]:
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    def subscribe(self: Connections, topic: str) -> None:
-        self._implementations[topic] = _Implementation(topic, self._inbox)
+    def subscribe(self: Subscriptions, topic: str) -> None:
+        self._implementations[topic] = HandedOver(topic, lambda _: None, lambda _: None)
 
-    monkeypatch.setattr(Connections, "subscribe", subscribe)
-    monkeypatch.setattr(module, "UNREAD_S", 1.0)
+    monkeypatch.setattr(Subscriptions, "subscribe", subscribe)
+    monkeypatch.setattr(settings, "UNREAD_S", 1.0)
     rospy.rostime.set_rostime_initialized(True)
     made = Bench()
     yield made
@@ -120,7 +120,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
 
 def test_what_is_waited_for_is_told_at_once_and_all_of_it(bench: Bench) -> None:
     bench.listen("/in")
-    bench.arrivals.read(["/in"])
+    bench.inputs.read(["/in"])
     end = bench.connect("/in", SOURCE)
     for value in (1.0, 2.0):
         say(end, Float64(value))
@@ -130,9 +130,9 @@ def test_what_is_waited_for_is_told_at_once_and_all_of_it(bench: Bench) -> None:
 
 def test_else_the_newest_is_kept_until_it_is_read(bench: Bench) -> None:
     bench.listen("/in")
-    bench.arrivals.read(["/in"])
+    bench.inputs.read(["/in"])
     end = bench.connect("/in", SOURCE)
-    bench.arrivals.hurry(False)
+    bench.inputs.hurry(False)
     bench.take()
     for value in (1.0, 2.0):
         say(end, Float64(value))
@@ -143,9 +143,9 @@ def test_else_the_newest_is_kept_until_it_is_read(bench: Bench) -> None:
 
 
 def test_what_nobody_waits_for_is_told_late_with_the_time_at_which_it_came(bench: Bench) -> None:
-    bench.arrivals.overhear("/out", "std_msgs/Float64")
+    bench.inputs.overhear("/out", "std_msgs/Float64")
     original = bench.connect("/out", ORIGINAL)
-    bench.arrivals.hurry(False)
+    bench.inputs.hurry(False)
 
     def is_noted() -> bool:
         say(original, Float64(0.0))
@@ -163,18 +163,18 @@ def test_what_nobody_waits_for_is_told_late_with_the_time_at_which_it_came(bench
     assert values(heard) == 2 * [("OtherHeard", ORIGINAL)]
     assert said[0] < heard[0].time < said[1] + 0.1, "long before it was read"
     assert heard[-1].time < time.monotonic() - 0.1
-    bench.arrivals.put(Advertised(time.monotonic(), "/out"))
+    bench.inputs.put(Advertised(time.monotonic(), "/out"))
     assert bench.is_woken(), "a decision is not put off"
 
 
 def test_what_calls_for_a_decision_brings_the_inputs_along_in_order(bench: Bench) -> None:
     bench.listen("/in")
-    bench.arrivals.read(["/in"])
+    bench.inputs.read(["/in"])
     end = bench.connect("/in", SOURCE)
-    bench.arrivals.hurry(False)
+    bench.inputs.hurry(False)
     say(end, Float64(2.0))
     bench.take()
-    bench.arrivals.put(Advertised(time.monotonic(), "/out"))
+    bench.inputs.put(Advertised(time.monotonic(), "/out"))
     assert bench.is_woken()
     assert values(bench.take()) == [("/in", 2.0), ("Advertised", "")]
 
@@ -185,7 +185,7 @@ def test_what_is_only_prepared_for_wakes_nobody_and_is_there_once_it_is_read(ben
     say(end, Float64(1.0))
     assert not bench.is_woken(0.1)
     assert bench.take(reads=True) == []
-    bench.arrivals.read(["/plan"])
+    bench.inputs.read(["/plan"])
     assert values(bench.take(reads=True)) == [("/plan", 1.0)]
     say(end, Float64(2.0))
     assert bench.is_woken(), "it is read from now on"
@@ -193,7 +193,7 @@ def test_what_is_only_prepared_for_wakes_nobody_and_is_there_once_it_is_read(ben
 
 
 def test_others_on_a_topic_are_heard_and_we_ourselves_never(bench: Bench) -> None:
-    bench.arrivals.overhear("/out", "shsa_msgs/Float64Stamped")
+    bench.inputs.overhear("/out", "shsa_msgs/Float64Stamped")
     original = bench.connect("/out", ORIGINAL, Float64Stamped)
     ours = bench.connect("/out", OURS, Float64Stamped)
     stamped = Float64Stamped(data=3.0)
@@ -204,14 +204,14 @@ def test_others_on_a_topic_are_heard_and_we_ourselves_never(bench: Bench) -> Non
     (heard,) = bench.take()
     assert isinstance(heard, OtherHeard)
     assert (heard.publisher, heard.stamp) == (ORIGINAL, 7 * 10**9 + 5)
-    assert Float64Stamped().deserialize(bench.arrivals.last("/out")) == stamped
-    assert bench.arrivals.last("/in") == b""
-    assert bench.arrivals.stands("/out", ORIGINAL)
-    assert not bench.arrivals.stands("/out", "/another")
+    assert Float64Stamped().deserialize(bench.inputs.last("/out")) == stamped
+    assert bench.inputs.last("/in") == b""
+    assert bench.inputs.stands("/out", ORIGINAL)
+    assert not bench.inputs.stands("/out", "/another")
 
 
 def test_a_stamp_in_the_future_counts_as_now(bench: Bench) -> None:
-    bench.arrivals.overhear("/out", "shsa_msgs/Float64Stamped")
+    bench.inputs.overhear("/out", "shsa_msgs/Float64Stamped")
     original = bench.connect("/out", ORIGINAL, Float64Stamped)
     stamped = Float64Stamped()
     stamped.header.stamp = rospy.Time(4_000_000_000)
@@ -223,54 +223,54 @@ def test_a_stamp_in_the_future_counts_as_now(bench: Bench) -> None:
 def test_a_topic_may_be_read_and_overheard(bench: Bench) -> None:
     bench.listen("/out")
     end = bench.connect("/out", ORIGINAL)
-    bench.arrivals.overhear("/out", "std_msgs/Float64")
-    bench.arrivals.read(["/out"])
+    bench.inputs.overhear("/out", "std_msgs/Float64")
+    bench.inputs.read(["/out"])
     say(end, Float64(1.0))
     assert values(bench.take()) == [("OtherHeard", ORIGINAL), ("/out", 1.0)]
 
 
 def test_who_is_gone_is_told_after_its_last_message(bench: Bench) -> None:
-    bench.arrivals.overhear("/out", "std_msgs/Float64")
+    bench.inputs.overhear("/out", "std_msgs/Float64")
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = listening.getsockname()[1]
     uri = f"http://127.0.0.1:{port}/"
     end = bench.connect("/out", ORIGINAL, uri=uri)
-    bench.arrivals.hurry(False)
+    bench.inputs.hurry(False)
     bench.take()
     say(end, Float64(1.0))
     end.close()
     assert bench.is_woken(), "one that has ended wakes"
     told = [*bench.take(), *bench.take()]
     assert values(told) == [("OtherHeard", ORIGINAL), ("OtherGone", ORIGINAL)]
-    assert not bench.arrivals.stands("/out", ORIGINAL)
+    assert not bench.inputs.stands("/out", ORIGINAL)
 
 
 def test_who_only_closed_its_connection_is_not_gone(bench: Bench) -> None:
-    bench.arrivals.overhear("/out", "std_msgs/Float64")
+    bench.inputs.overhear("/out", "std_msgs/Float64")
     with socket.create_server(("127.0.0.1", 0)) as listening:
         uri = f"http://127.0.0.1:{listening.getsockname()[1]}/"
         end = bench.connect("/out", ORIGINAL, uri=uri)
         end.close()
         assert not any(isinstance(each, OtherGone) for each in bench.take())
-        assert not bench.arrivals.stands("/out", ORIGINAL)
+        assert not bench.inputs.stands("/out", ORIGINAL)
 
 
 def test_who_sends_large_messages_is_not_held_up(bench: Bench) -> None:
     bench.listen("/picture", "std_msgs/String")
     end = bench.connect("/picture", SOURCE, String)
-    bench.arrivals.hurry(False)
+    bench.inputs.hurry(False)
     bench.take()
     end.sendall((LARGE + 4).to_bytes(4, "little") + LARGE.to_bytes(4, "little") + b"x" * 60_000)
-    assert not bench.inbox._poll.poll(0)
+    assert not bench.inbox._waking.poll(0)
     bench.take()
     end.sendall(b"x")
-    assert bench.inbox._poll.poll(1.0), "what follows of it wakes"
+    assert bench.inbox._waking.poll(1.0), "what follows of it wakes"
 
 
 def test_another_type_is_not_heard_and_costs_nobody_anything(bench: Bench) -> None:
     bench.listen("/in")
-    bench.arrivals.overhear("/out", "std_msgs/Float64")
-    bench.arrivals.read(["/in"])
+    bench.inputs.overhear("/out", "std_msgs/Float64")
+    bench.inputs.read(["/in"])
     wrong, right = bench.connect("/in", "/wrong", String), bench.connect("/in", SOURCE)
     other = bench.connect("/out", ORIGINAL, String)
     for end in (wrong, other):
@@ -283,13 +283,13 @@ def test_another_type_is_not_heard_and_costs_nobody_anything(bench: Bench) -> No
 def test_what_rospy_closes_is_forgotten(bench: Bench) -> None:
     bench.listen("/in")
     end = bench.connect("/in", SOURCE)
-    (connection,) = bench.connections.standing()
-    assert bench.arrivals._hearing.waits
-    bench.inbox.put(Closed("/in", connection.transport))
+    (connection,) = bench.subscriptions._standing.values()
+    assert bench.subscriptions.waits
+    bench.subscriptions._tell(_Closed("/in", connection.transport))
     connection.transport.socket.close()
     bench.take()
-    assert not bench.connections.standing() and not bench.arrivals._hearing.waits
-    bench.arrivals.read(["/in"])
+    assert not bench.subscriptions._standing and not bench.subscriptions.waits
+    bench.inputs.read(["/in"])
     assert bench.take() == []
     assert end.fileno() > 0
 

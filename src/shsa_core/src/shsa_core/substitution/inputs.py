@@ -1,12 +1,9 @@
-"""The newest value of each signal that a substitute listens to, and whether it counts.
-
-What comes after a silence may be a backlog, as after a cut of a link: its stamps are older than
-usual, and it tells of the past.
-"""
+"""What a substitute computes from: the newest value of each signal, and how old it is."""
 from math import inf
 from typing import Dict, Iterable, Optional, Sequence, Tuple
 
 from shsa_core.model.service import Signal
+from shsa_core.substitution.events import InputArrived
 
 Key = Tuple[str, str]
 """A field of a topic's messages, and whose messages count; empty: anybody's."""
@@ -23,7 +20,7 @@ class _Stream:
         self._catches_up_until = -inf
 
     def is_backlog(self, time: float, age: int, allowed: float) -> bool:
-        """Whether a message tells of the past; `age`: of its stamp, in ns.
+        """Return if a message tells of the past, as after a cut of a link; `age` of its stamp, ns.
 
         So it is after a silence of more than `allowed` s, for no longer than that lasted: then it
         is the clock over there that was set.
@@ -37,11 +34,8 @@ class _Stream:
         return False
 
 
-class Freshness:
-    """Values and how old each is.
-
-    What was listened to once stays so: its value may be wanted again at any time.
-    """
+class Inputs:
+    """Values by signal. What was listened to once stays so: it may be wanted again at any time."""
 
     def __init__(self) -> None:
         self._readings: Dict[str, Dict[Key, Optional[Reading]]] = {}
@@ -49,7 +43,7 @@ class Freshness:
         self._streams: Dict[Tuple[str, str], _Stream] = {}
 
     def listen(self, signals: Iterable[Signal]) -> Tuple[Signal, ...]:
-        """Keep the values of `signals` from now on; those of them that are new."""
+        """Keep the values of `signals` from now on; return those of them that are new."""
         new = []
         for signal in signals:
             readings = self._readings.setdefault(signal.topic, {})
@@ -62,30 +56,21 @@ class Freshness:
                 new.append(signal)
         return tuple(new)
 
-    def take(
-        self,
-        time: float,
-        topic: str,
-        publisher: str,
-        values: Iterable[Tuple[str, float]],
-        stamp: int = 0,
-        age: int = 0,
-    ) -> None:
-        """Keep the values of a message, unless it tells of the past.
-
-        `stamp`, and its `age` on arrival, in ns.
-        """
+    def take(self, event: InputArrived) -> None:
+        """Keep the values of a message, unless it tells of the past."""
+        time, topic, publisher = event.time, event.topic, event.publisher
+        stamp = min(event.stamp or event.ros_time, event.ros_time)
         stream = self._streams.setdefault((topic, publisher), _Stream())
-        if stream.is_backlog(time, age, self._allowed.get(topic, inf)):
+        if stream.is_backlog(time, event.ros_time - stamp, self._allowed.get(topic, inf)):
             return
         readings = self._readings.get(topic, {})
-        for field, value in values:
+        for field, value in event.values:
             for key in ((field, ""), (field, publisher)):
                 if key in readings:
                     readings[key] = time, value, stamp, publisher
 
     def values(self, signals: Sequence[Signal], now: float) -> Optional[Tuple[float, ...]]:
-        """The values of `signals`.
+        """Return the values of `signals`.
 
         None if one has never come or is older than its deadline: no value is invented.
         """
@@ -101,15 +86,15 @@ class Freshness:
         return tuple(found)
 
     def oldest(self, signals: Iterable[Signal]) -> int:
-        """The oldest stamp among the values of `signals`, in ns; 0 if there are none."""
+        """Return the oldest stamp among the values of `signals`, in ns; 0 if there are none."""
         readings = (self._readings[each.topic][each.field, each.node] for each in signals)
         return min((reading[2] for reading in readings if reading is not None), default=0)
 
     def sources(self, signals: Iterable[Signal]) -> Tuple[str, ...]:
-        """Who published the value of each of `signals`; empty: it has never come."""
+        """Return who published the value of each of `signals`; empty: it has never come."""
         readings = (self._readings[each.topic][each.field, each.node] for each in signals)
         return tuple("" if reading is None else reading[3] for reading in readings)
 
     def listens(self, signal: Signal) -> bool:
-        """Whether the values of a signal are kept."""
+        """Return if the values of a signal are kept."""
         return (signal.field, signal.node) in self._readings.get(signal.topic, {})

@@ -1,14 +1,15 @@
 """The topics that a substitute has advertised: one publisher a topic."""
 import threading
-from typing import Callable, Dict, FrozenSet, Iterable, List
+from typing import Any, Callable, Dict, FrozenSet, Iterable, List
 
 import genpy
 import rospy
 
+from shsa_core.message_types import message_class
 from shsa_core.ros import clock
 from shsa_core.ros.messages.composing import compose, normalize, quaternions, read_message
 from shsa_core.ros.messages.fields import Field
-from shsa_core.ros.messages.messages import message_class
+from shsa_core.ros.rospy_patches.publishing import connections_of, send
 from shsa_core.substitution.events import Compose, Publish
 
 
@@ -34,7 +35,7 @@ class Outputs:
         self._advertised = advertised
         self._joined = joined
         self._publishers: Dict[str, rospy.Publisher] = {}
-        self._seen: Dict[str, List[object]] = {}
+        self._seen: Dict[str, List[Any]] = {}
         self._composed: Dict[str, _Composed] = {}
         self._lock = threading.Lock()
 
@@ -65,22 +66,19 @@ class Outputs:
     def _report(self, topic: str) -> None:
         """Say who has joined since the last look."""
         with self._lock:
-            publisher = self._publishers.get(topic)
-            connections = (
-                [] if publisher is None or publisher.impl is None else publisher.impl.connections
-            )
             seen = self._seen.get(topic, [])
-            self._seen[topic] = list(connections)
+            self._seen[topic] = connections = self._connections(topic)
             for connection in connections:
                 if connection not in seen:
                     self._joined(topic, connection.endpoint_id)
 
-    def connected(self, topic: str) -> FrozenSet[str]:
-        """The consumers that are connected to a topic."""
+    def _connections(self, topic: str) -> List[Any]:
         publisher = self._publishers.get(topic)
-        if publisher is None or publisher.impl is None:
-            return frozenset()
-        return frozenset(connection.endpoint_id for connection in publisher.impl.connections)
+        return [] if publisher is None else connections_of(publisher)
+
+    def connected(self, topic: str) -> FrozenSet[str]:
+        """Return the consumers that are connected to a topic."""
+        return frozenset(each.endpoint_id for each in self._connections(topic))
 
     def compose(self, command: Compose) -> None:
         """Have the messages of a topic start from its last good one, as far as it can be read."""
@@ -94,7 +92,11 @@ class Outputs:
             return  # withdrawn already
         message = self._composed[topic].message(command)
         if command.only or command.served:
-            _publish_to(publisher, message, command.served, command.only)
+            wanted = (
+                lambda name: name == command.only if command.only else name not in command.served
+            )
+            connections = connections_of(publisher)
+            send(publisher, message, (each for each in connections if wanted(each.endpoint_id)))
         else:
             publisher.publish(message)
 
@@ -110,7 +112,7 @@ class _Composed:
         self._quaternions = tuple(quaternions(self._message))
 
     def message(self, command: Publish) -> genpy.Message:
-        """The message with the values and the stamp of a command."""
+        """Return the message with the values and the stamp of a command."""
         message = self._message
         for signal, value in zip(command.outputs, command.values):
             self._fields[signal.field].set(message, value)
@@ -119,17 +121,3 @@ class _Composed:
         if message._has_header:
             message.header.stamp = clock.from_ns(command.stamp)
         return message
-
-
-def _publish_to(
-    publisher: rospy.Publisher, message: genpy.Message, served: FrozenSet[str], only: str
-) -> None:
-    impl = publisher.impl
-    impl.acquire()
-    try:
-        for connection in list(impl.connections):
-            consumer = connection.endpoint_id
-            if consumer == only if only else consumer not in served:
-                impl.publish(message, connection_override=connection)
-    finally:
-        impl.release()

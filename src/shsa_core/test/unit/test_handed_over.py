@@ -1,15 +1,16 @@
 """The monitor's side of a connection: nothing that rospy drops stays open."""
 import gc
 import socket
+import time
 import weakref
-from typing import Any
+from typing import Any, List
 
 import rospy
 from rospy.impl.tcpros_base import TCPROSTransport
 from rospy.impl.tcpros_pubsub import TCPROSSub
 
-from shsa_core.ros.sockets.connections import Closed, Connections, Made, _Implementation
-from shsa_core.ros.sockets.inbox import Inbox
+from shsa_core.ros.rospy_patches.subscribing import HandedOver
+from shsa_core.ros.sockets.subscriptions import Looked, Subscriptions, _Closed, _Made
 
 PUBLISHER = "http://localhost:1/"
 
@@ -22,14 +23,15 @@ def connecting() -> Any:
 
 
 def test_a_connection_that_is_replaced_while_it_is_made_is_freed_at_once() -> None:
-    inbox = Inbox()
-    implementation = _Implementation("/topic", inbox)
+    closed: List[Any] = []
+    implementation = HandedOver("/topic", lambda _: None, closed.append)
     gc.disable()
     try:
         replaced = connecting()
         implementation.add_connection(replaced)
         implementation.add_connection(connecting())
-        assert [type(item) for item in inbox.take()] == [Closed]
+        assert closed == [replaced]
+        closed.clear()
         gone = weakref.ref(replaced)
         del replaced
         assert gone() is None
@@ -38,24 +40,27 @@ def test_a_connection_that_is_replaced_while_it_is_made_is_freed_at_once() -> No
 
 
 def test_a_connection_that_stands_is_handed_over() -> None:
-    inbox = Inbox()
-    implementation = _Implementation("/topic", inbox)
+    made: List[Any] = []
+    implementation = HandedOver("/topic", made.append, lambda _: None)
     transport = connecting()
     implementation.add_connection(transport)
     transport.receive_loop(implementation.receive_callback)
-    assert inbox.take() == [Made("/topic", transport)]
+    assert made == [transport]
 
 
 def test_a_connection_that_rospy_closes_before_it_is_taken_over_is_none() -> None:
     """Its thread closes the socket, and then says so."""
-    inbox = Inbox()
-    connections = Connections(inbox, 2.0, lambda *_: None)
-    connections._implementations["/topic"] = _Implementation("/topic", inbox)
+    rospy.rostime.set_rostime_initialized(True)
+    subscriptions = Subscriptions(time.monotonic, lambda *_: None)
+    ignored = lambda _: None
+    subscriptions._implementations["/topic"] = HandedOver("/topic", ignored, ignored)
     transport = connecting()
     transport.socket, other = socket.socketpair()
     transport.header = {"callerid": "/node"}
     with other:
         transport.socket.close()
-        assert list(connections.heed(Made("/topic", transport))) == []
-        assert connections.standing() == set()
-        assert list(connections.heed(Closed("/topic", transport))) == []
+        subscriptions._tell(_Made("/topic", transport))
+        assert [type(each) for each in subscriptions.read()] == [Looked]
+        assert not subscriptions._standing
+        subscriptions._tell(_Closed("/topic", transport))
+        assert [type(each) for each in subscriptions.read()] == [Looked]
