@@ -90,6 +90,15 @@ AT_WORK_S = 0.4
 ANSWER_HOLDS_S = 0.5
 """So long an answer holds that a heartbeat got; without one nobody is cut off."""
 
+# Substitutes.
+SIMULATED_S = 0.002
+"""At least so long between two looks at /clock, which nobody can wait for."""
+ALONE_S = 60.0
+"""Without a reconfigurator for so long, one that stands by ends: a launch restarts it in 2 s."""
+PREPARE_PAUSE_S, SHARED_PAUSE_S = 0.01, 0.1
+"""Between two registrations without a hurry, and in a process that several share, as ten of them
+come up together: each costs other nodes a connection, and meanwhile they publish nothing."""
+
 # Processes.
 EXIT_LOOK_S = 0.01
 """Between two looks whether a process has ended or come up: a hundredth of what starting takes."""
