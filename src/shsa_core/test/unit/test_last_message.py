@@ -21,7 +21,7 @@ from shsa_core.monitoring.events import HealthChanged, PublisherHealth, Publishe
 from shsa_core.monitoring.last_messages import COUNT, LARGEST_B, OLDEST_S, LastMessages
 from shsa_core.ros.wire.healing import LARGEST_MESSAGE_B, failure_seen
 from shsa_core.substitution import events
-from shsa_core.substitution.stamps import Stamps
+from shsa_core.substitution.job import Stamps
 
 # The monitor's side.
 
