@@ -55,7 +55,7 @@ def key_table(table_of: Keys, kind: Optional[Type[Any]] = None) -> str:
 
 
 def som_checks() -> str:
-    """What can stand under `checks`: of a value, and of a message."""
+    """The checks of a value, and of a message."""
     rows = []
     for name, check in REGISTRY.items():
         place = "a value" if name in keys.VALUE_CHECKS else "the service"
@@ -113,7 +113,7 @@ def messages() -> str:
 
 
 def commands() -> str:
-    """What `shsa COMMAND --help` says, of every command."""
+    """The help of every command."""
     parser = command_line()[0]
     (subparsers,) = (each for each in parser._actions if each.choices and not each.option_strings)
     parts = [_help("", parser)]

@@ -161,7 +161,7 @@ def test_safe_values_are_nothing_to_go_on_from() -> None:
     (row_,) = robot.working()
     fail(robot, row_.node, 11.0, b"safe", "silent")
     robot.handle(healing.Tick(robot.core.deadline or 0.0))
-    assert robot.core._healings["a"].last_message == b"good"
+    assert robot.core.services["a"].last_message == b"good"
 
 
 def test_what_a_stranger_has_sent_is_not_gone_on_from() -> None:

@@ -127,10 +127,10 @@ def test_who_follows_a_reconfigurator_takes_up_what_shares_a_process() -> None:
     found = robot()
     rows = processes(found)
     (node,) = (node for node, services in rows.items() if services == "cd")
-    said = succeed(found, 50.0, tuple(rows), ontology=found.core._planner.ontology)
+    said = succeed(found, 50.0, tuple(rows), ontology=found.core.robot.planner.ontology)
     assert not has(said, healing.StopSubstitute) and processes(found) == rows
     assert {row.service for row in found.working() if row.shared} == set("cdef")
-    assert found.core._sharing.others("c", node)
+    assert found.core.robot.processes.served(node) == ("c", "d")
 
 
 # The monitor's side.

@@ -36,6 +36,8 @@ LETTERS: Mapping[str, str] = {
 }
 """The letters of a second in a strip."""
 
+LISTED = 5
+"""Names in a sentence."""
 BY_STEP = {
     Step.HEALING: Condition.HEALING,
     Step.HEALED: Condition.SUBSTITUTED,
@@ -119,9 +121,9 @@ def _named(services: Mapping[str, Condition], *conditions: Condition) -> List[st
     return [name for name, each in services.items() if each in conditions]
 
 
-def _list(names: Sequence[str], most: int = 5) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def _list(names: Sequence[str]) -> str:
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return ", ".join(names[:LISTED]) + more
 
 
 def _count(number: int, what: str) -> str:

@@ -2,6 +2,7 @@
 import argparse
 import html
 import subprocess
+from pathlib import Path
 from typing import Any, Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.analysis.loss import lose
@@ -71,8 +72,7 @@ def run(args: argparse.Namespace) -> int:
             title += f"; its substitute has the quality {found.quality:.3g}"
             title += f" and the expected error {expected.rms:.3g}" if expected is not None else ""
     picture = draw(ontology, available, args.output[-3:], derivation, title)
-    with open(args.output, "wb") as file:
-        file.write(picture)
+    Path(args.output).write_bytes(picture)
     if none is not None:
         raise none
     return 0

@@ -1,4 +1,4 @@
-"""How far a value is from the truth: measured, in the unit of its property."""
+"""The error of a value: its distance from the truth, in the unit of its property."""
 from dataclasses import dataclass
 from typing import Optional
 

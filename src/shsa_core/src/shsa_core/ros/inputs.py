@@ -1,4 +1,4 @@
-"""What a substitute hears: what it computes from, and what others publish on its topics.
+"""Hears what a substitute computes from, and what others publish on its topics.
 
 Muted, most of it never matters: to wake for each message would be most of what standing by costs.
 So it is read when the core wakes anyway, many at once, each with the time at which it had come; and

@@ -53,14 +53,6 @@ from shsa_core.ros.node import run
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
 
-COALESCE_S = 0.002
-"""What comes within this time is handled together, as of when it came; a connection that is lost
-waits for nothing."""
-CLOCK_CHANGE_S = 0.002
-"""A change of ROS time beside ours that the core is told of at once, and else now and then."""
-SUBSCRIBE_S = 0.005
-"""Topics are subscribed no faster: each new connection costs a publisher time."""
-
 
 class _Report:
     """Time to show the table on /diagnostics."""
@@ -187,7 +179,7 @@ class MonitorNode:
             wanted = min(wanted, self._subscribe_at)
         self._inbox.wait(wanted - clock.now())
         woke = clock.now()
-        rest = min(self._looked + COALESCE_S, wanted) - woke
+        rest = min(self._looked + settings.REST_S, wanted) - woke
         if rest > 0.0:
             self._inbox.rest(rest)
         items = self._inbox.take()
@@ -226,7 +218,10 @@ class MonitorNode:
         """Look at ROS time before messages are read: their age is told by this look."""
         now, ros_time = clock.both()
         before, self._ahead = self._ahead, ros_time - now
-        if abs(self._ahead - before) > CLOCK_CHANGE_S or now - self._told_clock > settings.TURN_S:
+        if (
+            abs(self._ahead - before) > settings.CLOCK_CHANGE_S
+            or now - self._told_clock > settings.TURN_S
+        ):
             self._told_clock = now
             self._feed(events.ClockTicked(now, ros_time, clock.is_simulated()))
 
@@ -343,7 +338,7 @@ class MonitorNode:
             self._subscriptions.subscribe(topic)
             self._feed(events.Subscribed(clock.now(), topic))
             rospy.loginfo("%s is watched.", topic)
-            self._subscribe_at = clock.now() + SUBSCRIBE_S
+            self._subscribe_at = clock.now() + settings.SUBSCRIBE_S
 
     def _put_back(self, refusal: events.ChangeRefused) -> None:
         """Say what is refused, and put the numbers that count back, for all who read them."""

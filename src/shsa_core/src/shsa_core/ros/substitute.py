@@ -117,7 +117,7 @@ class SubstituteNode:
                 if deadline is None
                 else min(settings.TURN_S, deadline - self._clock.now())
             )
-            self._inputs.wait(max(wait, settings.SIMULATED_S) if clock.is_simulated() else wait)
+            self._inputs.wait(max(wait, settings.REST_S) if clock.is_simulated() else wait)
             self._heart.beat()
             if self._heart.cut_off is not cut_off:
                 cut_off = not cut_off

@@ -31,7 +31,7 @@ ANSWERS: Mapping[Type[Any], Tuple[Type[Any], ...]] = {
 
 
 class Told(NamedTuple):
-    """How a computer does, for people. `silent`: for how long in s; None: it was never heard."""
+    """The state of a computer, for people. `silent`: s since it was heard; None: it never was."""
 
     name: str
     reached: bool
@@ -99,7 +99,7 @@ class RemoteHost:
         return Told(self.name, self._reached, self._clock.passed(self._heard_at), *figures)
 
     def take_up(self) -> Tuple[str, ...]:
-        """What runs there is wanted, and told; what is found later, and is not, is stopped."""
+        """Want what runs there, and return it; what is found later, and not wanted, is stopped."""
         self._settled = True
         self._wanted.update({node: events.StopSubstitute(node) for node in self._running})
         self._wanted.update({node: events.StopNode(node) for node in self._restarted})
@@ -121,7 +121,7 @@ class RemoteHost:
             self._answer(command, now, f"{self.name} cannot be reached")
 
     def heard(self, message: msg.HostEvent, now: float) -> None:
-        """The agent has said something."""
+        """Take in a message of the agent."""
         self._last = message
         self.addresses = tuple(message.addresses)
         if message.began != self._agent:
@@ -203,7 +203,7 @@ class RemoteHost:
         return replace(event, time=now)
 
     def _give_up(self, now: float, why: str) -> None:
-        """The conversation is over; whoever waits for an answer gets that."""
+        """End the conversation; whoever waits for an answer is told so."""
         self._reached = False
         self._agent = 0
         self._line = Line()

@@ -46,7 +46,7 @@ INHERITED_PREFIXES = ("LC_", "ROS_", "ROSCONSOLE_", "SHSA_")
 
 
 class Forks(NamedTuple):
-    """What a prepared process is for: substitutes in a `namespace`, and these message `types`.
+    """The use of a prepared process: substitutes in a `namespace`, and these message `types`.
 
     `ready` is called, in a thread, whenever one is there.
     """

@@ -255,7 +255,7 @@ class Subscriptions:
             connection.wakes = wakes
 
     def _lose(self, connection: Connection) -> Iterator[Happening]:
-        """A connection has ended; its publisher may be connected otherwise, or again soon."""
+        """Forget a connection that has ended, and doubt its publisher, if it has no other."""
         self._forget(connection)
         topic, publisher = connection.topic, connection.publisher
         lost = topic, connection.uri, self._implementations[topic]
