@@ -111,12 +111,7 @@ class SubstituteNode:
             self._telling.put(self._failures)  # known before it has something to tell
         alone = cut_off = False
         while not rospy.is_shutdown():
-            deadline = self._core.next_deadline()
-            wait = (
-                settings.TURN_S
-                if deadline is None
-                else min(settings.TURN_S, deadline - self._clock.now())
-            )
+            wait = min(settings.TURN_S, self._core.next_deadline - self._clock.now())
             self._inputs.wait(max(wait, settings.REST_S) if clock.is_simulated() else wait)
             self._heart.beat()
             if self._heart.cut_off is not cut_off:
@@ -128,8 +123,7 @@ class SubstituteNode:
             for event in self._inputs.take(self._clock.now() >= self._core.reads_at):
                 self._feed(event)
             self._inputs.hurry(self._core.hurries)
-            deadline = self._core.next_deadline()
-            if deadline is not None and self._clock.now() >= deadline:
+            if self._clock.now() >= self._core.next_deadline:
                 self._feed(events.Tick(self._clock.now()))
 
     def _feed(self, event: events.Event) -> None:

@@ -37,7 +37,7 @@ class Substitute:
         self._types: Dict[str, str] = {}
         self._plans: Dict[str, Substitution] = {}
         self._unusable: Dict[Signal, str] = {}
-        self._wanted: Optional[float] = None  # when it wanted to wake
+        self._wanted = math.inf  # when it wanted to wake
         self._said: List[Command] = []
         others = self._speech.others
         self._handlers: Table[Optional[List[Command]]] = table(
@@ -72,17 +72,17 @@ class Substitute:
         commands += self._speech.handover.due(now)
         commands += self._advertising.due(now)
         commands += [] if self._speech.hands_over(now) else self._speech.others.due(now)
-        self._said, self._wanted = commands, self.next_deadline()
+        self._said, self._wanted = commands, self.next_deadline
         return commands
 
-    def next_deadline(self) -> Optional[float]:
-        """Return when the next Tick is wanted; None: not before another event."""
+    @property
+    def next_deadline(self) -> float:
+        """Return when the next Tick is wanted; inf: not before another event."""
         due = self.reads_at if self._values() is not None else math.inf
         # Nobody is filled in for while consumers are handed over: that ends by itself.
         speech = self._speech
         others = speech.others.next(self._now, not speech.hands_over(self._now))
-        soonest = min(due, speech.handover.next(), self._advertising.next(), others)
-        return None if soonest == math.inf else soonest
+        return min(due, speech.handover.next(), self._advertising.next(), others)
 
     @property
     def topics(self) -> Tuple[str, ...]:
@@ -133,7 +133,7 @@ class Substitute:
             "it publishes no integral from nobody knows where": not published
             or (job is not None and not job.unstarted),
             "a stamp is the newest of its topic": all(each.stamp == stamp for each in published),
-            "all that is due has been said": (self.next_deadline() or math.inf) > now,
+            "all that is due has been said": self.next_deadline > now,
         }
         broken = [what for what, holds in held.items() if not holds]
         if broken:
