@@ -96,8 +96,8 @@ class Failures:
         self, number: int, target: int, lost: FrozenSet[int]
     ) -> Sequence[Sequence[int]]:
         """The lost inputs of each function that does not use the target."""
-        inputs_of, before = self._network.inputs_of, self._lost
-        of = [inputs_of(function) for function in self._best.functions(number)]
+        inputs_of, before = self._network.inputs, self._lost
+        of = [inputs_of[function] for function in self._best.functions(number)]
         return tuple(
             tuple(i for i in inputs if i in before or i in lost)
             for inputs in of
@@ -109,6 +109,6 @@ class Failures:
         if self._uses is None:
             self._uses = {}
             for function, output in enumerate(self._network.outputs):
-                for input_ in self._network.inputs_of(function):
+                for input_ in self._network.inputs[function]:
                     self._uses.setdefault(input_, []).append(output)
         return self._uses.get(number, ())

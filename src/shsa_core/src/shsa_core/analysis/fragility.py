@@ -36,8 +36,8 @@ class Fragility:
         self._users: Dict[int, Set[int]] = {}
         for f, function in enumerate(network.functions):
             if function.law is not None:
-                self._functions.setdefault(network.outputs[f], []).append(network.inputs_of(f))
-                for input_ in network.inputs_of(f):
+                self._functions.setdefault(network.outputs[f], []).append(network.inputs[f])
+                for input_ in network.inputs[f]:
                     self._users.setdefault(input_, set()).add(network.outputs[f])
         self._order = self._inputs_first(range(len(network.names)))
         everything = (AS_IT_IS << (len(self.causes) + 1)) - 1

@@ -72,8 +72,8 @@ def dead_branches(ontology: Ontology, loss: Loss) -> List[DeadBranch]:
     seen = {target}
     while near:
         number = near.popleft()
-        for function in network.functions_of(number):
-            inputs = network.inputs_of(function)
+        for function in network.functions_of[number]:
+            inputs = network.inputs[function]
             lacking = [i for i in inputs if i == target or best.ratings[i] == LOST]
             if lacking:
                 names = tuple(network.names[i] for i in lacking)

@@ -116,10 +116,10 @@ class _Analysis:
             )
             for s in ratings.sources.of(number)
         ]
-        for function in filter(self._takeovers.executable, network.functions_of(number)):
+        for function in filter(self._takeovers.executable, network.functions_of[number]):
             rating = ratings.by_function(function)
             if rating != LOST:
-                inputs = tuple(map(ratings.derivation, network.inputs_of(function)))
+                inputs = tuple(map(ratings.derivation, network.inputs[function]))
                 by = Derivation(name, None, network.functions[function], inputs)
                 read = by.sources()
                 paths = tuple(source.path for source in read)
