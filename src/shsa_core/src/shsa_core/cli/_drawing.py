@@ -103,7 +103,7 @@ def _states(ontology: Ontology, sources: Dict[str, List[Source]]) -> Dict[str, s
     return {name: state(name) for name in sources}
 
 
-def _id(node: Union[str, Tuple[str, str]]) -> str:
+def _id(node: Union[str, Tuple[str, ...]]) -> str:
     """Return the name in the picture of a node of the ontology's graph."""
     return f"p {node}" if isinstance(node, str) else f"r {node[0]} {node[1]}"
 

@@ -39,6 +39,10 @@ class Network:
                 self.inputs.append(tuple(self._numbers[each] for each in graph.predecessors(node)))
             self.functions_of.append(range(first, len(self.functions)))
 
+    def executable(self, function: int) -> bool:
+        """Return True if a function has a law."""
+        return self.functions[function].law is not None
+
     def smallest_first(self) -> "Network":
         """Return a network with relations so dear that the fewest relations are the best.
 

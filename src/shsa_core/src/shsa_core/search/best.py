@@ -144,13 +144,13 @@ class BestDerivations:
                 if not lacking[function] and output in open_:
                     heappush(candidates, (*ratings.by_function(function), output))
 
-    def missing(self, target: int) -> List[str]:
+    def missing(self, target: int, ratings: Optional[Ratings] = None) -> List[str]:
         """Return the names of the properties without which every derivation of `target` ended.
 
         With all of them it could be derived; see `lacking`. Usually fewer would do. What depends on
-        the target itself cannot help it.
+        the target itself cannot help it. `ratings`: after a failure.
         """
-        rated, inputs = self.ratings, self._network.inputs
+        rated, inputs = ratings or self.ratings, self._network.inputs
 
         def lost_inputs(number: int) -> List[List[int]]:
             of = [inputs[function] for function in self.functions(number)]
