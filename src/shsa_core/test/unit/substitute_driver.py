@@ -5,11 +5,9 @@ from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
-from shsa_core.substitution.settings import Settings
 
 PERIOD = 0.02
 DEADLINE = 0.25
-SETTINGS = Settings()
 CODE = "t0=x[0];y=t0"
 NAME = "/substitute_1"
 
@@ -54,7 +52,7 @@ class Driver:
         self.core = Substitute()
         self.time = time
         self.said: List[Tuple[float, Any]] = []
-        self.tell(events.Started, start)
+        self.tell(events.RowChanged, start)
 
     def tell(self, event: Type[Any], *arguments: Any) -> List[Any]:
         """An event now; the commands that it calls for."""
@@ -128,8 +126,8 @@ def running(publishing: bool = False, **of: Any) -> Driver:
     Its next message is due at PERIOD.
     """
     driver = Driver(row(publishing, **of))
-    for topic in dict.fromkeys(each.topic for each in driver.core._row.outputs):
+    for topic in dict.fromkeys(each.topic for each in driver.core.row.outputs):
         driver.ready(topic)
-    for each in driver.core._row.inputs:
+    for each in driver.core.row.inputs:
         driver.arrive(1.0, each.topic)
     return driver

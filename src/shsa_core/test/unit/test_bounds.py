@@ -7,7 +7,8 @@ from rospy.impl import tcpros_base
 from rospy.impl.tcpros import get_tcpros_handler
 from std_msgs.msg import String
 
-from shsa_core.ros.rospy_patches.bounds import LARGEST_HEADER_B, subscribe
+from shsa_core.ros.rospy_patches.subscribing import subscribe
+from shsa_core.ros.settings import LARGEST_HEADER_B
 from shsa_testing.raw_publisher import RawPublisher
 from shsa_testing.waiting import wait_until
 

@@ -11,7 +11,7 @@ import pytest
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
-from shsa_core.ros.processes import confinement, starting
+from shsa_core.ros.processes import starting
 from shsa_core.ros.processes.starting import Processes
 from shsa_testing.waiting import wait_until
 
@@ -64,7 +64,7 @@ def test_a_substitute_has_limits_and_no_new_rights(
     found = start(looked, [])
     assert found["status"]["NoNewPrivs"].strip() == "1"
     assert found["limits"][0] == [0, 0]
-    assert found["limits"][1][1] <= confinement.LIMITS["data"]
+    assert found["limits"][1][1] <= starting.LIMITS["data"][1]
     environment = found["environment"]
     assert "AWS_SECRET_ACCESS_KEY" not in environment and "LD_PRELOAD" not in environment
     assert (environment["LC_ALL"], environment["ROS_IP"]) == ("C.UTF-8", "127.0.0.1")
@@ -72,7 +72,7 @@ def test_a_substitute_has_limits_and_no_new_rights(
 
 
 def test_a_limit_is_never_raised() -> None:
-    program = "import resource; from shsa_core.ros.processes.confinement import wrapper; "
+    program = "import resource; from shsa_core.ros.processes.starting import wrapper; "
     program += "resource.setrlimit(resource.RLIMIT_NOFILE, (100, 100)); print(wrapper([]))"
     told = subprocess.check_output([sys.executable, "-c", program]).decode()
     assert "--nofile=100'" in told

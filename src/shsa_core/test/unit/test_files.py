@@ -8,7 +8,6 @@ import pytest
 
 from shsa_core.cli.main import main
 from shsa_core.errors import ModelError
-from shsa_core.files.knowledge_base import read_knowledge_base
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.regular import open_to_append, read_text
 from shsa_core.files.saving import save_som
@@ -20,7 +19,6 @@ from shsa_core.model.som import Som
 READERS: Dict[str, Callable[[str], object]] = {
     "ontology": load_ontology,
     "som": load_som,
-    "knowledge base": read_knowledge_base,
     "journal": Journal,
     "edited": lambda path: save_som(Som(), path),
 }

@@ -17,12 +17,11 @@ from shsa_core.model.error import Error
 from shsa_core.model.service import LastResort, Provision
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring.events import FailureDetected, PublisherHealth, PublisherState
+from shsa_core.monitoring.events import HealthChanged, PublisherHealth, PublisherState
 from shsa_core.monitoring.last_messages import COUNT, LARGEST_B, OLDEST_S, LastMessages
-from shsa_core.monitoring.lasting import LastingFailures
 from shsa_core.ros.wire.healing import LARGEST_MESSAGE_B, failure_seen
 from shsa_core.substitution import events
-from shsa_core.substitution.stamps import Stamps
+from shsa_core.substitution.job import Stamps
 
 # The monitor's side.
 
@@ -53,40 +52,61 @@ def test_messages_are_few_small_and_young() -> None:
     assert kept.newest("/a", "/node", 50.0, 50.0) == b"", "nobody is remembered for ever"
 
 
-def test_who_hears_of_a_failure_late_gets_the_newest_message_of_who_stood_in() -> None:
-    told, now = LastingFailures(), 100.0
+FAILED = PublisherHealth("/a", A, PublisherState.FAILED, 92.0, None, 91.0, Kind.SILENT, service="a")
 
-    def stands_in(node: str, service: str = "a", quality: float = 0.5, muted: bool = False) -> None:
-        row_ = Substitution(node, service, (), "", (), quality=quality, publishing=not muted)
-        told.substitutions([row_])
 
-    def messages() -> List[bytes]:
-        return [last_message for _, last_message in told.all(now)]
+def substituted(kept: LastMessages, node: str, quality: float = 0.5, muted: bool = False) -> None:
+    row_ = Substitution(node, "a", (), "", (), quality=quality, publishing=not muted)
+    kept.substitutions([row_])
+    kept.keep(99.0, "/a", node, node.encode())
 
-    failed = FailureDetected(now - 8.0, "a", "/a", A, Kind.SILENT, "", now - 9.0)
-    told.messages.keep(now - 9.0, "/a", A, b"original")
-    assert told.add(failed) == b"original"
-    told.messages.keep(now - 8.5, "/a", A, b"bad")
-    assert messages() == [b"original"]
-    # Idle processes, muted ones and safe values tell nothing of where the robot is.
-    stands_in("/safe", quality=0.0)
-    stands_in("/muted", muted=True)
-    stands_in("/idle", service="", muted=True)
-    told.messages.keep(now - 7.0, "/a", "/safe", b"safe")
-    assert messages() == [b"original"]
-    stands_in("/standing")
-    told.messages.keep(now - 1.0, "/a", "/standing", b"computed")
-    assert told.all(now) == [(failed, b"computed")]
-    # A substitute's own failure ends with it, and that of a node with its recovery.
-    for node in ("/standing", "/muted"):
-        told.add(replace(failed, publisher=node))
-    assert len(told.all(now)) == 1
-    told.health([PublisherHealth("/a", A, PublisherState.HEALTHY, now)], [])
-    assert told.all(now) == []
-    # Nobody was ever seen, though there is a plan.
-    stands_in("")
-    told.add(replace(failed, publisher="", last_good=None))
-    assert messages() == [b"computed"]
+
+def told(kept: LastMessages, *rows: PublisherHealth, gone: str = "") -> List[Any]:
+    """The publishers that are told, each with its message."""
+    removed = (("/a", gone),) if gone else ()
+    return [
+        (each.publisher, each.last_message)
+        for each in kept.rows(HealthChanged(100.0, rows, removed))
+    ]
+
+
+def test_the_row_of_a_failed_publisher_has_its_last_good_message_and_keeps_it() -> None:
+    kept = LastMessages()
+    kept.keep(91.0, "/a", A, b"good")
+    kept.keep(91.5, "/a", A, b"bad")
+    assert told(kept, FAILED) == [(A, b"good")]
+    for number in range(COUNT):
+        kept.keep(93.0 + number, "/a", A, b"bad")
+    assert told(kept, replace(FAILED, kind=Kind.NODE_GONE)) == [(A, b"good")]
+    assert told(kept, replace(FAILED, state=PublisherState.HEALTHY, since=94.0)) == [(A, b"")]
+    assert kept.failed() == []
+
+
+def test_it_has_the_newest_message_of_a_substitute_that_stood_in_once_that_has_left() -> None:
+    kept = LastMessages()
+    kept.keep(91.0, "/a", A, b"good")
+    told(kept, FAILED)
+    substituted(kept, "/standing")
+    # Muted ones and safe values tell nothing of where the robot is.
+    substituted(kept, "/safe", quality=0.0)
+    substituted(kept, "/muted", muted=True)
+    for node in ("/safe", "/muted"):
+        assert told(kept, gone=node) == []
+    assert told(kept, gone="/standing") == [(A, b"/standing")]
+    assert [row_.last_message for row_ in kept.failed()] == [b"/standing"]
+    # A substitute's own failure ends with it.
+    substituted(kept, "/other")
+    failed = replace(FAILED, publisher="/other", last_good=99.0)
+    assert told(kept, failed) == [("/other", b"/other"), (A, b"/other")]
+    assert len(kept.failed()) == 1
+
+
+def test_where_nobody_was_ever_seen_it_has_what_a_substitute_has_computed() -> None:
+    kept = LastMessages()
+    told(kept, replace(FAILED, publisher="", last_good=None))
+    substituted(kept, "")  # a plan
+    substituted(kept, "/standing")
+    assert told(kept, gone="/standing") == [("", b"/standing")]
 
 
 # On the way.
@@ -141,7 +161,7 @@ def test_safe_values_are_nothing_to_go_on_from() -> None:
     (row_,) = robot.working()
     fail(robot, row_.node, 11.0, b"safe", "silent")
     robot.handle(healing.Tick(robot.core.deadline or 0.0))
-    assert robot.core._healings["a"].last_message == b"good"
+    assert robot.core.services["a"].last_message == b"good"
 
 
 def test_what_a_stranger_has_sent_is_not_gone_on_from() -> None:

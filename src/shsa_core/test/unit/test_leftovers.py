@@ -10,6 +10,7 @@ from typing import Iterator, List
 import psutil
 import pytest
 
+from shsa_core.ros import settings
 from shsa_core.ros.processes import starting
 from shsa_core.ros.processes.starting import Processes
 from shsa_testing.waiting import wait_until
@@ -106,8 +107,8 @@ def test_what_was_left_behind_is_found_and_ended_as_our_own(
     wait_until(is_stopped, 5.0, "it is stopped")
     began = time.monotonic()
     known.stop(NODE)
-    assert not psutil.pid_exists(started[0].pid) and not ended
-    assert time.monotonic() - began < starting.STOP_TIMEOUT_S  # it was not asked
+    assert started[0].poll() == -signal.SIGKILL and not ended
+    assert time.monotonic() - began < settings.PROCESS_END_S  # it was not asked
 
 
 def test_the_end_of_one_that_was_left_behind_is_told(

@@ -59,10 +59,10 @@ def test_a_lost_connection_is_a_failure_at_once(bench: Bench) -> None:
     assert bench.state() == "failed"
 
 
-def test_a_failure_is_reported_before_the_table_that_shows_it(bench: Bench) -> None:
+def test_the_row_of_a_failure_is_told_before_anything_that_tells_people_alone(bench: Bench) -> None:
     said = bench.send(Disconnected(bench.now, TOPIC, NODE))
-    assert [type(command) for command in said] == [FailureDetected, HealthChanged]
-    assert said[1] == HealthChanged(bench.now, bench.core.table())
+    assert [type(command) for command in said] == [HealthChanged, FailureDetected]
+    assert said[0] == HealthChanged(bench.now, bench.core.table())
 
 
 def test_silence_is_found_at_its_deadline_and_reported_once(bench: Bench) -> None:

@@ -56,7 +56,7 @@ class AnyRobot(RuleBasedStateMachine):
         changes = [each for each in commands if isinstance(each, events.HealthChanged)]
         refused = [each for each in commands if isinstance(each, events.ChangeRefused)]
         adopted = [each for each in commands if isinstance(each, events.ChangeAdopted)]
-        assert commands == [*failures, *changes, *adopted, *refused] and len(changes) <= 1
+        assert commands == [*changes, *failures, *adopted, *refused] and len(changes) <= 1
         for refusal in refused:
             self.check_refusal(refusal)
         for change in changes:

@@ -11,7 +11,6 @@ from substitute_driver import (
     NAME,
     OUT,
     PERIOD,
-    SETTINGS,
     Driver,
     idle,
     only,
@@ -24,6 +23,7 @@ from substitute_driver import (
 from shsa_core.errors import ShsaError
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
+from shsa_core.substitution.settings import FIRST_MISSES, REST_S
 
 DERIVATIVE = "t0=x[0];\ndef _tf1(i1): return derivative(i1)\nt1=_tf1(t0);\ny=t1"
 
@@ -41,11 +41,11 @@ def test_muted_it_computes_and_never_publishes() -> None:
     driver = running(publishing=False)
     driver.stream(0.99)
     assert driver.published() == []
-    assert driver.core.next_deadline() == pytest.approx(0.99 + SETTINGS.rest_s, abs=SETTINGS.rest_s)
+    assert driver.core.next_deadline() == pytest.approx(0.99 + REST_S, abs=REST_S)
 
 
 def test_muted_it_rests_unless_its_program_remembers() -> None:
-    for code, pause in ((CODE, SETTINGS.rest_s), (DERIVATIVE, PERIOD)):
+    for code, pause in ((CODE, REST_S), (DERIVATIVE, PERIOD)):
         driver = running(publishing=False, code=code)
         driver.stream(2.0)
         deadline = driver.core.next_deadline()
@@ -213,7 +213,7 @@ def test_a_law_that_does_not_hold_any_more_is_told_at_the_second_miss_and_once(
     publishing: bool,
 ) -> None:
     driver = running(publishing=publishing, code=HOLDS)
-    pace = 1 if publishing else math.ceil(SETTINGS.rest_s / PERIOD)
+    pace = 1 if publishing else math.ceil(REST_S / PERIOD)
     assert told(driver, 1.0, 5 * pace) == []
     assert told(driver, 7.0, 1) == []
     assert len(told(driver, 7.0, 50)) == 1
@@ -223,7 +223,7 @@ def test_a_law_that_does_not_hold_any_more_is_told_at_the_second_miss_and_once(
 
 def test_a_law_that_never_held_is_told_later_as_filters_need_a_few_samples() -> None:
     driver = running(publishing=True, code=HOLDS.replace("5.0-i1", "i1-5.0"))
-    assert told(driver, 1.0, SETTINGS.first_misses - 2) == []
+    assert told(driver, 1.0, FIRST_MISSES - 2) == []
     assert len(told(driver, 1.0, 2)) == 1
 
 
@@ -390,10 +390,10 @@ def test_messages_come_before_all_other_work() -> None:
 
 def test_a_broken_invariant_is_named() -> None:
     core = Substitute()
-    core.handle(events.Started(0.0, row(publishing=False)))
+    core.handle(events.RowChanged(0.0, row(publishing=False)))
     core.validate()
     core._said = [events.Publish((OUT,), (1.0,))]
-    with pytest.raises(ShsaError, match="muted, it publishes only while it yields"):
+    with pytest.raises(ShsaError, match="muted, it publishes nothing"):
         core.validate()
 
 
@@ -406,7 +406,7 @@ def test_an_equal_story_is_told_with_equal_commands() -> None:
         driver.stream(2.0)
         stories.append(driver.said)
     assert stories[0] == stories[1]
-    assert NAME == driver.core._row.node
+    assert NAME == driver.core.row.node
 
 
 def test_who_stands_by_for_nobody_ends_and_who_publishes_goes_on() -> None:

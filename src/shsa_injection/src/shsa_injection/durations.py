@@ -7,7 +7,7 @@ _TEXT = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)(ms|s|min|h|)")
 
 
 def seconds(text: str) -> float:
-    """A duration in s; a bare number is in s. Raises ValueError if it is none, or not above 0."""
+    """Return a duration in s; a bare number is in s. Raises ValueError if it is not above 0."""
     match = _TEXT.fullmatch(text.strip())
     value = float(match.group(1)) * UNITS_S[match.group(2)] if match else math.nan
     if not 0.0 < value < math.inf:

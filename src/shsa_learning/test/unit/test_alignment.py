@@ -9,10 +9,8 @@ import pytest
 from recordings import som_of
 from shsa_core.errors import ShsaError
 from shsa_core.model.som import Som
-from shsa_learning.learn.inputs import offer
-from shsa_learning.recordings.alignment import held, largest_age
-from shsa_learning.recordings.duplicates import duplicates
-from shsa_learning.recordings.recording import Recording, Series
+from shsa_learning.learn.inputs import duplicates, offer
+from shsa_learning.recordings.recording import Recording, Series, held, largest_age
 
 RNG = np.random.RandomState(7)
 

@@ -100,7 +100,7 @@ class Computer:
             self._holder.kill()
 
     def words(self, *command: str, **environment: str) -> Tuple[str, ...]:
-        """The command that runs another one there, in the folder in which we are."""
+        """Return the command that runs another one there, in the folder in which we are."""
         given = {"HOME": str(self.home), "ROS_IP": self.address, **environment}
         cleared = [word for name in CLEARED for word in ("-u", name)]
         pairs = [f"{name}={value}" for name, value in given.items()]

@@ -6,17 +6,17 @@ from shsa_core.model.som import Som
 
 
 def property_id(name: str) -> str:
-    """The id of a property."""
+    """Return the id of a property."""
     return f"property-{name}"
 
 
 def service_id(name: str) -> str:
-    """The id of a service."""
+    """Return the id of a service."""
     return f"service-{name}"
 
 
 def relation_id(relation: str, output: str) -> str:
-    """The id of the direction of a relation that yields a property."""
+    """Return the id of the direction of a relation that yields a property."""
     return f"relation-{relation}-{output}"
 
 
@@ -27,7 +27,7 @@ def elements(
     relations: Collection[str],
     inputs: Collection[str],
 ) -> List[str]:
-    """The elements by which a substitute computes lost properties from its inputs, these first.
+    """Return the elements by which a substitute computes lost properties, its inputs first.
 
     `relations` are the names of those that it uses, `inputs` the paths that it reads.
     """

@@ -21,7 +21,7 @@ Edge = Tuple[str, str]
 
 
 def edges(ontology: Ontology, som: Som) -> List[Edge]:
-    """Which elements lead to which: services to properties, these by relations to others."""
+    """Return the edges: services to properties, these by relations to others."""
     provided = ((service_id(s.service.name), property_id(s.property)) for s in som.sources)
     return list(dict.fromkeys([*provided, *_of_relations(ontology)]))
 
@@ -36,7 +36,7 @@ def _of_relations(ontology: Ontology) -> Iterator[Edge]:
 
 
 def dot_text(ontology: Ontology, som: Som) -> str:
-    """The drawing in the language of graphviz. Raises ShsaError if it is too large to be read."""
+    """Return the drawing in the language of graphviz. Raises ShsaError if it is too large."""
     names = dict.fromkeys((*ontology.properties, *(each.property for each in som.sources)))
     size = len(names) + len(ontology.functions) + len(som)
     if size > MOST_ELEMENTS:
@@ -56,7 +56,7 @@ def dot_text(ontology: Ontology, som: Som) -> str:
 
 
 def drawing(ontology: Ontology, som: Som) -> Dict[str, Any]:
-    """The drawing as SVG, and its edges with the elements that they join.
+    """Return the drawing as SVG, and its edges with the elements that they join.
 
     `error`: why there is none.
     """
@@ -71,7 +71,7 @@ def drawing(ontology: Ontology, som: Som) -> Dict[str, Any]:
 
 
 def _svg(text: str) -> str:
-    """What graphviz draws. Raises ShsaError if it cannot."""
+    """Run graphviz. Raises ShsaError if it cannot draw."""
     command = ["dot", "-Tsvg"]
     try:
         done = subprocess.run(

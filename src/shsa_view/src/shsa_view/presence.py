@@ -1,4 +1,4 @@
-"""Whether a healer is there: by its connection, and by when it was last heard."""
+"""The presence of a healer: by its connection, and by when it was last heard."""
 from typing import Optional, Tuple
 
 SILENT_S = 4.0
@@ -6,7 +6,7 @@ SILENT_S = 4.0
 
 
 def presence(connected: bool, ever: bool, silent: Optional[float]) -> Tuple[str, str]:
-    """The state of a healer, `alive`, `lost` or `unknown`, and what is wrong in words.
+    """Return the state of a healer, `alive`, `lost` or `unknown`, and what is wrong in words.
 
     `connected`: it sends us a table; `ever`: it did at some time; `silent`: s since it was heard.
     """

@@ -1,4 +1,4 @@
-"""Who may ask what."""
+"""Access to the view."""
 import pytest
 from shsa_view.guard import HEADERS, host_allowed, token_given
 from shsa_view.presence import presence

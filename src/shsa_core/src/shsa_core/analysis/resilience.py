@@ -136,7 +136,7 @@ class _Analysis:
         return [replace(alternatives[i], error=errors[i]) for i in order]
 
     def _cuts(self, names: Sequence[str], failed: Nodes) -> Set[Nodes]:
-        """Return the smallest cuts of a service with the causes `failed`, of which one is its own."""
+        """Return the smallest cuts of a service that have the causes `failed`, one its own."""
         if any(self._fragility.bits(names) & self._fragility.bit(node) for node in failed):
             return {failed}
         bits = self._fragility.bits(names, self._left_by(failed))
@@ -150,7 +150,7 @@ class _Analysis:
         return _smallest(cuts)
 
     def _left_by(self, failed: Nodes) -> Dict[int, int]:
-        """Return the bits of each property after some failures; kept for the node's next service."""
+        """Return the bits of each property after failures; kept for the node's next service."""
         if self._failed != failed:
             self._failed, self._left = failed, self._fragility.after(failed)
         return self._left

@@ -8,8 +8,8 @@ from typing import Dict, Iterable, Iterator, List, Sequence, Set, Tuple
 from shsa_core.analysis.finding import Finding
 from shsa_core.analysis.takeover import Takeovers
 from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
-from shsa_core.healing.host_events import HostSeen
-from shsa_core.healing.hosts import Hosts
+from shsa_core.healing.events import HostSeen
+from shsa_core.healing.hosts import Computers
 from shsa_core.healing.placement import OWN, Placement
 from shsa_core.healing.settings import Settings
 from shsa_core.model.cost import Cost, cost, idle_cost
@@ -48,7 +48,7 @@ class _Schedule:
                 except (NoSubstitute, GenerationError):
                     continue  # `check` says why
                 self._reads[service.name] = list(dict.fromkeys(each.service for each in reads))
-        self._hosts = Hosts(settings, own)
+        self._hosts = Computers(settings, own)
         for host in som.hosts.values():
             self._hosts.seen(HostSeen(0.0, host.name, 0.0, host.cores or 0.0))
         self._placed: Dict[str, List[Cost]] = {}

@@ -2,19 +2,19 @@
 import os
 import re
 import tempfile
-from typing import Any, Dict, Iterable, List, Mapping, Tuple
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Tuple
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from shsa_core.errors import ModelError
-from shsa_core.files.error_values import plain_error, usual_quality
+from shsa_core.files.keys import CONSTANT, HOST, PROPERTY
 from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.readers import plain, plain_entry
 from shsa_core.files.regular import read_text
-from shsa_core.files.som_file import NAMES, read_som, service_parameters
-from shsa_core.files.som_plain import host_parameters
-from shsa_core.model.error import Error
+from shsa_core.files.som_file import NAMES, read_som, service_entry
+from shsa_core.model.error import Error, quality_of
 from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
@@ -26,7 +26,7 @@ _WIDTH = 4096  # lines are not wrapped
 
 
 def save_ontology(ontology: Ontology, path: str) -> None:
-    """Writes the ontology to a file. An ontology that is there already is edited: comments survive.
+    """Write the ontology to a file. An ontology that is there already is edited: comments survive.
 
     Raises ModelError if the file is there and is not an ontology, OSError if it cannot be written.
     """
@@ -48,7 +48,7 @@ def save_ontology(ontology: Ontology, path: str) -> None:
 
 
 def save_som(som: Som, path: str, namespace: str = "/") -> None:
-    """Writes the SOM to a file. A SOM that is there already is edited: comments survive.
+    """Write the SOM to a file. A SOM that is there already is edited: comments survive.
 
     So do names that are relative to `namespace`.
 
@@ -66,7 +66,7 @@ def save_som(som: Som, path: str, namespace: str = "/") -> None:
         if old.services.get(name) != service
     }
     computers = {
-        name: _one_line(host_parameters(host))
+        name: _one_line(plain_entry(host, HOST))
         for name, host in som.hosts.items()
         if old.hosts.get(name) != host
     }
@@ -113,7 +113,7 @@ def _section(tree: CommentedMap, name: str, wanted: bool) -> CommentedMap:
 
 
 def _update(section: CommentedMap, after: Iterable[str], changed: Mapping[str, Any]) -> None:
-    """Removes the entries that are not in `after` and sets the changed ones."""
+    """Remove the entries that are not in `after` and set the changed ones."""
     kept = set(after)
     for key in [key for key in section if str(key) not in kept]:
         del section[key]
@@ -122,27 +122,30 @@ def _update(section: CommentedMap, after: Iterable[str], changed: Mapping[str, A
 
 
 def _text(text: str) -> str:
-    """The text, quoted unless any parser reads it the same without."""
+    """Return the text, quoted unless any parser reads it the same without."""
     return text if _PLAIN.match(text) else DoubleQuotedScalarString(text)
 
 
-def _flow(**entries: Any) -> Any:
-    """The entries that have a value, on one line; None if there are none."""
-    given = CommentedMap((key, value) for key, value in entries.items() if value != "")
-    given.fa.set_flow_style()
-    return given or None
+def _one_line(entries: Mapping[str, Any]) -> CommentedMap:
+    """Return entries that are written on one line, lists too, and texts in quotes if need be."""
+    line = CommentedMap()
+    for key, value in entries.items():
+        if isinstance(value, list):
+            value = CommentedSeq(value)
+            value.fa.set_flow_style()
+        line[key] = _text(value) if isinstance(value, str) else value
+    line.fa.set_flow_style()
+    return line
 
 
-def _property_entry(item: Property) -> Any:
-    usual: Any = ""
-    if item.usual is not None:
-        usual = CommentedSeq(item.usual)
-        usual.fa.set_flow_style()
-    return _flow(unit=_text(item.unit), symbol=_text(item.symbol), usual=usual)
+def _property_entry(item: Property) -> Optional[CommentedMap]:
+    entry = plain_entry(item, PROPERTY)
+    return _one_line({key: value for key, value in entry.items() if value != ""}) or None
 
 
-def _constant_entry(item: Constant) -> Any:
-    return _flow(value=item.value, unit=_text(item.unit))
+def _constant_entry(item: Constant) -> CommentedMap:
+    entry = plain_entry(item, CONSTANT)
+    return _one_line({key: value for key, value in entry.items() if value != ""})
 
 
 def _function_entry(function: TransferFunction) -> Any:
@@ -153,7 +156,7 @@ def _function_entry(function: TransferFunction) -> Any:
         entry["not_executable"] = _text(function.text)
         entry["inputs"] = CommentedSeq(function.inputs)
         entry["inputs"].fa.set_flow_style()
-    if function.quality != usual_quality(function.error):
+    if function.quality != quality_of(function.error):
         entry["quality"] = function.quality
     if function.constraint is not None:
         entry["constraint"] = function.constraint.text
@@ -163,31 +166,17 @@ def _function_entry(function: TransferFunction) -> Any:
 
 
 def _error_entry(error: Error) -> Any:
-    plain = plain_error(error)
-    if not isinstance(plain, dict):
-        return plain
-    if error.source:
-        plain["source"] = _text(error.source)
-    return _one_line(plain)
+    entry = plain(error)
+    return _one_line(entry) if isinstance(entry, dict) else entry
 
 
 def _service_entry(service: Service) -> CommentedMap:
-    """What the parameter server gets, and the command, which stands in a file alone."""
-    entry = CommentedMap(service_parameters(service))
-    if service.last_resort.command:
-        resort = {"values": dict(service.last_resort.values)} if service.last_resort.values else {}
-        entry["last_resort"] = {**resort, "command": list(service.last_resort.command)}
+    entry = CommentedMap(service_entry(service))
     if "placement" in entry:
         entry["placement"] = _one_line(entry["placement"])
     provides = entry.pop("provides")
     entry["provides"] = CommentedMap((name, _one_line(line)) for name, line in provides.items())
     return entry
-
-
-def _one_line(entries: Mapping[str, Any]) -> CommentedMap:
-    line = CommentedMap(entries)
-    line.fa.set_flow_style()
-    return line
 
 
 def _editor() -> YAML:
@@ -205,10 +194,7 @@ def _load(path: str) -> CommentedMap:
 
 
 def _plain_exponents(tree: Any) -> None:
-    """ruamel.yaml writes a number that has an exponent with other digits than it read.
-
-    A float it writes exactly.
-    """
+    """Make floats of numbers that have an exponent: others ruamel.yaml writes inexactly."""
     if isinstance(tree, (CommentedMap, CommentedSeq)):
         keys = tree.keys() if isinstance(tree, CommentedMap) else range(len(tree))
         for key in keys:
@@ -218,7 +204,7 @@ def _plain_exponents(tree: Any) -> None:
 
 
 def _dump(tree: CommentedMap, path: str) -> None:
-    """Writes the file as a whole or not at all; a link to it stays one."""
+    """Write the file as a whole or not at all; a link to it stays one."""
     path = os.path.realpath(path)
     folder = os.path.dirname(path)
     handle, temporary = tempfile.mkstemp(dir=folder, prefix=".shsa-", suffix=".yaml")

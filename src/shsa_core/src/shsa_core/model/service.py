@@ -36,7 +36,7 @@ class Provision:
 
 @dataclass(frozen=True)
 class LastResort:
-    """What is done when nothing can substitute: publish `values`, run `command`.
+    """Publish `values` and run `command` when nothing can substitute.
 
     A value is a property and a number in its unit.
 
@@ -118,7 +118,7 @@ class Service:
 
     @property
     def gated(self) -> bool:
-        """Whether a gate stands between its node and its consumers."""
+        """A gate stands between its node and its consumers."""
         return bool(self.beyond_gate)
 
     @property
@@ -143,7 +143,7 @@ class Service:
 
     @property
     def shared(self) -> Tuple[str, ...]:
-        """What it may fail with together with other services: the last one is its computer."""
+        """The causes that it shares with other services: the last one is its computer."""
         if not self.host or self.host in self.fails_with:
             return self.fails_with
         return (*self.fails_with, self.host)
@@ -155,7 +155,7 @@ class Service:
 
     @property
     def wrong_with(self) -> Tuple[str, ...]:
-        """What may make its values wrong: not its computer, with which they are lost at most."""
+        """The causes of wrong values: not its computer, with which they are lost at most."""
         return tuple(dict.fromkeys((self.node, *self.fails_with)))
 
     @property
@@ -168,7 +168,7 @@ class Service:
 
     @property
     def event_driven(self) -> bool:
-        """Whether it publishes when something happens, and not periodically."""
+        """It publishes when something happens, and not periodically."""
         return self.period is None
 
     @property
@@ -183,7 +183,7 @@ class Service:
         return (usual if self.bridge is None else self.bridge) or None
 
     def source(self, property: str) -> Optional["Source"]:
-        """The value that provides `property`; None if none does."""
+        """Return the value that provides `property`; None if none does."""
         return next((s for s in self.sources if s.property == property), None)
 
 
@@ -214,7 +214,7 @@ class Source:
 
     @property
     def names(self) -> Tuple[str, ...]:
-        """What it can be left out by: its service, topic, node and common causes, as its host.
+        """The names it can be left out by: its service, topic, node and common causes.
 
         And the services that it is computed from: where one is lost, its own loss would come back.
         """
@@ -239,7 +239,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Signal:
-    """What a substitute must know of a value that it reads or writes.
+    """A value that a substitute reads or writes.
 
     `period` in s, None: event-driven; `deadline`: s after which a value is stale, None: it never
     is. `node`: whose messages count, where several services share the topic; empty: anybody's.
@@ -267,7 +267,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Deadlines:
-    """How long a service may be silent, if it has no deadline of its own.
+    """The silence that a service is allowed, if it has no deadline of its own.
 
     That is `periods`, but at least `minimum` s.
 
@@ -281,7 +281,7 @@ class Deadlines:
     """A deadline that is learned is so many times that of others at most."""
 
     def of(self, service: Service) -> Optional[float]:
-        """The silence in s after which a service has failed and its values are stale; None:
+        """Return the silence in s after which a service has failed and its values are stale; None:
         neither ever.
 
         One whose deadline is learned is as one that has none: so long its values are fresh, and so
@@ -294,12 +294,12 @@ class Deadlines:
         return service.deadline * service.period
 
     def longest(self, service: Service) -> Optional[float]:
-        """The longest silence in s until it has failed, whatever is learned; None: any."""
+        """Return the longest silence in s until it has failed, whatever is learned; None: any."""
         usual = self.of(service)
         learned = isinstance(service.deadline, AdaptiveDeadline)
         return self.ADAPTIVE * usual if learned and usual is not None else usual
 
 
 def signal_path(topic: str, field: str) -> str:
-    """Topic and field as in the three strings; a plain one as `rostopic echo` takes it."""
+    """Return topic and field as one of the three strings has them, and `rostopic echo`."""
     return topic + "/" + to_path(field)

@@ -81,14 +81,14 @@ class Board:
         return tuple(publisher.row(topic.name) for topic, publisher in self.all())
 
     def commands(self, time: float) -> List[Command]:
-        """The failures, the changed rows and what became of changes, since this was called last."""
-        commands: List[Command] = list(self._failures)
+        """Return the changed rows, the failures and what became of changes since the last call."""
+        commands: List[Command] = []
         if self._touched:
             found = {key: self.find(*key) for key in self._touched}
             rows = tuple(each[1].row(each[0].name) for each in found.values() if each)
             removed = tuple(key for key, each in found.items() if not each)
             commands.append(HealthChanged(time, rows, removed))
-        commands += self._changes
+        commands += [*self._failures, *self._changes]
         self._failures, self._touched, self._changes = [], {}, []
         return commands
 
@@ -134,6 +134,19 @@ class Board:
         self._miss_no_more(topic, publisher.watched)
         self.notice(topic, publisher, time)
         return publisher
+
+    def provide(
+        self,
+        topic: WatchedTopic,
+        publisher: Publisher,
+        watched: Optional[WatchedService],
+        anew: bool,
+    ) -> None:
+        """Have a publisher provide a service from now on; see Publisher.provide."""
+        before = publisher.row(topic.name)
+        publisher.provide(watched, anew)
+        if publisher.row(topic.name) != before:
+            self.touch(topic, publisher.name)
 
     def notice(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
         """A publisher is connected: all that is asked of the node of an event-driven service."""

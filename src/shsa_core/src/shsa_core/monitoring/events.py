@@ -23,7 +23,12 @@ class PublisherState(Word):
 
 @dataclass(frozen=True)
 class PublisherHealth:
-    """One row of the monitor's table: the state since `since`; `kind` of failure, if it failed."""
+    """One row of the monitor's table: the state since `since`; `kind` of failure, if it failed.
+
+    `detail`: what was seen and what is allowed; of one that has not failed: why it is not blamed
+    though it is late. `last_message`: of one that failed, the serialized message from which a
+    substitute goes on; empty: not known.
+    """
 
     topic: str
     publisher: str
@@ -33,6 +38,8 @@ class PublisherHealth:
     last_good: Optional[float] = None
     kind: Optional[Kind] = None
     detail: str = ""
+    service: str = ""
+    last_message: bytes = b""
 
     @property
     def key(self) -> Key:

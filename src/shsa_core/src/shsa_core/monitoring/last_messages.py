@@ -1,6 +1,12 @@
 """The last few messages of each publisher, as bytes: a substitute's messages start from one."""
 from collections import deque
-from typing import Deque, Dict, Optional, Tuple
+from dataclasses import replace
+from math import inf
+from typing import Deque, Dict, Iterable, List, Optional, Tuple
+
+from shsa_core.model.names import RecentNames
+from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.events import HealthChanged, Key, PublisherHealth, PublisherState
 
 COUNT = 20
 """So many are kept of each publisher: the evidence against it begins with one of the last `of`."""
@@ -9,14 +15,15 @@ LARGEST_B = 65536
 OLDEST_S = 60.0
 """An older message is not handed out."""
 
-Key = Tuple[str, str]
-
 
 class LastMessages:
     """Messages by topic and publisher, each with the time at which it came, in s."""
 
     def __init__(self) -> None:
         self._kept: Dict[Key, Deque[Tuple[float, bytes]]] = {}
+        self._failed: Dict[Key, PublisherHealth] = {}
+        self._substitutes = RecentNames()  # each is used once
+        self._stand_ins: Dict[str, str] = {}  # by service: who computed it last
 
     def keep(self, time: float, topic: str, publisher: str, data: bytes) -> None:
         """Keep a message; it takes the place of the oldest."""
@@ -29,13 +36,55 @@ class LastMessages:
         kept.append((time, data))
 
     def newest(self, topic: str, publisher: str, last: Optional[float], now: float) -> bytes:
-        """The newest message that came at `last` or before; empty if none was kept."""
+        """Return the newest message that came at `last` or before; empty if none was kept."""
         if last is None:
             return b""
         for time, data in reversed(self._kept.get((topic, publisher), ())):
             if time <= last:
                 return data if time >= now - OLDEST_S else b""
         return b""
+
+    def substitutions(self, rows: Iterable[Substitution]) -> None:
+        """Note who stands in for whom; safe values tell nothing of the robot."""
+        for row in (row for row in rows if row.node):  # the others are plans
+            self._substitutes.add(row.node)
+            if row.publishing and row.quality > 0.0:
+                self._stand_ins[row.service] = row.node
+
+    def failed(self) -> List[PublisherHealth]:
+        """Return the rows of those that have failed, as they were told last."""
+        return list(self._failed.values())
+
+    def rows(self, change: HealthChanged) -> List[PublisherHealth]:
+        """Return changed rows, each failed one with the message from which a substitute goes on.
+
+        A row that failed before changes where its substitute has left: whoever takes over next, or
+        a reconfigurator that is started then, goes on where that was.
+        """
+        rows = [self._row(row, change.time) for row in change.rows]
+        failed = {row.key for row in rows if row.state is PublisherState.FAILED}
+        for key in (*change.removed, *(row.key for row in rows if row.key not in failed)):
+            self._failed.pop(key, None)
+        left = failed.union(change.removed)
+        for key, row in self._failed.items():
+            stand_in = row.topic, self._stand_ins.get(row.service, "")
+            message = self.newest(*stand_in, inf, change.time) if stand_in in left else b""
+            if message:
+                self._failed[key] = replace(row, last_message=message)
+                rows.append(self._failed[key])
+        return rows
+
+    def _row(self, row: PublisherHealth, time: float) -> PublisherHealth:
+        if row.state is not PublisherState.FAILED:
+            return row
+        before = self._failed.get(row.key)
+        if before is not None and before.since == row.since:
+            row = replace(row, last_message=before.last_message)
+        else:
+            row = replace(row, last_message=self.newest(*row.key, row.last_good, time))
+        if row.publisher not in self._substitutes:
+            self._failed[row.key] = row
+        return row
 
     def _forget_before(self, time: float) -> None:
         for key in [key for key, kept in self._kept.items() if kept[-1][0] < time]:

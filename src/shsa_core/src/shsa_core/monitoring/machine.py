@@ -1,6 +1,6 @@
 """The monitor's core: judges each publisher of a service by its messages and connections."""
 from math import inf
-from typing import Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
+from typing import Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core import dispatch
 from shsa_core.model.checks import Checks, IntruderSample
@@ -9,7 +9,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.arrivals import Arrivals
-from shsa_core.monitoring.calibrations import Calibrations
+from shsa_core.monitoring.comparisons import Comparisons
 from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board, Due, Grace, Silence, Trial
 from shsa_core.monitoring.events import (
     ClockTicked,
@@ -38,14 +38,6 @@ from shsa_core.monitoring.settings import Settings
 from shsa_core.monitoring.silence import EVERYBODY, LEAST_GRANT_S, Excuses, late_nodes
 from shsa_core.monitoring.substitutes import publishes, topics_of
 from shsa_core.monitoring.trials import Trials
-from shsa_core.monitoring.witness import Witnesses
-
-
-class _Own(NamedTuple):
-    """What the own node of a service says: values by property, None where there is none."""
-
-    service: Service
-    values: List[Tuple[str, Optional[float]]]
 
 
 class Monitor:
@@ -55,8 +47,7 @@ class Monitor:
         self, settings: Settings = Settings(), ontology: Optional[Ontology] = None
     ) -> None:
         self._settings = settings
-        self._witnesses = Witnesses(ontology, settings.deadlines)
-        self._calibrations = Calibrations(ontology, settings.deadlines)
+        self._comparisons = Comparisons(ontology, settings.deadlines) if ontology else None
         self._som = Som()
         self._board = Board()
         self._trials = Trials(self._board, settings.deadlines, self._watch)
@@ -109,13 +100,14 @@ class Monitor:
         return self._pace.simulated
 
     def handle(self, event: Event) -> List[Command]:
-        """What `event` brings to light: failures first, then the rows that changed."""
+        """Return what `event` brings to light: the rows that changed first, then the failures."""
         if self._ends:
             return []
         seen = self._pace.judged(event)
         self._handlers[type(event)](seen)
         commands = [*self._board.commands(seen.time), *self._arrivals.awaited(seen.time)]
-        commands += self._calibrations.changed(seen.time)
+        if self._comparisons is not None:
+            commands += self._comparisons.changed(seen.time)
         return self._pace.ours(commands)
 
     def table(self) -> Tuple[PublisherHealth, ...]:
@@ -124,7 +116,7 @@ class Monitor:
 
     def overview(self) -> Tuple[ServiceHealth, ...]:
         """How every service is doing, as of the last event."""
-        return overview(self._som, self._board, self.muted(), self._witnesses.doubts())
+        return overview(self._som, self._board, self.muted())
 
     def messages(self) -> Dict[Key, int]:
         """How many messages came from each publisher so far."""
@@ -162,8 +154,10 @@ class Monitor:
 
     def _som_changed(self, event: SomChanged) -> None:
         before, self._som = self._som, event.som
-        self._witnesses.watch(event.som)
-        self._calibrations.watch(event.som)
+        if self._comparisons is not None:
+            self._comparisons.watch(event.som)
+        for _, publisher in self._board.all():
+            publisher.suspicions.clear()
         for name in before.topics():
             if not event.som.of_topic(name):
                 self._board.drop_topic(name)
@@ -194,7 +188,9 @@ class Monitor:
         for publisher in list(topic.publishers.values()):
             if publisher.name != NOBODY:
                 watched = board.watched_of(topic, publisher.name)
-                publisher.provide(watched, anew=publisher.service != services[publisher.name])
+                board.provide(
+                    topic, publisher, watched, publisher.service != services[publisher.name]
+                )
                 board.notice(topic, publisher, time)
                 board.agenda.bring_forward(Silence(topic.name, publisher.name), publisher.deadline)
         if not topic.publishers:
@@ -213,7 +209,7 @@ class Monitor:
                     continue
                 board.substitutes.retired.discard((name, node))
                 watched = board.watched_of(topic, node)
-                publisher.provide(watched, anew=watched is not publisher.watched)
+                board.provide(topic, publisher, watched, watched is not publisher.watched)
                 board.agenda.bring_forward(Silence(name, node), publisher.deadline)
                 if publishes(before, name) and not publishes(now, name):
                     board.bridges.muted((name, node), event.time)
@@ -331,19 +327,19 @@ class Monitor:
                 good, failure = True, None
         if probation is not None:
             good = self._trials.weigh(topic, publisher, probation, event, good)
-        own, time = _own_values(publisher, seen), event.time
-        trusted = good and publisher.is_healthy
-        witnessed = self._witnessed(own, time, trusted) if own else None
-        if good and witnessed is not None:
-            good, failure = False, witnessed
+        comparisons, time, compared = self._comparisons, event.time, None
+        if comparisons is not None:
+            compared = comparisons.compare(publisher, seen, good)
+            if compared is not None and compared.finding is not None and good:
+                good, failure = False, compared.finding
         intrusion = self._intrusion(topic, publisher, time)
         if intrusion is not None:
             good, failure = False, intrusion
         quiet = publisher.kind in (Kind.SILENT, Kind.NEVER_PUBLISHED)
         if failure is not None and (publisher.state is not FAILED or quiet):
             self._board.fail(topic, publisher, time, failure.kind, failure.detail)
-        if own:
-            self._calibrate(own, time, good and publisher.is_healthy)
+        if comparisons is not None and compared is not None:
+            comparisons.learn(publisher, compared, time, good)
         return good
 
     def _is_excused(self, publisher: Publisher, failure: Finding, time: float) -> bool:
@@ -352,15 +348,14 @@ class Monitor:
             return False
         return self._excuses.slows(publisher, (each for _, each in self._board.all()), time)
 
-    def _calibrate(self, own: _Own, time: float, trusted: bool) -> None:
-        """Learn from the values of a service's own node, as long as nothing is held against it."""
-        trusted = trusted and not self._witnesses.is_disputed(own.service)
-        self._calibrations.take(own.service, own.values, time, trusted)
-
-    def _witnessed(self, own: _Own, time: float, trusted: bool) -> Optional[Finding]:
-        """What other nodes say of the values of a service's own node; who fails is no witness."""
-        self._witnesses.take(own.service, own.values, time, trusted)
-        return self._witnesses.finding(own.service, time)
+    def _healthy_services(self) -> List[str]:
+        """Return the services whose own nodes are healthy, and have told something."""
+        found = []
+        for service in self._som:
+            node = self._board.topics[service.topic].publishers.get(service.node)
+            if node is not None and node.is_healthy and node.last_good is not None:
+                found.append(service.name)
+        return found
 
     def _heard_good(
         self, topic: WatchedTopic, publisher: Publisher, time: float, previous: Optional[float]
@@ -397,7 +392,8 @@ class Monitor:
         self._look_anew(self._lessons.learn(event, self._board.all()))
         for due in self._board.agenda.pop_due(event.time):
             self._judges[type(due)](due)
-        self._calibrations.tick(event.time)
+        if self._comparisons is not None:
+            self._comparisons.tick(event.time, self._healthy_services)
 
     def _judge_start(self, due: Grace) -> None:
         """Blame somebody if a service has never been there, once its grace is over."""
@@ -485,13 +481,3 @@ class Monitor:
             publisher.intruding_since = time
         sample = IntruderSample(time - publisher.intruding_since, rightful)
         return judge(topic.intruder_checks, sample)
-
-
-def _own_values(publisher: Publisher, message: Message) -> Optional[_Own]:
-    """None: the message is of another node than the service's own, or nobody has read it."""
-    service, evidence = publisher.service, publisher.evidence
-    if service is None or evidence is None or message.values is None:
-        return None
-    if service.node != publisher.name:
-        return None
-    return _Own(service, list(zip(evidence.properties, message.values)))

@@ -10,6 +10,7 @@ from shsa_core.monitoring.backlog import Backlog
 from shsa_core.monitoring.deadline import LearnedDeadline
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import Evidence, Learned
+from shsa_core.monitoring.witness import Suspicion
 
 if TYPE_CHECKING:
     from shsa_core.monitoring.probation import Probation
@@ -76,6 +77,8 @@ class Publisher:
     `granted`: extra time until it counts as silent. `interrupted`: its connection was lost since
     its last message, while its node lived. `steady`: a message came within its deadline once.
 
+    `suspicions`: what others hold against its values, by property.
+
     `watched` is the service that it provides, None: nobody can tell, so that only its connection is
     watched.
     """
@@ -98,6 +101,7 @@ class Publisher:
     steady: bool = False
     intruding_since: Optional[float] = None
     backlog: Backlog = field(default_factory=Backlog)
+    suspicions: Dict[str, Suspicion] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.begin_anew()
@@ -164,6 +168,7 @@ class Publisher:
     def begin_anew(self) -> None:
         """Forget the evidence; but what was held up during a silence is as old as it is."""
         watched, before = self.watched, self.evidence
+        self.suspicions.clear()
         if watched is None:
             self.evidence = None
             return
@@ -200,9 +205,10 @@ class Publisher:
             self.first_message = time
 
     def row(self, topic: str) -> PublisherHealth:
-        """Its row in the table."""
+        """Return its row in the table."""
         moments = (self.since, self.first_message, self.last_good)
-        return PublisherHealth(topic, self.name, self.state, *moments, self.kind, self.detail)
+        told = (self.kind, self.detail, self.service.name if self.service else "")
+        return PublisherHealth(topic, self.name, self.state, *moments, *told)
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""The monitor's settings, where a service has none of its own."""
+"""The monitor's settings, where a service has none of its own, and the constants of its core."""
 from dataclasses import dataclass
 
 from shsa_core.model.service import Deadlines
@@ -24,3 +24,58 @@ class Settings:
     def deadlines(self) -> Deadlines:
         """How long a service may be silent."""
         return Deadlines(self.deadline, self.minimum_deadline)
+
+
+# Calibration: what a value is compared with. Times in s.
+SAMPLE_S = 0.2
+"""Between two comparisons: those in between cost time and tell nothing new."""
+SAMPLE_COUNTS_S = 1.0
+"""A sample tells of the time since the one before, up to this; errors are noted so far apart."""
+MEMORY_S = 200.0
+"""What is older counts less than 1/e."""
+LARGEST = 1e100
+"""The square of a value beyond could be infinite, and its table of calibrations refused."""
+GUARD_S = 5.0
+"""A sample is learned once it is so old, as long as nothing was doubted since; and no error is
+noted before something was learned for as long."""
+SETTLING_S = 60.0
+"""Of data, before which gain and offset are free; the gain needs as much that tells of it."""
+PRIOR_GAIN = 0.3
+"""The standard deviation of a relation's gain from 1 that is expected."""
+EXCITED = 2.0
+"""A gain is believed once the variance of what is derived is so many times the residual's."""
+GAINS = 0.5, 2.0
+"""The smallest and the largest gain."""
+DRIFT_S = 300.0
+"""In it a settled offset moves by the relation's rms error at most, a gain by GAIN_STEP."""
+GAIN_STEP = 0.05
+DRIFTS = 3.0
+"""So many times that is as far as they ever move."""
+ERRORS, FEWEST_ERRORS = 300, 5
+"""An error is that of so many samples at most, and not known before there were a few."""
+
+# Which plans are calibrated, and what is told of them.
+PLANS = 3
+"""At most of one service: the best, and those for a second failure."""
+REPLAN_S = 5.0
+"""Between two looks at which services are there."""
+SEARCH_S = 0.5
+"""Between two searches for a plan: on a robot of 500 services one takes 50 ms."""
+EVALUATIONS_PER_S = 2000.0
+"""Of all programs together: what is beyond that is not followed."""
+REFRESH_S, REFRESHES_PER_S = 1.0, 100.0
+"""Between two looks at what a program has learned; and so many of all programs in a second."""
+GAP_PERIODS = 5.0
+"""A program that remembers forgets after a gap of so many periods of its service."""
+TOLD_SHARE = 0.1
+"""A calibration is told anew if it moves its values by this share of their rms error."""
+
+# Witnesses.
+WITNESS_LOOKS = 10
+"""Looks, SAMPLE_S apart: two values differ by the mean of so many, and that has to last as long."""
+WITNESS_SAMPLES = 60
+"""So many samples, one a second, make an error known that nobody has stated."""
+WITNESS_MEMORY_S = 120.0
+"""Errors count as they were so long ago: a sensor that drifts widens them by and by."""
+SPREAD_RMS, SPREAD_P95 = 4.0, 2.0
+"""A value may be so many rms, and so many times its p95, from the truth."""

@@ -18,7 +18,7 @@ from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.ros import clock
-from shsa_core.ros.processes.companion import Companion
+from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.trust.computers import Seen
 from shsa_core.ros.master.master_watch import Told
 from shsa_core.ros.trust.signing import Signing

@@ -33,7 +33,7 @@ from shsa_core.model.substitution import row_key
 from shsa_core.ros import diagnostics
 from shsa_core.ros import clock
 from shsa_core.ros.processes.handover import Handover, await_turn
-from shsa_core.ros.processes.companion import Companion
+from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch
 from shsa_core.ros.master.master_watch import MasterWatch
@@ -42,11 +42,11 @@ from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
-from shsa_core.ros.messages.usable import Problem, mark_unusable
+from shsa_core.ros.messages.fields import Problem, mark_unusable
 from shsa_core.ros.workers import Workers
 from shsa_core.ros.agent.agents import Agents
 from shsa_core.ros.processes.host import HostCommand
-from shsa_core.ros.agent.routing import Hosts
+from shsa_core.ros.agent.routing import Router
 from shsa_core.ros.processes.starting import Forks
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
@@ -55,7 +55,7 @@ from shsa_core.ros.services import Services
 from shsa_core.ros.succession import take_over
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
-from shsa_core.ros.wire.rows import OwnRows, substitution_message
+from shsa_core.ros.wire.rows import own_rows, substitution_message
 
 LOG: Dict[Level, Callable[..., None]] = {
     Level.INFO: rospy.loginfo,
@@ -120,7 +120,7 @@ class ReconfiguratorNode:
             self._told, signs, prefix, journals, signing.path, arguments.sandbox, "", forks
         )
         self._agents = Agents(signing, self._told, arguments.host)
-        self._hosts = Hosts(self._local, self._agents, self._told, arguments.host)
+        self._hosts = Router(self._local, self._agents, self._told, arguments.host)
         self._asked: Dict[str, float] = {}
         self._spins, self._stopped = False, threading.Event()
         rospy.core.add_preshutdown_hook(self._stop_elsewhere)
@@ -132,7 +132,7 @@ class ReconfiguratorNode:
             row_key,
             signing,
             opened=False,
-            addressing=OwnRows(prefix),
+            concerning=own_rows(prefix),
         )
         self._som_state = TablePublisher(
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False

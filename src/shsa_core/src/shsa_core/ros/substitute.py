@@ -12,7 +12,7 @@ from shsa_msgs import msg
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.ros import clock
+from shsa_core.ros import clock, settings
 from shsa_core.ros.master import announce
 from shsa_core.ros.processes import priority
 from shsa_core.message_types import message_class
@@ -20,9 +20,9 @@ from shsa_core.ros.messages.composing import read_message
 from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
 from shsa_core.ros.messages.fields import Field, problem
 from shsa_core.ros.master.node_api import FAILURES
-from shsa_core.ros.master.original import Originals
-from shsa_core.ros.messages.outputs import Outputs
-from shsa_core.ros.sockets.arrivals import Arrivals
+from shsa_core.ros.master.bus import Originals
+from shsa_core.ros.inputs import Inputs
+from shsa_core.ros.outputs import Outputs
 from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import names
@@ -36,15 +36,6 @@ from shsa_core.substitution.signals import JOURNAL, SHARED, VARIABLE, decode
 if TYPE_CHECKING:
     from shsa_core.journal.writer import JournalWriter
 
-SIMULATED_S = 0.002
-"""At least so long between two looks at /clock, which nobody can wait for."""
-POLL_S = 0.1  # between two looks whether ROS shuts down
-ALONE_S = 60.0  # without a reconfigurator; a launch starts it again within 2 s
-PREPARE_PAUSE_S = 0.01
-"""Between two registrations that are in no hurry: each costs other nodes a connection, and a node
-that has many to make at once does not publish meanwhile."""
-SHARED_PAUSE_S = 0.1
-"""The same in a process that several share: ten of them come up together, with a program each."""
 USAGE = "usage: rosrun shsa_core substitute INPUTS CODE OUTPUT"
 Paths = Tuple[str, ...]
 
@@ -79,8 +70,8 @@ class SubstituteNode:
             sharing.Sharing() if row.shared else machine.Substitute()
         )
         self._journal = _journal(journal, row.shared) if journal else None
-        self._arrivals = Arrivals(row.node, self._clock, lowered)
-        self._arrivals.read(signal.topic for signal in row.inputs)
+        self._inputs = Inputs(row.node, self._clock, lowered)
+        self._inputs.read(signal.topic for signal in row.inputs)
         self._heart = Heart(hearer(os.environ.get(HOST, "")))
         self._outputs = Outputs(self._advertised, self._joined)
         self._registrations = Workers("registrations")
@@ -98,8 +89,7 @@ class SubstituteNode:
                 events.Compose: self._compose,
                 events.Publish: self._publish,
                 events.Announce: self._announce,
-                events.FindSubscribers: self._find_subscribers,
-                events.Tell: self._tell,
+                events.Remind: self._remind,
                 events.LookAtOriginal: self._look_at_original,
                 events.LookAtOthers: self._look_at_others,
                 events.TellNoValue: self._tell_no_value,
@@ -120,9 +110,9 @@ class SubstituteNode:
                 self._journal.close()
 
     def _follow(self) -> None:
-        self._feed(
-            events.Started(self._clock.now(), self._row, unusable(self._row), clock.ros_ns())
-        )
+        if not self._row.shared:
+            row, time, ros_time = self._row, self._clock.now(), clock.ros_ns()
+            self._feed(events.RowChanged(time, row, unusable(row), ros_time=ros_time))
         if self._signing is not None:
             table_of = msg.Substitutions, self._table, self._signing, self._name
             TableSubscriber(names.SUBSTITUTIONS, *table_of)
@@ -130,18 +120,22 @@ class SubstituteNode:
         alone = cut_off = False
         while not rospy.is_shutdown():
             deadline = self._core.next_deadline()
-            wait = POLL_S if deadline is None else min(POLL_S, deadline - self._clock.now())
-            self._arrivals.wait(max(wait, SIMULATED_S) if clock.is_simulated() else wait)
+            wait = (
+                settings.TURN_S
+                if deadline is None
+                else min(settings.TURN_S, deadline - self._clock.now())
+            )
+            self._inputs.wait(max(wait, settings.REST_S) if clock.is_simulated() else wait)
             self._heart.beat()
             if self._heart.cut_off is not cut_off:
                 cut_off = not cut_off
                 self._feed(events.ReachChanged(self._clock.now(), cut_off))
-            if self._heart.unheard > ALONE_S and not alone:
+            if self._heart.unheard > settings.ALONE_S and not alone:
                 self._feed(events.LeftAlone(self._clock.now()))
-            alone = self._heart.unheard > ALONE_S
-            for event in self._arrivals.take(self._clock.now() >= self._core.reads_at):
+            alone = self._heart.unheard > settings.ALONE_S
+            for event in self._inputs.take(self._clock.now() >= self._core.reads_at):
                 self._feed(event)
-            self._arrivals.hurry(self._core.hurries)
+            self._inputs.hurry(self._core.hurries)
             deadline = self._core.next_deadline()
             if deadline is not None and self._clock.now() >= deadline:
                 self._feed(events.Tick(self._clock.now()))
@@ -161,25 +155,25 @@ class SubstituteNode:
         ours = [row for row in message.substitutions if row.node == self._name]
         for row in self._rows(ours):
             if row.code:
-                self._arrivals.read(signal.topic for signal in row.inputs)
+                self._inputs.read(signal.topic for signal in row.inputs)
             self._listed.add(row_key(row))
             self._idle = row.idle
             if not row.idle and (row.publishing or not row.shared):
                 self._hurry.set()
             problems_of, last = unusable(row), last_message(row)
             now = self._clock.now(), clock.ros_ns()
-            self._arrivals.put(events.RowChanged(now[0], row, problems_of, last, now[1]))
+            self._inputs.put(events.RowChanged(now[0], row, problems_of, last, now[1]))
         told = {row_key(row) for row in ours}
         ended = self._listed.intersection(message.removed) - told
         for key in (self._listed - told) if message.whole else ended:
             self._listed.discard(key)
             service = key.partition(" ")[2]
-            self._arrivals.put(events.RowRemoved(self._clock.now(), service, key in ended))
+            self._inputs.put(events.RowRemoved(self._clock.now(), service, key in ended))
         if self._idle:
             plans = tuple(self._rows([row for row in message.substitutions if not row.node]))
             problems = tuple(problem for plan in plans for problem in unusable(plan))
             removed = tuple(message.removed)
-            self._arrivals.put(
+            self._inputs.put(
                 events.PlansChanged(self._clock.now(), plans, removed, message.whole, problems)
             )
 
@@ -193,27 +187,27 @@ class SubstituteNode:
                 rospy.logwarn_throttle_identical(60.0, text)
 
     def _advertised(self, topic: str) -> None:
-        self._arrivals.put(events.Advertised(self._clock.now(), topic))
+        self._inputs.put(events.Advertised(self._clock.now(), topic))
 
     def _joined(self, topic: str, consumer: str) -> None:
-        self._arrivals.put(events.ConsumerJoined(self._clock.now(), topic, consumer))
+        self._inputs.put(events.ConsumerJoined(self._clock.now(), topic, consumer))
 
     # Commands.
 
     def _listen(self, command: events.Listen) -> None:
         for signal in command.inputs:
-            self._register(functools.partial(self._arrivals.listen, signal))
+            self._register(functools.partial(self._inputs.listen, signal))
 
     def _overhear(self, command: events.Overhear) -> None:
-        self._register(lambda: self._arrivals.overhear(command.topic, command.type))
+        self._register(lambda: self._inputs.overhear(command.topic, command.type))
 
     def _look_at_others(self, look: events.LookAtOthers) -> None:
-        stands = self._arrivals.stands(look.topic, look.publisher)
-        self._arrivals.put(events.OthersStand(self._clock.now(), look, stands))
+        stands = self._inputs.stands(look.topic, look.publisher)
+        self._inputs.put(events.OthersStand(self._clock.now(), look, stands))
 
     def _compose(self, command: events.Compose) -> None:
         if command.overheard:
-            command = replace(command, last_message=self._arrivals.last(command.topic))
+            command = replace(command, last_message=self._inputs.last(command.topic))
         self._outputs.compose(command)
 
     def _advertise(self, command: events.Advertise) -> None:
@@ -225,7 +219,7 @@ class SubstituteNode:
         """Make a call to the master; who is in no hurry makes room for others after it."""
         self._registrations.put(call)
         if self._idle or self._row.shared:
-            pause = SHARED_PAUSE_S if self._row.shared else PREPARE_PAUSE_S
+            pause = settings.SHARED_PAUSE_S if self._row.shared else settings.PREPARE_PAUSE_S
             self._registrations.put(lambda: self._hurry.wait(pause))
 
     def _withdraw(self, command: events.Withdraw) -> None:
@@ -240,26 +234,15 @@ class SubstituteNode:
             rospy.logwarn_throttle_identical(10.0, f"{self._name}: {topic}: {error}")
 
     def _announce(self, command: events.Announce) -> None:
-        def call() -> None:
-            announce.announce(command.topic, command.type)
-
-        self._call(f"announcing {command.topic}", call)
-
-    def _find_subscribers(self, command: events.FindSubscribers) -> None:
-        def call() -> None:
-            for topic, nodes in announce.find_subscribers(command.topics).items():
-                connected = self._outputs.connected(topic)
-                self._arrivals.put(
-                    events.SubscribersFound(self._clock.now(), topic, nodes, connected)
-                )
-
-        self._call(f"looking for the subscribers of {', '.join(command.topics)}", call)
-
-    def _tell(self, command: events.Tell) -> None:
-        nodes = ", ".join(command.subscribers)
         self._call(
-            f"telling {nodes} of {command.topic}",
-            lambda: announce.tell(command.topic, command.subscribers),
+            f"announcing {command.topic}",
+            lambda: announce.announce(command.topic, command.type),
+        )
+
+    def _remind(self, command: events.Remind) -> None:
+        self._call(
+            f"telling the subscribers of {', '.join(command.topics)} who publishes them",
+            lambda: announce.remind(command.topics, self._outputs.connected),
         )
 
     def _call(self, what: str, call: Callable[[], None]) -> None:
@@ -267,7 +250,7 @@ class SubstituteNode:
             try:
                 call()
             except FAILURES as error:
-                self._arrivals.put(events.CallFailed(self._clock.now(), what, str(error)))
+                rospy.logwarn("%s: %s: %s", self._name, what, error)
 
         self._calls.put(guarded)
 
@@ -275,7 +258,7 @@ class SubstituteNode:
         def call() -> None:
             served = self._originals.served_consumers(look.topic, look.original)
             up, consumers = served is not None, served or frozenset()
-            self._arrivals.put(events.OriginalServes(self._clock.now(), look, consumers, up))
+            self._inputs.put(events.OriginalServes(self._clock.now(), look, consumers, up))
 
         self._looks.put(call)
 
@@ -339,9 +322,8 @@ def _paths(text: str) -> Paths:
 
 def _by_hand(inputs: Paths, code: str, outputs: Paths) -> Substitution:
     """The row of a substitute that somebody started by hand: what it must know is looked up."""
-    from shsa_core.ros.master.som_lookup import (
-        look_up,
-    )  # not for those who ask nobody: it takes long
+    # Not for those who ask nobody: it takes long.
+    from shsa_core.ros.master.som_parameter import look_up
 
     signals = look_up((*inputs, *outputs))
     muted = bool(rospy.get_param("~muted", False))

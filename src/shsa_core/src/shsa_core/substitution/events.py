@@ -25,23 +25,11 @@ class LastMessage:
 
 
 @dataclass(frozen=True)
-class Started:
-    """The node has started as `row` says, which no table has named yet; idle without code.
-
-    `ros_time`, here and elsewhere: the same moment in ns of ROS time; 0: not known.
-    """
-
-    time: float
-    row: Substitution
-    unusable: Unusable = ()
-    ros_time: int = 0
-
-
-@dataclass(frozen=True)
 class RowChanged:
-    """The table of substitutions has a new row of this node.
+    """The table of substitutions has a new row of this node; the first: it was started with that.
 
-    `last`: what its last good message held; None: it has none that can be read.
+    `last`: what its last good message held; None: it has none that can be read. `ros_time`, here
+    and elsewhere: the same moment in ns of ROS time; 0: not known.
     """
 
     time: float
@@ -115,25 +103,6 @@ class ConsumerJoined:
     time: float
     topic: str
     consumer: str
-
-
-@dataclass(frozen=True)
-class SubscribersFound:
-    """The answer to FindSubscribers: who subscribes a topic, and who of them is connected to us."""
-
-    time: float
-    topic: str
-    subscribers: Tuple[str, ...]
-    connected: FrozenSet[str]
-
-
-@dataclass(frozen=True)
-class CallFailed:
-    """The master did not answer, or refused; `what` was asked of it."""
-
-    time: float
-    what: str
-    detail: str
 
 
 @dataclass(frozen=True)
@@ -224,7 +193,6 @@ class Tick:
 
 
 Event = Union[
-    Started,
     RowChanged,
     RowRemoved,
     LeftAlone,
@@ -232,8 +200,6 @@ Event = Union[
     InputArrived,
     Advertised,
     ConsumerJoined,
-    SubscribersFound,
-    CallFailed,
     OriginalServes,
     OtherHeard,
     OtherGone,
@@ -241,9 +207,6 @@ Event = Union[
     ReachChanged,
     Tick,
 ]
-
-OfTopic = Union[Advertised, ConsumerJoined, SubscribersFound, OtherHeard, OtherGone]
-"""Events that concern whoever publishes a topic."""
 
 LEFT_ALONE = "no reconfigurator has been there for a minute"
 
@@ -332,18 +295,10 @@ class Announce:
 
 
 @dataclass(frozen=True)
-class FindSubscribers:
-    """Look who subscribes these topics (SubscribersFound)."""
+class Remind:
+    """Tell those subscribers of these topics who have not connected who publishes them."""
 
     topics: Tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Tell:
-    """Tell these subscribers of a topic who publishes it."""
-
-    topic: str
-    subscribers: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -377,8 +332,7 @@ Command = Union[
     Compose,
     Publish,
     Announce,
-    FindSubscribers,
-    Tell,
+    Remind,
     LookAtOriginal,
     LookAtOthers,
     TellNoValue,

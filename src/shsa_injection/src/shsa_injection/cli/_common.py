@@ -1,4 +1,4 @@
-"""What both commands share: the SOM, and how they end."""
+"""Options of both commands, and an end that takes faults back."""
 import argparse
 import signal
 import sys
@@ -20,7 +20,7 @@ def add_som(parser: argparse.ArgumentParser) -> None:
 
 
 def read_robot(args: argparse.Namespace) -> Tuple[Som, str]:
-    """The SOM and the namespace that the options name, or those of the running healing."""
+    """Return the SOM and the namespace that the options name, or those of the running healing."""
     if args.som is not None:
         namespace = args.namespace or "/"
         return read_som(args.som, namespace), namespace
@@ -32,7 +32,7 @@ def read_robot(args: argparse.Namespace) -> Tuple[Som, str]:
 
 
 def duration(text: str) -> float:
-    """A duration for argparse."""
+    """Return a duration for argparse."""
     try:
         return durations.seconds(text)
     except ValueError as error:

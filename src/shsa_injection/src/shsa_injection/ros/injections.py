@@ -114,7 +114,7 @@ def start_again(start: Start) -> int:
 
 
 def start_order(start: Start) -> Dict[str, Any]:
-    """What a guard is told to start a program as it was started."""
+    """Return the order by which a guard starts a program as it was started."""
     return {
         "action": "start",
         "words": start.words,
@@ -240,7 +240,7 @@ INJECTIONS: Dict[Place, Callable[..., Injection]] = {
 def request_for(
     service: Service, fault: str, seconds: Optional[float], seed: int
 ) -> Dict[str, Any]:
-    """What an injectable node is asked."""
+    """Return the request to an injectable node."""
     request: Dict[str, Any] = {"fault": fault, "seconds": seconds, "seed": seed}
     if FAULTS[fault].place is not Place.LINE:
         request["topic"] = service.topic
@@ -250,7 +250,7 @@ def request_for(
 
 
 def connection_to(target: Target) -> Any:
-    """A connection to what makes a node fail from inside. Raises Refused if it has none."""
+    """Return a connection to what makes a node fail from inside. Raises Refused if it has none."""
     node = target.node
     try:
         environment = target.process.environ()
@@ -278,7 +278,7 @@ def _signal(process: psutil.Process, number: int) -> bool:
 
 
 def _ask_to_leave(target: Target) -> None:
-    """What `rosnode kill` does; returns once the process has ended. Raises Refused if it stays."""
+    """End a node as `rosnode kill` does. Raises Refused if its process does not end."""
     why = "it was asked, and stays"
     try:
         node_api(target.uri).shutdown(CALLER, "an injected fault")

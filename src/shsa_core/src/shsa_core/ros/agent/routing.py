@@ -16,7 +16,7 @@ LOCAL = ""
 """The name of the computer that we run on."""
 
 
-class Hosts:
+class Router:
     """A Host of all computers.
 
     A substitute is where it was started; another node is on the computer whose agent tells the
@@ -50,7 +50,7 @@ class Hosts:
         self._routes[type(command)](command)
 
     def settle(self, homes: Dict[str, str]) -> None:
-        """These nodes run on these computers."""
+        """Note that these nodes run on these computers."""
         self._homes.update(homes)
 
     def _send(self, name: str, command: HostCommand) -> None:
@@ -75,7 +75,7 @@ class Hosts:
         self._looks.put(work)
 
     def _home(self, node: str) -> str:
-        """Where a node is by the master's word; where it was, if that does not answer."""
+        """Return where a node is by the master's word; where it was, if that does not answer."""
         try:
             uri = str(master_api().lookupNode(node))
             ours = address(rospy.get_node_uri()).host

@@ -1,30 +1,52 @@
-"""The substitutes' processes: each forked from a prepared one, or started by rosrun."""
+"""The substitutes' processes: forked from a prepared one or started by rosrun, confined, found."""
 import itertools
 import os
-import signal
+import resource
+import shutil
 import subprocess
 import threading
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Union
+from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set
 
 import psutil
 from roslib.packages import find_node, get_pkg_dir
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
-from shsa_core.ros.trust import secret
-from shsa_core.ros.processes.children import Children, Status
-from shsa_core.ros.processes.confinement import environment, wrapper
-from shsa_core.ros.processes.forking import UNKNOWN, Forked, Forking
+from shsa_core.ros.processes.children import Children, Foreign, Process, Status, end
+from shsa_core.ros.processes.forking import Forking
 from shsa_core.ros.processes.heartbeats import HOST
-from shsa_core.ros.processes.kernel import gone, is_ours
+from shsa_core.ros.processes.kernel import is_ours
+from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.places import master_place
 from shsa_core.substitution import signals
 
 PACKAGE = "shsa_core"
+LIMITS = {
+    "core": (resource.RLIMIT_CORE, 0),
+    "data": (resource.RLIMIT_DATA, 8 * 1024**3),
+    "nofile": (resource.RLIMIT_NOFILE, 4096),
+}
+"""Of a process; in bytes, and open files. A thread counts 8 MiB of data, which it seldom uses."""
+INHERITED = (
+    "CMAKE_PREFIX_PATH",
+    "HOME",
+    "LANG",
+    "LANGUAGE",
+    "LD_LIBRARY_PATH",
+    "LOGNAME",
+    "PATH",
+    "PYTHONPATH",
+    "PYTHONUNBUFFERED",
+    "TMPDIR",
+    "TZ",
+    "USER",
+)
+INHERITED_PREFIXES = ("LC_", "ROS_", "ROSCONSOLE_", "SHSA_")
+"""Of our environment a substitute inherits nothing but these."""
 
 
 class Forks(NamedTuple):
-    """What a prepared process is for: substitutes in a `namespace`, and these message `types`.
+    """The use of a prepared process: substitutes in a `namespace`, and these message `types`.
 
     `ready` is called, in a thread, whenever one is there.
     """
@@ -32,9 +54,6 @@ class Forks(NamedTuple):
     namespace: str
     types: Sequence[str] = ()
     ready: Callable[[], object] = lambda: None
-
-
-STOP_TIMEOUT_S = 2.0
 
 
 class Processes:
@@ -66,7 +85,7 @@ class Processes:
         self._wrapper = wrapper(sandbox)
         self._host = host
         self._slots: Dict[str, int] = {}
-        self._running: Dict[str, AnyProcess] = {}
+        self._running: Dict[str, Process] = {}
         self._stopped: Set[str] = set()
         self._lock = threading.Lock()
         self._children = Children()
@@ -83,7 +102,7 @@ class Processes:
 
     @property
     def forks(self) -> bool:
-        """Whether substitutes are forked, once the prepared process is there."""
+        """True if substitutes are forked, once the prepared process is there."""
         return self._forking is not None
 
     def start(self, command: StartSubstitute) -> None:
@@ -104,7 +123,7 @@ class Processes:
         slot = self._free_slot()
         if self._journals:
             variables[signals.JOURNAL] = f"{self._journals}{slot}.journal"
-        process: Optional[AnyProcess] = None
+        process: Optional[Process] = None
         if self._forking is not None:
             process = self._forking.start([self._paths[executable], *words], variables)
         if process is None:
@@ -114,31 +133,17 @@ class Processes:
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
             )
-        with self._lock:
-            self._running[node] = process
-            self._slots[node] = slot
-        self._children.watch(process, lambda status: self._over(node, status))
-
-    def _environment(self, namespace: str) -> Dict[str, str]:
-        """What every substitute in a namespace finds in its environment."""
-        variables = {**environment(os.environ), "ROS_NAMESPACE": namespace or "/"}
-        variables.update({secret.VARIABLE: self._secret_file, HOST: self._host})
-        return variables
+        self._keep(node, process, slot)
 
     def take_up(self, node: str, process: psutil.Process) -> None:
-        """A substitute of a former reconfigurator is ours now."""
-        slot = self._free_slot()
-        with self._lock:
-            self._running[node] = FormerProcess(process)
-            self._slots[node] = slot
-        self._children.watch(self._running[node], lambda status: self._over(node, status))
+        """Make a substitute of a former reconfigurator ours."""
+        self._keep(node, Foreign(process.pid), self._free_slot())
 
     def left_behind(self, prefix: str) -> Dict[str, psutil.Process]:
-        """The substitutes of this master and agent that run, by name, whoever started them.
+        """Return the substitutes of this master and agent that run, by name, and are not ours yet.
 
         `prefix`: what their names begin with. The system is asked and not the master: one that
-        was just started is not registered, and one that hangs does not answer. They are ours if
-        they run our executable for our user.
+        was just started is not registered, and one that hangs does not answer.
         """
         namespace, start = prefix.rsplit("/", 1)
         found: Dict[str, psutil.Process] = {}
@@ -160,7 +165,7 @@ class Processes:
         return found
 
     def runs_ours(self, node: str, process: psutil.Process) -> bool:
-        """Whether a process is a substitute of this name, of our own user; False: or unknown."""
+        """Return whether a process is a substitute of this name, of our own user."""
         if not is_ours(process):
             return False
         try:
@@ -171,27 +176,24 @@ class Processes:
         return name in words and any(os.path.realpath(w) in self._files for w in words[:2])
 
     def running(self) -> List[str]:
-        """The substitutes that run."""
+        """Return the substitutes that run."""
         with self._lock:
             return sorted(self._running)
 
-    def _free_slot(self) -> int:
-        """The smallest number that no running process has."""
-        with self._lock:
-            taken = set(self._slots.values())
-        return next(number for number in itertools.count(1) if number not in taken)
-
     def stop(self, node: str, answers: bool = True) -> None:
-        """Ask a substitute to leave, kill it if it does not, and wait until it is gone.
-
-        `answers`: whether it can be asked.
-        """
+        """Ask a substitute to leave, if it can be asked; kill it if it stays; wait for its end."""
         with self._lock:
             process = self._running.get(node)
             if process is None:
                 return
             self._stopped.add(node)
         end(process, answers)
+
+    def _keep(self, node: str, process: Process, slot: int) -> None:
+        with self._lock:
+            self._running[node] = process
+            self._slots[node] = slot
+        self._children.watch(process, lambda status: self._over(node, status))
 
     def _over(self, node: str, status: Status) -> None:
         with self._lock:
@@ -202,12 +204,48 @@ class Processes:
             self._ended(node, f"exit status {status}")
         self._cleared(node)
 
+    def _free_slot(self) -> int:
+        """Return the smallest number that no running process has."""
+        with self._lock:
+            taken = set(self._slots.values())
+        return next(number for number in itertools.count(1) if number not in taken)
+
+    def _environment(self, namespace: str) -> Dict[str, str]:
+        variables = {**environment(os.environ), "ROS_NAMESPACE": namespace or "/"}
+        variables.update({secret.VARIABLE: self._secret_file, HOST: self._host})
+        return variables
+
+
+def environment(ours: Mapping[str, str]) -> Dict[str, str]:
+    """Return what of our environment a substitute inherits: nothing that it has no use for."""
+    listed = lambda name: name in INHERITED or name.startswith(INHERITED_PREFIXES)
+    return {name: value for name, value in ours.items() if listed(name)}
+
+
+def wrapper(sandbox: Sequence[str]) -> List[str]:
+    """Return the words before a substitute's command: its limits, no new rights, a `sandbox`.
+
+    Raises ShsaError if there is no such program.
+    """
+    if sandbox and shutil.which(sandbox[0]) is None:
+        raise ShsaError(f"there is no program {sandbox[0]} to run the substitutes in")
+    words: List[str] = []
+    if shutil.which("prlimit"):
+        words += ["prlimit", *(f"--{name}={_lowered(name)}" for name in LIMITS)]
+    if shutil.which("setpriv"):
+        words += ["setpriv", "--no-new-privs"]
+    return [*words, *sandbox]
+
+
+def _lowered(name: str) -> int:
+    """Return a limit as we want it, or as it is if that is less: nobody may raise it."""
+    number, limit = LIMITS[name]
+    hard = resource.getrlimit(number)[1]
+    return limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+
 
 def _find(executable: str) -> Sequence[str]:
-    """Where an executable of this package lies: one or more paths.
-
-    Raises ShsaError if it is not built.
-    """
+    """Return the paths of an executable of this package. Raises ShsaError if it is not built."""
     found: Sequence[str] = find_node(PACKAGE, executable)
     if not found:
         raise ShsaError(f"{PACKAGE} has no executable {executable}; is the workspace built?")
@@ -225,45 +263,3 @@ def run_command(words: Sequence[str], ended: Callable[[str], None]) -> None:
         ended(str(error))
         return
     ended(f"exit status {process.wait()}")
-
-
-class FormerProcess:
-    """A process that another one has started; so its exit status is nobody's to know."""
-
-    def __init__(self, process: psutil.Process) -> None:
-        self.pid = process.pid
-        self._process = process
-
-    def wait(self, timeout: Optional[float] = None) -> str:
-        """Wait until it has ended. Raises subprocess.TimeoutExpired."""
-        try:
-            self._process.wait(timeout)
-        except psutil.TimeoutExpired as error:
-            raise subprocess.TimeoutExpired(str(self.pid), timeout or 0.0) from error
-        return UNKNOWN
-
-    def poll(self) -> Optional[str]:
-        """None as long as it runs."""
-        return UNKNOWN if gone(self._process) else None
-
-
-AnyProcess = Union["subprocess.Popen[bytes]", FormerProcess, Forked]
-
-
-def end(process: AnyProcess, answers: bool = True) -> None:
-    """End a process and all that it started, unasked if it is stopped or does not answer."""
-    if process.poll() is not None:
-        return  # its number may be another one's by now
-    try:
-        stopped = psutil.Process(process.pid).status() == psutil.STATUS_STOPPED
-    except psutil.NoSuchProcess:
-        stopped = False
-    for number in (signal.SIGKILL,) if stopped or not answers else (signal.SIGINT, signal.SIGKILL):
-        try:
-            os.killpg(process.pid, number)
-            process.wait(STOP_TIMEOUT_S)
-            return
-        except ProcessLookupError:
-            return
-        except subprocess.TimeoutExpired:
-            continue

@@ -1,16 +1,15 @@
 """Makes events of messages, which are read and decoded only as far as somebody checks them."""
 from typing import Dict, NamedTuple, Optional
 
-import rospy
-
 from shsa_core.errors import ShsaError
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
 from shsa_core.monitoring.last_messages import LARGEST_B
+from shsa_core.ros.messages.fields import STAMP_END, Decoder, stamp
+from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.sockets.frames import Wanted
-from shsa_core.ros.messages.messages import STAMP_END, Decoder, stamp
-from shsa_core.ros.sockets.stream import Connection
+from shsa_core.ros.sockets.subscriptions import Arrived
 
 ALL = Wanted()
 HEAD = Wanted(LARGEST_B, STAMP_END)
@@ -18,7 +17,7 @@ HEAD = Wanted(LARGEST_B, STAMP_END)
 
 
 class _Needs(NamedTuple):
-    """What the checks of a service need to know of the messages of one connection."""
+    """The parts of a connection's messages that the checks of a service need."""
 
     service: Optional[Service]
     values: Optional[Decoder] = None
@@ -35,21 +34,12 @@ class Reader:
         self._unjudged = unjudged
         self._needs: Dict[Connection, _Needs] = {}
 
-    def event(
-        self,
-        time: float,
-        waited: float,
-        connection: Connection,
-        data: bytes,
-        whole: bool,
-        service: Optional[Service],
-        ahead: float,
-    ) -> Message:
-        """The event that a message makes.
+    def event(self, arrived: Arrived, waited: float, service: Optional[Service]) -> Message:
+        """Return the event that a message makes, which may have `waited` for us for so many s.
 
-        `waited`: s that it may have waited for us; `whole`: `data` is all of it; `ahead`: s of ROS
-        time before the time of events. What was not copied is not judged.
+        What was not copied is not judged.
         """
+        time, connection, data, whole, ros_time = arrived
         needs = self._needs.get(connection)
         if needs is None or (needs.service is not service and needs.service != service):
             needs = self._learn(connection, service)
@@ -61,31 +51,25 @@ class Reader:
                 error = str(refusal)
         if needs.stamps:
             stamped = stamp(data)
-            age = time + ahead - stamped / 1e9 if stamped else None
+            age = (ros_time - stamped) / 1e9 if stamped else None
         whom = (connection.topic, connection.publisher)
         return Message(time, *whom, values, error, age, waited, stamp=stamped)
 
     def forget(self) -> None:
-        """Services have changed: what is needed is learned anew, from whole messages."""
+        """Learn anew what is needed, from whole messages: services have changed."""
         for connection in self._needs:
             connection.frames.wanted = ALL
         self._needs.clear()
 
     def _learn(self, connection: Connection, service: Optional[Service]) -> _Needs:
-        for gone in [known for known in self._needs if known.transport.done]:
-            del self._needs[gone]
+        for ended in [known for known in self._needs if known.transport.done]:
+            del self._needs[ended]
         needs = _Needs(service)
-        fields = [each.field for each in checked_provisions(service)] if service else []
+        fields = tuple(each.field for each in checked_provisions(service)) if service else ()
         if service is not None and (fields or checks_stamps(service)):
-            try:
-                decoder = Decoder(service.type, connection.header, fields)
+            decoder = connection.decoder(service.type, fields)
+            if decoder is not None:
                 needs = _Needs(service, decoder if fields else None, decoder.has_stamp)
-                problems = decoder.problems
-            except ShsaError as error:
-                problems = [str(error)]
-            for problem in problems:
-                text = "%s: the messages of %s are not checked: %s"
-                rospy.logwarn(text, connection.topic, connection.publisher, problem)
         self._needs[connection] = needs
         connection.frames.wanted = ALL if needs.values is not None else self._unjudged
         return needs
