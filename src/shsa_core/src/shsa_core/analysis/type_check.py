@@ -4,9 +4,10 @@ from typing import Iterator, List, Mapping, Protocol
 from shsa_core.analysis.finding import Finding
 from shsa_core.errors import ShsaError
 from shsa_core.model.field import reduces
-from shsa_core.model.field_type import WHOLE, FieldType, field_type, nearest
+from shsa_core.model.field_type import WHOLE, FieldType, field_type
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
+from shsa_core.text import nearest
 
 _PICTURES = "pictures, point clouds and maps are not computed from numbers"
 _FRAMES = "a tf frame has one parent: a second publisher would contradict the first"

@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_paths(paths: List[str], force: bool) -> None:
-    """Raises ModelError before anybody waits for what cannot be written."""
+    """Raise ModelError before anybody waits for what cannot be written."""
     if len({os.path.realpath(path) for path in paths}) < len(paths):
         raise ModelError(paths[0], "SOM and ontology need a file each")
     for path in paths:
