@@ -127,10 +127,10 @@ def test_who_follows_a_reconfigurator_takes_up_what_shares_a_process() -> None:
     found = robot()
     rows = processes(found)
     (node,) = (node for node, services in rows.items() if services == "cd")
-    said = succeed(found, 50.0, tuple(rows), ontology=found.core._planner.ontology)
+    said = succeed(found, 50.0, tuple(rows), ontology=found.core.robot.planner.ontology)
     assert not has(said, healing.StopSubstitute) and processes(found) == rows
     assert {row.service for row in found.working() if row.shared} == set("cdef")
-    assert found.core._sharing.others("c", node)
+    assert found.core.robot.processes.served(node) == ("c", "d")
 
 
 # The monitor's side.
@@ -189,8 +189,8 @@ class Process:
         end = self.time + seconds
         while self.time < end - 1e-9:
             arrival = self.time + PERIOD
-            while (self.core.next_deadline() or arrival) < arrival:
-                self.time = max(self.time, self.core.next_deadline() or 0.0)
+            while self.core.next_deadline < arrival:
+                self.time = max(self.time, self.core.next_deadline)
                 said += self.tell(events.Tick)
                 for look in looks(self):
                     said += self.tell(events.OthersStand, look, True)

@@ -20,7 +20,7 @@ def succeed(
 ) -> List[events.Command]:
     """The reconfigurator is killed, and the next one starts; `changes`: its models."""
     core = robot.core
-    models: Dict[str, Any] = {"ontology": ONTOLOGY, "som": core._som, **changes}
+    models: Dict[str, Any] = {"ontology": ONTOLOGY, "som": core.robot.som, **changes}
     records, robot.written = tuple(robot.written.values()), {}
     robot.core, robot.shown = Reconfigurator(settings=core.settings, **models), {}
     return robot.handle(events.Started(time, (), (), records, running))

@@ -136,9 +136,7 @@ def test_lines_are_printed_as_lines(capsys: Any) -> None:
     assert tuple(capsys.readouterr()) == ("a\nb\\x1b\n", "c\nd\n")
 
 
-@pytest.mark.parametrize(
-    "options", ["--limit -1", "--limit 0", "--limit x", "--alternatives -1", f"--limit {'9' * 99}"]
-)
+@pytest.mark.parametrize("options", ["--limit -1", "--limit 0", "--limit x", f"--limit {'9' * 99}"])
 def test_numbers_of_options_that_are_none_are_refused(options: str, capsys: Any) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["find", "a", "--ontology", "o", "--som", "s", "--method", "all", *options.split()])

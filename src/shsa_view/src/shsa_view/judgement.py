@@ -1,8 +1,7 @@
 """The state of a service, in one word and in words: by signed tables and its open incident."""
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence
 
-from shsa_core.healing.incident import Incident
-from shsa_core.healing.incident import State as Step
+from shsa_core.healing.incident import Incident, State as Step
 from shsa_core.model.kinds import Word
 from shsa_core.monitoring.events import PublisherState
 from shsa_core.text import shown
@@ -36,6 +35,8 @@ LETTERS: Mapping[str, str] = {
 }
 """The letters of a second in a strip."""
 
+LISTED = 5
+"""Names in a sentence."""
 BY_STEP = {
     Step.HEALING: Condition.HEALING,
     Step.HEALED: Condition.SUBSTITUTED,
@@ -119,9 +120,9 @@ def _named(services: Mapping[str, Condition], *conditions: Condition) -> List[st
     return [name for name, each in services.items() if each in conditions]
 
 
-def _list(names: Sequence[str], most: int = 5) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def _list(names: Sequence[str]) -> str:
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return ", ".join(names[:LISTED]) + more
 
 
 def _count(number: int, what: str) -> str:

@@ -19,6 +19,7 @@ from shsa_core.search.substitutes import Substitute
 
 Answer = Dict[str, Any]
 Found = Tuple[Substitute, Optional[Error]]
+ALTERNATIVES = 5
 LOOKED_AT = 100
 """Derivations, for the alternatives of an explanation."""
 MOST_LINES = 200
@@ -28,8 +29,8 @@ MOST_LINES = 200
 class Asked(NamedTuple):
     """A question: the models, what they do without, and the options.
 
-    `alternatives`: how many an explanation gives, None for no explanation; `predictor`: None where
-    no errors are known.
+    `explain`: with the derivation, alternatives and dead branches; `predictor`: None where no
+    errors are known.
     """
 
     ontology: Ontology
@@ -37,7 +38,7 @@ class Asked(NamedTuple):
     without: Tuple[str, ...]
     method: str
     limit: int
-    alternatives: Optional[int]
+    explain: bool
     predictor: Optional[Predictor] = None
 
     @property
@@ -92,8 +93,8 @@ def of_property(asked: Asked, loss: Loss, whole: Optional[Answer] = None) -> Ans
         found = _ranked(asked, loss)
         several = [_described(asked.ontology, loss, *each) for each in islice(found, asked.limit)]
         answer = {**refusal, "substitutes": several, "complete": next(found, None) is None}
-    if asked.alternatives is not None:
-        answer.update(_explanation(asked, loss, asked.alternatives))
+    if asked.explain:
+        answer.update(_explanation(asked, loss))
     return answer
 
 
@@ -173,7 +174,7 @@ def _described(ontology: Ontology, loss: Loss, found: Substitute, error: Optiona
     return {"property": loss.name, **answer, "error": described(error), **refused}
 
 
-def _explanation(asked: Asked, loss: Loss, most: int) -> Answer:
+def _explanation(asked: Asked, loss: Loss) -> Answer:
     """Return the best derivation line by line, alternatives, and what dead branches lack.
 
     Alternatives differ in their relations or sources; where in the tree these stand is left out.
@@ -194,9 +195,9 @@ def _explanation(asked: Asked, loss: Loss, most: int) -> Answer:
                 "inputs": [source.path for source in each.derivation.sources()],
                 "error": described(error),
             }
-            for each, error in others[:most]
+            for each, error in others[:ALTERNATIVES]
         ],
-        "more_alternatives": max(len(others) - most, 0),
+        "more_alternatives": max(len(others) - ALTERNATIVES, 0),
         "dead": [dead._asdict() for dead in dead_branches(asked.ontology, loss)],
     }
 

@@ -57,13 +57,6 @@ def add_parser(subparsers: Any) -> None:
         action="store_true",
         help="show the derivation, the alternatives, and what dead branches lack",
     )
-    parser.add_argument(
-        "--alternatives",
-        type=whole_number(0),
-        default=5,
-        metavar="N",
-        help="with --explain: how many (5)",
-    )
     parser.add_argument("--json", action="store_true", help="print one JSON document")
 
 
@@ -76,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
         tuple(without(args, som)),
         args.method,
         args.limit,
-        args.alternatives if args.explain else None,
+        args.explain,
         predictor(ontology, som.sources),
     )
     if args.property is None and (args.method == "all" or args.explain):
@@ -169,7 +162,7 @@ def _text(answer: Answer) -> Iterator[str]:
         yield "alternatives"
         yield from ("    " + _summary(each) for each in answer["alternatives"])
         if answer["more_alternatives"]:
-            yield f"    and {answer['more_alternatives']} more; see --alternatives"
+            yield f"    and {answer['more_alternatives']} more; see --method all"
     if answer.get("dead"):
         yield "dead branches"
         for dead in answer["dead"]:

@@ -5,10 +5,9 @@ from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum
 from math import inf
 from statistics import median
-from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Optional
 
 from shsa_core.cli._common import say
-from shsa_core.journal.lines import Answer
 from shsa_core.journal.reader import Journal, Step, replay
 
 DIFFER = "differ from the recording"
@@ -32,17 +31,15 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("journal", metavar="JOURNAL", help="the file that a node's --journal names")
     parser.add_argument("--json", action="store_true", help="print one JSON document")
-    parser.add_argument(
-        "--from",
-        dest="first",
-        metavar="T",
-        type=float,
-        default=-inf,
-        help="s after the first event",
-    )
-    parser.add_argument(
-        "--until", dest="last", metavar="T", type=float, default=inf, help="s after the first event"
-    )
+    for option, name, default in (("--from", "first", -inf), ("--until", "last", inf)):
+        parser.add_argument(
+            option,
+            dest=name,
+            metavar="T",
+            type=float,
+            default=default,
+            help="s after the first event",
+        )
     parser.add_argument(
         "--only", metavar="TOPIC", help="what names this topic, or this service or node"
     )
@@ -136,9 +133,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _wanted(args: argparse.Namespace, journal: Journal, step: Step, moment: float) -> bool:
-    if not args.first <= moment <= args.last:
-        return False
-    if not (args.all or step.commands or step.differs or step.error or step.broken):
+    says = args.all or step.commands or step.differs or step.error or step.broken
+    if not says or not args.first <= moment <= args.last:
         return False
     return args.only is None or any(_names(each, args.only) for each in _encoded(journal, step))
 
@@ -161,31 +157,23 @@ def _lines(step: Step, moment: float) -> Iterator[str]:
     yield f"{moment:10.3f} s  {in_short(step.event)}  [{_us(step.seconds)}]"
     for command in step.commands:
         yield f"{'':14}-> {in_short(command)}"
-    for problem in _problems(step):
-        yield f"{'':14}!! {problem}"
-
-
-def _problems(step: Step) -> Iterator[str]:
     if step.error:
-        yield f"raises {step.error}"
+        yield f"{'':14}!! raises {step.error}"
     if step.broken:
-        yield f"broken: {step.broken}"
+        yield f"{'':14}!! broken: {step.broken}"
     if step.then is not None and step.differs:
         same = step.then.names == step.now.names
-        yield f"recorded: {_answer(step.then)}{', with other contents' if same else ''}"
-
-
-def _answer(answer: Answer) -> str:
-    return ", ".join(answer.names) or "nothing"
+        names = ", ".join(step.then.names) or "nothing"
+        yield f"{'':14}!! recorded: {names}{', with other contents' if same else ''}"
 
 
 def _as_dict(journal: Journal, step: Step, moment: float) -> Dict[str, Any]:
-    encoded: Tuple[Any, ...] = tuple(_encoded(journal, step))
+    event, *commands = _encoded(journal, step)
     return {
         "time": moment,
         "where": step.where,
-        "event": encoded[0],
-        "commands": encoded[1:],
+        "event": event,
+        "commands": commands,
         "seconds": step.seconds,
         "differs": step.differs,
         "recorded": step.then.names if step.then is not None else None,

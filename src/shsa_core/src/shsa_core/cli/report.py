@@ -7,15 +7,7 @@ from typing import Any, List, Optional, Sequence
 
 from shsa_core.analysis.report import NodeReport, Report, ServiceReport, Suggestion, Survival
 from shsa_core.analysis.resilience import analyse
-from shsa_core.cli._common import (
-    Table,
-    add_models,
-    read_models,
-    render,
-    say,
-    show,
-    whole_number,
-)
+from shsa_core.cli._common import Table, add_models, read_models, render, say, show, whole_number
 from shsa_core.cli.plot import CannotDraw, draw
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology

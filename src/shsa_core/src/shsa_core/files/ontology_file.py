@@ -16,7 +16,7 @@ _NAMES = "a name has letters, digits and _, does not begin with a digit and is n
 
 
 def read_ontology(path: str) -> Ontology:
-    """The ontology in a file. Raises ModelErrors: all that is wrong, with file and line."""
+    """Return the ontology in a file. Raises ModelErrors: all that is wrong, with file and line."""
     ontology, errors = load_ontology(path)
     if errors:
         raise ModelErrors(errors)
@@ -24,7 +24,7 @@ def read_ontology(path: str) -> Ontology:
 
 
 def load_ontology(path: str) -> Tuple[Ontology, List[ModelError]]:
-    """The valid part of the ontology in a file, and all that is wrong with the rest, in order.
+    """Return the valid part of the ontology in a file, and all that is wrong with the rest.
 
     Raises ModelError if the file as a whole cannot be read.
     """

@@ -26,7 +26,7 @@ _WIDTH = 4096  # lines are not wrapped
 
 
 def save_ontology(ontology: Ontology, path: str) -> None:
-    """Writes the ontology to a file. An ontology that is there already is edited: comments survive.
+    """Write the ontology to a file. An ontology that is there already is edited: comments survive.
 
     Raises ModelError if the file is there and is not an ontology, OSError if it cannot be written.
     """
@@ -48,7 +48,7 @@ def save_ontology(ontology: Ontology, path: str) -> None:
 
 
 def save_som(som: Som, path: str, namespace: str = "/") -> None:
-    """Writes the SOM to a file. A SOM that is there already is edited: comments survive.
+    """Write the SOM to a file. A SOM that is there already is edited: comments survive.
 
     So do names that are relative to `namespace`.
 
@@ -113,7 +113,7 @@ def _section(tree: CommentedMap, name: str, wanted: bool) -> CommentedMap:
 
 
 def _update(section: CommentedMap, after: Iterable[str], changed: Mapping[str, Any]) -> None:
-    """Removes the entries that are not in `after` and sets the changed ones."""
+    """Remove the entries that are not in `after` and set the changed ones."""
     kept = set(after)
     for key in [key for key in section if str(key) not in kept]:
         del section[key]
@@ -122,7 +122,7 @@ def _update(section: CommentedMap, after: Iterable[str], changed: Mapping[str, A
 
 
 def _text(text: str) -> str:
-    """The text, quoted unless any parser reads it the same without."""
+    """Return the text, quoted unless any parser reads it the same without."""
     return text if _PLAIN.match(text) else DoubleQuotedScalarString(text)
 
 
@@ -194,10 +194,7 @@ def _load(path: str) -> CommentedMap:
 
 
 def _plain_exponents(tree: Any) -> None:
-    """ruamel.yaml writes a number that has an exponent with other digits than it read.
-
-    A float it writes exactly.
-    """
+    """Make floats of numbers that have an exponent: others ruamel.yaml writes inexactly."""
     if isinstance(tree, (CommentedMap, CommentedSeq)):
         keys = tree.keys() if isinstance(tree, CommentedMap) else range(len(tree))
         for key in keys:
@@ -207,7 +204,7 @@ def _plain_exponents(tree: Any) -> None:
 
 
 def _dump(tree: CommentedMap, path: str) -> None:
-    """Writes the file as a whole or not at all; a link to it stays one."""
+    """Write the file as a whole or not at all; a link to it stays one."""
     path = os.path.realpath(path)
     folder = os.path.dirname(path)
     handle, temporary = tempfile.mkstemp(dir=folder, prefix=".shsa-", suffix=".yaml")

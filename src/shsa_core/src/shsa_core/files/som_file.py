@@ -21,9 +21,9 @@ FROM_FILE_ALONE = (
     *("topic", "gate", "type", "node", "policy", "contain"),
     *("host", "placement", "on_partition"),
 )
-"""What decides whom healing may kill or start, and where: never taken from parameters."""
+"""The keys that decide whom healing may kill or start, and where."""
 NAMES = ("topic", "gate", "node")
-"""What a SOM may name relative to the namespace in which healing runs."""
+"""The keys whose names may be relative to the namespace in which healing runs."""
 _HOST_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}\Z")  # it becomes a part of topics
 
 

@@ -1,7 +1,7 @@
 """The checks that a service's messages must pass: one class a kind of failure.
 
-A new kind is one more class here, a constant in shsa_msgs/Failure, a word in `kinds`, and a row in
-docs/som.md; a test holds the four together.
+A new kind is one more class here, a constant in shsa_msgs/Failure and a word in `kinds`; a test
+holds the three together.
 """
 from dataclasses import dataclass
 from math import isfinite
@@ -91,7 +91,7 @@ class WitnessSample:
 
 Sample = Union[ValueSample, RateSample, StampSample, IntruderSample, WitnessSample]
 OF_VALUE = (ValueSample, WitnessSample)
-"""What is about one value: such checks stand with the property in the SOM."""
+"""Samples of one value: their checks stand with the property in the SOM."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Check:
     limit: Limit
 
     def judge(self, sample: Any) -> Optional[str]:
-        """What was seen and what is allowed, in words, if `sample` is bad."""
+        """Return what was seen and what is allowed, in words, if `sample` is bad."""
         raise NotImplementedError
 
 

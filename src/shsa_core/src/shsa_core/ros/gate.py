@@ -29,9 +29,6 @@ from shsa_core.ros.node import run
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
 
-QUEUE = 10
-"""Messages that wait for a consumer that does not read; the others do not wait for it."""
-
 
 class GateNode:
     """Brings events to the core, and carries out what it says.
@@ -54,7 +51,7 @@ class GateNode:
         self._publisher = rospy.Publisher(
             self._service.heard,
             self._kind,
-            queue_size=QUEUE,
+            queue_size=settings.CONSUMER_QUEUE,
             tcp_nodelay=True,
             latch=self._service.latched,
         )

@@ -1,4 +1,4 @@
-"""What a substitute hears: what it computes from, and what others publish on its topics.
+"""Hears what a substitute computes from, and what others publish on its topics.
 
 Muted, most of it never matters: to wake for each message would be most of what standing by costs.
 So it is read when the core wakes anyway, many at once, each with the time at which it had come; and
@@ -83,7 +83,7 @@ class Inputs:
         """
         items = self._inbox.take()
         if None in items:
-            self._subscriptions.wake()
+            self._subscriptions.choose_waking()
         events: List[Event] = [each for each in items if each is not None]
         for happening in self._subscriptions.read():
             if isinstance(happening, Arrived):
@@ -102,7 +102,7 @@ class Inputs:
         if hurries is self._hurries:
             return
         self._hurries = hurries
-        self._subscriptions.wake()
+        self._subscriptions.choose_waking()
         if self._lowered:
             (priority.restore_all if hurries else priority.lower_all)()
 

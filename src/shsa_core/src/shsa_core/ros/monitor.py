@@ -31,7 +31,7 @@ from shsa_core.monitoring.settings import Settings
 from shsa_core.monitoring.share import watched_at, watched_beside
 from shsa_core.ros import clock, diagnostics, settings
 from shsa_core.ros.processes.handover import await_turn
-from shsa_core.ros.master.greeter import Greeter, Tell
+from shsa_core.ros.node import Greeter, Tell, run
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch, Launches
@@ -49,17 +49,8 @@ from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import SomWatch, get_som_parameter, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.workers import Workers
-from shsa_core.ros.node import run
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
-
-COALESCE_S = 0.002
-"""What comes within this time is handled together, as of when it came; a connection that is lost
-waits for nothing."""
-CLOCK_CHANGE_S = 0.002
-"""A change of ROS time beside ours that the core is told of at once, and else now and then."""
-SUBSCRIBE_S = 0.005
-"""Topics are subscribed no faster: each new connection costs a publisher time."""
 
 
 class _Report:
@@ -187,7 +178,7 @@ class MonitorNode:
             wanted = min(wanted, self._subscribe_at)
         self._inbox.wait(wanted - clock.now())
         woke = clock.now()
-        rest = min(self._looked + COALESCE_S, wanted) - woke
+        rest = min(self._looked + settings.REST_S, wanted) - woke
         if rest > 0.0:
             self._inbox.rest(rest)
         items = self._inbox.take()
@@ -226,7 +217,10 @@ class MonitorNode:
         """Look at ROS time before messages are read: their age is told by this look."""
         now, ros_time = clock.both()
         before, self._ahead = self._ahead, ros_time - now
-        if abs(self._ahead - before) > CLOCK_CHANGE_S or now - self._told_clock > settings.TURN_S:
+        if (
+            abs(self._ahead - before) > settings.CLOCK_CHANGE_S
+            or now - self._told_clock > settings.TURN_S
+        ):
             self._told_clock = now
             self._feed(events.ClockTicked(now, ros_time, clock.is_simulated()))
 
@@ -343,7 +337,7 @@ class MonitorNode:
             self._subscriptions.subscribe(topic)
             self._feed(events.Subscribed(clock.now(), topic))
             rospy.loginfo("%s is watched.", topic)
-            self._subscribe_at = clock.now() + SUBSCRIBE_S
+            self._subscribe_at = clock.now() + settings.SUBSCRIBE_S
 
     def _put_back(self, refusal: events.ChangeRefused) -> None:
         """Say what is refused, and put the numbers that count back, for all who read them."""

@@ -6,7 +6,7 @@ import genpy
 import rospy
 
 from shsa_core.message_types import message_class
-from shsa_core.ros import clock
+from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.composing import compose, normalize, quaternions, read_message
 from shsa_core.ros.messages.fields import Field
 from shsa_core.ros.rospy_patches.publishing import connections_of, send
@@ -45,7 +45,7 @@ class Outputs:
             topic,
             message_class(kind),
             _Joining(self._report),
-            queue_size=10,
+            queue_size=settings.CONSUMER_QUEUE,
             tcp_nodelay=True,
             # Who joins is served by the core: once muted, rospy would send what is old.
             headers={"latching": "1"} if latched else None,

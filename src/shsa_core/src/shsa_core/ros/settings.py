@@ -7,6 +7,15 @@ Modules name them as `settings.NAME`, so that a test can set one for all its use
 TURN_S = 0.1
 """No longer between two looks at the clock: it bounds how late a message is known to have come."""
 
+REST_S = 0.002
+"""Between two looks at least: what comes within this is handled together, as of when it came."""
+CLOCK_CHANGE_S = 0.002
+"""A change of ROS time beside ours that the monitor is told of at once, and else now and then."""
+LOOP_ANSWER_S = 5.0
+"""So long the thread that does a node's work is given to answer, or to end."""
+DIAGNOSTICS_PERIOD_S = 1.0
+"""As an aggregator of /diagnostics expects."""
+
 # Threads for calls that wait for others.
 STANDING_WORKERS = 2
 """Always there: a call is made even where no thread can be started any more."""
@@ -38,6 +47,16 @@ hold at most: of 6 MB, unless it was told so."""
 READS_A_TURN = 16
 """Of one connection: a babbling publisher must not keep the others waiting."""
 
+CONSUMER_QUEUE = 10
+"""Messages that wait for a consumer that does not read; the others do not wait for it."""
+SUBSCRIBE_S = 0.005
+"""Between two topics that the monitor subscribes: each new connection costs a publisher time."""
+PREPARE_PAUSE_S, SHARED_PAUSE_S = 0.01, 0.1
+"""Between two registrations of a substitute that is in no hurry: each costs other nodes a
+connection. Of those that share a process ten come up together, with a program each."""
+ALONE_S = 60.0
+"""So long a substitute goes on without a reconfigurator, which a launch starts again within 2 s."""
+
 # Who is at the other end of a connection.
 MOST_ASKING_MASTER = 4
 """Threads that ask the master, and no more, however many connections there are."""
@@ -65,8 +84,6 @@ MOST_API_CONNECTIONS = 200
 """Connections to our XML-RPC interface at the same time."""
 LARGEST_CALL_B = 32 << 20
 """Of a call to it: the SOM of a large robot, as the master tells it, has a tenth."""
-EXHAUSTED_S = 0.2
-"""After a lack of descriptors, threads or memory it is tried again in these pauses."""
 LOG_LINES = 1000
 """So many lines wait at most; what is said beyond is lost."""
 CLOSE_LOG_S = 1.0
@@ -103,6 +120,8 @@ LOOK_S = 1.0
 """Between two looks at what changes seldom: who has started a node, how busy a computer is."""
 LEARN_PAUSE_S = 0.02
 """After each node that is learned: all of a large robot become healthy in the same moment."""
+GATHER_S = 0.5
+"""So long it is waited for more nodes that have come before their launches are looked for."""
 LISTING_AGE_S = 0.4
 """What the master has listed may be so old when a node is learned, as many are together."""
 MASTER_AGE_S = 10.0

@@ -1,4 +1,4 @@
-"""What a former reconfigurator has left: its records, and the processes that still run."""
+"""Takes over what a former reconfigurator has left: its records, and what still runs."""
 import os
 import re
 from typing import Any, Collection, List, NamedTuple, Set, Tuple
@@ -23,7 +23,7 @@ RUN = "/run_id"
 
 
 class Heritage(NamedTuple):
-    """What there is to begin with, and where the records are kept from now on."""
+    """The event to begin with, and the file for the records from now on."""
 
     started: events.Started
     file: RecordFile

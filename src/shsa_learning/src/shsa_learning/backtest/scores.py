@@ -62,7 +62,7 @@ class Score(NamedTuple):
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a law can yield any finite number
-def score(parts: Sequence[Played], source: str = "") -> Optional[Score]:
+def score(parts: Sequence[Played]) -> Optional[Score]:
     """Score what was played, one part a recording; None where there was no output."""
     values, measured = joined(parts)
     there = np.isfinite(values)
@@ -71,7 +71,7 @@ def score(parts: Sequence[Played], source: str = "") -> Optional[Score]:
     wrong = values[there] - measured[there]
     delay = delay_of(parts)
     late = delay.seconds if delay is not None else 0.0
-    error = error_of(wrong, float(np.std(measured)), late, source)
+    error = error_of(wrong, float(np.std(measured)), late)
     resolution = delay.resolution if delay is not None else None
     share = float(np.mean(there))
     return Score(error, share, _worst(parts), resolution, float(np.ptp(measured)))

@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_paths(paths: List[str], force: bool) -> None:
-    """Raises ModelError before anybody waits for what cannot be written."""
+    """Raise ModelError before anybody waits for what cannot be written."""
     if len({os.path.realpath(path) for path in paths}) < len(paths):
         raise ModelError(paths[0], "SOM and ontology need a file each")
     for path in paths:
@@ -92,8 +92,8 @@ def _check_paths(paths: List[str], force: bool) -> None:
 def _survey(args: argparse.Namespace) -> Tuple[Survey, str, List[str]]:
     """Return the survey, its source in words, and notes."""
     if args.bag is not None:
-        survey, notes = _shell("survey_bag").survey_bag(args.bag)
-        return survey, f"{survey.seconds:.3g} s of {os.path.basename(args.bag)}", notes
+        survey = _shell("survey_bag").survey_bag(args.bag)
+        return survey, f"{survey.seconds:.3g} s of {os.path.basename(args.bag)}", []
     listen = _shell("survey").survey_robot
     survey, notes = listen(float(args.seconds), lambda text: say(text, error=True))
     return survey, f"{args.seconds} s of a running robot", notes

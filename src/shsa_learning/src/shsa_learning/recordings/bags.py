@@ -48,7 +48,8 @@ def read_bag(path: str, som: Som) -> Recording:
 def opened(path: str) -> Iterator[Any]:
     """Open a rosbag. Raises ModelError if it cannot be read, also while it is."""
     open_to_read(path).close()  # rosbag would wait for a pipe
-    import rosbag  # ROS is loaded for a bag alone
+    import genpy  # ROS is loaded for a bag alone
+    import rosbag
 
     try:
         with rosbag.Bag(path) as bag:
@@ -58,15 +59,9 @@ def opened(path: str) -> Iterator[Any]:
         raise ModelError(path, what) from error
     except (
         *(OSError, EOFError, KeyError, IndexError, TypeError, ValueError, AttributeError),
-        *(rosbag.ROSBagException, struct.error, _message_exception()),
+        *(MemoryError, rosbag.ROSBagException, struct.error, genpy.MessageException),
     ) as error:
         raise ModelError(path, f"cannot be read as a rosbag: {error}") from error
-
-
-def _message_exception() -> Any:
-    import genpy
-
-    return genpy.MessageException
 
 
 class Incident(NamedTuple):
@@ -152,7 +147,7 @@ class _Reader:
         heard.rows.append([field_value(message, field) for field in fields])
 
     def _doubt(self, topic: str, publisher: str, service: Optional[Service], time: float) -> str:
-        """Why a message is not what a service measured; empty if it is."""
+        """Return why a message is not what a service measured; empty if it is."""
         name = publisher.rsplit("/", 1)[-1]
         named = name.startswith(PREFIX) or name == PREFIX.rstrip("_")
         if publisher not in self._nodes and (named or publisher in self._substitutes):

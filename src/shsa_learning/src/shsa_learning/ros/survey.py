@@ -19,7 +19,7 @@ from shsa_learning.init.survey import (
     Surveyor,
     outside,
 )
-from shsa_learning.ros.contents import Reader
+from shsa_learning.ros.contents import Values
 
 AT_ONCE = 300
 """Topics that are listened to at the same time: each takes a thread and a descriptor or more."""
@@ -39,57 +39,6 @@ class Heard(NamedTuple):
     header: Dict[str, str]
     size: int
     data: Optional[bytes]
-
-
-class Values:
-    """Reads messages for a surveyor: of each type once what it holds."""
-
-    def __init__(self, surveyor: Surveyor) -> None:
-        self._surveyor = surveyor
-        self._readers: Dict[Tuple[str, str], Optional[Reader]] = {}
-        self._why: Dict[Tuple[str, str], str] = {}
-
-    def takes(self, publisher: Publisher, md5sum: str = "") -> Optional[Reader]:
-        """Return the reader for a publisher, which is taken in; None if it is left out."""
-        why = outside(*publisher)
-        reader = None if why else self._reader(publisher.type, md5sum)
-        if reader is None:
-            why = why or self._why[publisher.type, md5sum]
-            self._surveyor.refuse(Refused(*publisher, why))
-        elif self._surveyor.knows(publisher):
-            return reader
-        return None
-
-    def unheard(self, publisher: Publisher) -> None:
-        """Take a publisher in of which nothing has come."""
-        reader = None if self._surveyor.has(publisher) else self.takes(publisher)
-        if reader is not None:
-            self._surveyor.values(publisher, dict.fromkeys(reader.contents.numbers))
-            for part in reader.contents.left_out:
-                self._surveyor.omit(publisher, part)
-
-    def read(self, publisher: Publisher, reader: Reader, size: int, data: Optional[bytes]) -> None:
-        """Read what a message says, if that is wanted."""
-        if not self._surveyor.wants(publisher, size) or data is None:
-            return
-        try:
-            numbers, omitted = reader.read(data)
-        except ShsaError as error:
-            self._surveyor.refuse(Refused(*publisher, str(error)))
-            return
-        self._surveyor.values(publisher, numbers)
-        for part in (*reader.contents.left_out, *omitted):
-            self._surveyor.omit(publisher, part)
-
-    def _reader(self, kind: str, md5sum: str) -> Optional[Reader]:
-        key = kind, md5sum
-        if key not in self._readers:
-            self._readers[key] = None
-            try:
-                self._readers[key] = Reader(kind, md5sum)
-            except ShsaError as error:
-                self._why[key] = str(error)
-        return self._readers[key]
 
 
 class _Inbox:

@@ -20,7 +20,7 @@ QUEUE = 200
 
 
 class Agents:
-    """What is known of the computers that have an agent, by name; from any thread.
+    """The computers that have an agent, by name; from any thread.
 
     `own`: the name of our own computer, of which we tell ourselves; empty: it has none.
     """
@@ -35,7 +35,7 @@ class Agents:
 
     @property
     def names(self) -> List[str]:
-        """The computers whose agents are listened to."""
+        """Return the computers whose agents are listened to."""
         return list(self._hosts)
 
     def listen(self, hosts: Iterable[str], taking_up: bool = False) -> None:
@@ -55,7 +55,7 @@ class Agents:
             self._hosts[name].carry_out(command, clock.now())
 
     def take_up(self) -> Dict[str, str]:
-        """What runs on the computers, each node with the name of its computer.
+        """Return the nodes of ours that run on the computers, each with the name of its computer.
 
         Waits for the agents that are registered, and for nobody where there are none.
         """
@@ -67,7 +67,7 @@ class Agents:
             return {node: name for name, host in self._hosts.items() for node in host.take_up()}
 
     def home(self, uri: str) -> str:
-        """The computer that a node's address is of; empty: none that has an agent."""
+        """Return the computer that a node's address is of; empty: none that has an agent."""
         try:
             place = address(uri).host
         except (BadAnswer, UnicodeError):
@@ -78,7 +78,7 @@ class Agents:
         return (first + other + [""])[0]
 
     def told(self) -> List[Told]:
-        """How each computer does."""
+        """Return how each computer does."""
         with self._lock:
             return [host.told() for host in self._hosts.values()]
 
@@ -105,7 +105,7 @@ class Agents:
         host.ended = lambda: subscriber.get_num_connections() == 0
 
     def _registered(self) -> List[str]:
-        """The computers whose agents the master knows."""
+        """Return the computers whose agents the master knows."""
         if not self._hosts:
             return []
         try:

@@ -1,4 +1,4 @@
-"""What is said between healing and an agent: in order and each once, over topics that may lose it.
+"""Carries what healing and an agent say: in order and each once, over topics that may lose it.
 
 Both ends number what they say from 1, tell how much they have heard, and say again what the other
 end has not. Commands and events are JSON; nothing else is read.

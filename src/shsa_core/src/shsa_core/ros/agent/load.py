@@ -1,4 +1,4 @@
-"""How busy this computer is, and which addresses it has."""
+"""Measures how busy this computer is, and finds its addresses."""
 import socket
 from typing import List, Set
 from urllib.parse import urlparse
@@ -11,7 +11,7 @@ from shsa_core.ros import settings
 
 
 class Load:
-    """What was found at the last look.
+    """The load and the addresses at the last look.
 
     `busy`: busy cores, of `cores`. `sent`, `received`: bytes/s on all networks but the computer's
     own. `addresses`: names and numbers, first the one that we are known by.

@@ -29,7 +29,7 @@ def announce(topic: str, kind: str) -> None:
 
 
 def _listens(topic: str) -> bool:
-    """Whether this process subscribes a topic, as a substitute may its own."""
+    """Return whether this process subscribes a topic, as a substitute may its own."""
     return topic in dict(rospy.topics.get_topic_manager().get_subscriptions())
 
 
@@ -63,7 +63,7 @@ def _register_again() -> None:
 
 
 def of_topic(state: Graph, topic: str) -> List[str]:
-    """The nodes that publish or subscribe a topic, by one part of the master's getSystemState."""
+    """Return the nodes that publish or subscribe a topic, by one part of getSystemState."""
     return [node for name, nodes in state if name == topic for node in nodes]
 
 

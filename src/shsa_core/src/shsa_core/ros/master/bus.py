@@ -1,4 +1,4 @@
-"""What a node tells of its connections: how much it has sent on each, and to whom.
+"""Asks a node about its connections: how much it has sent on each, and to whom.
 
 Asked on the node's own computer, this tells a node that is silent from one whose link is bad.
 """
@@ -13,7 +13,7 @@ COUNTER = 2**32
 
 
 class Sent(NamedTuple):
-    """What a node has sent on a topic so far: bytes published, messages by connection; when, ns."""
+    """Counters of a node on a topic: bytes published, messages by connection; at a time in ns."""
 
     data: int
     messages: Dict[int, int]
@@ -68,7 +68,7 @@ def _look(uri: str, topic: str) -> Union[Sent, OSError, None]:
 
 
 class _Seen(NamedTuple):
-    """Where an original is, and who is at the other end of its connections, by their numbers."""
+    """The address of an original, and who is at the other end of its connections, by number."""
 
     uri: str
     ends: Dict[Any, str]

@@ -1,4 +1,4 @@
-"""Which new publishers the master may have told nobody of.
+"""Finds the new publishers of which the master may have told nobody.
 
 The master tells subscribers with three threads and no timeout: while three subscribers hang, nobody
 hears of a new publisher. So it is looked whether the others have connected to it. They are not told
@@ -32,7 +32,7 @@ class Introductions:
 
     @property
     def deadline(self) -> float:
-        """When somebody is to be looked at, in s; infinite: nobody is."""
+        """Return when somebody is to be looked at, in s; infinite: nobody is."""
         return min((when for when, _ in self._looks), default=inf)
 
     def heed(self, time: float, publishers: FrozenSet[Publisher]) -> None:

@@ -18,7 +18,7 @@ ONE_CALL = 500
 
 
 class State(NamedTuple):
-    """Who has registered what, and the process of the master that says so."""
+    """All that is registered, and the process of the master that says so."""
 
     pid: int
     parts: Mapping[Part, Pairs]
@@ -45,7 +45,7 @@ class MasterCalls:
         return pid if isinstance(pid, int) else 0
 
     def look_up(self, method: str, names: Iterable[str]) -> Mapping[str, str]:
-        """Return where nodes (lookupNode) or services (lookupService) are, by the master."""
+        """Return where nodes or services are, by lookupNode or lookupService."""
         names = sorted(names)
         found = self._many([(method, (self._me, name)) for name in names])
         return {name: uri for name, uri in zip(names, found) if isinstance(uri, str) and uri}

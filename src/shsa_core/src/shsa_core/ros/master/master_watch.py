@@ -36,7 +36,7 @@ MOST_CALLS = 32
 
 
 class Told(NamedTuple):
-    """How the master and its subscribers do: for people.
+    """The state of the master and its subscribers, for people.
 
     A new master would be told of `kept` registrations, which were looked up `age` s ago.
     """

@@ -31,14 +31,14 @@ class BadAnswer(xmlrpc.client.Error):
 
 
 class Address(NamedTuple):
-    """Where a node listens."""
+    """Host and port of a node."""
 
     host: str
     port: int
 
 
 class Limits(NamedTuple):
-    """How long a call may take in s, and how many bytes the answer may have."""
+    """Bounds of a call: its time in s, and the bytes of its answer."""
 
     timeout: float
     largest: int
@@ -57,7 +57,7 @@ def address(uri: object) -> Address:
 
 
 class Answer(NamedTuple):
-    """What a node answers, and when it was asked and had answered: ns on the monotonic clock."""
+    """The answer of a node, when it was asked and had answered: ns on the monotonic clock."""
 
     value: Any
     asked: int
@@ -207,5 +207,5 @@ def _is_row(row: object) -> bool:
 
 
 def _short(value: object) -> str:
-    """A strange value as it may reach a log."""
+    """Return a strange value as it may reach a log."""
     return repr(value)[:100]

@@ -1,4 +1,4 @@
-"""What the master has registered, and what of it a master that was started anew is told again.
+"""Finds what of its registrations a master that was started anew is told again.
 
 Nothing is made up: what is registered again is what the master said itself, and what the node that
 it said it of says still. Whoever has registered anew meanwhile is left as it is.
@@ -20,7 +20,7 @@ Pairs = FrozenSet[Tuple[str, str]]
 
 
 class Part(Word):
-    """What a node has registered, in the order of registering again.
+    """The kinds of registration, in the order of registering again.
 
     Publishers come before subscribers: the master tells each new publisher to the subscribers that
     it knows, with the few that it knows so far, and roscpp drops all others.
@@ -32,7 +32,7 @@ class Part(Word):
 
 
 class Graph(NamedTuple):
-    """What a master has registered, and where it says that nodes and services are."""
+    """All that a master has registered, and where it says that nodes and services are."""
 
     parts: Mapping[Part, Pairs]
     nodes: Mapping[str, str]

@@ -1,8 +1,10 @@
 """The SOM on the parameter server, at shsa/som: put there once, heeded while it changes."""
 import dataclasses
 import json
+import re
 import threading
 import time
+from functools import partial
 from typing import Any, Callable, Dict, Optional, Sequence, Set, Tuple
 
 import rospy
@@ -10,7 +12,13 @@ from rospy.impl.paramserver import get_param_server_cache
 
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import from_parameters
-from shsa_core.files.som_file import PARAMETER, merge_parameters, read_tree, som_parameters
+from shsa_core.files.som_file import (
+    PARAMETER,
+    merge_parameters,
+    read_tree,
+    service_parameters,
+    som_parameters,
+)
 from shsa_core.model.field import parse_field
 from shsa_core.model.service import Deadlines, Signal
 from shsa_core.model.som import Som
@@ -38,9 +46,9 @@ def get_som_parameter() -> Optional[object]:
 class SomWatch:
     """Calls `changed(som)` from a thread of its own within a second of a change at shsa/som.
 
-    What is not valid is named once and refused: the old entry stays. `reread`, if given, reads the
-    SOM file again, for a parameter that does not fit the file as it was: only the file can add,
-    drop or move a service.
+    What is not valid is named once and refused: the old entry stays. Who has `reread`, which reads
+    the SOM file again, puts that entry back onto the server, and looks whether the file is another
+    one: only the file can add, drop or move a service.
     """
 
     def __init__(
@@ -50,6 +58,7 @@ class SomWatch:
         reread: Optional[Callable[[], Som]] = None,
     ) -> None:
         self._som, self._changed, self._reread = som, changed, reread
+        self._file = som  # as read last
         self._seen = ""
         self._said: Set[str] = set()
         self._name = rospy.resolve_name(PARAMETER)
@@ -108,11 +117,11 @@ class SomWatch:
             return
         where = self._name, rospy.get_namespace()
         som, errors = merge_parameters(self._som, value, *where)
-        if self._reread is not None and (errors or _names(value) != set(som.services)):
-            try:
-                som, errors = merge_parameters(self._reread(), value, *where)
-            except ModelError as refusal:
-                errors.append(refusal)
+        try:
+            if (errors or _names(value) != set(som.services)) and self._file_is_new():
+                som, errors = merge_parameters(self._file, value, *where)
+        except ModelError as refusal:
+            errors.append(refusal)
         texts = [str(each) for error in errors for each in error.errors]
         new = [text for text in texts if text not in self._said]
         for text in new[:MOST_SAID]:
@@ -120,9 +129,24 @@ class SomWatch:
         if len(new) > MOST_SAID:
             rospy.logerr("Refused: %d more in %s.", len(new) - MOST_SAID, self._name)
         self._said = set(texts)
+        if self._reread is not None:
+            self._put_back_services(som, texts)
         if som != self._som:
             self._som = som
             self._changed(som)
+
+    def _file_is_new(self) -> bool:
+        """Read the SOM file again. Raises ModelError."""
+        before = self._file
+        self._file = before if self._reread is None else self._reread()
+        return self._file != before
+
+    def _put_back_services(self, som: Som, errors: Sequence[str]) -> None:
+        begin = f"{self._name}/services/"
+        refused = {re.split("[/:[]", text[len(begin) :])[0] for text in errors if begin in text}
+        for name in refused & som.services.keys():
+            plain = service_parameters(som.services[name])
+            _ask(partial(rospy.set_param, begin + name, plain))
 
     def _put_back(self, value: object) -> None:
         """No service is left at shsa/som, as with a master that is new: the last ones stay."""
@@ -133,7 +157,7 @@ class SomWatch:
 
 
 def _contents(value: object) -> str:
-    """What is neither number, text, list nor mapping, as text: dates and bytes."""
+    """Return dates and bytes as text."""
     return f"{type(value).__name__} {getattr(value, '__dict__', '')}"
 
 

@@ -14,8 +14,7 @@ from shsa_core import message_types
 from shsa_core.errors import ShsaError
 from shsa_core.model.field import ANGLES, Key, Step, parse_field
 from shsa_core.model.field_type import FLOATS, field_type
-from shsa_core.model.field_value import NAN, field_value, place_of
-from shsa_core.model.rotation import angles, quaternion
+from shsa_core.model.field_value import angles, field_value, place_of, quaternion
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.text import shown
@@ -44,7 +43,7 @@ class Field:
         self.writable = self._type.writable
 
     def get(self, message: genpy.Message) -> Optional[float]:
-        """The field's value; None if the message has none, as it does not name it.
+        """Return the field's value; None if the message has none, as it does not name it.
 
         NaN where an array is shorter than the place, or where there is no number.
         """
@@ -72,7 +71,7 @@ class Field:
             self._put(owner, last, plain)
 
     def _inner(self, owner: Any, step: Step) -> Any:
-        """The message that a step leads to; it must be there."""
+        """Return the message that a step leads to; it must be there."""
         found = getattr(owner, step.name)
         if step.part is None:
             return found
@@ -96,7 +95,7 @@ class Field:
         array = list(getattr(owner, step.name))
         if isinstance(step.part, Key) and self._type.kind in FLOATS:
             # What is beside it in the array is not known; only such numbers can say so.
-            array += [NAN] * ((place or 0) - len(array))
+            array += [math.nan] * ((place or 0) - len(array))
         if place is None or place > len(array):
             raise ShsaError(
                 f"{self._text}: the array has {len(array)} elements, and no message that has more "
@@ -132,7 +131,7 @@ def _add_name(owner: Any, key: Key) -> int:
             continue
         if kind[:-2] not in FLOATS:
             raise ShsaError(f"{key.name} cannot be added: {name} has no mark for what is not known")
-        setattr(owner, name, [*array, NAN])
+        setattr(owner, name, [*array, math.nan])
     setattr(owner, key.names, [*names, key.name])
     return len(names)
 
@@ -167,7 +166,7 @@ class Decoder:
         self.has_stamp: bool = self._class._has_header
 
     def values(self, data: bytes) -> Tuple[Optional[float], ...]:
-        """The fields' values, None where there is none.
+        """Return the fields' values, None where there is none.
 
         Raises ShsaError if the bytes are not a message of the type.
         """
@@ -180,7 +179,7 @@ class Decoder:
 
 
 def stamp(data: bytes) -> int:
-    """The time in the std_msgs/Header that a message begins with, in ns; 0: it was not set."""
+    """Return the time in the std_msgs/Header that a message begins with, in ns; 0: none."""
     if len(data) < STAMP_END:
         return 0
     seconds, nanoseconds = struct.unpack_from("<4xII", data)
@@ -188,14 +187,14 @@ def stamp(data: bytes) -> int:
 
 
 class Problem(NamedTuple):
-    """What cannot be used, and whether somebody needs it, so that it would be healed."""
+    """Something that cannot be used; `needed`: it would have to be healed."""
 
     text: str
     needed: bool
 
 
 def mark_unusable(som: Som) -> Tuple[Som, List[Problem]]:
-    """The SOM with a mark at all that cannot be used here, and what that is.
+    """Return the SOM with a mark at all that cannot be used here, and what that is.
 
     What is not marked is used and healed as ever.
     """

@@ -26,7 +26,7 @@ EVERYBODY = ""
 
 
 class _Channel:
-    """What is sent to the connections of one subscriber, or of all who are told everything.
+    """The messages to the connections of one subscriber, or of all who are told everything.
 
     `began` and `sequence` are never the same for two messages: what a connection of it is sent
     cannot be taken for another one later.
@@ -248,7 +248,7 @@ class TableSubscriber:
         return bool(not message.whole and message.began == began and message.sequence <= sequence)
 
     def _lost(self) -> None:
-        """What was refused may have been right: a whole that is missed must come again."""
+        """Have the whole come again if it was refused: it may have been right."""
         with self._lock:
             if not self._follows:
                 self._miss()

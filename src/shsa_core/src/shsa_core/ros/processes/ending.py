@@ -1,4 +1,4 @@
-"""How a node is killed: it is asked to leave, its process is ended, its registrations are cleared.
+"""Kills a node: asks it to leave, ends its process, clears its registrations.
 
 Which process a node is was verified before (`nodes`), and healing decides when each step comes.
 """
@@ -86,9 +86,10 @@ def _ask(nodes: Nodes, node: str) -> None:
 
 
 def _ask_elsewhere(node: str, uri: str, left: Left, failed: Failed) -> None:
-    """A node on another computer has ended if it listens no more, and has said so before.
+    """Ask a node on another computer to leave.
 
-    To the master, when it left by itself, or to us.
+    It has ended if it listens no more, and has said so before: to the master, when it left by
+    itself, or to us.
     """
     try:
         ask(uri, "shutdown", WHY)

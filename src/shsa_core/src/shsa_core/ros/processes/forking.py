@@ -50,7 +50,7 @@ class Forking:
 
     @property
     def pid(self) -> int:
-        """The prepared process; 0: there is none now."""
+        """Return the number of the prepared process; 0: there is none now."""
         process = self._process
         return process.pid if process is not None and self.ready.is_set() else 0
 

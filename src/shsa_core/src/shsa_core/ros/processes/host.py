@@ -1,4 +1,4 @@
-"""What healing wants of one computer, and what that answers."""
+"""Commands to one computer, and its events."""
 from typing import Callable, Optional, Protocol, Union
 
 from shsa_core.healing import events

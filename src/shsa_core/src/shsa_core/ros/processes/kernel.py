@@ -1,4 +1,4 @@
-"""What the kernel says of processes, which nobody on the graph can forge.
+"""Asks the kernel about processes: its answers cannot be forged by anybody on the graph.
 
 Who listens at an address, whose process it is, whether it has ended, stopped or waits.
 """

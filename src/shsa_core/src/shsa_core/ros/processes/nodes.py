@@ -48,7 +48,7 @@ class Known:
 
 
 class Found(NamedTuple):
-    """Where the process of a node runs; `detail`: why it is not touched."""
+    """The place where a node's process runs; `detail`: why it is not touched."""
 
     where: Where
     detail: str = ""

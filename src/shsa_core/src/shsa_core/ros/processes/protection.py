@@ -1,4 +1,4 @@
-"""Why a node is never killed unless the SOM says so by name: it takes others along."""
+"""Finds nodes that take others along: they are killed only where the SOM names them."""
 import os
 from typing import Any, Iterable, Set
 

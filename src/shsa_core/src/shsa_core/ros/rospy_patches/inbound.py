@@ -101,7 +101,7 @@ def _with_room(process: Callback) -> Callback:
 
 
 def _up_to(post: Callable[[Any], None]) -> Callable[[Any], None]:
-    """What a call may send."""
+    """Refuse a call that sends too much."""
 
     def bounded(handler: Any) -> None:
         length = str(handler.headers.get("content-length", ""))
@@ -122,13 +122,13 @@ class _Greeted(socket.socket):
         self._header = header
 
     def recv(self, size: int, flags: int = 0) -> bytes:
-        """What comes next."""
+        """Return what comes next."""
         given, self._header = self._header[:size], self._header[size:]
         return given or super().recv(size, flags)
 
 
 def _read_header(connection: socket.socket) -> bytes:
-    """The header with its length, and no byte more. Raises OSError, ShsaError."""
+    """Return the header with its length, and no byte more. Raises OSError, ShsaError."""
     end = time.monotonic() + settings.HEADER_S
     length = _read(connection, LENGTH.size, end)
     (size,) = LENGTH.unpack(length)

@@ -34,6 +34,6 @@ def _kept(run: Callable[[Any], None], over: Callable[[Any], bool]) -> Callable[[
                 if over(thread):
                     return
                 rospy.logerr_throttle(10.0, f"Connections wait, and are tried again: {error}")
-                time.sleep(settings.EXHAUSTED_S)
+                time.sleep(settings.TURN_S)
 
     return kept

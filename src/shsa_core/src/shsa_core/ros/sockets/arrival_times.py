@@ -1,4 +1,4 @@
-"""When messages had come that are read later: the kernel notes it (`man 7 socket`, SO_TIMESTAMP).
+"""Tells when messages had come that are read later: the kernel notes it (`man 7 socket`).
 
 So who is in no hurry for them need not wake for each.
 """

@@ -1,4 +1,4 @@
-"""What comes through a socket, cut into messages; of each only what is wanted is copied.
+"""Cuts what comes through a socket into messages; of each only what is wanted is copied.
 
 A message is its length in four bytes, and so many bytes. The rest of a large one that nobody wants
 to see is dropped in the kernel (`man 7 tcp`, MSG_TRUNC): it is counted, and never copied.
@@ -16,7 +16,7 @@ _WASTE = bytearray(settings.LARGEST_DROP_B)
 
 
 class Wanted(NamedTuple):
-    """What is copied of a message: all of one of up to `whole` bytes, else the first `head`."""
+    """The part of a message to copy: all of one of up to `whole` bytes, else the first `head`."""
 
     whole: int = settings.LARGEST_MESSAGE_B
     head: int = 0
@@ -117,7 +117,7 @@ class Frames:
         del buffer[:start]
 
     def _passed(self, count: int) -> None:
-        """So many bytes of a message that are not wanted have come."""
+        """Count bytes of a message that are not wanted."""
         self._rest -= count
         if not self._rest and self._cut is not None:
             self._found.append(self._cut)

@@ -1,4 +1,4 @@
-"""Which node is at the other end of a connection, by the master's word.
+"""Finds out from the master which node is at the other end of a connection.
 
 What a connection calls itself is a claim. Until the master has said whose it is, it counts for
 nobody.

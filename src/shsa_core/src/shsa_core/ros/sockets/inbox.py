@@ -1,4 +1,4 @@
-"""What one thread waits for: items that other threads put, and sockets that become readable."""
+"""Lets one thread wait for items that others put and for sockets that become readable."""
 import os
 import select
 from collections import deque

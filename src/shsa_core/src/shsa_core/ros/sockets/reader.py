@@ -17,7 +17,7 @@ HEAD = Wanted(LARGEST_B, STAMP_END)
 
 
 class _Needs(NamedTuple):
-    """What the checks of a service need to know of the messages of one connection."""
+    """The parts of a connection's messages that the checks of a service need."""
 
     service: Optional[Service]
     values: Optional[Decoder] = None

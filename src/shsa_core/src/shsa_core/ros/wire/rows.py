@@ -39,7 +39,7 @@ def _may_be_idle(name: str, rows: Mapping[str, msg.Substitution]) -> bool:
 
 
 def substitution_message(row: Substitution) -> msg.Substitution:
-    """A row as a message."""
+    """Return a row as a message."""
     return msg.Substitution(
         node=row.node,
         service=row.service,
@@ -62,7 +62,7 @@ def substitution_message(row: Substitution) -> msg.Substitution:
 
 
 def substitution_row(message: msg.Substitution) -> Substitution:
-    """The row that a message holds. Raises ShsaError if it is none."""
+    """Return the row that a message holds. Raises ShsaError if it is none."""
     others = message.others or Others.UNKNOWN
     if others not in tuple(Others):
         raise ShsaError(f"others must be one of {', '.join(Others)}, not {others!a}")
@@ -95,7 +95,7 @@ def substitution_row(message: msg.Substitution) -> Substitution:
 
 
 def signal_message(signal: Signal) -> msg.Signal:
-    """A signal as a message; 0 stands for no period or deadline, NaN for no error."""
+    """Return a signal as a message; 0 stands for no period or deadline, NaN for no error."""
     return msg.Signal(
         topic=signal.topic,
         field=signal.field,
@@ -112,12 +112,12 @@ def signal_message(signal: Signal) -> msg.Signal:
 
 
 def rms_of(errors: Sequence[Optional[Error]]) -> List[float]:
-    """The expected RMS errors as a message has them."""
+    """Return the expected RMS errors as a message has them."""
     return [NOT_KNOWN if error is None else error.rms for error in errors]
 
 
 def p95_of(errors: Sequence[Optional[Error]]) -> List[float]:
-    """What errors are expected to be within in 95 %, as a message has it."""
+    """Return what errors are expected to be within in 95 %, as a message has it."""
     return [NOT_KNOWN if error is None or error.p95 is None else error.p95 for error in errors]
 
 
@@ -131,7 +131,7 @@ def _error(message: msg.Signal) -> Optional[Error]:
 
 
 def signal_of(message: msg.Signal) -> Signal:
-    """The signal that a message holds. Raises ShsaError if it is none."""
+    """Return the signal that a message holds. Raises ShsaError if it is none."""
     return signals.checked(
         Signal(
             topic=message.topic,
