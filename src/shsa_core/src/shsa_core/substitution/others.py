@@ -1,4 +1,4 @@
-"""What a substitute hears of the other publishers of its topic, by an honest watch.
+"""Listens to the other publishers of a substitute's topic, by an honest watch.
 
 Only a silent connection is bridged: one that has ended is the reconfigurator's to judge, which is
 told at once, and tells a node that died from one that was stopped on purpose. Until its word comes,
@@ -18,7 +18,7 @@ Sources = Callable[[], Tuple[str, ...]]
 
 
 class OtherPublishers:
-    """Who else publishes on `topic`; empty: nobody is listened for. Times in s.
+    """The other publishers of `topic`; empty: nobody is listened for. Times in s.
 
     `sources()` tells who publishes what the program reads. `last`: the newest message of theirs.
     `heals`: beyond a cut the substitute may decide by itself. `bridge`: the silence after which it

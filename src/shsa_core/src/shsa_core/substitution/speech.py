@@ -1,4 +1,4 @@
-"""How a substitute speaks now: what the table of voices asks for, and what a new voice begins."""
+"""Keeps the voice of a substitute: asks the table of voices, and begins what a new one needs."""
 from typing import Optional
 
 from shsa_core.model.substitution import Substitution
