@@ -37,6 +37,8 @@ ORDER = [
 ROOT = "the package itself"
 LEVEL = {part: level for level, row in enumerate([(ROOT,), *ORDER]) for part in row}
 # The running nodes' cores read no file.
+NO_CORES = ("monitoring", "substitution", "gating", "healing")
+"""Connections and messages are the same whoever reads them."""
 NO_FILES = ("search", "codegen", "monitoring", "substitution", "gating", "healing")
 
 
@@ -98,6 +100,11 @@ def test_no_module_imports_from_a_higher_part() -> None:
 def test_the_cores_of_the_running_nodes_read_no_files() -> None:
     users = [m for m in MODULES if m.split(".")[1:2] and part_of(m) in NO_FILES]
     assert [m for m in users if any(part_of(used) == "files" for used in imports_of(m))] == []
+
+
+def test_the_sockets_know_no_core() -> None:
+    users = [module for module in MODULES if part_of(module) == "ros.sockets"]
+    assert [m for m in users if any(part_of(used) in NO_CORES for used in imports_of(m))] == []
 
 
 def test_there_is_no_import_cycle() -> None:
