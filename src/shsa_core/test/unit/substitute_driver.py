@@ -65,8 +65,8 @@ class Driver:
         """Let time pass, with every tick that is wanted; the commands meanwhile."""
         heard: List[Any] = []
         while True:
-            deadline = self.core.next_deadline()
-            if deadline is None or deadline > time:
+            deadline = self.core.next_deadline
+            if deadline > time:
                 break
             self.time = deadline
             heard += self.tell(events.Tick)

@@ -101,7 +101,7 @@ def test_a_changed_host_leaves_the_rest_and_its_comments(tmp_path: pathlib.Path)
         (hosted("on_partition", "stop"), "services/v/on_partition", "must be one of heal, wait"),
         (hosted("period", 1, pi={"cores": 0}), "hosts/pi/cores", "cores must be above 0, not 0"),
         (hosted("period", 1, pi={"link": "fast"}), "hosts/pi/link", "link must be above 0"),
-        (hosted("period", 1, pi={"core": 1}), "hosts/pi/core", "Did you mean 'cores'?"),
+        (hosted("period", 1, pi={"core": 1}), "hosts/pi/core", "did you mean cores?"),
         (hosted("period", 1, pi=None), "hosts/pi", "the host pi must be a mapping"),
         (
             hosted("period", 1, **{"a-b": {}}),

@@ -11,8 +11,10 @@ REST_S = 0.002
 """Between two looks at least: what comes within this is handled together, as of when it came."""
 CLOCK_CHANGE_S = 0.002
 """A change of ROS time beside ours that the monitor is told of at once, and else now and then."""
-JOIN_S = 5.0
-"""At its end a node waits no longer for the thread that works."""
+LOOP_ANSWER_S = 5.0
+"""So long the thread that does a node's work is given to answer, or to end."""
+DIAGNOSTICS_PERIOD_S = 1.0
+"""As an aggregator of /diagnostics expects."""
 
 # Threads for calls that wait for others.
 STANDING_WORKERS = 2

@@ -37,9 +37,10 @@ class Substitute:
         self._types: Dict[str, str] = {}
         self._plans: Dict[str, Substitution] = {}
         self._unusable: Dict[Signal, str] = {}
-        self._wanted: Optional[float] = None  # when it wanted to wake
+        self._wanted = math.inf  # when it wanted to wake
         self._said: List[Command] = []
-        self._handlers: Table[List[Command]] = table(
+        others = self._speech.others
+        self._handlers: Table[Optional[List[Command]]] = table(
             Event,
             {
                 events.RowChanged: self._row_changed,
@@ -47,14 +48,14 @@ class Substitute:
                 events.LeftAlone: self._left_alone,
                 events.PlansChanged: self._plans_changed,
                 events.InputArrived: self._input_arrived,
-                events.Advertised: self._advertised,
+                events.Advertised: lambda e: self._advertising.advertised(e.topic, self._now),
                 events.ConsumerJoined: self._consumer_joined,
-                events.OriginalServes: self._original_serves,
-                events.OtherHeard: self._other_heard,
+                events.OriginalServes: self._speech.handover.answer,
+                events.OtherHeard: lambda e: others.hear(e, self._sources),
                 events.OtherGone: self._other_gone,
-                events.OthersStand: self._others_stand,
-                events.ReachChanged: self._reach_changed,
-                events.Tick: self._tick,
+                events.OthersStand: lambda e: others.answer(e, self._sources),
+                events.ReachChanged: lambda e: others.reach(e.cut_off),
+                events.Tick: lambda e: None,  # what is due by then is done after any event
             },
         )
 
@@ -65,23 +66,23 @@ class Substitute:
         """
         self._now = now = max(self._now, event.time)
         self._speech.others.pass_time(now, self._wanted)
-        commands = self._handlers[type(event)](event)
+        commands = self._handlers[type(event)](event) or []
         commands += self._speak()
         commands += self._publish()
         commands += self._speech.handover.due(now)
         commands += self._advertising.due(now)
         commands += [] if self._speech.hands_over(now) else self._speech.others.due(now)
-        self._said, self._wanted = commands, self.next_deadline()
+        self._said, self._wanted = commands, self.next_deadline
         return commands
 
-    def next_deadline(self) -> Optional[float]:
-        """Return when the next Tick is wanted; None: not before another event."""
+    @property
+    def next_deadline(self) -> float:
+        """Return when the next Tick is wanted; inf: not before another event."""
         due = self.reads_at if self._values() is not None else math.inf
         # Nobody is filled in for while consumers are handed over: that ends by itself.
         speech = self._speech
         others = speech.others.next(self._now, not speech.hands_over(self._now))
-        soonest = min(due, speech.handover.next(), self._advertising.next(), others)
-        return None if soonest == math.inf else soonest
+        return min(due, speech.handover.next(), self._advertising.next(), others)
 
     @property
     def topics(self) -> Tuple[str, ...]:
@@ -132,7 +133,7 @@ class Substitute:
             "it publishes no integral from nobody knows where": not published
             or (job is not None and not job.unstarted),
             "a stamp is the newest of its topic": all(each.stamp == stamp for each in published),
-            "all that is due has been said": (self.next_deadline() or math.inf) > now,
+            "all that is due has been said": self.next_deadline > now,
         }
         broken = [what for what, holds in held.items() if not holds]
         if broken:
@@ -290,30 +291,13 @@ class Substitute:
     def _sources(self) -> Tuple[str, ...]:
         return () if self._job is None else self._inputs.sources(self._job.inputs)
 
-    def _original_serves(self, event: events.OriginalServes) -> List[Command]:
-        self._speech.handover.answer(event)
-        return []
-
-    def _other_heard(self, event: events.OtherHeard) -> List[Command]:
-        self._speech.others.hear(event, self._sources)
-        return []
-
-    def _other_gone(self, event: events.OtherGone) -> List[Command]:
+    def _other_gone(self, event: events.OtherGone) -> None:
         if not self._speech.hands_over(self._now):
             self._speech.others.gone(event, self._sources)
-        return []
-
-    def _others_stand(self, event: events.OthersStand) -> List[Command]:
-        self._speech.others.answer(event, self._sources)
-        return []
-
-    def _reach_changed(self, event: events.ReachChanged) -> List[Command]:
-        self._speech.others.reach(event.cut_off)
-        return []
 
     # What it publishes.
 
-    def _input_arrived(self, event: events.InputArrived) -> List[Command]:
+    def _input_arrived(self, event: events.InputArrived) -> None:
         self._stamps.clock(event.time, event.ros_time)
         self._inputs.take(event)
         self._speech.others.compare(self._sources)
@@ -321,7 +305,6 @@ class Substitute:
         if job is not None and job.period is None:
             if any(signal.topic == event.topic for signal in job.inputs):
                 job.schedule.hasten(self._now)
-        return []
 
     def _values(self) -> Optional[Tuple[float, ...]]:
         """Return the inputs now; None without a program, and while one is missing or stale."""
@@ -370,11 +353,3 @@ class Substitute:
         if hears_another or not self._may_publish(job) or job.unstarted:
             return []
         return [self._message(job, event.consumer)]
-
-    # What is answered, and time.
-
-    def _advertised(self, event: events.Advertised) -> List[Command]:
-        return self._advertising.advertised(event.topic, self._now)
-
-    def _tick(self, _: events.Tick) -> List[Command]:
-        return []

@@ -69,8 +69,8 @@ class OtherPublishers:
 
     # What is heard.
 
-    def pass_time(self, now: float, wanted: Optional[float]) -> None:
-        """Time passes; we `wanted` to wake by then, None: whenever."""
+    def pass_time(self, now: float, wanted: float) -> None:
+        """Time passes; we `wanted` to wake by then, inf: whenever."""
         self._watch.look(now, wanted)
         if self.last is not None and self._watch.has_passed(self._since, self._deadline):
             self._silent = True

@@ -28,7 +28,7 @@ from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.processes.host import HostCommand, HostEvent
-from shsa_core.ros.processes.starting import Forks
+from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.agent.line import EVENTS, Line, read_command, written
 from shsa_core.ros.node import publish, run
@@ -92,16 +92,9 @@ class AgentNode:
         self._sign = signing.signer(topic, msg.HostEvent)
         self._publisher: Optional[rospy.Publisher] = None
         prefix = Names(rospy.get_namespace()).prefix
-        self._host = LocalHost(
-            self._tell,
-            Signs(hearer(self._name), cut_off=self._cut_off),
-            prefix,
-            arguments.journal,
-            signing.path,
-            arguments.sandbox,
-            self._name,
-            Forks(prefix.rsplit("/", 1)[0]),
-        )
+        given = arguments.journal, arguments.sandbox, self._name
+        signs = Signs(hearer(self._name), cut_off=self._cut_off)
+        self._host = LocalHost(self._tell, signs, Setup(prefix, signing.path, *given, forks=True))
         left = self._host.take_up()
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))

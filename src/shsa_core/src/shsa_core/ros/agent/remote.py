@@ -67,14 +67,14 @@ class RemoteHost:
         self.name = name
         self.ended: Callable[[], bool] = lambda: False
         self.addresses: Tuple[str, ...] = ()
-        self._running: Tuple[str, ...] = ()
-        self._restarted: Tuple[str, ...] = ()
         self._tell, self._publish = tell, publish
         self._agent = self._session = 0
         self._line = Line()
         self._reached = self._known = self._lost = self._left = self._settled = False
         self._waits: Dict[Tuple[Type[Any], str], HostCommand] = {}
-        self._wanted: Dict[str, HostCommand] = {}  # what runs there, and how it is stopped
+        # What is to run there, what was found to run there, and how each is stopped.
+        self._wanted: Dict[str, HostCommand] = {}
+        self._found: Dict[str, HostCommand] = {}
         self._watched = events.WatchNodes(())
         self._last: Optional[msg.HostEvent] = None
         self._clock = Watch()
@@ -101,8 +101,7 @@ class RemoteHost:
     def take_up(self) -> Tuple[str, ...]:
         """Want what runs there, and return it; what is found later, and not wanted, is stopped."""
         self._settled = True
-        self._wanted.update({node: events.StopSubstitute(node) for node in self._running})
-        self._wanted.update({node: events.StopNode(node) for node in self._restarted})
+        self._wanted.update(self._found)
         return tuple(self._wanted)
 
     def carry_out(self, command: HostCommand, now: float) -> None:
@@ -170,19 +169,21 @@ class RemoteHost:
         self.beat()
 
     def _reach(self, message: msg.HostEvent, now: float) -> None:
-        """Both ends hear each other: bring together what is wanted there and what runs."""
+        """Both ends hear each other from now on."""
         self._reached, self._known, self._lost = True, True, False
-        self._running, self._restarted = tuple(message.running), tuple(message.restarted)
+        self._found = {node: events.StopSubstitute(node) for node in message.running}
+        self._found.update({node: events.StopNode(node) for node in message.restarted})
         self._send(self._watched, now)
-        if not self._settled:
-            return
-        found: Dict[str, HostCommand] = {n: events.StopSubstitute(n) for n in self._running}
-        found.update({node: events.StopNode(node) for node in self._restarted})
-        for node in [each for each in self._wanted if each not in found]:
+        if self._settled:
+            self._reconcile(now)
+
+    def _reconcile(self, now: float) -> None:
+        """Stop what runs there and is not wanted; tell of wanted substitutes that do not run."""
+        for node in [each for each in self._wanted if each not in self._found]:
             if isinstance(self._wanted.pop(node), events.StopSubstitute):
                 self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
-        for node in [each for each in found if each not in self._wanted]:
-            self._send(found[node], now)
+        for node in [each for each in self._found if each not in self._wanted]:
+            self._send(self._found[node], now)
 
     def _happened(self, text: str, now: float) -> None:
         try:

@@ -1,7 +1,7 @@
 """The computer that we run on: its processes are learned, found, ended, started and listened to."""
 import threading
 import time
-from typing import Any, Callable, List, Optional, Sequence
+from typing import Any, Callable, List, Optional
 
 import psutil
 import rospy
@@ -19,7 +19,7 @@ from shsa_core.ros.processes.host import HostCommand, Tell, not_done
 from shsa_core.ros.processes.nodes import Known, Nodes
 from shsa_core.ros.processes.protection import protection
 from shsa_core.ros.processes.restarting import ComingUp, Restarts
-from shsa_core.ros.processes.starting import Forks, Processes
+from shsa_core.ros.processes.starting import Processes, Setup
 from shsa_core.ros.processes.watching import Life
 from shsa_core.ros.workers import Workers
 
@@ -30,42 +30,25 @@ LEARNING = 2
 
 
 class LocalHost:
-    """A Host of this computer.
+    """A Host of this computer; `signs`: who hears the heartbeats of the substitutes."""
 
-    `signs`: who hears the heartbeats of the substitutes, whose names begin with `prefix`.
-    `journals`, `secret_file`, `sandbox`, `name`, `forks`: as in Processes; `name` is its `host`.
-    """
-
-    def __init__(
-        self,
-        tell: Tell,
-        signs: Signs,
-        prefix: str,
-        journals: str,
-        secret_file: str,
-        sandbox: Sequence[str] = (),
-        name: str = "",
-        forks: Optional[Forks] = None,
-    ) -> None:
+    def __init__(self, tell: Tell, signs: Signs, setup: Setup) -> None:
         self._tell = tell
-        self.prefix = prefix
+        self.prefix = setup.prefix
         self._endings: List[threading.Event] = []
         clearing = Workers("clear", MOST_CALLS)
         self.nodes = Nodes()
         self.processes = Processes(
             lambda node, detail: tell(events.ProcessExited(clock.now(), node, detail)),
             lambda node: clearing.put(lambda: ending.clear(self.nodes, node)),
-            journals,
-            secret_file,
-            sandbox,
-            name,
-            forks,
+            setup,
         )
-        self.restarts = Restarts(lambda node: tell(events.StarterEnded(clock.now(), node)), name)
+        ended = lambda node: tell(events.StarterEnded(clock.now(), node))
+        self.restarts = Restarts(ended, setup.host)
         self._coming_up = ComingUp(self.restarts.started_again, self._came_up)
         self._life = Life(
             signs,
-            lambda node: node.startswith(prefix),
+            lambda node: node.startswith(setup.prefix),
             lambda node: tell(events.ProcessSilent(clock.now(), node)),
             lambda node: tell(events.ProcessHung(clock.now(), node)),
             lambda node: tell(events.ProcessHeard(clock.now(), node)),
@@ -97,7 +80,7 @@ class LocalHost:
 
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has left running; return the nodes."""
-        left = self.processes.left_behind(self.prefix)
+        left = self.processes.left_behind()
         for node, process in left.items():
             self.processes.take_up(node, process)
         return [*left, *self.restarts.take_up()]
