@@ -2,6 +2,7 @@
 
 The diagram in docs/architecture.md is this table.
 """
+from dataclasses import replace
 from typing import TYPE_CHECKING, Callable, Dict, FrozenSet, Iterable, List, Optional, Tuple
 
 from shsa_core.agenda import doubled
@@ -103,18 +104,20 @@ def still_failing(service: "ServiceMachine", failure: Failure) -> List[Command]:
         if not accusation.babbles:  # it is killed, or silent
             nodes.acquit(service.spec, node)
             return commands
-        blame(service, node, failure.kind)
+        commands += blame(service, node, failure.kind)
     return commands + judge_again(service)
 
 
-def blame(service: "ServiceMachine", node: str, kind: Kind) -> None:
-    """Blame a node, in place of the one that the incident blames."""
+def blame(service: "ServiceMachine", node: str, kind: Kind) -> List[Command]:
+    """Blame a node, in place of another that the incident blames."""
     assert service.incident is not None
     nodes, former = service.robot.nodes, service.incident.faulty_node
-    if node != former:
-        nodes.acquit(service.spec, former)
-        service.accusation = nodes.accuse(service.spec.name, node, kind)
-        service.step(faulty_node=node)
+    service.accusation = nodes.accuse(service.spec.name, node, kind)
+    if node == former:
+        return []
+    service.incident = replace(service.incident, faulty_node=node)
+    nodes.acquit(service.spec, former)
+    return service.step()
 
 
 def judge_again(service: "ServiceMachine", _: Failure = None) -> List[Command]:
@@ -133,13 +136,14 @@ def failed_again(service: "ServiceMachine", failure: Failure) -> List[Command]:
     """Go on after the node failed within its hold-off."""
     assert failure is not None and service.incident is not None
     spec, robot, node = service.spec, service.robot, failure.publisher
-    blame(service, node, failure.kind)
-    service.accusation = accusation = robot.nodes.accuse(spec.name, node, failure.kind)
+    commands = blame(service, node, failure.kind)
+    accusation = service.accusation
+    assert accusation is not None
     robot.nodes.failed(failure.time, node, not robot.by_link(spec, failure.kind), soon=True)
     service.timers.clear()
     plan, none = search(service)
     text = f"{spec.topic}: {node} failed again: {failure.detail}."
-    commands: List[Command] = [Log(Level.WARN, text), *service.judge(accusation, plan is not None)]
+    commands += [Log(Level.WARN, text), *service.judge(accusation, plan is not None)]
     detail = f"{node} failed again: {failure.detail}"
     if robot.nodes.kept_out(node) and not accusation.kept:
         detail = f"{node} keeps failing. It is kept out until it is released."
