@@ -22,7 +22,7 @@ from core_robot import (
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
-from shsa_core.healing.substitute import Substitute
+from shsa_core.healing.process import Substitute
 from shsa_core.healing.repair import Trigger
 from shsa_core.model.kinds import Policy, Standby
 from shsa_core.model.ontology import Ontology, Property

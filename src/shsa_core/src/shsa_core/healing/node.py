@@ -8,14 +8,12 @@ it is kept out. A relapse that may be its link's makes the hold-off longer, and 
 """
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Union
+from typing import TYPE_CHECKING, Dict, List, NamedTuple, Optional, Sequence, Union
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.healing import events
 from shsa_core.healing.containment import Stakes, Verdict, decide
 from shsa_core.healing.events import Command, Level, Log
-from shsa_core.healing.health import Health
-from shsa_core.healing.hosts import Computers
 from shsa_core.healing.kill import (
     KillNode,
     KillOutcome,
@@ -25,11 +23,13 @@ from shsa_core.healing.kill import (
     NodeSpared,
     NodeUnreached,
 )
-from shsa_core.healing.records import Fate, NodeRecord, Record, Trust
-from shsa_core.healing.settings import CERTAIN_S, LEARN_PAUSES_S, ORPHAN_KILLS, Settings
-from shsa_core.healing.tables import Table
+from shsa_core.healing.records import Fate, NodeRecord, Trust
+from shsa_core.healing.settings import CERTAIN_S, LEARN_PAUSES_S, ORPHAN_KILLS
 from shsa_core.model.kinds import BY_LINK, QUIET, Contain, Kind, Policy
 from shsa_core.model.service import Service
+
+if TYPE_CHECKING:
+    from shsa_core.healing.robot import Robot
 
 UNTRIED = Trust()
 
@@ -118,30 +118,17 @@ class _Pending(NamedTuple):
 class Nodes:
     """The cases of all nodes.
 
-    `spec`: a service as it counts now, by its name. `host_of`: the computer that a node runs on.
     `restarted`: the nodes that were started again, and whether whoever ends us has started them
     first.
     """
 
-    def __init__(
-        self,
-        settings: Settings,
-        health: Health,
-        stakes: Stakes,
-        computers: Computers,
-        spec: Callable[[str], Optional[Service]],
-        host_of: Callable[[str], str],
-        records: "Table[Record, events.WriteDown]",
-    ) -> None:
-        self.kills = Kills(health, settings.kill_patience)
+    def __init__(self, robot: "Robot", stakes: Stakes) -> None:
+        self.kills = Kills(robot.health, robot.settings.kill_patience)
         self.restarted: Dict[str, bool] = {}
-        self._settings = settings
-        self._health = health
+        self._robot = robot
         self._stakes = stakes
-        self._computers = computers
-        self._spec = spec
-        self._host_of = host_of
-        self._records = records
+        self._settings = robot.settings
+        self._health = robot.health
         self._cases: Dict[str, Case] = {}
         self._returns: Agenda[str] = Agenda()  # nodes that are to be started, or to come up
         self._pending: Dict[str, _Pending] = {}
@@ -149,6 +136,10 @@ class Nodes:
         self._tries: Dict[str, int] = {}  # to learn which process a node is
         self._topics: Dict[str, str] = {}
         self._learning: Agenda[str] = Agenda()
+
+    def _host_of(self, node: str) -> str:
+        """Return the other computer that a node runs on; empty: our own, or not known."""
+        return self._robot.host_of(node) if self._robot.som.hosts else ""
 
     @property
     def deadline(self) -> Optional[float]:
@@ -190,9 +181,10 @@ class Nodes:
         case.failing = False
         self._pending.pop(node, None)
         well = case.trust.well_since if well_at is None else well_at
-        self._trust(node, case, start_at=None, awaited_by=None, well_since=well)
-        if node != service.node:  # a stranger; there may be any number of them
-            self._trust(node, case, **vars(UNTRIED))
+        trust = replace(case.trust, start_at=None, awaited_by=None, well_since=well)
+        stranger = node != service.node  # there may be any number of them
+        self._trust(node, case, UNTRIED if stranger else trust)
+        if stranger:
             del self._cases[node]
 
     def judge(
@@ -272,7 +264,7 @@ class Nodes:
     def kill(self, time: float, order: KillNode) -> List[Command]:
         """Begin a kill, or let it wait for the computer of the node."""
         host = self._host_of(order.node)
-        if host and order.only_here and self._computers.reachable(host):
+        if host and order.only_here and self._robot.computers.reachable(host):
             self._pending[order.node] = _Pending(host, time, True)
             return []
         self._pending.pop(order.node, None)
@@ -284,7 +276,7 @@ class Nodes:
         self, event: Union[events.NodeFound, events.NodeLeft, events.ProcessUntouchable]
     ) -> List[Said]:
         """Go on with a kill."""
-        strained = self._computers.strained(self._host_of(event.node))
+        strained = self._robot.computers.strained(self._host_of(event.node))
         return self._outcomes(self.kills.handle(event, strained))
 
     def tick(self, time: float) -> List[Said]:
@@ -300,9 +292,9 @@ class Nodes:
 
     def computer_heard(self, time: float, host: str) -> List[Said]:
         """Begin the kills that have waited for a computer."""
-        if not self._computers.reachable(host):
+        if not self._robot.computers.reachable(host):
             return []
-        steady = self._computers.steady_since(host)
+        steady = self._robot.computers.steady_since(host)
         due = [
             node
             for node, each in self._pending.items()
@@ -327,7 +319,7 @@ class Nodes:
         """Kill a node that is still accused, and has not returned."""
         said: List[Said] = []
         for name in self.accusers(node):
-            service, accusation = self._spec(name), self._cases[node].accusations[name]
+            service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
             if service is not None and not accusation.back and not accusation.kept:
                 order = self._order(service, accusation)
                 said += self.kill(time, replace(order, urgent=True, only_here=False))
@@ -368,7 +360,9 @@ class Nodes:
             self._settle(accusation, kill.certain)
         if kill.certain and case:  # its last failure was its own
             trust = case.trust
-            self._trust(node, case, doubtful=min(trust.doubtful, case.before.doubtful))
+            self._trust(
+                node, case, replace(trust, doubtful=min(trust.doubtful, case.before.doubtful))
+            )
         elif case:
             self._left_alone(node, case)
         return [kill, *said]
@@ -420,7 +414,7 @@ class Nodes:
         """Do no more about a node: two of one name would end each other, so it is not restarted."""
         if case.refusals:
             self.trust(node)  # it cannot be kept out, and two publishers are worse than one
-        self._trust(node, case, start_at=None, awaited_by=None, exhausted=True)
+        self._trust(node, case, replace(case.trust, start_at=None, awaited_by=None, exhausted=True))
 
     def end_orphan(self, time: float, node: str) -> List[Command]:
         """End a substitute that was left behind."""
@@ -443,6 +437,15 @@ class Nodes:
         trust = self._cases[node].trust
         return 0 < self._settings.switches <= trust.relapses - trust.doubtful
 
+    def shown(self, accusation: Accusation) -> Dict[str, object]:
+        """Return what an incident shows of the node that it blames."""
+        return {
+            "restarts": self.restarts(accusation.node),
+            "kept_out": self.kept_out(accusation.node),
+            "kept": accusation.kept,
+            "decision": accusation.decision,
+        }
+
     def restarts(self, node: str) -> int:
         """Return how often a node was started again."""
         return self._cases[node].trust.restarts
@@ -461,27 +464,27 @@ class Nodes:
         """Tell that a node is to be started, or to come up."""
         return self._returns.when(node) < math.inf
 
-    def failed(self, time: float, node: str, own: bool, soon: bool) -> None:
-        """Count a failure; `own`: not its link's, for certain. `soon`: within its hold-off.
+    def failed(self, time: float, service: Service, node: str, kind: Kind, soon: bool) -> None:
+        """Count a failure of a node; `soon`: within its hold-off.
 
-        It counts once until the node is back, whoever tells of it.
+        It counts once until the node is back, whichever service tells of it.
         """
-        case = self._cases[node]
-        if case.failing:
+        case, settings = self._cases[node], self._settings
+        if case.failing or kind is Kind.REQUESTED:
             return
-        case.failing, case.failed_at, case.before = True, time, case.trust
-        trust, settings = case.trust, self._settings
+        trust = case.trust
+        case.failing, case.failed_at, case.before = True, time, trust
         if not soon:
-            well = trust.well_since
-            calm = well is not None and time - well > settings.stable
-            restarts = 0 if calm else trust.restarts
-            self._trust(node, case, restarts=restarts, exhausted=False)
+            calm = trust.well_since is not None and time - trust.well_since > settings.stable
+            trust = replace(trust, restarts=0 if calm else trust.restarts, exhausted=False)
             within = settings.relapse * settings.hold_off
             if trust.returned is None or time - trust.returned > within:
-                self.trust(node)
+                self._forgive(node, case, trust)
                 return
-        doubtful = trust.doubtful + (not own)
-        self._trust(node, case, relapses=trust.relapses + 1, doubtful=doubtful, soon=not soon)
+        doubtful = trust.doubtful + (kind in BY_LINK and bool(self._host_of(service.node)))
+        relapses = trust.relapses + 1
+        trust = replace(trust, relapses=relapses, doubtful=doubtful, soon=not soon)
+        self._trust(node, case, trust)
 
     def excuse(self, host: str, heard: float) -> List[Said]:
         """Blame no node for its silence since its computer was heard, which was cut off."""
@@ -490,8 +493,8 @@ class Nodes:
             silent = any(each.silent for each in case.accusations.values())
             if silent and case.failed_at >= heard and self._host_of(node) == host:
                 former = case.before
-                changes = former.relapses, former.doubtful, former.soon
-                self._trust(node, case, relapses=changes[0], doubtful=changes[1], soon=changes[2])
+                trust = replace(case.trust, relapses=former.relapses, doubtful=former.doubtful)
+                self._trust(node, case, replace(trust, soon=former.soon))
                 said.append(TrustChanged(heard, node))
         return said
 
@@ -512,7 +515,7 @@ class Nodes:
         trust, awaited = case.trust, None
         if not all(each.back for each in case.accusations.values()) and self.awaited(node):
             awaited = trust.awaited_by or time + self._settings.restart_timeout
-        self._trust(node, case, returned=since, start_at=None, awaited_by=awaited)
+        self._trust(node, case, replace(trust, returned=since, start_at=None, awaited_by=awaited))
 
     def start_again(self, time: float, node: str) -> None:
         """Start a node that is gone again after a pause, unless it was too often."""
@@ -521,18 +524,19 @@ class Nodes:
         if trust.start_at is not None:
             return
         if self.kept_out(node) or trust.restarts >= settings.node_restarts:
-            self._trust(node, case, exhausted=True, awaited_by=None)
+            self._trust(node, case, replace(trust, exhausted=True, awaited_by=None))
             return
         due = time + doubled(settings.restart_pause, trust.restarts)
-        self._trust(node, case, start_at=due, awaited_by=None, restarts=trust.restarts + 1)
+        restarts = trust.restarts + 1
+        self._trust(node, case, replace(trust, start_at=due, awaited_by=None, restarts=restarts))
 
     def _return_due(self, time: float, node: str, case: Case) -> List[Said]:
         """Start a node, or end one that did not come up in time."""
-        specs = [self._spec(name) for name in case.accusations]
+        specs = [self._robot.spec(name) for name in case.accusations]
         own = [s for s in specs if s is not None and s.policy.restarts and s.node == node]
         starts = case.trust.start_at is not None
         due = time + self._settings.restart_timeout if starts and own else None
-        self._trust(node, case, start_at=None, awaited_by=due)
+        self._trust(node, case, replace(case.trust, start_at=None, awaited_by=due))
         if not own:  # the policy is another by now, or the node
             return []
         topics = ", ".join(each.topic for each in own)
@@ -545,10 +549,13 @@ class Nodes:
 
     def trust(self, node: str) -> None:
         """Forget the relapses of a node."""
-        case = self._cases[node]
+        self._forgive(node, self._cases[node], self._cases[node].trust)
+
+    def _forgive(self, node: str, case: Case, trust: Trust) -> None:
         case.refusals = case.told = 0
         case.tell_at = -math.inf
-        self._trust(node, case, relapses=0, doubtful=0, soon=False, returned=None)
+        forgiven = replace(trust, relapses=0, doubtful=0, soon=False, returned=None)
+        self._trust(node, case, forgiven)
 
     def refuse(self, time: float, order: KillNode) -> List[Command]:
         """Kill a node that is kept out, and has come up."""
@@ -570,21 +577,22 @@ class Nodes:
 
     def forget_restarted(self, node: str) -> bool:
         """Note that a node that was started again is gone, or is ended. Returns that it was one."""
-        self._records.set(f"restarted {node}", None)
+        self._robot.records.set(f"restarted {node}", None)
         return self.restarted.pop(node, None) is not None
 
     def recall(self, record: NodeRecord) -> None:
         """Trust a node as a former reconfigurator did."""
         case = self._cases.setdefault(record.node, Case())
-        self._trust(record.node, case, **vars(record.trust))
+        self._trust(record.node, case, record.trust)
 
-    def _trust(self, node: str, case: Case, **changes: Any) -> None:
+    def _trust(self, node: str, case: Case, trust: Trust) -> None:
         """Change the trust in a node, and write that down."""
-        case.trust = trust = replace(case.trust, **changes)
+        if trust == case.trust:
+            return
+        case.trust = trust
         record = None if trust == UNTRIED else NodeRecord(node, trust)
-        self._records.set(f"node {node}", record)
-        due = trust.awaited_by if trust.start_at is None else trust.start_at
-        self._returns.set(node, due)
+        self._robot.records.set(f"node {node}", record)
+        self._returns.set(node, trust.awaited_by if trust.start_at is None else trust.start_at)
 
     # Which process a node is: looked at while it is healthy, once each time that it comes up.
 

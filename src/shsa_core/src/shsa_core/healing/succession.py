@@ -18,7 +18,6 @@ from shsa_core.healing.records import (
     RestartedNode,
     ServiceRecord,
 )
-from shsa_core.healing.substitute import is_hot
 from shsa_core.model.kinds import QUIET, Kind
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
@@ -79,7 +78,7 @@ def _take_up(core: "Reconfigurator", event: events.Started) -> List[Command]:
             health.substitutes.add(row.node)
             service = services.get(each.service)
             if service is not None:
-                processes.take_up(service, row.node, row.host, row.shared, is_hot(service))
+                processes.take_up(service, row.node, row.host, row.shared)
     commands: List[Command] = []
     for record in event.records:
         if isinstance(record, Healthy):
