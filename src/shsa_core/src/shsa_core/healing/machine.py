@@ -217,9 +217,11 @@ class Reconfigurator:
         self._agenda.set(name, due)
         if row is not None:
             self._processes.wanted.set(row_key(row), row)
-        shown = [each.incident for each in commands if isinstance(each, events.ShowIncident)]
-        if shown and incident is None:
-            record = replace(record, incident=shown[-1])  # until it is told, and logged
+        shown: Optional[Incident] = None
+        for each in commands:
+            shown = each.incident if isinstance(each, events.ShowIncident) else shown
+        if shown is not None and incident is None:
+            record = replace(record, incident=shown)  # until it is told, and logged
             self._ended.append(name)
             robot.calibrations.healed(name)
         empty = record == ServiceRecord(name)
