@@ -1,4 +1,4 @@
-"""What the monitors tell: failures and health, and what follows where a monitor is lost.
+"""Hears the monitors: failures and health, and the loss of a monitor.
 
 A row of health that turns failed is the failure; one that somebody tells of besides is the same
 fact. A monitor of one computer is lost with it. Nobody tells then of what only it watched, and

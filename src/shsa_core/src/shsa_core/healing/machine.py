@@ -17,7 +17,7 @@ from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events, hearing, reach, succession
 from shsa_core.healing.events import Command, Event, FailureSeen
 from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.node import NODE_EVENTS, Said
+from shsa_core.healing.node import NODE_EVENTS, RestartVain, Said
 from shsa_core.healing.process import is_warm
 from shsa_core.healing.records import Counters, RestartedNode, ServiceRecord, Table
 from shsa_core.healing.repair import STUCK, SUBSTITUTED
@@ -34,7 +34,7 @@ from shsa_core.model.substitution import row_key
 from shsa_core.monitoring.events import PublisherState
 
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
-"""What only tells people comes after what acts: a line of the log takes as long as a takeover."""
+"""Commands for people come after those that act: a line of the log takes as long as a takeover."""
 
 Ask = Callable[[ServiceMachine], List[Command]]
 
@@ -104,7 +104,9 @@ class Reconfigurator:
                 events.ProcessHung: self._process_hung,
                 events.SubstituteRequested: self._requested,
                 events.NodeRestarted: self._node_restarted,
-                events.RestartFailed: lambda event: self.deliver(nodes.restart_failed(event)),
+                events.RestartFailed: lambda e: self.deliver(
+                    [RestartVain(e.time, e.node, e.detail)]
+                ),
                 events.StarterEnded: self._starter_ended,
                 events.Released: lambda e: self.ask(e.service, lambda each: each.released()),
                 events.CalibrationsHeard: self._calibrations_heard,
@@ -498,7 +500,7 @@ class Reconfigurator:
         return self.ask(name, lambda each: each.replan())
 
     def _tick(self, event: events.Tick) -> List[Command]:
-        commands = self.deliver(self._nodes.tick(event.time))
+        commands = self.deliver(self._nodes.tick())
         if self.robot.computers.settled(event.time):  # what stands by goes where it belongs
             commands += reach.rehost(self)
         commands += hearing.tick(self, event.time)

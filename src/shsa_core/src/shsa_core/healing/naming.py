@@ -3,7 +3,7 @@ import re
 
 PREFIX = "substitute_"
 NUMBERED = re.compile(r"[A-Za-z0-9_]+_([0-9]{1,9})")
-"""What follows the prefix. `[0-9]`: no digits but ours; `{1,9}`: no number that nobody reaches."""
+"""The rest of a name. `[0-9]`: no digits but ours; `{1,9}`: no number that nobody reaches."""
 
 
 HEALERS = ("monitor", "reconfigurator")

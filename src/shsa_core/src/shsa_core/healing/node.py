@@ -8,7 +8,18 @@ it is kept out. A relapse that may be its link's makes the hold-off longer, and 
 """
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Dict, List, NamedTuple, Optional, Sequence, Union
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Callable,
+    Dict,
+    List,
+    NamedTuple,
+    Optional,
+    Sequence,
+    Set,
+    Union,
+)
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.healing import events
@@ -24,7 +35,7 @@ from shsa_core.healing.kill import (
     NodeUnreached,
 )
 from shsa_core.healing.records import Fate, NodeRecord, Trust
-from shsa_core.healing.settings import CERTAIN_S, LEARN_PAUSES_S, ORPHAN_KILLS
+from shsa_core.healing.settings import CERTAIN_S, LEARN_PAUSES_S
 from shsa_core.model.kinds import BY_LINK, QUIET, Contain, Kind, Policy
 from shsa_core.model.service import Service
 
@@ -91,7 +102,7 @@ class Accusation:
 
 @dataclass
 class Case:
-    """What is held against a node, by service, and how far it is trusted.
+    """The accusations against a node, by service, and how far it is trusted.
 
     `before`: the trust before its last failure. `failing`: since that it was not back. `refusals`:
     how often it was killed as it came back while it is kept out.
@@ -132,10 +143,16 @@ class Nodes:
         self._cases: Dict[str, Case] = {}
         self._returns: Agenda[str] = Agenda()  # nodes that are to be started, or to come up
         self._pending: Dict[str, _Pending] = {}
-        self._orphans: Dict[str, int] = {}  # what was left behind, and how often to try yet
+        self._orphans: Set[str] = set()  # what was left behind
         self._tries: Dict[str, int] = {}  # to learn which process a node is
         self._topics: Dict[str, str] = {}
         self._learning: Agenda[str] = Agenda()
+        self._notes: Dict[type, Callable[[Any], List[Said]]] = {
+            NodeKilled: self._gone,
+            NodeSpared: self._spared,
+            NodeUnreached: self._unreached,
+            NodeAlive: self._alive,
+        }
 
     def _host_of(self, node: str) -> str:
         """Return the other computer that a node runs on; empty: our own, or not known."""
@@ -189,27 +206,24 @@ class Nodes:
 
     def judge(
         self,
-        time: float,
         service: Service,
         accusation: Accusation,
         replaced: bool,
         taken_over: bool,
-        waiting: str,
         parted: bool,
     ) -> List[Command]:
         """Kill a node, or keep it, unless that is decided.
 
         `replaced`: something could take the service over; `taken_over`: that publishes it already.
         A silent node is not killed before: what its substitute reads may be as silent as it is.
-        `waiting`: why nothing is done for the time being. `parted`: a cut may part the substitute
-        from us or from the node.
+        `parted`: a cut may part the substitute from us or from the node.
         """
         if accusation.fate in (Fate.NONE, Fate.KILLED):
             return []
         node, gone, was_kept = accusation.node, accusation.kind is Kind.NODE_GONE, accusation.kept
         before = accusation.decision if was_kept else ""
         restarted = service.policy.restarts and node == service.node and self.may_restart(node)
-        verdict = self.verdict(service, node, accusation.kind, replaced, restarted, waiting)
+        verdict = self.verdict(service, node, accusation.kind, replaced, restarted)
         forced = not accusation.silent or service.contain is Contain.NODE
         if verdict.kill and not (taken_over or restarted or forced):
             accusation.decision = f"{node} is killed as soon as its substitute publishes"
@@ -225,30 +239,24 @@ class Nodes:
                 accusation.decision, accusation.asks_there = text, True
             if order.only_here and parted:
                 accusation.heard = False  # its kill may wait for its computer, and nobody hears it
-            commands += self.kill(time, order)
+            commands += self.kill(order)
         else:
             accusation.fate = Fate.KEPT
             accusation.heard = accusation.kind not in QUIET and not service.gated
             if gone and not was_kept and service.policy is not Policy.ADVISE:
-                commands += self.kill(time, KillNode(node, False, True, service.topic))
+                commands += self.kill(KillNode(node, False, True, service.topic))
         if accusation.decision != before and not gone:
             commands.append(Log(Level.WARN, f"{service.topic}: {accusation.decision}."))
         return commands
 
     def verdict(
-        self,
-        service: Service,
-        node: str,
-        kind: Kind,
-        replaced: bool,
-        restarted: bool = False,
-        waiting: str = "",
+        self, service: Service, node: str, kind: Kind, replaced: bool, restarted: bool = False
     ) -> Verdict:
         """Decide about a node by all that is at stake."""
         verdict = decide(self._stakes.case(service, node, kind, replaced, restarted))
         if service.policy is not Policy.ADVISE:
             return verdict
-        why = waiting or "the policy is advise"
+        why = self._robot.waiting(service) or "the policy is advise"
         return Verdict(False, f"nothing is done, as {why}; else {verdict.why}")
 
     @staticmethod
@@ -261,14 +269,15 @@ class Nodes:
         urgent = kind is not Kind.NODE_GONE
         return KillNode(node, urgent, topic=service.topic, only_here=silent, period=period)
 
-    def kill(self, time: float, order: KillNode) -> List[Command]:
+    def kill(self, order: KillNode) -> List[Command]:
         """Begin a kill, or let it wait for the computer of the node."""
         host = self._host_of(order.node)
         if host and order.only_here and self._robot.computers.reachable(host):
-            self._pending[order.node] = _Pending(host, time, True)
+            self._pending[order.node] = _Pending(host, self._robot.time, True)
             return []
         self._pending.pop(order.node, None)
-        return self.kills.begin(time, order if host else replace(order, period=0.0))  # no link
+        order = order if host else replace(order, period=0.0)  # there is no link
+        return self.kills.begin(self._robot.time, order)
 
     # A kill goes on, and is over.
 
@@ -279,22 +288,23 @@ class Nodes:
         strained = self._robot.computers.strained(self._host_of(event.node))
         return self._outcomes(self.kills.handle(event, strained))
 
-    def tick(self, time: float) -> List[Said]:
+    def tick(self) -> List[Said]:
         """Let time pass: go on with kills, restarts, and looks which process a node is."""
+        time = self._robot.time
         said = self._outcomes(self.kills.tick(time))
         for node in self.kills.again.pop_due(time):
-            said += self._kill_again(time, node)
+            said += self._kill_again(node)
         for node in self._returns.pop_due(time):
-            said += self._return_due(time, node, self._cases[node])
+            said += self._return_due(node, self._cases[node])
         for node in self._learning.pop_due(time):
             said.append(events.LearnNode(node, self._topics[node]))
         return said
 
-    def computer_heard(self, time: float, host: str) -> List[Said]:
+    def computer_heard(self, host: str) -> List[Said]:
         """Begin the kills that have waited for a computer."""
         if not self._robot.computers.reachable(host):
             return []
-        steady = self._robot.computers.steady_since(host)
+        steady, time = self._robot.computers.steady_since(host), self._robot.time
         due = [
             node
             for node, each in self._pending.items()
@@ -304,41 +314,35 @@ class Nodes:
         said: List[Said] = []
         for node in due:
             del self._pending[node]
-            said += self._kill_again(time, node)
+            said += self._kill_again(node)
         return said
 
-    def computer_lost(self, time: float, host: str, why: str) -> List[Said]:
+    def computer_lost(self, host: str, why: str) -> List[Said]:
         """End the kills on a computer that is lost: they go on when it is back."""
         said: List[Said] = []
         for node in sorted(self._health.dying):
             if self._host_of(node) == host:
-                said += self._outcomes(self.kills.unreached(time, node, why))
+                said += self._outcomes(self.kills.unreached(self._robot.time, node, why))
         return said
 
-    def _kill_again(self, time: float, node: str) -> List[Said]:
-        """Kill a node that is still accused, and has not returned."""
+    def _kill_again(self, node: str) -> List[Said]:
+        """Kill a node that is still accused, and has not returned, or was left behind."""
         said: List[Said] = []
+        if node in self._orphans:
+            said += self.kill(KillNode(node, urgent=True))
         for name in self.accusers(node):
             service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
             if service is not None and not accusation.back and not accusation.kept:
                 order = self._order(service, accusation)
-                said += self.kill(time, replace(order, urgent=True, only_here=False))
+                said += self.kill(replace(order, urgent=True, only_here=False))
         return said
 
     def _outcomes(self, said: Sequence[Said]) -> List[Said]:
         """Note how kills ended, for all that accuse the node."""
         found: List[Said] = []
         for each in said:
-            if isinstance(each, NodeKilled):
-                found += self._gone(each)
-            elif isinstance(each, NodeSpared):
-                found += self._spared(each)
-            elif isinstance(each, NodeUnreached):
-                found += self._unreached(each)
-            elif isinstance(each, NodeAlive):
-                found += self._alive(each)
-            else:
-                found.append(each)
+            note = self._notes.get(type(each))
+            found += [each] if note is None else note(each)
         return found
 
     def _gone(self, kill: NodeKilled) -> List[Said]:
@@ -353,9 +357,7 @@ class Nodes:
                     said += self.came_up(node, topic)
         self.forget_restarted(node)
         if kill.certain:
-            self._orphans.pop(node, None)
-        elif self._orphans.get(node):
-            said += self._kill_orphan(time, node)
+            self._orphans.discard(node)
         for accusation in case.accusations.values() if case else ():
             self._settle(accusation, kill.certain)
         if kill.certain and case:  # its last failure was its own
@@ -416,14 +418,10 @@ class Nodes:
             self.trust(node)  # it cannot be kept out, and two publishers are worse than one
         self._trust(node, case, replace(case.trust, start_at=None, awaited_by=None, exhausted=True))
 
-    def end_orphan(self, time: float, node: str) -> List[Command]:
-        """End a substitute that was left behind."""
-        self._orphans[node] = ORPHAN_KILLS
-        return self._kill_orphan(time, node)
-
-    def _kill_orphan(self, time: float, node: str) -> List[Command]:
-        self._orphans[node] -= 1
-        return self.kill(time, KillNode(node, urgent=True))
+    def end_orphan(self, node: str) -> List[Command]:
+        """End a substitute that was left behind; a busy computer may not find it at once."""
+        self._orphans.add(node)
+        return self.kill(KillNode(node, urgent=True))
 
     # The way back.
 
@@ -506,7 +504,7 @@ class Nodes:
             self.trust(event.node)
         return [TrustChanged(event.time, event.node)] if gone else []
 
-    def returned(self, time: float, service: str, node: str, since: float) -> None:
+    def returned(self, service: str, node: str, since: float) -> None:
         """A node publishes a service again, `since` a moment."""
         case = self._cases[node]
         case.failing = False
@@ -514,10 +512,11 @@ class Nodes:
             case.accusations[service].back = True
         trust, awaited = case.trust, None
         if not all(each.back for each in case.accusations.values()) and self.awaited(node):
-            awaited = trust.awaited_by or time + self._settings.restart_timeout
+            due = self._robot.time + self._settings.restart_timeout
+            awaited = trust.awaited_by or due
         self._trust(node, case, replace(trust, returned=since, start_at=None, awaited_by=awaited))
 
-    def start_again(self, time: float, node: str) -> None:
+    def start_again(self, node: str) -> None:
         """Start a node that is gone again after a pause, unless it was too often."""
         case, settings = self._cases[node], self._settings
         trust = case.trust
@@ -526,16 +525,16 @@ class Nodes:
         if self.kept_out(node) or trust.restarts >= settings.node_restarts:
             self._trust(node, case, replace(trust, exhausted=True, awaited_by=None))
             return
-        due = time + doubled(settings.restart_pause, trust.restarts)
+        due = self._robot.time + doubled(settings.restart_pause, trust.restarts)
         restarts = trust.restarts + 1
         self._trust(node, case, replace(trust, start_at=due, awaited_by=None, restarts=restarts))
 
-    def _return_due(self, time: float, node: str, case: Case) -> List[Said]:
+    def _return_due(self, node: str, case: Case) -> List[Said]:
         """Start a node, or end one that did not come up in time."""
         specs = [self._robot.spec(name) for name in case.accusations]
         own = [s for s in specs if s is not None and s.policy.restarts and s.node == node]
         starts = case.trust.start_at is not None
-        due = time + self._settings.restart_timeout if starts and own else None
+        due = self._robot.time + self._settings.restart_timeout if starts and own else None
         self._trust(node, case, replace(case.trust, start_at=None, awaited_by=due))
         if not own:  # the policy is another by now, or the node
             return []
@@ -545,7 +544,7 @@ class Nodes:
             return [Log(Level.INFO, text), events.RestartNode(node)]
         text = f"{topics}: {node} did not come back in time."
         order = KillNode(node, True, topic=own[0].topic)
-        return [Log(Level.WARN, text), *self.kill(time, order)]
+        return [Log(Level.WARN, text), *self.kill(order)]
 
     def trust(self, node: str) -> None:
         """Forget the relapses of a node."""
@@ -557,23 +556,19 @@ class Nodes:
         forgiven = replace(trust, relapses=0, doubtful=0, soon=False, returned=None)
         self._trust(node, case, forgiven)
 
-    def refuse(self, time: float, order: KillNode) -> List[Command]:
+    def refuse(self, order: KillNode) -> List[Command]:
         """Kill a node that is kept out, and has come up."""
         self._cases[order.node].refusals += 1
-        return self.kill(time, order)
+        return self.kill(order)
 
-    def refusals(self, time: float, node: str) -> int:
+    def refusals(self, node: str) -> int:
         """Return how often a node was refused if that is to be told: ever more seldom; else 0."""
-        case, settings = self._cases[node], self._settings
+        case, settings, time = self._cases[node], self._settings, self._robot.time
         if not case.refusals or time < case.tell_at:
             return 0
         case.tell_at = time + doubled(settings.retry, case.told, settings.retry_limit)
         case.told += 1
         return case.refusals
-
-    def restart_failed(self, event: events.RestartFailed) -> List[Said]:
-        """Tell that a node could not be started again."""
-        return [RestartVain(event.time, event.node, event.detail)]
 
     def forget_restarted(self, node: str) -> bool:
         """Note that a node that was started again is gone, or is ended. Returns that it was one."""

@@ -1,4 +1,4 @@
-"""What could take a service over now: questions that change nothing."""
+"""Answers what could take a service over now; no question changes anything."""
 from dataclasses import replace
 from typing import Collection, Dict, List, Optional, Sequence, Tuple, Union
 

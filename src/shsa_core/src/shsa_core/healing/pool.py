@@ -1,4 +1,4 @@
-"""What stands by: the idle processes that the warm services share, and the pace of starts."""
+"""The idle processes that the warm services share, and the pace of starts."""
 from dataclasses import dataclass
 from math import inf
 from typing import Counter, Dict, List, Optional, Set

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Processes:
-    """Which processes run, where, and for which services.
+    """The processes that run: where, and for which services.
 
     `wanted`: the table of substitutions. The first `hot_hosts` hot substitutes on our own computer
     have a process each; those after them share processes of so many at most. None share one whose

@@ -1,4 +1,4 @@
-"""What the reconfigurator writes down before it acts, for the one that comes after it.
+"""The records that the reconfigurator writes before it acts, for the one that comes after it.
 
 Each record has a key; the newest of a key counts. Times in s of the monotonic clock. A table of
 them, as any table that is shown, travels as changes.
@@ -16,7 +16,7 @@ Shown = TypeVar("Shown")
 
 
 class Fate(Word):
-    """What becomes of a node for one accusation."""
+    """The fate of a node for one accusation."""
 
     NONE = "none"  # nothing more: it is gone, or can be neither reached nor verified
     OPEN = "open"  # it is to be judged
@@ -27,7 +27,7 @@ class Fate(Word):
 
 @dataclass(frozen=True)
 class Trust:
-    """How far a node is trusted, and what brings it back.
+    """The trust in a node, and what brings it back.
 
     `relapses` in a row; `doubtful`: those that may be its link's. `returned`: when it was well
     again last; `soon`: its last relapse came after its hold-off. `start_at`: when it is started
@@ -60,7 +60,7 @@ class Counters:
 
 @dataclass(frozen=True)
 class NodeRecord:
-    """How far a node is trusted."""
+    """The trust in a node."""
 
     node: str
     trust: Trust
@@ -73,7 +73,7 @@ class NodeRecord:
 
 @dataclass(frozen=True)
 class ServiceRecord:
-    """How a service stands: its incident, what is decided about its node, its substitute's row.
+    """The standing of a service: its incident, the fate of its node, its substitute's row.
 
     `heard`: the node may still publish. Its `kind` of failure may be another than the incident's.
     """

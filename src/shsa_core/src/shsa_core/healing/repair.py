@@ -39,7 +39,7 @@ Action = Callable[["ServiceMachine", Failure], List[Command]]
 
 
 class Trigger(Word):
-    """What may change the state of a service."""
+    """Causes of a change of the state of a service."""
 
     FAILED = "its node failed"
     SUBSTITUTE_FAILED = "substitute failed"
@@ -431,7 +431,7 @@ def hold_off(service: "ServiceMachine", _: Failure) -> List[Command]:
     """Wait whether an original that is back stays healthy."""
     incident, row, robot = service.incident, service.returned(), service.robot
     assert incident is not None and row is not None
-    robot.nodes.returned(robot.time, service.spec.name, incident.faulty_node, row.since)
+    robot.nodes.returned(service.spec.name, incident.faulty_node, row.since)
     length = robot.nodes.hold_off(incident.faulty_node)
     service.timers.clear()
     service.timers[Trigger.STEADY] = robot.time + length

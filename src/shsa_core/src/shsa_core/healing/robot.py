@@ -1,4 +1,4 @@
-"""What the reconfigurator knows of the robot: the rooms that its machines share."""
+"""The rooms that the machines of the reconfigurator share: its knowledge of the robot."""
 from dataclasses import replace
 from math import inf
 from typing import Dict, Iterator, List, Optional

@@ -176,16 +176,8 @@ class ServiceMachine:
 
     def judge(self, accusation: Accusation, replaced: bool) -> List[Command]:
         """Have it decided what becomes of a node."""
-        robot = self.robot
-        return robot.nodes.judge(
-            robot.time,
-            self.spec,
-            accusation,
-            replaced,
-            self.state is State.HEALED,
-            robot.waiting(self.spec) if self.spec.host else "",
-            self.parted,
-        )
+        taken_over = self.state is State.HEALED
+        return self.robot.nodes.judge(self.spec, accusation, replaced, taken_over, self.parted)
 
     def note_message(self, event: FailureSeen) -> None:
         """Keep the newest last good message: of the original, or of what was computed for it."""
@@ -256,7 +248,7 @@ class ServiceMachine:
             self.start_node()
         commands: List[Command] = []
         node, topic = event.node, self.incident.topic
-        count = self.robot.nodes.refusals(self.robot.time, node)
+        count = self.robot.nodes.refusals(node)
         if count:
             times = "once" if count == 1 else f"{count} times"
             text = f"{node} is kept out, and was started again {times}"
@@ -271,7 +263,7 @@ class ServiceMachine:
         assert self.incident is not None
         node = self.incident.faulty_node
         if self.spec.policy.restarts and node == self.spec.node:
-            self.robot.nodes.start_again(self.robot.time, node)
+            self.robot.nodes.start_again(node)
 
     def _left_alone(self, why: str) -> List[Command]:
         """Go on beside the faulty node: no more can be done about it."""
@@ -306,7 +298,7 @@ class ServiceMachine:
         if not nodes.verdict(self.spec, node, Kind.OTHER, self.substitute.computes).kill:
             return []
         order = KillNode(node, urgent=True, at_once=True, topic=self.spec.topic)
-        return nodes.refuse(self.robot.time, order)
+        return nodes.refuse(order)
 
     def _awaited(self) -> bool:
         """Tell that the faulty node may bring another service that nothing else gives."""

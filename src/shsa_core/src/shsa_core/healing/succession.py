@@ -1,4 +1,4 @@
-"""How a reconfigurator goes on with what a former one has left.
+"""Goes on with what a former reconfigurator has left.
 
 Nothing in its records is believed that does not fit: a process counts if it is known to run, a
 program if it is a plan of the models as they are now, a health until the monitor tells another.
@@ -54,7 +54,7 @@ def started(core: "Reconfigurator", event: events.Started) -> List[Command]:
         commands.append(Log(Level.WARN, f"{text} If it was left behind: rosnode kill {node}"))
     for node in filter(names.avoid, event.leftovers):
         commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-        commands += robot.nodes.end_orphan(event.time, node)
+        commands += robot.nodes.end_orphan(node)
     return commands
 
 
