@@ -97,6 +97,13 @@ EXPERT_PAGES = {
 PLAIN_WORDS = {"inputs", "where", "usual", "host", "hosts"}  # words of their own elsewhere
 
 
+def test_a_first_robot_needs_few_names() -> None:
+    names = {name for _, line in rows("basics") for name in line.split()}
+    assert len(names) <= 27
+    shown = TABLES.PARTS["launch_files"]().partition("## shsa.launch")[2]
+    assert all(f"|`{name}`|" in shown for name in TABLES.BASIC_ARGUMENTS)
+
+
 def expert_keys() -> Set[str]:
     tables = (keys.SERVICE, keys.VALUE, keys.SOM, keys.PROPERTY, keys.FUNCTION)
     basic = {name for table in tables for name, key in table.items() if key.basic}

@@ -35,7 +35,7 @@ from shsa_core.ros.node import Greeter, Tell, run
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch, Launches
-from shsa_core.ros.sockets.reader import Reader
+from shsa_core.ros.reader import Reader
 from shsa_core.ros.sockets.subscriptions import (
     Arrived,
     Connected,
