@@ -54,6 +54,25 @@ def key_table(table_of: Keys, kind: Optional[Type[Any]] = None) -> str:
     return table(("key", "for", "written", "what", "default"), rows)
 
 
+BASIC_ARGUMENTS = (
+    *("ontology", "som", "dry_run", "host", "journal", "incident_log", "secret", "view"),
+)
+"""The arguments of shsa.launch that a first robot needs."""
+
+
+def basics() -> str:
+    """All that a first robot needs to set."""
+    places = {
+        "a service in the SOM": keys.SERVICE,
+        "a value of it, under `provides`": keys.VALUE,
+        "a property or constant in the ontology": {**keys.PROPERTY, **keys.CONSTANT},
+        "a relation": keys.FUNCTION,
+    }
+    names = {at: [n for n, key in each.items() if key.basic] for at, each in places.items()}
+    names["an argument of `shsa.launch`"] = list(BASIC_ARGUMENTS)
+    return table(("of", "names"), [(at, " ".join(map(code, each))) for at, each in names.items()])
+
+
 def som_checks() -> str:
     """The checks of a value, and of a message."""
     rows = []
@@ -137,7 +156,7 @@ PARTS: Dict[str, Callable[[], str]] = {
     **{
         each.__name__: each
         for each in (
-            *(som_checks, functions, kinds, injected, parameters),
+            *(basics, som_checks, functions, kinds, injected, parameters),
             *(launch_files, messages, commands),
         )
     },

@@ -1,4 +1,4 @@
-"""What it costs to watch large messages whose values nobody judges: the monitor's share of a core.
+"""Cost of watching large messages whose values nobody judges: the monitor's share of a core.
 
 Images at 30 Hz, watched by a monitor that copies every message, as if values were judged, and by
 one that drops the payload in the kernel; in turns. And a monitor of a topic that nobody publishes:
@@ -27,7 +27,7 @@ SETTLING_TIME_S, RUN_S, SHORT_RUN_S = 4.0, 10.0, 4.0
 UNJUDGED = {"field": "height", "checks": {"not_a_number": False, "stuck": False}}
 COPYING = """
 from shsa_core.ros import monitor
-from shsa_core.ros.sockets.reader import ALL, Reader
+from shsa_core.ros.reader import ALL, Reader
 monitor.Reader = lambda: Reader(ALL)
 monitor.main()
 """

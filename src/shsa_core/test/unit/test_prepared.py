@@ -20,10 +20,11 @@ from shsa_core.ros import settings
 from shsa_core.ros.processes import forking, kernel
 from shsa_core.ros.processes import prepared as prepared_process
 from shsa_core.ros.processes.children import Foreign
-from shsa_core.ros.processes.starting import Forks, Processes
+from shsa_core.ros.processes.starting import Processes, Setup
 from shsa_testing.waiting import wait_until
 
 NAMESPACE = "/robot"
+SETUP = Setup(f"{NAMESPACE}/substitute_")
 START_S = 20.0
 
 
@@ -37,7 +38,8 @@ class Bench:
     def processes(self) -> Processes:
         """As a reconfigurator, or one that follows it, has them."""
         told = self.ended.__setitem__
-        return Processes(told, lambda _: None, "", "", forks=Forks(NAMESPACE, ["std_msgs/Bool"]))
+        setup = SETUP._replace(forks=True, types=["std_msgs/Bool"])
+        return Processes(told, lambda _: None, setup)
 
     @property
     def forking(self) -> forking.Forking:
@@ -157,8 +159,8 @@ def test_what_was_forked_goes_on_when_who_forked_it_is_killed_and_is_known(bench
     prepared.kill()
     again = bench.ready(but=prepared.pid)
     assert process.is_running() and not bench.ended
-    follower = Processes(lambda *_: None, lambda _: None, "", "")
-    left = follower.left_behind(f"{NAMESPACE}/substitute_")
+    follower = Processes(lambda *_: None, lambda _: None, SETUP)
+    left = follower.left_behind()
     assert left == {f"{NAMESPACE}/substitute_a_1": process}
     process.kill()
     wait_until(lambda: bench.ended, 5.0, "its end is told")
@@ -235,7 +237,7 @@ def test_another_environment_is_not_forked(bench: Bench, monkeypatch: pytest.Mon
 
 
 def test_in_a_sandbox_each_is_started_by_itself() -> None:
-    none = Processes(lambda *_: None, lambda _: None, "", "", ["env"], forks=Forks("/"))
+    none = Processes(lambda *_: None, lambda _: None, Setup("/", sandbox=["env"], forks=True))
     assert none._forking is None
 
 

@@ -12,7 +12,7 @@ from sensor_msgs.msg import Image
 from shsa_core.model.checks import Checks
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
-from shsa_core.ros.sockets.reader import Reader
+from shsa_core.ros.reader import Reader
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.sockets.subscriptions import Arrived
 

@@ -189,8 +189,8 @@ class Process:
         end = self.time + seconds
         while self.time < end - 1e-9:
             arrival = self.time + PERIOD
-            while (self.core.next_deadline() or arrival) < arrival:
-                self.time = max(self.time, self.core.next_deadline() or 0.0)
+            while self.core.next_deadline < arrival:
+                self.time = max(self.time, self.core.next_deadline)
                 said += self.tell(events.Tick)
                 for look in looks(self):
                     said += self.tell(events.OthersStand, look, True)

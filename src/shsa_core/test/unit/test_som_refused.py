@@ -125,7 +125,7 @@ BAD = [
     ("value checks", {"rate_low": 1}, "checks has no key 'rate_low'"),
     ("value checks", {"out_of_range": 3}, "out_of_range must be true or false, not 3"),
     ("value checks", {"jump": True}, "jump must be false or a number above 0, not true"),
-    ("value checks", {"jmp": 1}, "Did you mean 'jump'"),
+    ("value checks", {"jmp": 1}, "did you mean jump?"),
     ("value checks", "on", "checks must be a mapping"),
 ]
 for _limit in (0, -1):

@@ -1,4 +1,4 @@
-"""When a substitute publishes, and what it computes: each sentence of it, in made-up time."""
+"""Tests when a substitute publishes, and what it computes, in made-up time."""
 import math
 from dataclasses import replace
 from typing import List
@@ -41,15 +41,15 @@ def test_muted_it_computes_and_never_publishes() -> None:
     driver = running(publishing=False)
     driver.stream(0.99)
     assert driver.published() == []
-    assert driver.core.next_deadline() == pytest.approx(0.99 + REST_S, abs=REST_S)
+    assert driver.core.next_deadline == pytest.approx(0.99 + REST_S, abs=REST_S)
 
 
 def test_muted_it_rests_unless_its_program_remembers() -> None:
     for code, pause in ((CODE, REST_S), (DERIVATIVE, PERIOD)):
         driver = running(publishing=False, code=code)
         driver.stream(2.0)
-        deadline = driver.core.next_deadline()
-        assert deadline is not None and 2.0 < deadline <= 2.0 + pause
+        deadline = driver.core.next_deadline
+        assert 2.0 < deadline <= 2.0 + pause
         driver.tell(events.RowChanged, row(True, code=code))
         driver.stream(2.2)
         times = [time for time, _ in driver.published()]
@@ -84,7 +84,7 @@ def test_a_row_that_says_the_same_again_changes_nothing() -> None:
     driver = running(publishing=True)
     driver.time = 0.01
     assert driver.change(row(publishing=True)) == []
-    assert driver.core.next_deadline() == PERIOD
+    assert driver.core.next_deadline == PERIOD
 
 
 def test_it_is_muted_at_once() -> None:
@@ -110,7 +110,7 @@ def test_while_an_input_is_stale_nothing_is_published_and_then_at_once() -> None
     assert [time for time, _ in driver.published()][-1] == 0.24
     driver.pass_to(1.0)
     assert [time for time, _ in driver.published()][-1] == 0.24
-    assert driver.core.next_deadline() not in (0.26, 1.0)
+    assert driver.core.next_deadline not in (0.26, 1.0)
     driver.time = 3.005
     assert values(driver.arrive(2.0)) == [(2.0,)]
     driver.pass_to(3.03)
@@ -128,7 +128,7 @@ def test_a_late_message_keeps_the_phase_and_a_very_late_one_sets_it_anew() -> No
     driver = running(publishing=True)
     driver.time = 0.029
     assert values(driver.tell(events.Tick)) == [(1.0,)]
-    assert driver.core.next_deadline() == pytest.approx(0.04)
+    assert driver.core.next_deadline == pytest.approx(0.04)
     driver.time = 0.095
     assert values(driver.tell(events.Tick)) == [(1.0,)]
     driver.stream(0.13)
@@ -139,7 +139,7 @@ def test_an_event_driven_output_goes_out_when_an_input_comes_and_at_the_takeover
     event = signal("/out", period=None, deadline=None)
     driver = running(outputs=(event,))
     driver.pass_to(10.0)
-    assert driver.core.next_deadline() is None
+    assert driver.core.next_deadline == math.inf
     assert values(driver.arrive(2.0)) == []
     driver.time = 11.0
     assert values(driver.change(row(True, outputs=(event,)))) == []  # the input is stale
@@ -158,7 +158,7 @@ def test_a_joining_consumer_hears_the_newest_message_at_once_and_alone() -> None
     driver.time = 0.005
     (message,) = driver.tell(events.ConsumerJoined, "/out", "/consumer")
     assert (message.values, message.only) == ((1.0,), "/consumer")
-    assert driver.core.next_deadline() == PERIOD
+    assert driver.core.next_deadline == PERIOD
 
 
 @pytest.mark.parametrize("publishing, topic", [(False, "/out"), (True, "/other")])
@@ -199,7 +199,7 @@ HOLDS = "t0=x[0];\ndef _tf1(i1): return sqrt(5.0-i1)\nt1=_tf1(t0);\ny=t1"
 
 
 def told(driver: Driver, value: float, steps: int) -> List[float]:
-    """When the substitute says that it has no value, while its input has this value."""
+    """Return when the substitute says that it has no value, while its input has this value."""
     said = []
     for _ in range(steps):
         driver.arrive(value)
@@ -377,7 +377,7 @@ def test_time_never_goes_back() -> None:
     driver.time = 0.099
     driver.arrive(2.0)
     driver.tell(events.Tick)
-    assert driver.core.next_deadline() == pytest.approx(0.12)
+    assert driver.core.next_deadline == pytest.approx(0.12)
 
 
 def test_messages_come_before_all_other_work() -> None:

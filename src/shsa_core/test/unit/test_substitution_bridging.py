@@ -1,5 +1,4 @@
 """A muted substitute fills in for an original that is late, and is still when that speaks."""
-import math
 from dataclasses import replace
 from typing import Any, List, Optional, Tuple
 
@@ -37,21 +36,21 @@ class Robot:
 
     @property
     def filled(self) -> List[float]:
-        """When it filled in."""
+        """Return when it filled in."""
         return [time for time, _ in self.driver.published()]
 
     @property
     def heard(self) -> List[Tuple[float, str]]:
-        """What a consumer hears, in order."""
+        """Return what a consumer hears, in order."""
         ours = [(time, "substitute") for time in self.filled]
         return sorted([*ours, *((time, "original") for time in self.original)])
 
     def to(self, time: float) -> "Robot":
         """Let time pass, with inputs and looks."""
         while True:
-            due = self.driver.core.next_deadline()
+            due = self.driver.core.next_deadline
             looked = self.looks[0][0] if self.looks else time + 1.0
-            soonest = min(self._input, looked, time + 1.0 if due is None else due)
+            soonest = min(self._input, looked, due)
             if soonest > time:
                 break
             self.driver.time = max(self.driver.time, soonest)
@@ -98,8 +97,8 @@ def test_what_is_told_many_at_a_time_is_a_steady_pace_as_well(poll: float) -> No
     core, woke, said = robot.driver.core, 0.0, 0.0
     looks: List[float] = []
     while woke < 100 * PERIOD:
-        due = core.next_deadline()
-        woke = max(woke, min(woke + poll, math.inf if due is None else due))
+        due = core.next_deadline
+        woke = max(woke, min(woke + poll, due))
         count = int((woke - said) / PERIOD)
         said += count * PERIOD
         for _ in range(count if woke < 50 * PERIOD else 0):

@@ -27,7 +27,7 @@ A, B = signal("/a"), signal("/b")
 
 
 def looks(driver: Driver, until: float) -> list:
-    """When subscribers were looked for."""
+    """Return when subscribers were reminded."""
     driver.pass_to(until)
     return [round(time, 6) for time, command in driver.said if isinstance(command, events.Remind)]
 
@@ -181,7 +181,7 @@ def test_once_the_time_to_yield_is_over_nobody_looks_any_more() -> None:
     driver.pass_to(10.0)
     last = [time for time, c in driver.said if isinstance(c, events.LookAtOriginal)][-1]
     assert last < YIELD_S
-    assert driver.core.next_deadline() is None
+    assert driver.core.next_deadline == float("inf")
 
 
 def test_it_yields_to_nobody_where_no_original_is_named() -> None:

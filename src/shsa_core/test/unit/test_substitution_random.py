@@ -1,4 +1,5 @@
 """Any story of a substitute: what its consumers see, and its own invariants."""
+import math
 from dataclasses import replace
 from typing import Any, Dict, List, Optional, Set, Tuple
 
@@ -102,7 +103,7 @@ class AnySubstitute(RuleBasedStateMachine):
         self.others = look
 
     def bridges(self) -> bool:
-        """Whether it may fill in: nobody else was heard for long enough."""
+        """Tell if it may fill in: nobody else was heard for long enough."""
         told = self.told
         return told.bridge > 0.0 and (self.went or self.now - self.spoke >= told.bridge - 1e-6)
 
@@ -175,8 +176,8 @@ class AnySubstitute(RuleBasedStateMachine):
     @rule(late=st.sampled_from((0.0, 0.0, 0.001, 0.03)))
     def deadline(self, late: float) -> None:
         """The next thing that is due."""
-        due = self.core.next_deadline()
-        if due is not None:
+        due = self.core.next_deadline
+        if due < math.inf:
             assert due > self.now
             self.now = due + late
             self.hear(events.Tick(self.now))

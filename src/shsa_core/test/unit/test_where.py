@@ -1,6 +1,5 @@
 """Values on the way: relations that name parts of their function under `where`."""
 import pathlib
-from dataclasses import replace
 from typing import List, Optional, Tuple
 
 import pytest
@@ -10,7 +9,6 @@ from shsa_core.codegen.plans import plan_service
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import ExpressionError, ModelError
 from shsa_core.files.ontology_file import read_ontology
-from shsa_core.files.saving import save_ontology
 from shsa_core.language.expression import Law, Expression, compose, parse_expression, parse_law
 from shsa_core.language.syntax import MAX_STEPS
 from shsa_core.model.ontology import Ontology
@@ -76,22 +74,6 @@ def test_the_code_assigns_each_name_once(tmp_path: pathlib.Path) -> None:
     step = compile_program(program.code, 2, 1).step
     assert step((0.5, 12.0), 0.0) == pytest.approx((8.1 + 1.2 * 0.04995837 + 0.4,), abs=1e-6)
     assert step((0.5, 9.0), 0.0) is None
-
-
-def test_it_survives_being_saved_and_changed(tmp_path: pathlib.Path) -> None:
-    ontology = read(tmp_path, FILE)
-    (function,) = ontology.functions
-    new, path = tmp_path / "new.yaml", tmp_path / "o.yaml"
-    save_ontology(ontology, str(new))
-    assert read_ontology(str(new)) == ontology
-    assert list(law_of(read_ontology(str(new))).steps) == list(law_of(ontology).steps)
-    save_ontology(replace(ontology, functions=(replace(function, quality=0.5),)), str(path))
-    assert read_ontology(str(path)).functions[0].law == function.law
-    plain = parse_law("2*v")
-    with_plain = replace(ontology, functions=(replace(function, law=plain, text=plain.text),))
-    save_ontology(with_plain, str(path))
-    assert read_ontology(str(path)).functions[0].law == plain
-    assert "where" not in path.read_text()
 
 
 def test_its_text_is_read_as_the_same_law(tmp_path: pathlib.Path) -> None:

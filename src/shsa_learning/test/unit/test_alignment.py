@@ -115,7 +115,7 @@ def of(service: str, seed: int, name: str = "", node: str = "") -> Series:
 
 
 def why(parts: Sequence[Series], som: object = None) -> List[str]:
-    """Why each but the first may not be an input for the first; empty: it may."""
+    """Return why each but the first may not be an input for the first; empty: it may."""
     offered = offer(recording(*parts), parts[0], som)  # type: ignore[arg-type]
     reasons = {id(each.series): each.why for each in offered.left_out}
     return [reasons.get(id(each), "") for each in parts[1:]]

@@ -24,7 +24,7 @@ from shsa_learning.init.survey import (
 
 
 def rhythm_of(moments: List[float], end: float = 20.0) -> str:
-    """Why messages do not come regularly."""
+    """Return why messages do not come regularly."""
     tally = RhythmTally()
     for moment in moments:
         tally.add(moment)

@@ -44,7 +44,7 @@ read -r _
 
 
 def refusal(ssh: bool = False) -> str:
-    """Why no computers can be made here, with an sshd each if `ssh`; empty if they can."""
+    """Return why no computers can be made here, with an sshd each if `ssh`; empty if they can."""
     missing = [name for name in PROGRAMS if shutil.which(name) is None]
     if missing:
         return f"there is no `{missing[0]}` here, which makes the computers' namespaces"

@@ -16,7 +16,7 @@ NO_NAN = (
 
 
 def problems(message: genpy.Message) -> List[str]:
-    """Why a consumer would reject a message, or take for certain what is not known."""
+    """Return why a consumer would reject a message, or take for certain what is not known."""
     found: List[str] = []
     for path, each in _parts(message, message._type):
         kind = each._type

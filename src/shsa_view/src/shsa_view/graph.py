@@ -1,13 +1,12 @@
 """The ontology and the services as a drawing, laid out once: the browser only switches classes."""
 import html
 import subprocess
-from typing import Any, Dict, Iterator, List, Tuple
+from typing import Any, Collection, Dict, Iterable, Iterator, List, Tuple
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.text import shown
-from shsa_view.derivation import property_id, relation_id, service_id
 
 MOST_ELEMENTS = 1000
 TIMEOUT_S = 30.0
@@ -16,6 +15,49 @@ STYLE = """
   node [fontname="sans-serif", fontsize=11, margin="0.12,0.05", height=0.3, color=gray50];
   edge [color=gray50, arrowsize=0.7];
 """
+
+
+def property_id(name: str) -> str:
+    """Return the id of a property."""
+    return f"property-{name}"
+
+
+def service_id(name: str) -> str:
+    """Return the id of a service."""
+    return f"service-{name}"
+
+
+def relation_id(relation: str, output: str) -> str:
+    """Return the id of the direction of a relation that yields a property."""
+    return f"relation-{relation}-{output}"
+
+
+def elements(
+    ontology: Ontology,
+    som: Som,
+    lost: Iterable[str],
+    relations: Collection[str],
+    inputs: Collection[str],
+) -> List[str]:
+    """Return the elements by which a substitute computes lost properties, its inputs first.
+
+    `relations` are the names of those that it uses, `inputs` the paths that it reads.
+    """
+    found: Dict[str, None] = {}
+    open_ = list(lost)
+    while open_:
+        name = open_.pop(0)
+        if property_id(name) in found:
+            continue
+        found[property_id(name)] = None
+        read = [source for source in som.of_property(name) if source.path in inputs]
+        found.update({service_id(source.service.name): None for source in read})
+        for function in () if read else ontology.functions_for(name):
+            if function.relation in relations:
+                found[relation_id(function.relation, name)] = None
+                open_ += function.inputs
+    return list(found)
+
 
 Edge = Tuple[str, str]
 

@@ -1,8 +1,7 @@
 """The state of a service, in one word and in words: by signed tables and its open incident."""
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence
 
-from shsa_core.healing.incident import Incident
-from shsa_core.healing.incident import State as Step
+from shsa_core.healing.incident import Incident, State as Step
 from shsa_core.model.kinds import Word
 from shsa_core.monitoring.events import PublisherState
 from shsa_core.text import shown

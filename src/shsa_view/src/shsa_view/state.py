@@ -10,7 +10,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_view import facts
-from shsa_view.derivation import elements
+from shsa_view.graph import elements
 from shsa_view.incidents import Incidents
 from shsa_view.judgement import LETTERS, Condition, Judgement, judge, of_robot
 

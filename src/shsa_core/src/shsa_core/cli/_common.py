@@ -1,6 +1,5 @@
 """Options, lines, tables and pages of the commands."""
 import argparse
-import difflib
 import re
 import shutil
 import sys
@@ -13,7 +12,7 @@ from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
-from shsa_core.text import LONGEST_LINE, shown
+from shsa_core.text import LONGEST_LINE, nearest, shown
 
 LONGEST_PRINTED = 200_000
 """Characters of a printed line: the longest code has half of that."""
@@ -99,10 +98,7 @@ def without(args: argparse.Namespace, som: Som) -> List[str]:
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:
-    near = difflib.get_close_matches(name, sorted(known), n=3)
-    if near:
-        return f"; did you mean {' or '.join(near)}?"
-    return f"; known are {', '.join(sorted(known))}"
+    return nearest(name, known, 3) or f"; known are {', '.join(sorted(known))}"
 
 
 class Table(NamedTuple):

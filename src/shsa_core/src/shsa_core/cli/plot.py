@@ -3,7 +3,7 @@ import argparse
 import html
 import subprocess
 from pathlib import Path
-from typing import Any, Dict, Iterable, List, Optional, Set, Tuple
+from typing import Any, Dict, Iterable, List, Optional, Set, Tuple, Union
 
 from shsa_core.analysis.loss import lose
 from shsa_core.cli._common import add_models, add_without, check_property, read_models, without
@@ -128,15 +128,14 @@ def dot_text(
     used = {node for edge in bold for node in edge}
     lines = [_label(title, substitution is not None)]
     for name, own in sources.items():
-        node = f"p {name}"
+        node = _id(name)
         attributes = f'shape=box, style="filled,rounded", fillcolor="{COLOURS[states[name]]}"'
         lines.append(_node(node, _property(name, own, node in used), attributes, node in used))
-    for function in ontology.functions:
-        node = f"r {function.relation} {function.output}"
-        text = f"<i>{_escaped(function.relation)}</i>"
-        lines.append(_node(node, text, RELATION, node in used))
-        edges = [(f"p {name}", node) for name in function.inputs if name in sources]
-        lines += [_edge(edge, bold) for edge in [*edges, (node, f"p {function.output}")]]
+    for each in ontology.graph:
+        if isinstance(each, tuple):
+            text = f"<i>{_escaped(each[0])}</i>"
+            lines.append(_node(_id(each), text, RELATION, _id(each) in used))
+    lines += [_edge((_id(start), _id(end)), bold) for start, end in ontology.graph.edges]
     return "digraph {" + STYLE + "\n".join(lines) + "\n}\n"
 
 
@@ -151,13 +150,18 @@ def _states(ontology: Ontology, sources: Dict[str, List[Source]]) -> Dict[str, s
     return states
 
 
+def _id(node: Union[str, Tuple[str, ...]]) -> str:
+    """Return the name in the picture of a node of the ontology's graph."""
+    return f"p {node}" if isinstance(node, str) else f"r {node[0]} {node[1]}"
+
+
 def _bold(substitution: Optional[Derivation]) -> Set[Edge]:
     bold: Set[Edge] = set()
     for part in substitution.unique() if substitution is not None else ():
         if part.function is not None:
-            relation = f"r {part.function.relation} {part.function.output}"
-            bold.add((relation, f"p {part.property}"))
-            bold.update((f"p {input_.property}", relation) for input_ in part.inputs)
+            relation = _id((part.function.relation, part.function.output))
+            bold.add((relation, _id(part.property)))
+            bold.update((_id(input_.property), relation) for input_ in part.inputs)
     return bold
 
 

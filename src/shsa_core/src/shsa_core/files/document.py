@@ -1,5 +1,4 @@
 """Values from a YAML file or from the parameter server, each with the place where it stands."""
-import difflib
 import math
 import re
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ import yaml  # type: ignore[import]
 
 from shsa_core.errors import ModelError
 from shsa_core.files.regular import read_text
+from shsa_core.text import nearest
 
 MAX_DEPTH = 20
 
@@ -62,11 +62,8 @@ class Value:
         allowed = list(allowed)
         for key, value in values.items():
             if key not in allowed:
-                close = difflib.get_close_matches(key, allowed, n=1)
-                hint = f" Did you mean '{close[0]}'?" if close else ""
-                yield value.error(
-                    f"{what} has no key '{key}'; allowed: {', '.join(allowed)}.{hint}"
-                )
+                known = f"{', '.join(allowed)}{nearest(key, allowed)}"
+                yield value.error(f"{what} has no key '{key}'; allowed: {known}")
         for key in required:
             if key not in values:
                 yield self.error(f"{what} lacks the key '{key}'")

@@ -30,5 +30,4 @@ class Error:
 
 def quality_of(error: Optional[Error]) -> float:
     """Return the quality of what says none itself: by the figures of its error, else 1."""
-    quality = None if error is None else error.quality
-    return 1.0 if quality is None else quality
+    return 1.0 if error is None else error.quality or 1.0

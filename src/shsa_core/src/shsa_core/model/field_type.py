@@ -1,11 +1,11 @@
 """The type of a field: which kind of number it is, and what it can hold."""
-import difflib
 import math
 from dataclasses import dataclass
-from typing import Callable, Dict, Iterable, Mapping, Optional, Tuple
+from typing import Callable, Dict, Mapping, Optional, Tuple
 
 from shsa_core.errors import ShsaError, listed
 from shsa_core.model.field import ANGLES, REDUCTIONS, Index, Key, Span, Step, parse_field
+from shsa_core.text import nearest
 
 Layout = Callable[[str], Mapping[str, str]]
 """The fields of a message type and their types, as in its .msg file; raises ShsaError."""
@@ -106,9 +106,3 @@ def _highest(step: Step) -> Optional[int]:
     if isinstance(step.part, Span) and step.part.stop is not None:
         return step.part.stop - 1
     return None
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Return the name that may have been meant, in words; empty if none is like it."""
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return f"; did you mean {near[0]}?" if near else ""

@@ -17,10 +17,8 @@ USUAL_BRIDGE = 2.5
 class Provision:
     """One value of a service: the property, and the field of the message that holds it.
 
-    `range` (lowest, highest) in the property's unit, None for no limit; `quality` in (0, 1];
-    `checks` are those of this value; `error`: how far it is from the truth, None: not known;
-    `unreadable`: why it cannot be read on this computer, or empty; `calibrate`: whether what
-    derives it is calibrated while it lives; `where`: file and line, or parameter.
+    The keys of the SOM (`files/keys.py`), and `unreadable`: why it cannot be read on this computer,
+    or empty; `where`: file and line, or parameter.
     """
 
     property: str
@@ -36,12 +34,9 @@ class Provision:
 
 @dataclass(frozen=True)
 class LastResort:
-    """Publish `values` and run `command` when nothing can substitute.
+    """Publish `values`, by property, and run `command` when nothing can substitute.
 
-    A value is a property and a number in its unit.
-
-    With neither, the topic is silent. `command` is a program and its arguments; it goes through no
-    shell.
+    With neither, the topic is silent.
     """
 
     values: Tuple[Tuple[str, float], ...] = ()
@@ -50,10 +45,7 @@ class LastResort:
 
 @dataclass(frozen=True)
 class AdaptiveDeadline:
-    """A deadline that is learned from the gaps of the healthy stream.
-
-    `false_alarms`: how often an hour of the topic it may be exceeded though nothing is wrong.
-    """
+    """A deadline that is learned from healthy gaps; `false_alarms`: at most so many an hour."""
 
     false_alarms: float
 
@@ -63,22 +55,13 @@ class AdaptiveDeadline:
 
 @dataclass(frozen=True)
 class Service:
-    """One topic of one node.
+    """One topic of one node, by the keys of the SOM (`files/keys.py`).
 
-    `period` in s, None: an event-driven topic; `deadline`: periods without a message after which
-    its publisher is silent, None: as usual; `needed`: somebody relies on it, so that it is healed;
-    `latched`: who subscribes late gets the newest message; `provides`: the values in it, in the
-    order of the SOM; `fails_with`: what else makes it fail with others that name it too; `contain`:
-    whether its node is killed when it fails, None: what would be lost decides; `others`: what a
-    substitute writes into the rest of its messages; `unwritable`: why its messages cannot be
-    written on this computer, so that nothing can take it over, or empty; `fault_tolerant_time`: s
-    without good data that its users tolerate, None: not known; `derived_from`: the services and
-    topics that its values are computed from; `upstream`: the same, and what those are computed from
-    (the SOM sees to that); `beyond_gate`: where a gate publishes what it finds good of `topic`,
-    empty: there is no gate; `host`: the computer that its node runs on, empty: not said;
-    `placement`: where a substitute of it may run; `on_partition`: what is done while that computer
-    cannot be reached; `bridge`: periods after which a substitute that stands by fills in for a late
-    message, 0: never, None: as usual; `where`: file and line, or parameter.
+    With a gate, `topic` is where the node publishes and `beyond_gate` what consumers hear; empty:
+    there is no gate. None stands for what is not said. `unwritable`: why its messages cannot be
+    written on this computer, so that nothing can take it over, or empty; `upstream`: what its
+    values are computed from by however many steps (the SOM sees to that); `where`: file and line,
+    or parameter.
     """
 
     name: str

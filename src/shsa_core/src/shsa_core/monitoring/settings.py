@@ -11,20 +11,40 @@ class Settings:
     `startup_grace`: s until a service that has never been there has failed.
     `deadline`: periods without a message after which a publisher is silent.
     `minimum_deadline`: s; the least silence that it is blamed for by that.
-    `reconnect`: s within which a node whose connection was lost, and which lives, must give another
-    one.
     """
 
     startup_grace: float = 15.0
     deadline: float = Deadlines.periods
     minimum_deadline: float = Deadlines.minimum
-    reconnect: float = 0.5
 
     @property
     def deadlines(self) -> Deadlines:
         """How long a service may be silent."""
         return Deadlines(self.deadline, self.minimum_deadline)
 
+
+# Alibis. Times in s.
+CONNECT_S = 0.1
+"""A silence may come of a connection of healing's own that was made in it, or so long before."""
+COMING_UP_S = 1.0
+"""The same of a substitute that comes up: it has more to do after that, and so have others."""
+RECONNECT_S = 0.5
+"""A node whose connection was lost, and which lives, gives another one within this; and a new
+monitor connects within this to who is there."""
+SUBSCRIBE_S = 0.01
+"""The same for each topic: connections of one are made while others are subscribed."""
+TOGETHER_NODES = 3
+"""So many nodes that are late at the same time are late for one reason."""
+TOGETHER_S = 5.0
+"""So long several nodes that are not heard together count as not connected yet."""
+MISSED_PERIODS = 1.5
+"""Who is silent for so many periods has missed a message."""
+SLOW_PACE = 0.8
+"""Of its rate: half way to what counts as too low where the SOM says nothing."""
+LOOK_S = 0.1
+"""Who is slow is looked at so often: every message of a slow node asks for it."""
+REMEMBERED = 200
+"""Connections, and gaps, that are remembered."""
 
 # Calibration: what a value is compared with. Times in s.
 SAMPLE_S = 0.2

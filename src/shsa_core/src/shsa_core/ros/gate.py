@@ -21,7 +21,7 @@ from shsa_core.model.service import Service
 from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.fields import stamp
 from shsa_core.ros.rospy_patches.publishing import as_written
-from shsa_core.ros.sockets.reader import ALL, Reader
+from shsa_core.ros.reader import ALL, Reader
 from shsa_core.ros.sockets.subscriptions import Arrived, Gone, Looked, Subscriptions
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.messages.tables import TableSubscriber

@@ -11,7 +11,7 @@ from shsa_msgs import msg
 from shsa_core.files.regular import open_to_append
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.names import file_name
-from shsa_core.ros.master.greeter import Greeter, Tell
+from shsa_core.ros.node import Greeter, Tell
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names

@@ -83,7 +83,7 @@ class Inputs:
         """
         items = self._inbox.take()
         if None in items:
-            self._subscriptions.wake()
+            self._subscriptions.choose_waking()
         events: List[Event] = [each for each in items if each is not None]
         for happening in self._subscriptions.read():
             if isinstance(happening, Arrived):
@@ -102,7 +102,7 @@ class Inputs:
         if hurries is self._hurries:
             return
         self._hurries = hurries
-        self._subscriptions.wake()
+        self._subscriptions.choose_waking()
         if self._lowered:
             (priority.restore_all if hurries else priority.lower_all)()
 

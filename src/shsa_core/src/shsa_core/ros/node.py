@@ -3,7 +3,7 @@ import gc
 import logging
 import sys
 import threading
-from typing import Callable
+from typing import Any, Callable
 
 import genpy
 import rospy
@@ -16,6 +16,9 @@ from shsa_core.ros.processes.priority import SWITCH_INTERVAL_S
 from shsa_core.ros.rospy_patches.standing import keep_rospys_threads
 from shsa_core.ros.rospy_patches.wall_time import heed_launch
 from shsa_core.text import LONGEST_LINE, shown
+
+Tell = Callable[[Any], None]
+"""Publishes a message to one subscriber alone."""
 
 
 def run(name: str, work: Callable[[], None]) -> None:
@@ -58,7 +61,7 @@ def run(name: str, work: Callable[[], None]) -> None:
     rospy.signal_shutdown("the work is done")
     with rospy.core._shutdown_lock:
         pass  # whoever shuts down, in whichever thread, has unregistered the node by now
-    thread.join(settings.JOIN_S)
+    thread.join(settings.LOOP_ANSWER_S)
     log.close()
     if not done.is_set():
         sys.exit(1)
@@ -83,3 +86,15 @@ def publish(publisher: rospy.Publisher, message: genpy.Message) -> None:
     except rospy.ROSException:
         if not rospy.core.is_shutdown_requested():
             raise
+
+
+class Greeter(rospy.SubscribeListener):
+    """Calls `greet` with what tells each new subscriber alone, in a thread of rospy."""
+
+    def __init__(self, greet: Callable[[Tell], None]) -> None:
+        super().__init__()
+        self._greet = greet
+
+    def peer_subscribe(self, topic_name: str, topic_publish: object, peer_publish: Tell) -> None:
+        """Called by rospy once a subscriber has connected."""
+        self._greet(peer_publish)

@@ -18,7 +18,6 @@ from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 
-ANSWER_TIMEOUT_S = 5.0
 NO_OPERATOR = (
     "refused: this reconfigurator was started with operator:=false, and does nothing on request"
 )
@@ -65,9 +64,9 @@ class Services:
 
         self._enqueue(work)
         try:
-            return answer.result(timeout=ANSWER_TIMEOUT_S)
+            return answer.result(timeout=settings.LOOP_ANSWER_S)
         except Late as error:
-            raise ShsaError(f"no answer within {ANSWER_TIMEOUT_S:g} s") from error
+            raise ShsaError(f"no answer within {settings.LOOP_ANSWER_S:g} s") from error
 
     def _needed(self, name: str) -> Service:
         """Return the needed service of a name or topic. Raises ShsaError."""

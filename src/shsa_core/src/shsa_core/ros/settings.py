@@ -11,8 +11,10 @@ REST_S = 0.002
 """Between two looks at least: what comes within this is handled together, as of when it came."""
 CLOCK_CHANGE_S = 0.002
 """A change of ROS time beside ours that the monitor is told of at once, and else now and then."""
-JOIN_S = 5.0
-"""At its end a node waits no longer for the thread that works."""
+LOOP_ANSWER_S = 5.0
+"""So long the thread that does a node's work is given to answer, or to end."""
+DIAGNOSTICS_PERIOD_S = 1.0
+"""As an aggregator of /diagnostics expects."""
 
 # Threads for calls that wait for others.
 STANDING_WORKERS = 2
@@ -65,7 +67,7 @@ MOST_KNOWN_NODES = 10_000
 LARGEST_HEADER_B = 1 << 20
 """A connection header holds the message's definition."""
 MOST_CALLS = 32
-"""Calls to nodes at the same time: so many hung ones hold up no other."""
+"""Calls of one kind at the same time: so many hung nodes hold up no other."""
 
 # Tables.
 QUEUE = 200
@@ -106,8 +108,10 @@ ANSWER_HOLDS_S = 0.5
 """So long an answer holds that a heartbeat got; without one nobody is cut off."""
 
 # Processes.
-EXIT_LOOK_S = 0.01
-"""Between two looks whether a process has ended or come up: a hundredth of what starting takes."""
+EXIT_LOOK_S = 0.002
+"""Between two looks whether a process has ended, while somebody waits for that."""
+PROCESS_LOOK_S = 0.02
+"""Between two looks whether any has ended or come up: starting takes many times that."""
 PROCESS_END_S = 2.0
 """So long a process is given to end, once it was asked or killed."""
 EXIT_STATUS_S = 0.1

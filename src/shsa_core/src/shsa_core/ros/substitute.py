@@ -1,43 +1,33 @@
 """The substitute: a node made of three strings that takes over a topic (Section V-A3)."""
 import functools
 import os
-import sys
 import threading
 from dataclasses import replace
-from typing import TYPE_CHECKING, Callable, Iterable, Iterator, Optional, Set, Tuple, Union
+from typing import TYPE_CHECKING, Callable, Optional, Union
 
 import rospy
 from shsa_msgs import msg
 
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
-from shsa_core.model.substitution import Substitution, row_key
+from shsa_core.model.substitution import Substitution
 from shsa_core.ros import clock, settings
-from shsa_core.ros.master import announce
-from shsa_core.ros.processes import priority
-from shsa_core.message_types import message_class
-from shsa_core.ros.messages.composing import read_message
-from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
-from shsa_core.ros.messages.fields import Field, problem
-from shsa_core.ros.master.node_api import FAILURES
-from shsa_core.ros.master.bus import Originals
 from shsa_core.ros.inputs import Inputs
+from shsa_core.ros.master import announce
+from shsa_core.ros.master.bus import Originals
+from shsa_core.ros.master.node_api import FAILURES
+from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.outputs import Outputs
+from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
+from shsa_core.ros.row_reader import RowReader, unusable
 from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import names
-from shsa_core.ros.wire.rows import substitution_row
-from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.workers import Workers
-from shsa_core.ros.node import run
 from shsa_core.substitution import events, machine, sharing
-from shsa_core.substitution.signals import JOURNAL, SHARED, VARIABLE, decode
 
 if TYPE_CHECKING:
     from shsa_core.journal.writer import JournalWriter
-
-USAGE = "usage: rosrun shsa_core substitute INPUTS CODE OUTPUT"
-Paths = Tuple[str, ...]
 
 LOG = {
     events.Level.DEBUG: rospy.logdebug,
@@ -51,25 +41,27 @@ class SubstituteNode:
     """Brings events to the core, and carries out what it says.
 
     One thread handles events in order, and publishes. What waits for the master or for another node
-    has threads of its own: a takeover needs neither. `journal`: a file for every event; empty:
-    none. Without the secret of healing, as one that was started by hand, it takes no commands. One
-    that is `shared` holds the substitutes of several services. `lowered`: its priority is, until
-    what it does matters.
+    has threads of its own: a takeover needs neither. Without the secret of healing, as one that was
+    started by hand, it takes no commands. `lowered`: its priority is, until what it does matters.
     """
 
-    def __init__(self, row: Substitution, journal: str, lowered: bool = False) -> None:
+    def __init__(
+        self,
+        row: Substitution,
+        journal: Optional["JournalWriter"] = None,
+        lowered: bool = False,
+    ) -> None:
         self._clock = clock.RobotClock()
         self._name = row.node
         self._row = row
-        self._listed: Set[str] = set()
-        self._idle = row.idle
+        self._rows = RowReader(row.node, row.idle)
         self._hurry = threading.Event()
         path = os.environ.get(secret.VARIABLE, "")
         self._signing = Signing(path, make=False) if path else None
         self._core: Union[machine.Substitute, sharing.Sharing] = (
             sharing.Sharing() if row.shared else machine.Substitute()
         )
-        self._journal = _journal(journal, row.shared) if journal else None
+        self._journal = journal
         self._inputs = Inputs(row.node, self._clock, lowered)
         self._inputs.read(signal.topic for signal in row.inputs)
         self._heart = Heart(hearer(os.environ.get(HOST, "")))
@@ -119,12 +111,7 @@ class SubstituteNode:
             self._telling.put(self._failures)  # known before it has something to tell
         alone = cut_off = False
         while not rospy.is_shutdown():
-            deadline = self._core.next_deadline()
-            wait = (
-                settings.TURN_S
-                if deadline is None
-                else min(settings.TURN_S, deadline - self._clock.now())
-            )
+            wait = min(settings.TURN_S, self._core.next_deadline - self._clock.now())
             self._inputs.wait(max(wait, settings.REST_S) if clock.is_simulated() else wait)
             self._heart.beat()
             if self._heart.cut_off is not cut_off:
@@ -136,8 +123,7 @@ class SubstituteNode:
             for event in self._inputs.take(self._clock.now() >= self._core.reads_at):
                 self._feed(event)
             self._inputs.hurry(self._core.hurries)
-            deadline = self._core.next_deadline()
-            if deadline is not None and self._clock.now() >= deadline:
+            if self._clock.now() >= self._core.next_deadline:
                 self._feed(events.Tick(self._clock.now()))
 
     def _feed(self, event: events.Event) -> None:
@@ -152,39 +138,13 @@ class SubstituteNode:
     # Events, from rospy's threads.
 
     def _table(self, message: msg.Substitutions) -> None:
-        ours = [row for row in message.substitutions if row.node == self._name]
-        for row in self._rows(ours):
-            if row.code:
+        for event in self._rows.read(message, self._clock.now()):
+            if isinstance(event, events.RowChanged) and not event.row.idle:
+                row = event.row
                 self._inputs.read(signal.topic for signal in row.inputs)
-            self._listed.add(row_key(row))
-            self._idle = row.idle
-            if not row.idle and (row.publishing or not row.shared):
-                self._hurry.set()
-            problems_of, last = unusable(row), last_message(row)
-            now = self._clock.now(), clock.ros_ns()
-            self._inputs.put(events.RowChanged(now[0], row, problems_of, last, now[1]))
-        told = {row_key(row) for row in ours}
-        ended = self._listed.intersection(message.removed) - told
-        for key in (self._listed - told) if message.whole else ended:
-            self._listed.discard(key)
-            service = key.partition(" ")[2]
-            self._inputs.put(events.RowRemoved(self._clock.now(), service, key in ended))
-        if self._idle:
-            plans = tuple(self._rows([row for row in message.substitutions if not row.node]))
-            problems = tuple(problem for plan in plans for problem in unusable(plan))
-            removed = tuple(message.removed)
-            self._inputs.put(
-                events.PlansChanged(self._clock.now(), plans, removed, message.whole, problems)
-            )
-
-    def _rows(self, messages: Iterable[msg.Substitution]) -> Iterator[Substitution]:
-        """The rows of a table, as far as they are any: one that is not costs no other."""
-        for each in messages:
-            try:
-                yield substitution_row(each)
-            except ShsaError as error:
-                text = f"A row for {each.service} is refused: {error}"
-                rospy.logwarn_throttle_identical(60.0, text)
+                if row.publishing or not row.shared:
+                    self._hurry.set()
+            self._inputs.put(event)
 
     def _advertised(self, topic: str) -> None:
         self._inputs.put(events.Advertised(self._clock.now(), topic))
@@ -218,7 +178,7 @@ class SubstituteNode:
     def _register(self, call: Callable[[], None]) -> None:
         """Make a call to the master; who is in no hurry makes room for others after it."""
         self._registrations.put(call)
-        if self._idle or self._row.shared:
+        if self._rows.idle or self._row.shared:
             pause = settings.SHARED_PAUSE_S if self._row.shared else settings.PREPARE_PAUSE_S
             self._registrations.put(lambda: self._hurry.wait(pause))
 
@@ -277,7 +237,7 @@ class SubstituteNode:
 
     @functools.lru_cache(maxsize=None)
     def _failures(self) -> Callable[[msg.Failure], None]:
-        """How it tells of itself; made once, by the thread that may wait for the master."""
+        """Return what publishes its failures; made once, by the thread that may wait for the master."""
         assert self._signing is not None
         sign = self._signing.signer(names.FAILURES, msg.Failure)
         publisher = rospy.Publisher(names.FAILURES, msg.Failure, queue_size=10)
@@ -288,96 +248,3 @@ class SubstituteNode:
 
     def _log(self, command: events.Log) -> None:
         LOG[command.level]("%s: %s", self._name, command.text)
-
-
-def unusable(row: Substitution) -> events.Unusable:
-    """The signals of a row that cannot be read or written here, each with the reason."""
-    problems = [(each, problem(each.type, each.field, False)) for each in row.inputs]
-    problems += [(each, problem(each.type, each.field, True)) for each in row.outputs]
-    return tuple((signal, why) for signal, why in problems if why)
-
-
-def last_message(row: Substitution) -> Optional[events.LastMessage]:
-    """What the last good message of a row held; None if there is none that can be read."""
-    if not row.last_message or not row.outputs:
-        return None
-    try:
-        kind = message_class(row.outputs[0].type)
-        message = read_message(kind, row.last_message)
-        fields = (signal.field for signal in row.outputs)
-        found = ((field, Field(kind, field).get(message)) for field in fields)
-        values = tuple((field, value) for field, value in found if value is not None)
-    except ShsaError as error:
-        rospy.logwarn_throttle_identical(
-            60.0, f"{row.node}: the last message of {row.service} is not used: {error}"
-        )
-        return None
-    stamp = message.header.stamp.to_nsec() if kind._has_header else 0
-    return events.LastMessage(values, min(stamp, clock.ros_ns()))
-
-
-def _paths(text: str) -> Paths:
-    return tuple(path.strip() for path in text.split(",") if path.strip())
-
-
-def _by_hand(inputs: Paths, code: str, outputs: Paths) -> Substitution:
-    """The row of a substitute that somebody started by hand: what it must know is looked up."""
-    # Not for those who ask nobody: it takes long.
-    from shsa_core.ros.master.som_parameter import look_up
-
-    signals = look_up((*inputs, *outputs))
-    muted = bool(rospy.get_param("~muted", False))
-    n_inputs = len(inputs)
-    return Substitution(
-        rospy.get_name(), "", signals[:n_inputs], code, signals[n_inputs:], publishing=not muted
-    )
-
-
-def _by_reconfigurator(inputs: Paths, code: str, outputs: Paths, text: str) -> Substitution:
-    """The row of a substitute whose signals came with its strings: muted at first."""
-    signals = decode(text)
-    if tuple(tuple(signal.path for signal in each) for each in signals) != (inputs, outputs):
-        raise ShsaError(f"{VARIABLE} does not hold the signals of INPUTS and OUTPUT")
-    return Substitution(rospy.get_name(), "", signals[0], code, signals[1])
-
-
-def _journal(path: str, shared: bool) -> "JournalWriter":
-    from shsa_core.journal.writer import JournalWriter  # not for those without: it takes long
-
-    return JournalWriter(path, "sharing" if shared else "substitution", {}, rospy.logwarn)
-
-
-def main() -> None:
-    """Run the node: three strings on the command line.
-
-    `~muted` starts it muted; the environment's SHSA_JOURNAL is a file for every event.
-    """
-    arguments = rospy.myargv(sys.argv)[1:]
-    if len(arguments) != 3:
-        raise SystemExit(USAGE)
-    strings = _paths(arguments[0]), arguments[1], _paths(arguments[2])
-    text = os.environ.get(VARIABLE)
-
-    def work() -> None:
-        if text is None:
-            row = _by_hand(*strings)
-        else:
-            row = _by_reconfigurator(*strings, text)
-        SubstituteNode(row, os.environ.get(JOURNAL, "")).spin()
-
-    run("substitute", work)
-
-
-def standby() -> None:
-    """Run an idle substitute, to be given its program by its row.
-
-    With `--shared`, by its rows: it holds several.
-    """
-    shared = SHARED in rospy.myargv(sys.argv)[1:]
-    lowered = priority.lower()
-
-    def work() -> None:
-        row = Substitution(rospy.get_name(), "", (), "", (), shared=shared)
-        SubstituteNode(row, os.environ.get(JOURNAL, ""), lowered).spin()
-
-    run("standby", work)

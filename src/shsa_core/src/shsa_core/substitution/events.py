@@ -1,6 +1,7 @@
-"""What a substitute's core hears (events) and says (commands).
+"""The events that a substitute's core hears, and the commands that it says.
 
-Times in s on one monotonic clock.
+Times in s on one monotonic clock. `stamp`: that of a message's header, in ns; 0: none. `ros_time`:
+the moment of an event in ns of ROS time; 0: not known.
 """
 from dataclasses import dataclass
 from typing import FrozenSet, Optional, Tuple, Union
@@ -15,10 +16,7 @@ Unusable = Tuple[Tuple[Signal, str], ...]
 
 @dataclass(frozen=True)
 class LastMessage:
-    """What the last good message of a row held: the fields that it writes, each by name.
-
-    `stamp` is that of its header, in ns; 0: it has none.
-    """
+    """The values in the last good message of a row: of the fields that it writes, each by name."""
 
     values: Tuple[Tuple[str, float], ...]
     stamp: int = 0
@@ -28,8 +26,7 @@ class LastMessage:
 class RowChanged:
     """The table of substitutions has a new row of this node; the first: it was started with that.
 
-    `last`: what its last good message held; None: it has none that can be read. `ros_time`, here
-    and elsewhere: the same moment in ns of ROS time; 0: not known.
+    `last`: what its last good message held; None: it has none that can be read.
     """
 
     time: float
@@ -75,10 +72,7 @@ class PlansChanged:
 
 @dataclass(frozen=True)
 class InputArrived:
-    """A message came from `publisher`; `values`: its fields that are listened to, each by name.
-
-    `stamp`: of its header, in ns; 0: it has none.
-    """
+    """A message came from `publisher`; `values`: its fields that are listened to, each by name."""
 
     time: float
     topic: str
@@ -107,10 +101,7 @@ class ConsumerJoined:
 
 @dataclass(frozen=True)
 class LookAtOriginal:
-    """Ask the node `original` to whom it publishes a topic (OriginalServes).
-
-    `asked` is the time of the question.
-    """
+    """Ask the node `original` to whom it publishes a topic (OriginalServes)."""
 
     asked: float
     topic: str
@@ -132,10 +123,7 @@ class OriginalServes:
 
 @dataclass(frozen=True)
 class OtherHeard:
-    """Somebody else, `publisher`, has published on a topic that is overheard.
-
-    `stamp`: of the message's header, in ns; 0: it has none.
-    """
+    """Somebody else, `publisher`, has published on a topic that is overheard."""
 
     time: float
     topic: str
@@ -159,8 +147,7 @@ class OtherGone:
 class LookAtOthers:
     """Look whether the connection to a publisher of an overheard topic stands (OthersStand).
 
-    What has come on it, but is not read yet, is told before that (OtherHeard). `asked` is the time
-    of the question.
+    What has come on it, but is not read yet, is told before that (OtherHeard).
     """
 
     asked: float
@@ -212,7 +199,7 @@ LEFT_ALONE = "no reconfigurator has been there for a minute"
 
 
 class Level(Word):
-    """How much a log line matters."""
+    """The weight of a log line."""
 
     DEBUG = "debug"
     INFO = "info"

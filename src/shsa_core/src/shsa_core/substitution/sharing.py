@@ -1,7 +1,7 @@
 """Several substitutes in one process: each has a core and a row of its own."""
 import math
 from collections import defaultdict
-from typing import DefaultDict, Dict, Iterable, List, NamedTuple, Optional, Union
+from typing import DefaultDict, Dict, Iterable, List, NamedTuple, Union
 
 from shsa_core.dispatch import Table, table
 from shsa_core.substitution import events
@@ -18,7 +18,7 @@ OfTopic = Union[
 
 
 class _Wants(NamedTuple):
-    """What a substitute waits for since its last event: when it wakes and reads inputs, in s."""
+    """Moments in s: the next Tick that a substitute wants, and its next reading of inputs."""
 
     wake: float
     hurries: bool
@@ -59,10 +59,10 @@ class Sharing:
         """Return the commands that an event calls for."""
         return self._handlers[type(event)](event)
 
-    def next_deadline(self) -> Optional[float]:
-        """Return when the next Tick is wanted; None: not before another event."""
-        soonest = min((wants.wake for wants in self._wants.values()), default=math.inf)
-        return None if soonest == math.inf else soonest
+    @property
+    def next_deadline(self) -> float:
+        """Return when the next Tick is wanted; inf: not before another event."""
+        return min((wants.wake for wants in self._wants.values()), default=math.inf)
 
     @property
     def hurries(self) -> bool:
@@ -109,9 +109,7 @@ class Sharing:
             for command in core.handle(event):
                 commands += self._heed(name, command)
             if name in self._cores:
-                wake = core.next_deadline()
-                wake = math.inf if wake is None else wake
-                self._wants[name] = _Wants(wake, core.hurries, core.reads_at)
+                self._wants[name] = _Wants(core.next_deadline, core.hurries, core.reads_at)
         return commands
 
     def _heed(self, name: str, command: Command) -> List[Command]:

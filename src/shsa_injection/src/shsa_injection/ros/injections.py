@@ -183,12 +183,10 @@ class _StrangerInjection(_ServiceInjection):
     """A stranger on the topic: one that publishes, or a subscriber that is stopped."""
 
     def _make(self, target: Target) -> None:
-        if self.fault == "hung_subscriber":
-            module, words = "subscriber", [self.topic, "3.0"]
-        else:
-            module, words = "spoofer", []
+        hangs = self.fault == "hung_subscriber"
+        words = ["subscribe", self.topic, "3.0"] if hangs else ["publish"]
         child = subprocess.Popen(
-            [sys.executable, "-m", f"shsa_injection.ros.{module}", *words],
+            [sys.executable, "-m", "shsa_injection.ros.stranger", *words],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
@@ -196,7 +194,7 @@ class _StrangerInjection(_ServiceInjection):
         process = psutil.Process(child.pid)
         self._undo.callback(_end_child, child)
         assert child.stdin is not None and child.stdout is not None
-        if module == "spoofer":
+        if not hangs:
             request = request_for(self.service, "garbage", None, self.seed)
             claimed = self.node if self.fault == "spoof_name" else ""
             request.update({"type": self.service.type, "name": claimed})
@@ -207,7 +205,7 @@ class _StrangerInjection(_ServiceInjection):
         if "node" not in told:
             raise Refused(f"the stranger on {self.topic} did not come up")
         self.told.update(stranger=told["node"])
-        if module == "subscriber":
+        if hangs:
             # It ends with its standard input, once somebody lets it.
             order = {"action": "continue", "pid": child.pid, "created": process.create_time()}
             self._undo.enter_context(Guard({**order, "seconds": self.seconds}))

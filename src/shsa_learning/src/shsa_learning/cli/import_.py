@@ -9,8 +9,8 @@ from typing import Any, Dict, List, Sequence
 
 from shsa_core.cli._common import say
 from shsa_core.errors import ModelError
-from shsa_core.files.saving import save_ontology
 from shsa_learning.init.knowledge_base import Provision, read_knowledge_base
+from shsa_learning.saving import save_ontology
 
 
 def add_parser(subparsers: Any) -> None:

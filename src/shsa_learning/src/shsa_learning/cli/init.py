@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_paths(paths: List[str], force: bool) -> None:
-    """Raises ModelError before anybody waits for what cannot be written."""
+    """Raise ModelError before anybody waits for what cannot be written."""
     if len({os.path.realpath(path) for path in paths}) < len(paths):
         raise ModelError(paths[0], "SOM and ontology need a file each")
     for path in paths:
@@ -112,9 +112,9 @@ def _learn(args: argparse.Namespace, made: Draft) -> "List[Outcome]":
     # What fits takes a second to load, which no other command should wait for.
     from tqdm import tqdm
 
-    from shsa_core.files.saving import save_ontology
     from shsa_learning.init.expressing import express, with_all
     from shsa_learning.recordings.data import read
+    from shsa_learning.saving import save_ontology
 
     som, _ = read_tree(parse_yaml(made.som, "the draft"))
     ontology = read_ontology(args.ontology)

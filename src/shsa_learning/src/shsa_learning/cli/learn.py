@@ -121,7 +121,7 @@ def _ontology(args: argparse.Namespace) -> Any:
 
 
 def _write(path: str, before: str, ontology: Ontology) -> None:
-    from shsa_core.files.saving import save_ontology
+    from shsa_learning.saving import save_ontology
 
     now = read_text(path) if os.path.exists(path) else ""
     if now != before:

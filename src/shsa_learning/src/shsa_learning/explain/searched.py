@@ -92,7 +92,7 @@ def search_again(ontology: Ontology, som: Som, incident: Incident) -> Search:
 
 
 class _Doubts:
-    """Why sources could not be used in an incident."""
+    """Reasons why sources could not be used in an incident."""
 
     def __init__(self, som: Som, service: Service, incident: Incident) -> None:
         self._service = service

@@ -100,7 +100,7 @@ def _text(lines: Sequence[str]) -> str:
 
 
 def _invalid(entry: _Entry) -> str:
-    """Why a service cannot stand in a SOM; empty if it can."""
+    """Return why a service cannot stand in a SOM; empty if it can."""
     try:
         _, errors = read_tree(parse_yaml(_text(["services:", *entry.som]), "the draft"))
     except ModelError as error:
@@ -109,7 +109,7 @@ def _invalid(entry: _Entry) -> str:
 
 
 def _numberless(facts: Facts) -> str:
-    """Why a publisher is no service, and how often it publishes."""
+    """Return why a publisher is no service, and how often it publishes."""
     parts = "; ".join(f"{each.path} is {each.why}" for each in facts.left_out[:3])
     return f"it holds no number with a field ({_rhythm(facts)}){': ' if parts else ''}{parts}"
 
@@ -193,7 +193,7 @@ def _never_finite(field: Field) -> bool:
 
 
 def _useless(field: Field) -> str:
-    """Why a field tells nothing, as far as was seen; empty: it does, or nothing was seen of it."""
+    """Return why the values of a field tell nothing; empty: they do, or there are none."""
     spread = field.spread
     if spread is None:
         return ""

@@ -63,7 +63,7 @@ class _Reader:
         self._plain: Set[str] = set()  # what is used as it is
 
     def read(self) -> KnowledgeBase:
-        """Reads the whole file."""
+        """Read the whole file."""
         if "relations" not in self._sections and "graph" not in self._sections:
             raise self._document.error("a knowledge base has the key 'relations' (or 'graph')")
         self._read_constants()
@@ -109,7 +109,7 @@ class _Reader:
                 self._add_function(relation, output, inputs, text, condition, entry)
 
     def _read_graph(self) -> None:
-        """Reads the form without functions: nodes with successors, and which are relations."""
+        """Read the form without functions: nodes with successors, and which are relations."""
         types = self._table("type")
         relations = {name for name, value in types.items() if value.data == 1.0}
         inputs: Dict[str, List[str]] = {}

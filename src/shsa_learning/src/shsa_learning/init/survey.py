@@ -89,7 +89,7 @@ class Surveyor:
         return publisher in self._tallies
 
     def knows(self, publisher: Publisher) -> bool:
-        """Take a publisher in, heard or not; whether it is part of the survey."""
+        """Add a publisher, heard or not; return whether it is part of the survey."""
         if publisher in self._tallies:
             return True
         kind = self._types.setdefault(publisher.topic, publisher.type)
@@ -103,7 +103,7 @@ class Surveyor:
         return True
 
     def refuse(self, refused: Refused) -> None:
-        """Something is left out; each is told once, and not without end."""
+        """Note what is left out, each once, and not without end."""
         if len(self._refused) < MOST_PUBLISHERS:
             self._refused.setdefault(refused[:3], refused)
 
@@ -144,7 +144,7 @@ class Surveyor:
             self._tallies[publisher].left_out.setdefault(part.path, part)
 
     def stops(self, topic: str, time: float) -> None:
-        """From `time` on, s, nobody listens to a topic any more."""
+        """End a topic's part of the survey at `time`, s."""
         self._ends[topic] = time
 
     def result(self, begin: float, end: float) -> Survey:
@@ -180,7 +180,7 @@ class _Tally:
 
 
 def irregular(rhythm: Rhythm) -> str:
-    """Why messages do not come regularly, by what the monitor asks of a period; empty: they do."""
+    """Return why messages have no period that the monitor could use; empty: they have one."""
     if rhythm.count == 0:
         return "no message came"
     if rhythm.count < FEWEST:
@@ -226,7 +226,7 @@ _NAMES = Names("/")
 
 
 def outside(topic: str, kind: str, node: str) -> str:
-    """Why a publisher is no part of a survey; empty if it is. `node` may not be known: empty."""
+    """Return why a publisher is no part of a survey; empty if it is. `node` may be empty."""
     if not _NAME.fullmatch(topic) or len(topic) > _LONGEST:
         return "that is no full name of a topic"
     if topic in _OF_ROS:

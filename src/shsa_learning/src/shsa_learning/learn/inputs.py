@@ -80,7 +80,7 @@ def _one_source(series: Series, target: Series) -> bool:
 
 
 def _why_not(series: Series, target: Series, som: Som, asked: Sequence[str]) -> str:
-    """Why a series may not be an input; empty if it may."""
+    """Return why a series may not be an input; empty if it may."""
     if series.service and series.service == target.service:
         return f"it is of the same source as the target, {target.source}"
     if _one_source(series, target) and series.property not in asked:

@@ -33,7 +33,7 @@ WEIGHTY = 0.1  # of the target's deviation, what a term gives in a block
 def of_data(
     table: Table, outliers: Mapping[str, int], computed_from: Sequence[str] = ()
 ) -> List[str]:
-    """Why nothing should be learned from these rows; empty: they will do.
+    """Return why nothing should be learned from these rows; empty: they will do.
 
     `computed_from`: what the target is computed from may tell all of it.
     """
@@ -154,7 +154,7 @@ def of_model(
     target: np.ndarray,
     errors: Mapping[str, float],
 ) -> List[str]:
-    """Why a model should not be used, by what it and the mean erred on rows it had not seen.
+    """Return why a model should not be used, by its error and the mean's on unseen rows.
 
     `errors` by `blocked` and `shuffled` rows.
     """

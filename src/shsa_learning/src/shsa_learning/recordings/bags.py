@@ -147,7 +147,7 @@ class _Reader:
         heard.rows.append([field_value(message, field) for field in fields])
 
     def _doubt(self, topic: str, publisher: str, service: Optional[Service], time: float) -> str:
-        """Why a message is not what a service measured; empty if it is."""
+        """Return why a message is not what a service measured; empty if it is."""
         name = publisher.rsplit("/", 1)[-1]
         named = name.startswith(PREFIX) or name == PREFIX.rstrip("_")
         if publisher not in self._nodes and (named or publisher in self._substitutes):

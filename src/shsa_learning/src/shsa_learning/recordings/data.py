@@ -1,6 +1,5 @@
 """Files of recorded data, whatever their kind, as recordings."""
 import dataclasses
-import difflib
 import os
 from typing import Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
@@ -8,6 +7,7 @@ from shsa_core.errors import ModelError
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.text import nearest
 from shsa_learning.recordings.bags import is_bag, read_bag
 from shsa_learning.recordings.csv_files import read_csv
 from shsa_learning.recordings.recording import Recording, Series
@@ -107,8 +107,7 @@ def _unknown(series: Sequence[Series], ontology: Optional[Ontology]) -> List[str
     notes = []
     for each in series:
         if each.property not in ontology.properties:
-            near = difflib.get_close_matches(each.property, ontology.properties, n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
+            hint = nearest(each.property, ontology.properties)
             notes.append(f"{each.source}: {each.property} is no property of the ontology{hint}")
     return notes
 

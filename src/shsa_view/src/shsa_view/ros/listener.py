@@ -9,12 +9,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
+from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.ros.trust.signing import LARGEST_B, Signing
-from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.wire import names
 from shsa_view import facts
-from shsa_view.presence import presence
+from shsa_view.facts import presence
 from shsa_view.ros import wire
 
 LOOK_S = 0.2

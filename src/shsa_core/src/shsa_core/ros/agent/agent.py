@@ -28,15 +28,13 @@ from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.processes.host import HostCommand, HostEvent
-from shsa_core.ros.processes.starting import Forks
+from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.agent.line import EVENTS, Line, read_command, written
 from shsa_core.ros.node import publish, run
 from shsa_core.ros.wire import names
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-QUEUE = 200
-"""Messages that wait for a slow reconfigurator; what is beyond is said again."""
 
 
 class AgentEnd:
@@ -92,21 +90,16 @@ class AgentNode:
         self._sign = signing.signer(topic, msg.HostEvent)
         self._publisher: Optional[rospy.Publisher] = None
         prefix = Names(rospy.get_namespace()).prefix
-        self._host = LocalHost(
-            self._tell,
-            Signs(hearer(self._name), cut_off=self._cut_off),
-            prefix,
-            arguments.journal,
-            signing.path,
-            arguments.sandbox,
-            self._name,
-            Forks(prefix.rsplit("/", 1)[0]),
-        )
+        given = arguments.journal, arguments.sandbox, self._name
+        signs = Signs(hearer(self._name), cut_off=self._cut_off)
+        self._host = LocalHost(self._tell, signs, Setup(prefix, signing.path, *given, forks=True))
         left = self._host.take_up()
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
         self._handover = handover
-        self._publisher = rospy.Publisher(topic, msg.HostEvent, queue_size=QUEUE, tcp_nodelay=True)
+        self._publisher = rospy.Publisher(
+            topic, msg.HostEvent, queue_size=settings.QUEUE, tcp_nodelay=True
+        )
         topic = names.host_commands(self._name)
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
 

@@ -11,12 +11,9 @@ from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, master_api
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.processes.host import HostCommand
-from shsa_core.ros.agent.remote import RemoteHost, TellAny, Told
+from shsa_core.ros.agent.remote import RemoteHost, TellAny, HostState
 from shsa_core.ros.node import publish
 from shsa_core.ros.wire import names
-
-QUEUE = 200
-"""Messages that wait for a slow agent; what is beyond is said again."""
 
 
 class Agents:
@@ -77,7 +74,7 @@ class Agents:
             other = [name for name, host in self._hosts.items() if place in host.addresses]
         return (first + other + [""])[0]
 
-    def told(self) -> List[Told]:
+    def told(self) -> List[HostState]:
         """Return how each computer does."""
         with self._lock:
             return [host.told() for host in self._hosts.values()]
@@ -91,7 +88,9 @@ class Agents:
     def _host(self, name: str) -> RemoteHost:
         topic = names.host_commands(name)
         sign = self._signing.signer(topic, msg.HostCommand)
-        publisher = rospy.Publisher(topic, msg.HostCommand, queue_size=QUEUE, tcp_nodelay=True)
+        publisher = rospy.Publisher(
+            topic, msg.HostCommand, queue_size=settings.QUEUE, tcp_nodelay=True
+        )
         return RemoteHost(name, self._tell, lambda message: publish(publisher, sign(message)))
 
     def _subscribe(self, name: str, host: RemoteHost) -> None:

@@ -30,7 +30,7 @@ ANSWERS: Mapping[Type[Any], Tuple[Type[Any], ...]] = {
 """Commands that somebody waits for the answer of."""
 
 
-class Told(NamedTuple):
+class HostState(NamedTuple):
     """The state of a computer, for people. `silent`: s since it was heard; None: it never was."""
 
     name: str
@@ -67,14 +67,14 @@ class RemoteHost:
         self.name = name
         self.ended: Callable[[], bool] = lambda: False
         self.addresses: Tuple[str, ...] = ()
-        self._running: Tuple[str, ...] = ()
-        self._restarted: Tuple[str, ...] = ()
         self._tell, self._publish = tell, publish
         self._agent = self._session = 0
         self._line = Line()
         self._reached = self._known = self._lost = self._left = self._settled = False
         self._waits: Dict[Tuple[Type[Any], str], HostCommand] = {}
-        self._wanted: Dict[str, HostCommand] = {}  # what runs there, and how it is stopped
+        # What is to run there, what was found to run there, and how each is stopped.
+        self._wanted: Dict[str, HostCommand] = {}
+        self._found: Dict[str, HostCommand] = {}
         self._watched = events.WatchNodes(())
         self._last: Optional[msg.HostEvent] = None
         self._clock = Watch()
@@ -90,19 +90,18 @@ class RemoteHost:
         """True if nothing is under way to the agent, or can be."""
         return not self._reached or self._line.since is None
 
-    def told(self) -> Told:
+    def told(self) -> HostState:
         """Return how the computer does."""
         last = self._last
         if last is None:
-            return Told(self.name, False, None)
+            return HostState(self.name, False, None)
         figures = last.load, last.cores, last.received, last.transmitted
-        return Told(self.name, self._reached, self._clock.passed(self._heard_at), *figures)
+        return HostState(self.name, self._reached, self._clock.passed(self._heard_at), *figures)
 
     def take_up(self) -> Tuple[str, ...]:
         """Want what runs there, and return it; what is found later, and not wanted, is stopped."""
         self._settled = True
-        self._wanted.update({node: events.StopSubstitute(node) for node in self._running})
-        self._wanted.update({node: events.StopNode(node) for node in self._restarted})
+        self._wanted.update(self._found)
         return tuple(self._wanted)
 
     def carry_out(self, command: HostCommand, now: float) -> None:
@@ -170,19 +169,21 @@ class RemoteHost:
         self.beat()
 
     def _reach(self, message: msg.HostEvent, now: float) -> None:
-        """Both ends hear each other: bring together what is wanted there and what runs."""
+        """Both ends hear each other from now on."""
         self._reached, self._known, self._lost = True, True, False
-        self._running, self._restarted = tuple(message.running), tuple(message.restarted)
+        self._found = {node: events.StopSubstitute(node) for node in message.running}
+        self._found.update({node: events.StopNode(node) for node in message.restarted})
         self._send(self._watched, now)
-        if not self._settled:
-            return
-        found: Dict[str, HostCommand] = {n: events.StopSubstitute(n) for n in self._running}
-        found.update({node: events.StopNode(node) for node in self._restarted})
-        for node in [each for each in self._wanted if each not in found]:
+        if self._settled:
+            self._reconcile(now)
+
+    def _reconcile(self, now: float) -> None:
+        """Stop what runs there and is not wanted; tell of wanted substitutes that do not run."""
+        for node in [each for each in self._wanted if each not in self._found]:
             if isinstance(self._wanted.pop(node), events.StopSubstitute):
                 self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
-        for node in [each for each in found if each not in self._wanted]:
-            self._send(found[node], now)
+        for node in [each for each in self._found if each not in self._wanted]:
+            self._send(self._found[node], now)
 
     def _happened(self, text: str, now: float) -> None:
         try:

@@ -1,7 +1,7 @@
 """The computer that we run on: its processes are learned, found, ended, started and listened to."""
 import threading
 import time
-from typing import Any, Callable, List, Optional, Sequence
+from typing import Any, Callable, List, Optional
 
 import psutil
 import rospy
@@ -19,59 +19,40 @@ from shsa_core.ros.processes.host import HostCommand, Tell, not_done
 from shsa_core.ros.processes.nodes import Known, Nodes
 from shsa_core.ros.processes.protection import protection
 from shsa_core.ros.processes.restarting import ComingUp, Restarts
-from shsa_core.ros.processes.starting import Forks, Processes
+from shsa_core.ros.processes.starting import Processes, Setup
 from shsa_core.ros.processes.watching import Life
 from shsa_core.ros.workers import Workers
 
-MOST_CALLS = 32
-"""Of one kind of command, under way at the same time."""
 LEARNING = 2
 """So many nodes are learned at the same time: to look at each is work for several processes."""
 
 
 class LocalHost:
-    """A Host of this computer.
+    """A Host of this computer; `signs`: who hears the heartbeats of the substitutes."""
 
-    `signs`: who hears the heartbeats of the substitutes, whose names begin with `prefix`.
-    `journals`, `secret_file`, `sandbox`, `name`, `forks`: as in Processes; `name` is its `host`.
-    """
-
-    def __init__(
-        self,
-        tell: Tell,
-        signs: Signs,
-        prefix: str,
-        journals: str,
-        secret_file: str,
-        sandbox: Sequence[str] = (),
-        name: str = "",
-        forks: Optional[Forks] = None,
-    ) -> None:
+    def __init__(self, tell: Tell, signs: Signs, setup: Setup) -> None:
         self._tell = tell
-        self.prefix = prefix
+        self.prefix = setup.prefix
         self._endings: List[threading.Event] = []
-        clearing = Workers("clear", MOST_CALLS)
+        clearing = Workers("clear", settings.MOST_CALLS)
         self.nodes = Nodes()
         self.processes = Processes(
             lambda node, detail: tell(events.ProcessExited(clock.now(), node, detail)),
             lambda node: clearing.put(lambda: ending.clear(self.nodes, node)),
-            journals,
-            secret_file,
-            sandbox,
-            name,
-            forks,
+            setup,
         )
-        self.restarts = Restarts(lambda node: tell(events.StarterEnded(clock.now(), node)), name)
+        ended = lambda node: tell(events.StarterEnded(clock.now(), node))
+        self.restarts = Restarts(ended, setup.host)
         self._coming_up = ComingUp(self.restarts.started_again, self._came_up)
         self._life = Life(
             signs,
-            lambda node: node.startswith(prefix),
+            lambda node: node.startswith(setup.prefix),
             lambda node: tell(events.ProcessSilent(clock.now(), node)),
             lambda node: tell(events.ProcessHung(clock.now(), node)),
             lambda node: tell(events.ProcessHeard(clock.now(), node)),
         )
-        stops = Workers("stop", MOST_CALLS)
-        by = lambda name, work, most=MOST_CALLS: self._by(Workers(name, most), work)
+        stops = Workers("stop", settings.MOST_CALLS)
+        by = lambda name, work, most=settings.MOST_CALLS: self._by(Workers(name, most), work)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             HostCommand,
             {
@@ -97,7 +78,7 @@ class LocalHost:
 
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has left running; return the nodes."""
-        left = self.processes.left_behind(self.prefix)
+        left = self.processes.left_behind()
         for node, process in left.items():
             self.processes.take_up(node, process)
         return [*left, *self.restarts.take_up()]

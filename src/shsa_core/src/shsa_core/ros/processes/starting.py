@@ -45,45 +45,45 @@ INHERITED_PREFIXES = ("LC_", "ROS_", "ROSCONSOLE_", "SHSA_")
 """Of our environment a substitute inherits nothing but these."""
 
 
-class Forks(NamedTuple):
-    """The use of a prepared process: substitutes in a `namespace`, and these message `types`.
+class Setup(NamedTuple):
+    """The way to start substitutes, whose names begin with `prefix`.
 
-    `ready` is called, in a thread, whenever one is there.
+    `secret_file`: by which they know their reconfigurator. `journals`: what the paths of their
+    journals begin with; empty: they keep none. `sandbox`: a command to run each of them in. `host`:
+    the name of the agent that we are part of; empty: of none. `forks`: they are forked from a
+    prepared process, which has loaded the message `types`, and `ready` is called, in a thread,
+    whenever one is there; not in a sandbox, of which each one has its own.
     """
 
-    namespace: str
+    prefix: str
+    secret_file: str = ""
+    journals: str = ""
+    sandbox: Sequence[str] = ()
+    host: str = ""
+    forks: bool = False
     types: Sequence[str] = ()
     ready: Callable[[], object] = lambda: None
+
+    @property
+    def namespace(self) -> str:
+        """Return the namespace of the substitutes."""
+        return self.prefix.rsplit("/", 1)[0]
 
 
 class Processes:
     """Starts and stops substitutes.
 
     `ended(node, detail)` is called whenever a process has ended that nobody stopped;
-    `cleared(node)` after each end, to clear what the node left registered. Neither may wait.
-    `journals`: what the paths of the substitutes' journals begin with; empty: they keep none. Who
-    comes later takes the path of one that has ended, so that there are never many. `secret_file`:
-    by which they know their reconfigurator. `host`: the name of the agent that we are part of;
-    empty: of none. `forks`: substitutes are forked from a prepared process; not in a sandbox of the
-    user's, of which each one has its own.
+    `cleared(node)` after each end, to clear what the node left registered. Neither may wait. Who
+    comes later takes the journal of one that has ended, so that there are never many.
     """
 
     def __init__(
-        self,
-        ended: Callable[[str, str], None],
-        cleared: Callable[[str], object],
-        journals: str,
-        secret_file: str,
-        sandbox: Sequence[str] = (),
-        host: str = "",
-        forks: Optional[Forks] = None,
+        self, ended: Callable[[str, str], None], cleared: Callable[[str], object], setup: Setup
     ) -> None:
-        self._ended = ended
-        self._cleared = cleared
-        self._journals = journals
-        self._secret_file = secret_file
-        self._wrapper = wrapper(sandbox)
-        self._host = host
+        self._ended, self._cleared = ended, cleared
+        self._setup = setup
+        self._wrapper = wrapper(setup.sandbox)
         self._slots: Dict[str, int] = {}
         self._running: Dict[str, Process] = {}
         self._stopped: Set[str] = set()
@@ -96,9 +96,10 @@ class Processes:
         self._executables = {name: os.path.relpath(each[0], folder) for name, each in found.items()}
         self._paths = {name: each[0] for name, each in found.items()}
         self._forking: Optional[Forking] = None
-        if forks is not None and not sandbox:
+        if setup.forks and not setup.sandbox:
             words = [*self._wrapper, "rosrun", PACKAGE, self._executables["substitute"]]
-            self._forking = Forking(words, self._environment(forks.namespace), *forks[1:])
+            variables = self._environment(setup.namespace)
+            self._forking = Forking(words, variables, setup.types, setup.ready)
 
     @property
     def forks(self) -> bool:
@@ -121,8 +122,8 @@ class Processes:
             executable, words = "substitute", [*strings, *words]
             variables[signals.VARIABLE] = signals.encode(command.inputs, command.outputs)
         slot = self._free_slot()
-        if self._journals:
-            variables[signals.JOURNAL] = f"{self._journals}{slot}.journal"
+        if self._setup.journals:
+            variables[signals.JOURNAL] = f"{self._setup.journals}{slot}.journal"
         process: Optional[Process] = None
         if self._forking is not None:
             process = self._forking.start([self._paths[executable], *words], variables)
@@ -139,13 +140,13 @@ class Processes:
         """Make a substitute of a former reconfigurator ours."""
         self._keep(node, Foreign(process.pid), self._free_slot())
 
-    def left_behind(self, prefix: str) -> Dict[str, psutil.Process]:
+    def left_behind(self) -> Dict[str, psutil.Process]:
         """Return the substitutes of this master and agent that run, by name, and are not ours yet.
 
-        `prefix`: what their names begin with. The system is asked and not the master: one that
-        was just started is not registered, and one that hangs does not answer.
+        The system is asked and not the master: one that was just started is not registered, and
+        one that hangs does not answer.
         """
-        namespace, start = prefix.rsplit("/", 1)
+        namespace, start = self._setup.prefix.rsplit("/", 1)
         found: Dict[str, psutil.Process] = {}
         master = master_place()
         for process in psutil.process_iter():
@@ -159,7 +160,7 @@ class Processes:
             except (psutil.Error, ValueError):
                 continue  # it has ended, is somebody else's, or of no master at all
             same = variables.get("ROS_NAMESPACE", "/").rstrip("/") == namespace
-            same = same and variables.get(HOST, "") == self._host
+            same = same and variables.get(HOST, "") == self._setup.host
             if here and same and node not in self._running and self.runs_ours(node, process):
                 found[node] = process
         return found
@@ -212,7 +213,7 @@ class Processes:
 
     def _environment(self, namespace: str) -> Dict[str, str]:
         variables = {**environment(os.environ), "ROS_NAMESPACE": namespace or "/"}
-        variables.update({secret.VARIABLE: self._secret_file, HOST: self._host})
+        variables.update({secret.VARIABLE: self._setup.secret_file, HOST: self._setup.host})
         return variables
 
 

@@ -6,7 +6,7 @@ connection in a thread that calls back, and does not say when one ended, or when
 """
 import struct
 import weakref
-from typing import Any, Callable, Tuple, Type
+from typing import Any, Callable, Type
 
 import genpy
 import rospy
@@ -104,7 +104,14 @@ class HandedOver(_SubscriberImpl):
     ) -> None:
         super().__init__(topic, rospy.AnyMsg)
         self.set_tcp_nodelay(True)
-        self._made, self._closed = made, closed
+        self._topic, self._made, self._closed = topic, made, closed
+
+    def subscribe(self) -> rospy.Subscriber:
+        """Register the subscription; waits for the master."""
+        manager = get_topic_manager()
+        with manager.lock:
+            manager._add(self, manager.subs, Registration.SUB)
+            return rospy.Subscriber(self._topic, rospy.AnyMsg)
 
     def add_connection(self, transport: Any) -> bool:
         """Called by rospy for every new connection; it may replace one to the same publisher."""
@@ -118,14 +125,3 @@ class HandedOver(_SubscriberImpl):
         """Return whether a connection to the node at `uri` stands or is under way."""
         with self.c_lock:
             return any(each.endpoint_id == uri for each in self.connections)
-
-
-def subscribe_handed_over(
-    topic: str, made: Callable[[Any], None], closed: Callable[[Any], None]
-) -> Tuple[HandedOver, rospy.Subscriber]:
-    """Subscribe; waits for the master."""
-    manager = get_topic_manager()
-    implementation = HandedOver(topic, made, closed)
-    with manager.lock:
-        manager._add(implementation, manager.subs, Registration.SUB)
-        return implementation, rospy.Subscriber(topic, rospy.AnyMsg)

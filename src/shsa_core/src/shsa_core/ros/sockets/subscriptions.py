@@ -15,7 +15,7 @@ from typing import Any, Callable, Deque, Dict, Iterable, Iterator, List, NamedTu
 import rospy
 
 from shsa_core.ros import clock
-from shsa_core.ros.rospy_patches.subscribing import HandedOver, subscribe_handed_over
+from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.sockets.arrival_times import ArrivalTimes
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.sockets.identity import Identified, Identities
@@ -117,8 +117,8 @@ class Subscriptions:
         """Subscribe `topic`; waits for the master."""
         made = lambda transport: self._tell(_Made(topic, transport))
         closed = lambda transport: self._tell(_Closed(topic, transport))
-        self._implementations[topic], subscriber = subscribe_handed_over(topic, made, closed)
-        self._subscribers[topic] = subscriber
+        implementation = self._implementations[topic] = HandedOver(topic, made, closed)
+        self._subscribers[topic] = implementation.subscribe()
 
     def unsubscribe(self, topic: str) -> None:
         """End the subscription of `topic` and its connections."""
@@ -129,7 +129,7 @@ class Subscriptions:
                 self._forget(connection)
         self._reconnection.forget(topic)
 
-    def wake(self) -> None:
+    def choose_waking(self) -> None:
         """Ask again of each topic whether it wakes."""
         for connection in self._standing.values():
             self._have_wake(connection, connection.is_large or self._wakes(connection.topic))

@@ -1,13 +1,15 @@
-"""A stranger that publishes garbage on a topic; it ends with its standard input.
+"""A stranger on a topic: `stranger publish`, or `stranger subscribe TOPIC SECONDS`.
 
-Started with one JSON line: `topic`, `type`, `values` (field and range), `period`, `seed`, and
-`name`, which it claims in its connections, empty: its own. It is registered by its own.
+It ends with its standard input. One that publishes is told one JSON line first: `topic`, `type`,
+`values` (field and range), `period`, `seed`, and `name`, which it claims in its connections, empty:
+its own. It is registered by its own.
 """
 import json
+import os
 import sys
 import threading
 import time
-from typing import Any, Dict
+from typing import Any, Dict, List
 
 import rospy
 
@@ -16,13 +18,35 @@ from shsa_core.ros.master.announce import announce
 from shsa_core.ros.master.node_api import FAILURES
 from shsa_injection.faults import USUAL_PERIOD_S, Reading, Stream, message_fault
 from shsa_injection.inside.values import FaultyValue
-from shsa_injection.ros.leaving import leave_in_time
 
 EXAMPLE_S = 1.0  # s to wait for a message of the topic, to begin with its frames and names
+LONGEST_S = 2.0  # s that leaving may take: a master that is gone does not answer
 
 
-def main() -> None:
-    """Publish until the standard input ends."""
+def main(words: List[str]) -> None:
+    """Publish garbage, or subscribe, until the standard input ends."""
+    if words[0] == "publish":
+        publish()
+    else:
+        subscribe(words[1], float(words[2]))
+    sys.stdin.read()
+    timer = threading.Timer(LONGEST_S, os._exit, args=(0,))
+    timer.daemon = True
+    timer.start()
+    rospy.signal_shutdown("the fault is over")
+
+
+def subscribe(topic: str, seconds: float) -> None:
+    """Subscribe; say so once a message has come or `seconds` have passed."""
+    rospy.init_node("hung_subscriber", anonymous=True, disable_signals=True)
+    heard = threading.Event()
+    rospy.Subscriber(topic, rospy.AnyMsg, lambda message: heard.set(), queue_size=1)
+    connected = heard.wait(seconds)
+    print(json.dumps({"node": rospy.get_name(), "connected": connected}), flush=True)
+
+
+def publish() -> None:
+    """Publish garbage, as the line on standard input says, in a thread of its own."""
     order = json.loads(sys.stdin.readline())
     rospy.init_node("stranger", anonymous=True, disable_signals=True)
     kind = message_class(order["type"])
@@ -38,9 +62,6 @@ def main() -> None:
         rospy.logwarn("The master does not answer: %s", error)
     threading.Thread(target=_publish, args=(publisher, message, order), daemon=True).start()
     print(json.dumps({"node": rospy.get_name()}), flush=True)
-    sys.stdin.read()
-    leave_in_time()
-    rospy.signal_shutdown("the fault is over")
 
 
 def _publish(publisher: rospy.Publisher, message: Any, order: Dict[str, Any]) -> None:
@@ -59,4 +80,4 @@ def _publish(publisher: rospy.Publisher, message: Any, order: Dict[str, Any]) ->
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

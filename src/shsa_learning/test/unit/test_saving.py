@@ -10,17 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shsa_core.errors import ModelError
+from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.som_file import read_som
 from shsa_core.language.expression import parse_constraint, parse_law
 from shsa_core.language.syntax import is_name
 from shsa_core.model.error import Error
+from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
-from shsa_core.files.ontology_file import read_ontology
-from shsa_core.files.saving import save_ontology, save_som
-from shsa_core.files.som_file import read_som
-from shsa_core.model.kinds import Standby
 from shsa_core.model.service import LastResort, Provision, Service
 from shsa_core.model.som import Som
+from shsa_learning.saving import save_ontology, save_som
 from shsa_testing.thorough import many
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
@@ -219,6 +219,13 @@ def test_a_file_that_is_no_ontology_is_left_alone(tmp_path: pathlib.Path) -> Non
     assert path.read_text() == "a: !!python/name:os.system\n"
 
 
+def test_what_is_no_file_is_left_alone(tmp_path: pathlib.Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path, tmp_path / "pipe"):
+        with pytest.raises(ModelError):
+            save_som(Som(), str(path))
+
+
 def test_a_folder_that_is_not_there(tmp_path: pathlib.Path) -> None:
     with pytest.raises(OSError):
         save_ontology(Ontology({}, {}, ()), str(tmp_path / "no" / "o.yaml"))
@@ -232,7 +239,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(
     def fail(source: str, target: str) -> None:
         raise OSError("disk full")
 
-    monkeypatch.setattr("shsa_core.files.saving.os.replace", fail)
+    monkeypatch.setattr("shsa_learning.saving.os.replace", fail)
     with pytest.raises(OSError, match="disk full"):
         save_ontology(change(ontology, functions=()), str(file))
     assert file.read_text() == TEXT
@@ -305,6 +312,61 @@ def test_a_changed_service_keeps_its_relative_names(tmp_path: pathlib.Path) -> N
     for text in ("topic: t\n", "node: /n\n", "topic: /u\n", "node: m\n"):
         assert text in path.read_text()
     assert [service.topic for service in read_som(str(path))] == ["/t", "/u"]
+
+
+def test_a_changed_host_leaves_the_rest_and_its_comments(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / "s.yaml"
+    text = (
+        "hosts:\n"
+        "  pi: {cores: 4, link: 1.0e+7}  # the small one\n"
+        "  notebook: {cores: 8}\n"
+        "services:\n"
+        "  a:\n"
+        "    {topic: /a, type: p/T, node: /n, period: 1, host: pi, on_partition: wait,\n"
+        "     placement: {prefer: [pi], forbid: [notebook]}, provides: {v: {field: x}}}\n"
+    )
+    path.write_text(text)
+    som = read_som(str(path))
+    copy = tmp_path / "copy.yaml"
+    save_som(som, str(copy))
+    assert read_som(str(copy)) == som
+    assert copy.read_text().startswith("hosts:\n  pi: {cores: 4.0, link: 10000000.0}\n")
+    assert "placement: {prefer: [pi], forbid: [notebook]}" in copy.read_text()
+    copy.write_text(text.replace("cores: 8", "cores: 6"))
+    save_som(read_som(str(copy)), str(path))
+    changed = [line for line in path.read_text().splitlines() if line not in text.splitlines()]
+    assert "# the small one" in changed[0]  # its number is written in other digits
+    assert changed[1] == "  notebook: {cores: 6.0}"
+
+
+STEPS = """\
+properties: {v: , u: , i: }
+constants: {k: {value: -0.1}}
+relations:
+  net:
+    i:
+      where:
+        h1: tanh(0.3*v + k)
+        sum_: 1.2*h1 - 0.4*u
+      function: sum_ + 8.1
+      constraint: u > 10
+"""
+
+
+def test_a_relation_with_steps_survives_being_saved_and_changed(tmp_path: pathlib.Path) -> None:
+    old, new = tmp_path / "old.yaml", tmp_path / "new.yaml"
+    old.write_text(STEPS)
+    ontology = read_ontology(str(old))
+    (function,) = ontology.functions
+    save_ontology(ontology, str(new))
+    assert read_ontology(str(new)) == ontology
+    save_ontology(replace(ontology, functions=(replace(function, quality=0.5),)), str(old))
+    assert read_ontology(str(old)).functions[0].law == function.law
+    plain = parse_law("2*v")
+    with_plain = replace(ontology, functions=(replace(function, law=plain, text=plain.text),))
+    save_ontology(with_plain, str(old))
+    assert read_ontology(str(old)).functions[0].law == plain
+    assert "where" not in old.read_text()
 
 
 def test_the_models_that_come_with_it(tmp_path: pathlib.Path) -> None:
