@@ -37,7 +37,7 @@ ORDER = [
 ROOT = "the package itself"
 LEVEL = {part: level for level, row in enumerate([(ROOT,), *ORDER]) for part in row}
 # The running nodes' cores read no file.
-NO_CORES = ("monitoring", "substitution", "gating", "healing")
+CORES = ("monitoring", "substitution", "gating", "healing")
 """Connections and messages are the same whoever reads them."""
 NO_FILES = ("search", "codegen", "monitoring", "substitution", "gating", "healing")
 
@@ -104,7 +104,7 @@ def test_the_cores_of_the_running_nodes_read_no_files() -> None:
 
 def test_the_sockets_know_no_core() -> None:
     users = [module for module in MODULES if part_of(module) == "ros.sockets"]
-    assert [m for m in users if any(part_of(used) in NO_CORES for used in imports_of(m))] == []
+    assert [m for m in users if any(part_of(used) in CORES for used in imports_of(m))] == []
 
 
 def test_there_is_no_import_cycle() -> None:

@@ -50,6 +50,7 @@ from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import run
 from shsa_core.ros.services import Services
+from shsa_core.ros.settings import MOST_CALLS
 from shsa_core.ros.succession import take_over
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
@@ -62,8 +63,6 @@ LOG: Dict[Level, Callable[..., None]] = {
 }
 MOST_WAITING = 10_000
 """With more to do than this, failures that nobody signed are dropped."""
-MOST_COMMANDS = 32
-"""Of the user's, that run at the same time."""
 
 
 class ReconfiguratorNode:
@@ -132,7 +131,7 @@ class ReconfiguratorNode:
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False
         )
         self._records: Optional[RecordFile] = None
-        self._commands = Workers("command", MOST_COMMANDS)
+        self._commands = Workers("command", MOST_CALLS)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {

@@ -67,7 +67,7 @@ MOST_KNOWN_NODES = 10_000
 LARGEST_HEADER_B = 1 << 20
 """A connection header holds the message's definition."""
 MOST_CALLS = 32
-"""Calls to nodes at the same time: so many hung ones hold up no other."""
+"""Calls of one kind at the same time: so many hung nodes hold up no other."""
 
 # Tables.
 QUEUE = 200

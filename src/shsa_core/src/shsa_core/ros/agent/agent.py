@@ -35,8 +35,6 @@ from shsa_core.ros.node import publish, run
 from shsa_core.ros.wire import names
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-QUEUE = 200
-"""Messages that wait for a slow reconfigurator; what is beyond is said again."""
 
 
 class AgentEnd:
@@ -99,7 +97,9 @@ class AgentNode:
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
         self._handover = handover
-        self._publisher = rospy.Publisher(topic, msg.HostEvent, queue_size=QUEUE, tcp_nodelay=True)
+        self._publisher = rospy.Publisher(
+            topic, msg.HostEvent, queue_size=settings.QUEUE, tcp_nodelay=True
+        )
         topic = names.host_commands(self._name)
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
 

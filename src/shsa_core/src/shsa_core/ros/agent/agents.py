@@ -15,9 +15,6 @@ from shsa_core.ros.agent.remote import RemoteHost, TellAny, Told
 from shsa_core.ros.node import publish
 from shsa_core.ros.wire import names
 
-QUEUE = 200
-"""Messages that wait for a slow agent; what is beyond is said again."""
-
 
 class Agents:
     """The computers that have an agent, by name; from any thread.
@@ -91,7 +88,9 @@ class Agents:
     def _host(self, name: str) -> RemoteHost:
         topic = names.host_commands(name)
         sign = self._signing.signer(topic, msg.HostCommand)
-        publisher = rospy.Publisher(topic, msg.HostCommand, queue_size=QUEUE, tcp_nodelay=True)
+        publisher = rospy.Publisher(
+            topic, msg.HostCommand, queue_size=settings.QUEUE, tcp_nodelay=True
+        )
         return RemoteHost(name, self._tell, lambda message: publish(publisher, sign(message)))
 
     def _subscribe(self, name: str, host: RemoteHost) -> None:

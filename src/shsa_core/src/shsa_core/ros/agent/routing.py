@@ -5,13 +5,12 @@ from typing import Dict, List
 import rospy
 
 from shsa_core.healing import events
-from shsa_core.ros import clock
+from shsa_core.ros import clock, settings
 from shsa_core.ros.master.node_api import FAILURES, address, master_api
 from shsa_core.ros.workers import Workers
 from shsa_core.ros.agent.agents import Agents
 from shsa_core.ros.processes.host import Host, HostCommand, NodeCommand, Tell
 
-MOST_CALLS = 32
 LOCAL = ""
 """The name of the computer that we run on."""
 
@@ -28,7 +27,7 @@ class Router:
         self._local, self._agents, self._tell, self._own = local, agents, tell, own
         self._homes: Dict[str, str] = {}
         self._watched: Dict[str, List[str]] = {}
-        self._looks = Workers("route", MOST_CALLS)
+        self._looks = Workers("route", settings.MOST_CALLS)
 
     def carry_out(self, command: HostCommand) -> None:
         """Begin to carry out a command; see Host."""

@@ -32,7 +32,6 @@ from shsa_core.ros.workers import Workers
 
 LARGEST_PARAMETERS = 4_000_000
 """Characters; of more than that nothing is kept but the SOM."""
-MOST_CALLS = 32
 
 
 class Told(NamedTuple):
@@ -58,7 +57,7 @@ class MasterWatch:
         self._is_ours, self._acts = is_ours, acts
         self._me = rospy.get_name()
         self._calls = MasterCalls()
-        self._nodes = Workers("nodes", MOST_CALLS)
+        self._nodes = Workers("nodes", settings.MOST_CALLS)
         self._introductions = Introductions(self._me)
         self._topics: Set[str] = set()
         self._pid = 0

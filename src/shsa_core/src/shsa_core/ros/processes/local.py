@@ -23,8 +23,6 @@ from shsa_core.ros.processes.starting import Processes, Setup
 from shsa_core.ros.processes.watching import Life
 from shsa_core.ros.workers import Workers
 
-MOST_CALLS = 32
-"""Of one kind of command, under way at the same time."""
 LEARNING = 2
 """So many nodes are learned at the same time: to look at each is work for several processes."""
 
@@ -36,7 +34,7 @@ class LocalHost:
         self._tell = tell
         self.prefix = setup.prefix
         self._endings: List[threading.Event] = []
-        clearing = Workers("clear", MOST_CALLS)
+        clearing = Workers("clear", settings.MOST_CALLS)
         self.nodes = Nodes()
         self.processes = Processes(
             lambda node, detail: tell(events.ProcessExited(clock.now(), node, detail)),
@@ -53,8 +51,8 @@ class LocalHost:
             lambda node: tell(events.ProcessHung(clock.now(), node)),
             lambda node: tell(events.ProcessHeard(clock.now(), node)),
         )
-        stops = Workers("stop", MOST_CALLS)
-        by = lambda name, work, most=MOST_CALLS: self._by(Workers(name, most), work)
+        stops = Workers("stop", settings.MOST_CALLS)
+        by = lambda name, work, most=settings.MOST_CALLS: self._by(Workers(name, most), work)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             HostCommand,
             {

@@ -7,7 +7,6 @@ thread until it has said what it wants, a deadline and a largest size, and the o
 many wait.
 """
 import socket
-import struct
 import threading
 import time
 from collections import OrderedDict
@@ -19,8 +18,8 @@ from rospy.impl.tcpros_base import TCPROSServer
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
+from shsa_core.ros.rospy_patches.subscribing import LENGTH
 
-LENGTH = struct.Struct("<I")
 
 Callback = Callable[[Any, socket.socket, Any], None]
 

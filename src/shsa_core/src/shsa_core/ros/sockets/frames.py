@@ -4,13 +4,12 @@ A message is its length in four bytes, and so many bytes. The rest of a large on
 to see is dropped in the kernel (`man 7 tcp`, MSG_TRUNC): it is counted, and never copied.
 """
 import socket
-import struct
 from typing import List, NamedTuple, Optional
 
 from shsa_core.ros import settings
+from shsa_core.ros.rospy_patches.subscribing import LENGTH
 from shsa_core.ros.sockets import arrival_times
 
-LENGTH = struct.Struct("<I")
 _WASTE = bytearray(settings.LARGEST_DROP_B)
 """Where a kernel that drops nothing would write; no page of it is ever touched otherwise."""
 
