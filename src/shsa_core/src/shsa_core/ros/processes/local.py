@@ -16,8 +16,7 @@ from shsa_core.ros.master.node_api import FAILURES
 from shsa_core.ros.processes import ending, kernel
 from shsa_core.ros.processes.heartbeats import Signs
 from shsa_core.ros.processes.host import HostCommand, Tell, not_done
-from shsa_core.ros.processes.nodes import Known, Nodes
-from shsa_core.ros.processes.protection import protection
+from shsa_core.ros.processes.nodes import Known, Nodes, protection
 from shsa_core.ros.processes.restarting import ComingUp, Restarts
 from shsa_core.ros.processes.starting import Processes, Setup
 from shsa_core.ros.processes.watching import Life
