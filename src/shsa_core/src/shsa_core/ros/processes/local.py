@@ -27,7 +27,7 @@ LEARNING = 2
 
 
 class LocalHost:
-    """A Host of this computer; `signs`: who hears the heartbeats of the substitutes."""
+    """A Host of this computer; `signs` has the heartbeats of the substitutes."""
 
     def __init__(self, tell: Tell, signs: Signs, setup: Setup) -> None:
         self._tell = tell

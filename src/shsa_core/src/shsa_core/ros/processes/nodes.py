@@ -185,7 +185,7 @@ class Nodes:
     def _lists(self, node: str, topic: str, age: float) -> bool:
         """Return whether the master lists a node as a publisher of a topic, at most `age` s ago.
 
-        Whoever is not listed may have come since: the master is asked again. Raises one of
+        A node that is not listed may have come since: the master is asked again. Raises one of
         FAILURES if it does not answer.
         """
         with self._lock:
@@ -203,7 +203,7 @@ class Nodes:
             rospy.logwarn("%s", text)
 
     def _doubt(self, node: str, topic: str, known: Known) -> Optional[Found]:
-        """Return why this may not be who failed; None: there is no doubt.
+        """Return why this may not be the node that failed; None: there is no doubt.
 
         Raises one of FAILURES if the master does not answer.
         """
