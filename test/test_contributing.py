@@ -20,7 +20,7 @@ PLACES = (
 
 
 def rows() -> List[Tuple[str, Set[str], Set[str]]]:
-    """Each example, where it stands, and its tests."""
+    """Return each example, where it stands, and its tests."""
     found = []
     for line in PAGE.read_text().splitlines():
         cells = [re.findall(r"`([^`]+)`", cell) for cell in line.split("|")[1:-1]]
@@ -30,7 +30,7 @@ def rows() -> List[Tuple[str, Set[str], Set[str]]]:
 
 
 def mentions(word: str, path: Path) -> bool:
-    """Whether a file has the word, as code or as `code` in a page."""
+    """Return whether a file has the word, as code or as `code` in a page."""
     text = path.read_text()
     if path.suffix == ".md":
         return re.search(rf"`{word}\b", text) is not None or f"shsa {word}" in text

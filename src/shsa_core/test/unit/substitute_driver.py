@@ -97,7 +97,7 @@ class Driver:
             self.pass_to(round(self.time + PERIOD, 9))
 
     def published(self, since: float = 0.0) -> List[Tuple[float, float]]:
-        """When a message went out to all, or to all but some, and its first value."""
+        """Return when a message went out to all, or to all but some, and its first value."""
         return [
             (round(time, 6), command.values[0])
             for time, command in self.said
@@ -111,12 +111,12 @@ def only(commands: List[Any], kind: Type[Any]) -> List[Any]:
 
 
 def values(commands: List[Any]) -> List[Tuple[float, ...]]:
-    """What is published."""
+    """Return what is published."""
     return [command.values for command in only(commands, events.Publish)]
 
 
 def served(commands: List[Any]) -> List[FrozenSet[str]]:
-    """Who is left out of what is published."""
+    """Return who is left out of what is published."""
     return [command.served for command in only(commands, events.Publish)]
 
 

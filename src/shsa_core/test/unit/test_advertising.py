@@ -1,4 +1,4 @@
-"""Which topics a substitute has advertised: it asks and tells others as seldom as that serves."""
+"""A substitute advertises its topics, and tells others of them as seldom as that serves."""
 from typing import List
 
 from substitute_driver import PERIOD, signal

@@ -79,7 +79,7 @@ def test_the_row_of_a_failed_publisher_has_its_last_good_message_and_keeps_it() 
         kept.keep(93.0 + number, "/a", A, b"bad")
     assert told(kept, replace(FAILED, kind=Kind.NODE_GONE)) == [(A, b"good")]
     assert told(kept, replace(FAILED, state=PublisherState.HEALTHY, since=94.0)) == [(A, b"")]
-    assert kept.failed() == []
+    assert told(kept, gone=A) == []
 
 
 def test_it_has_the_newest_message_of_a_substitute_that_stood_in_once_that_has_left() -> None:
@@ -93,12 +93,10 @@ def test_it_has_the_newest_message_of_a_substitute_that_stood_in_once_that_has_l
     for node in ("/safe", "/muted"):
         assert told(kept, gone=node) == []
     assert told(kept, gone="/standing") == [(A, b"/standing")]
-    assert [row_.last_message for row_ in kept.failed()] == [b"/standing"]
     # A substitute's own failure ends with it.
     substituted(kept, "/other")
     failed = replace(FAILED, publisher="/other", last_good=99.0)
     assert told(kept, failed) == [("/other", b"/other"), (A, b"/other")]
-    assert len(kept.failed()) == 1
 
 
 def test_where_nobody_was_ever_seen_it_has_what_a_substitute_has_computed() -> None:

@@ -1,4 +1,4 @@
-"""When a substitute publishes, and what it computes: each sentence of it, in made-up time."""
+"""Tests when a substitute publishes, and what it computes, in made-up time."""
 import math
 from dataclasses import replace
 from typing import List
@@ -199,7 +199,7 @@ HOLDS = "t0=x[0];\ndef _tf1(i1): return sqrt(5.0-i1)\nt1=_tf1(t0);\ny=t1"
 
 
 def told(driver: Driver, value: float, steps: int) -> List[float]:
-    """When the substitute says that it has no value, while its input has this value."""
+    """Return when the substitute says that it has no value, while its input has this value."""
     said = []
     for _ in range(steps):
         driver.arrive(value)

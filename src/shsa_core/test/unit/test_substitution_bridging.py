@@ -36,12 +36,12 @@ class Robot:
 
     @property
     def filled(self) -> List[float]:
-        """When it filled in."""
+        """Return when it filled in."""
         return [time for time, _ in self.driver.published()]
 
     @property
     def heard(self) -> List[Tuple[float, str]]:
-        """What a consumer hears, in order."""
+        """Return what a consumer hears, in order."""
         ours = [(time, "substitute") for time in self.filled]
         return sorted([*ours, *((time, "original") for time in self.original)])
 

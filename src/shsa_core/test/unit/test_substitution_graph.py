@@ -27,7 +27,7 @@ A, B = signal("/a"), signal("/b")
 
 
 def looks(driver: Driver, until: float) -> list:
-    """When subscribers were looked for."""
+    """Return when subscribers were reminded."""
     driver.pass_to(until)
     return [round(time, 6) for time, command in driver.said if isinstance(command, events.Remind)]
 

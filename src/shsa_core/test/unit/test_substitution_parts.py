@@ -35,7 +35,7 @@ def test_what_is_late_is_not_followed_closely() -> None:
 
 
 def published(schedule: Schedule, delays: Iterable[float], until: float) -> List[float]:
-    """When its messages go, each so late after it is due."""
+    """Return when its messages go, each so late after it is due."""
     found: List[float] = []
     for delay in delays:
         moment = schedule.due + delay

@@ -103,7 +103,7 @@ class AnySubstitute(RuleBasedStateMachine):
         self.others = look
 
     def bridges(self) -> bool:
-        """Whether it may fill in: nobody else was heard for long enough."""
+        """Tell if it may fill in: nobody else was heard for long enough."""
         told = self.told
         return told.bridge > 0.0 and (self.went or self.now - self.spoke >= told.bridge - 1e-6)
 

@@ -15,7 +15,7 @@ SIMULATED = DRIVERS | {"rover_simulator", "soc_estimator", "driver"}
 
 
 def load(*arguments: str, launch: str = "rover.launch") -> roslaunch.ROSLaunchConfig:
-    """The configuration that `roslaunch shsa_rover LAUNCH ARGUMENTS` would start."""
+    """Return the configuration that `roslaunch shsa_rover LAUNCH ARGUMENTS` would start."""
     file = str(LAUNCH / launch)
     return roslaunch.config.load_config_default(
         [(file, list(arguments))], None, assign_machines=False
@@ -23,7 +23,7 @@ def load(*arguments: str, launch: str = "rover.launch") -> roslaunch.ROSLaunchCo
 
 
 def names(config: roslaunch.ROSLaunchConfig) -> Set[str]:
-    """The names of its nodes."""
+    """Return the names of its nodes."""
     return {node.name for node in config.nodes}
 
 
@@ -114,7 +114,7 @@ def test_messages_can_fail_where_that_is_asked_for() -> None:
 
 
 def machines(*arguments: str) -> Dict[str, Set[str]]:
-    """The nodes of rover_distributed.launch by the machine that each runs on."""
+    """Return the nodes of rover_distributed.launch by the machine that each runs on."""
     found: Dict[str, Set[str]] = {}
     for node in load(*arguments, launch="rover_distributed.launch").nodes:
         found.setdefault(str(node.machine_name), set()).add(node.name)

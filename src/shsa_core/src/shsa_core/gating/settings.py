@@ -13,6 +13,6 @@ BURST = 5.0
 START_S = 2.0
 """Until a second gate is connected to the first, and misses it."""
 STRANGER_S, MOST_NAMED = 1.0, 20
-"""Who publishes for so long without a row of the table is a stranger; so many are named."""
+"""A node that publishes for so long without a row of the table is a stranger; so many are named."""
 CLOCK_SET_NS = 10**9
 """A stamp that goes back by more is of a clock that was set."""

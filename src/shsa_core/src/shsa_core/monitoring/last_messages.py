@@ -51,10 +51,6 @@ class LastMessages:
             if row.publishing and row.quality > 0.0:
                 self._stand_ins[row.service] = row.node
 
-    def failed(self) -> List[PublisherHealth]:
-        """Return the rows of those that have failed, as they were told last."""
-        return list(self._failed.values())
-
     def rows(self, change: HealthChanged) -> List[PublisherHealth]:
         """Return changed rows, each failed one with the message from which a substitute goes on.
 

@@ -1,4 +1,4 @@
-"""Which topics a substitute has advertised, to whom, and when it takes them back.
+"""Advertises the topics of a substitute, tells consumers of them, and takes them back.
 
 A rospy subscriber that is told twice, by us and by the master, may connect twice at the same time.
 Then each end drops a connection, now and then not the same one, and none is left: nobody but us

@@ -1,4 +1,4 @@
-"""What a substitute's core hears (events) and says (commands).
+"""The events that a substitute's core hears, and the commands that it says.
 
 Times in s on one monotonic clock. `stamp`: that of a message's header, in ns; 0: none. `ros_time`:
 the moment of an event in ns of ROS time; 0: not known.
@@ -16,7 +16,7 @@ Unusable = Tuple[Tuple[Signal, str], ...]
 
 @dataclass(frozen=True)
 class LastMessage:
-    """What the last good message of a row held: the fields that it writes, each by name."""
+    """The values in the last good message of a row: of the fields that it writes, each by name."""
 
     values: Tuple[Tuple[str, float], ...]
     stamp: int = 0
@@ -199,7 +199,7 @@ LEFT_ALONE = "no reconfigurator has been there for a minute"
 
 
 class Level(Word):
-    """How much a log line matters."""
+    """The weight of a log line."""
 
     DEBUG = "debug"
     INFO = "info"

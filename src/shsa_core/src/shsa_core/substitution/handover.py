@@ -15,7 +15,7 @@ NOBODY: FrozenSet[str] = frozenset()
 
 
 class Handover:
-    """Who is `served` by the node `original`; empty: nobody is stood in for. Times in s."""
+    """The consumers that the node `original` has `served`; empty: it stands in for nobody. In s."""
 
     def __init__(self) -> None:
         self.stand_in("", "", None, -math.inf)

@@ -1,4 +1,4 @@
-"""What a substitute computes from: the newest value of each signal, and how old it is."""
+"""Keeps what a substitute computes from: the newest value of each signal, and how old it is."""
 from math import inf
 from typing import Dict, Iterable, Optional, Sequence, Tuple
 
@@ -8,7 +8,7 @@ from shsa_core.substitution.events import InputArrived
 Key = Tuple[str, str]
 """A field of a topic's messages, and whose messages count; empty: anybody's."""
 Reading = Tuple[float, float, int, str]
-"""When a value came, the value, the stamp of its message in ns, and who published it."""
+"""The time at which a value came, the value, the stamp of its message in ns, and its publisher."""
 
 
 class _Stream:

@@ -118,6 +118,15 @@ class Job:
         """Return the fields of its outputs that are integrals from nobody knows where."""
         return tuple(sorted(self._unstarted))
 
+    @property
+    def written(self) -> Tuple[Tuple[str, Optional[float]], ...]:
+        """Return the fields of its outputs, each with its standard deviation; None: not known.
+
+        No message says that it is certain: an error of 0 is written as one that is not known.
+        """
+        errors = (None if each.error is None else each.error.rms for each in self.outputs)
+        return tuple((each.field, error or None) for each, error in zip(self.outputs, errors))
+
     def start(self, values: Iterable[Tuple[str, float]]) -> None:
         """Have integrals start at the last good values of the fields that they are written to."""
         self._complained = False

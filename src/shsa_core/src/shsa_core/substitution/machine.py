@@ -31,7 +31,7 @@ class Substitute:
         self._inputs = Inputs()
         self._stamps = Stamps()
         self._advertising = Advertising()
-        self._speech = Speech()
+        self._speech = Speech(self._sources)
         self._overheard: Set[str] = set()
         self._composed: Optional[events.Compose] = None
         self._types: Dict[str, str] = {}
@@ -51,9 +51,9 @@ class Substitute:
                 events.Advertised: lambda e: self._advertising.advertised(e.topic, self._now),
                 events.ConsumerJoined: self._consumer_joined,
                 events.OriginalServes: self._speech.handover.answer,
-                events.OtherHeard: lambda e: others.hear(e, self._sources),
+                events.OtherHeard: others.hear,
                 events.OtherGone: self._other_gone,
-                events.OthersStand: lambda e: others.answer(e, self._sources),
+                events.OthersStand: others.answer,
                 events.ReachChanged: lambda e: others.reach(e.cut_off),
                 events.Tick: lambda e: None,  # what is due by then is done after any event
             },
@@ -101,7 +101,7 @@ class Substitute:
         Else it may be told later, and of each input the newest alone.
         """
         job = self._job
-        waits = self._speech.others.listens or self._speech.voice is not Voice.MUTED
+        waits = self._speech.others.heals or self._speech.voice is not Voice.MUTED
         return job is not None and (waits or job.period is None)
 
     @property
@@ -173,7 +173,8 @@ class Substitute:
         another_message = row.last_message != self.row.last_message
         self.row = row
         self._unusable.update(unusable)
-        commands = self._prepare((row, *self._here())) if row.idle else self._work(row, computed)
+        plans = self._plans.values()
+        commands = self._prepare((row, *plans)) if row.idle else self._work(row, computed)
         job = self._job
         others.follow(row, "" if job is None else job.topic, job is not None and not job.integrates)
         if others.topic not in self._overheard | {""}:
@@ -216,11 +217,9 @@ class Substitute:
             return []
         overheard = self._speech.voice is Voice.FILLS_IN
         message = b"" if last is None or overheard else row.last_message
-        errors = (None if each.error is None else each.error.rms for each in job.outputs)
-        # No message says that it is certain: an error of 0 is written as one that is not known.
-        written = tuple((each.field, error or None) for each, error in zip(job.outputs, errors))
-        kind = job.outputs[0].type
-        compose = events.Compose(job.topic, kind, written, row.others, message, overheard)
+        compose = events.Compose(
+            job.topic, job.outputs[0].type, job.written, row.others, message, overheard
+        )
         if compose == self._composed:
             return []
         self._composed = compose
@@ -236,17 +235,17 @@ class Substitute:
             self._plans.pop(name, None)
         self._plans.update(told)
         self._unusable.update(event.unusable)
-        return self._prepare(self._here()) if self.row.idle else []
-
-    def _here(self) -> Tuple[Substitution, ...]:
-        """Return the plans that are placed on this computer."""
-        return tuple(each for each in self._plans.values() if each.host == self.row.host)
+        return self._prepare(event.rows) if self.row.idle else []
 
     def _prepare(self, rows: Iterable[Substitution]) -> List[Command]:
-        """Have no program, and be ready for one: what cannot be used must not hurt the rest."""
+        """Have no program, and be ready for one of those that are placed on this computer.
+
+        What cannot be used must not hurt the rest.
+        """
         self._job, self._refused = None, None
+        here = self.row.host
         commands: List[Command] = []
-        for row in rows:
+        for row in (each for each in rows if each.host == here):
             problems = self._problems(row)
             commands += [
                 Log(Level.WARNING, f"does not prepare for {signal.path}: {why}")
@@ -256,7 +255,8 @@ class Substitute:
             outputs = tuple(signal for signal in row.outputs if signal not in problems)
             self._types.update({signal.topic: signal.type for signal in outputs})
             commands += self._advertising.prepare(outputs)
-        wanted = {topic for row in (self.row, *self._here()) for topic in row.topics}
+        wanted = set(self.row.topics)
+        wanted.update(*(plan.topics for plan in self._plans.values() if plan.host == here))
         self._advertising.leave_all_but(wanted, self._now)
         return commands
 
@@ -281,11 +281,10 @@ class Substitute:
     def _speak(self) -> List[Command]:
         """Take up the voice that is right now: who fills in starts from what was heard last."""
         fills_in = self._speech.update(self._now, self.row, self._job)
-        last, composed = self._speech.others.last, self._composed
-        if not fills_in or last is None or composed is None:
+        if not fills_in or self._composed is None:
             return []
-        self._stamps.begin(composed.topic, last.stamp)
-        self._composed = replace(composed, overheard=True, last_message=b"")
+        self._stamps.begin(self._composed.topic, self._speech.others.last.stamp)
+        self._composed = replace(self._composed, overheard=True, last_message=b"")
         return [self._composed]
 
     def _sources(self) -> Tuple[str, ...]:
@@ -293,14 +292,14 @@ class Substitute:
 
     def _other_gone(self, event: events.OtherGone) -> None:
         if not self._speech.hands_over(self._now):
-            self._speech.others.gone(event, self._sources)
+            self._speech.others.gone(event)
 
     # What it publishes.
 
     def _input_arrived(self, event: events.InputArrived) -> None:
         self._stamps.clock(event.time, event.ros_time)
         self._inputs.take(event)
-        self._speech.others.compare(self._sources)
+        self._speech.others.compare()
         job = self._job
         if job is not None and job.period is None:
             if any(signal.topic == event.topic for signal in job.inputs):

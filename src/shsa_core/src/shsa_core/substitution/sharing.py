@@ -18,7 +18,7 @@ OfTopic = Union[
 
 
 class _Wants(NamedTuple):
-    """What a substitute waits for since its last event: when it wakes and reads inputs, in s."""
+    """Moments in s: the next Tick that a substitute wants, and its next reading of inputs."""
 
     wake: float
     hurries: bool

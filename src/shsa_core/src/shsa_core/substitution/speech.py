@@ -1,20 +1,20 @@
-"""How a substitute speaks now: what the table of voices asks for, and what a new voice begins."""
+"""Keeps the voice of a substitute: asks the table of voices, and begins what a new one needs."""
 from typing import Optional
 
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.handover import Handover
 from shsa_core.substitution.job import Job
-from shsa_core.substitution.others import OtherPublishers
+from shsa_core.substitution.others import OtherPublishers, Sources
 from shsa_core.substitution.voice import Order, Original, Voice, decide
 
 
 class Speech:
     """The `voice` of a substitute, the others on its topic, and the way back of its original."""
 
-    def __init__(self) -> None:
+    def __init__(self, sources: Sources) -> None:
         self.voice = Voice.MUTED
         self.handover = Handover()
-        self.others = OtherPublishers()
+        self.others = OtherPublishers(sources)
         self._topic = ""
 
     def update(
@@ -27,6 +27,7 @@ class Speech:
         """
         topic = "" if job is None else job.topic
         before, after = self.voice, self._decide(now, row, topic)
+        self.voice = after
         begins = after.publishes and not before.publishes
         ends = before.publishes and not after.publishes
         if by_row or begins or ends:
@@ -38,10 +39,10 @@ class Speech:
                 self.handover.stand_in(topic, original if named else "", period, now)
             if ends:
                 self.handover.mute(now)
+            self.voice = self._decide(now, row, topic)  # it may hand over now
         if begins and job is not None:
             job.schedule.begin(now)
         self._topic = topic
-        self.voice = self._decide(now, row, topic)  # muted, it may hand over now
         return after is Voice.FILLS_IN and before is not Voice.FILLS_IN
 
     def hands_over(self, now: float) -> bool:

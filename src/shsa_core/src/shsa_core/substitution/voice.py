@@ -6,7 +6,7 @@ from shsa_core.model.kinds import Word
 
 
 class Order(Word):
-    """What its row says."""
+    """An order of its row."""
 
     NOTHING = "nothing"  # of what its program computes
     MUTE = "mute"
@@ -16,7 +16,7 @@ class Order(Word):
 
 
 class Others(Word):
-    """What is heard of other publishers of its topic."""
+    """The other publishers of its topic, as they are heard."""
 
     NOBODY = "nobody"
     HEARD = "heard"
@@ -25,7 +25,7 @@ class Others(Word):
 
 
 class Original(Word):
-    """What is known of the node that it stands in for."""
+    """The node that it stands in for, as far as it is known."""
 
     SPEAKS = "speaks"  # or nobody has looked at it yet
     HANGS = "hangs"  # it is late, and its connection stands
@@ -40,7 +40,7 @@ class Original(Word):
 
 
 class Voice(Word):
-    """How the substitute speaks."""
+    """The way in which a substitute publishes."""
 
     MUTED = "muted"
     FILLS_IN = "fills in"  # from the original's last message on

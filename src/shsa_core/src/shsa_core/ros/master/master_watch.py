@@ -34,7 +34,7 @@ LARGEST_PARAMETERS = 4_000_000
 """Characters; of more than that nothing is kept but the SOM."""
 
 
-class Told(NamedTuple):
+class MasterState(NamedTuple):
     """The state of the master and its subscribers, for people.
 
     A new master would be told of `kept` registrations, which were looked up `age` s ago.
@@ -75,11 +75,11 @@ class MasterWatch:
         """See to it that subscribers of these topics hear of each new publisher."""
         self._topics = self._topics | set(topics)
 
-    def told(self) -> Told:
+    def told(self) -> MasterState:
         """Return how things are now."""
         kept = sum(map(len, self._known.parts.values()))
         age = time.monotonic() - self._kept_at
-        return Told(self._answers, tuple(sorted(self._hung)), kept, age)
+        return MasterState(self._answers, tuple(sorted(self._hung)), kept, age)
 
     def _watch(self) -> None:
         while not rospy.is_shutdown():

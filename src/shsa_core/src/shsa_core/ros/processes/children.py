@@ -74,7 +74,7 @@ class Children:
                     ended(status)
                 except Exception as error:  # whatever it is, the other processes are waited for
                     rospy.logerr("The end of process %d: %r", process.pid, error)
-            time.sleep(settings.EXIT_LOOK_S)
+            time.sleep(settings.PROCESS_LOOK_S)
 
 
 def end(process: Process, answers: bool = True) -> None:

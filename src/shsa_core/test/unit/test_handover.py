@@ -1,4 +1,4 @@
-"""How a substitute yields to its returning original: whom it still serves, and when it waits."""
+"""A substitute hands over to its returning original: whom it still serves, and when it waits."""
 from typing import Any, List
 
 from substitute_driver import PERIOD, Driver, only, row, running, served
