@@ -181,7 +181,8 @@ class AnyRobot(RuleBasedStateMachine):
             plan = healing.substitute.plan
             if plan is not None:
                 service = core.robot.som.services[name]
-                parted = core.robot.parted(service, healing.substitute.host)
+                elsewhere = service.host and core.robot.computers.name(service.host)
+                parted = bool(healing.substitute.host or elsewhere)
                 waits = healing.state in SUBSTITUTED and not healing.publishes
                 speaks = waits or healing.state in (State.WELL, State.RETURNING)
                 alone = len(core.robot.som.of_topic(service.topic)) == 1

@@ -22,8 +22,9 @@ from core_robot import (
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
-from shsa_core.healing.substitute import Substitute
+from shsa_core.healing.process import Substitute
 from shsa_core.healing.repair import Trigger
+from shsa_core.healing.settings import AGAIN_S
 from shsa_core.model.kinds import Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Provision, Service
@@ -125,9 +126,12 @@ def test_what_is_named_as_a_substitute_and_not_known_to_be_one_is_left_alone_and
 def test_a_substitute_that_was_left_behind_and_not_found_in_time_is_looked_for_again() -> None:
     robot = Robot()
     robot.handle(events.Started(1.0, ("/substitute_a_7",)))
-    for time in (3.0, 5.0, 7.0, 9.0):
+    for time in (3.0, 7.0, 13.0):
+        assert not has(robot.handle(events.Tick(time)), events.FindNode)
+        time += AGAIN_S * 2 ** [3.0, 7.0, 13.0].index(time)
         assert events.FindNode("/substitute_a_7") in robot.handle(events.Tick(time))
-    assert not has(robot.handle(events.Tick(11.0)), events.FindNode)
+    robot.killed(21.5, "/substitute_a_7")
+    assert not has(robot.handle(events.Tick(100.0)), events.FindNode)
 
 
 def test_at_the_end_every_substitute_is_stopped_and_what_our_launch_had_started_first() -> None:

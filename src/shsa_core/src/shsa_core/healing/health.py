@@ -1,4 +1,4 @@
-"""How the publishers of each topic do, as the monitors tell, and what was done to their nodes."""
+"""The health of the publishers of each topic, as the monitors tell it."""
 from dataclasses import replace
 from typing import Collection, Dict, FrozenSet, Iterable, List, Mapping, Optional, Set, Tuple
 

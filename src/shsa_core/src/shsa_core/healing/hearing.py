@@ -1,4 +1,4 @@
-"""What the monitors tell: failures and health, and what follows where a monitor is lost.
+"""Hears the monitors: failures and health, and the loss of a monitor.
 
 A row of health that turns failed is the failure; one that somebody tells of besides is the same
 fact. A monitor of one computer is lost with it. Nobody tells then of what only it watched, and
@@ -6,7 +6,7 @@ nobody says so: the monitor is asked for its whole table, and if that does not c
 watched count as silent. When the computer is back, it is asked again: what did not change it never
 tells.
 """
-from typing import TYPE_CHECKING, Dict, Iterable, List, Optional
+from typing import TYPE_CHECKING, Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.healing.events import (
     AskMonitor,
@@ -33,11 +33,12 @@ def failure_seen(core: "Reconfigurator", event: FailureSeen) -> List[Command]:
 def failed(core: "Reconfigurator", event: FailureSeen, told: bool = True) -> List[Command]:
     """Have a service decide about a failure; `told`: the table of health tells of it."""
     robot = core.robot
-    service = _service_of(core, event)
+    topic, publisher = event.topic, event.publisher
+    served = robot.processes.served(publisher)
+    service = _service_of(core, event, served)
     if core.ending or service is None:
         return []
-    name, topic, publisher = service.name, event.topic, event.publisher
-    served = robot.processes.served(publisher)
+    name = service.name
     if publisher in robot.health.substitutes and name not in served:
         return []  # it was a substitute, long ago
     if event.kind is Kind.NO_VALUE and not served:
@@ -53,30 +54,35 @@ def failed(core: "Reconfigurator", event: FailureSeen, told: bool = True) -> Lis
         if not told and not robot.health.note(event):
             core.services[name].note_message(event)
             return core.ask(name, lambda each: [])
-        _doubt(core, service, event)
+        if robot.som.hosts:
+            _doubt(core, service, event)
         _write_health(core, (topic, publisher))
     core.unsettle([name, *core.concerned(topic, publisher)])
     return core.ask(name, lambda each: each.failed(event))
 
 
-def _service_of(core: "Reconfigurator", event: FailureSeen) -> Optional[Service]:
+def _service_of(
+    core: "Reconfigurator", event: FailureSeen, served: Tuple[str, ...]
+) -> Optional[Service]:
     som = core.robot.som
     if event.service:
         return som.services.get(event.service)
-    for name in _substituted(core, event.topic, event.publisher)[:1]:
+    if not served:
+        return som.service_of(event.topic, event.publisher)
+    for name in _substituted(core, event.topic, served)[:1]:
         return som.services.get(name)
     return som.service_of(event.topic, event.publisher)
 
 
-def _substituted(core: "Reconfigurator", topic: str, process: str) -> List[str]:
+def _substituted(core: "Reconfigurator", topic: str, served: Tuple[str, ...]) -> Tuple[str, ...]:
     """Return the services of a topic that the substitutes in a process work for.
 
     One that is nobody else's may have advertised other topics before it was set to work.
     """
-    served, services = core.robot.processes.served(process), core.robot.som.services
+    services = core.robot.som.services
     if len(served) == 1:
-        return list(served)
-    return [name for name in served if services[name].topic == topic]
+        return served
+    return tuple(name for name in served if services[name].topic == topic)
 
 
 def _doubt(core: "Reconfigurator", service: Service, event: FailureSeen) -> None:
@@ -108,8 +114,9 @@ def _changed(
     judged: Dict[str, None] = {}
     for topic, publisher in keys:
         _write_health(core, (topic, publisher))
-        if robot.processes.served(publisher):
-            concerned.update(dict.fromkeys(_substituted(core, topic, publisher)))
+        served = robot.processes.served(publisher)
+        if served:
+            concerned.update(dict.fromkeys(_substituted(core, topic, served)))
         elif publisher not in robot.health.substitutes:
             services = core.concerned(topic, publisher)
             concerned.update(dict.fromkeys(services))
@@ -152,10 +159,11 @@ def acquaint(core: "Reconfigurator", node: str, row: Optional[PublisherHealth]) 
 
 
 def _write_health(core: "Reconfigurator", key: Key) -> None:
-    row = core.robot.health.row(key)
+    topic, node = key
+    row = core.robot.health.rows.get(topic, {}).get(node)
     well = row is not None and row.state is PublisherState.HEALTHY
-    record = Healthy(*key, row.since) if row is not None and well else None
-    core.robot.records.set(Healthy(*key, 0.0).key, record)
+    record = Healthy(topic, node, row.since) if row is not None and well else None
+    core.robot.records.set(f"healthy {topic} {node}", record)
 
 
 def tick(core: "Reconfigurator", time: float) -> List[Command]:

@@ -7,7 +7,7 @@ from shsa_core.model.kinds import Kind, Word
 
 
 class State(Word):
-    """How a service does: WELL, or where its incident stands, as in shsa_msgs/Incident."""
+    """The state of a service: WELL, or where its incident stands, as in shsa_msgs/Incident."""
 
     WELL = "well"
     HEALING = "healing"

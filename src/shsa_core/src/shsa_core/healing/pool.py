@@ -1,4 +1,4 @@
-"""What stands by: the idle processes that the warm services share, and the pace of starts."""
+"""The idle processes that the warm services share, and the pace of starts."""
 from dataclasses import dataclass
 from math import inf
 from typing import Counter, Dict, List, Optional, Set
@@ -15,7 +15,6 @@ from shsa_core.healing.settings import (
     PREPARING_S,
     Settings,
 )
-from shsa_core.model.kinds import Standby
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
 
@@ -45,11 +44,6 @@ class Pool:
         self._wanted: Counter[str] = Counter()  # how many plans each computer has
         self._refill_at: Dict[str, float] = {}  # by computer
         self._deaths: Dict[str, int] = {}  # one after the other, soon after their starts
-
-    @staticmethod
-    def serves(service: Service) -> bool:
-        """Tell that a service is warm."""
-        return service.needed and service.standby is Standby.WARM and service.policy.substitutes
 
     @property
     def deadline(self) -> Optional[float]:
@@ -144,18 +138,18 @@ class Pool:
 class Starts:
     """The pace of starts, so that the robot's own nodes are not starved by what stands by.
 
-    A failure never waits: only what is prepared asks for room.
+    A failure never waits: only what is prepared asks for room. `waiting`: services that do.
     """
 
     def __init__(self) -> None:
         self._began: Dict[str, float] = {}  # processes that come up
-        self._waiting: Dict[str, None] = {}  # services that wait for a hot substitute
+        self.waiting: Dict[str, None] = {}
         self._held = -inf
 
     @property
     def deadline(self) -> Optional[float]:
         """Return when the next one may be started at the latest, in s; None: nobody waits."""
-        if not self._waiting:
+        if not self.waiting:
             return None
         ends = sorted(began + PATIENCE_S for began in self._began.values())
         room = ends[-AT_ONCE] if len(ends) >= AT_ONCE else -inf
@@ -190,20 +184,18 @@ class Starts:
         """Tell that a service may have a hot substitute started now; else it waits for its turn."""
         if self._room(time):
             return True
-        self._waiting[service] = None
+        self.waiting[service] = None
         return False
 
     def forget(self) -> None:
         """Let nobody wait any more: we are about to end."""
-        self._waiting.clear()
+        self.waiting.clear()
 
     def due(self, time: float) -> List[str]:
         """Return the services whose turn it is now: no more than have room."""
-        if not self._waiting:
-            return []
-        names = list(self._waiting)[: self._room(time)]
+        names = list(self.waiting)[: self._room(time)]
         for name in names:
-            del self._waiting[name]
+            del self.waiting[name]
         return names
 
     def _room(self, time: float) -> int:

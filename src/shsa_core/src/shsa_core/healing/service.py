@@ -25,7 +25,7 @@ from shsa_core.healing.records import Fate, ServiceRecord
 from shsa_core.healing.repair import STUCK, SUBSTITUTED, TRANSITIONS, WAITING, Trigger
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import LOOK_AROUND_S, SAME_S
-from shsa_core.healing.substitute import Substitute
+from shsa_core.healing.process import Substitute
 from shsa_core.model.kinds import Kind, OnPartition, Policy
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
@@ -97,6 +97,12 @@ class ServiceMachine:
         return self.accusation is not None and self.accusation.silent
 
     @property
+    def parted(self) -> bool:
+        """Tell that a cut may part the substitute from us, or from the original."""
+        host = self.spec.host
+        return bool(self.substitute.host or (host and self.robot.computers.name(host)))
+
+    @property
     def kept_out(self) -> bool:
         """Tell that the faulty node may not return."""
         return self.incident is not None and self.robot.nodes.kept_out(self.incident.faulty_node)
@@ -134,13 +140,7 @@ class ServiceMachine:
     def step(self, **changes: object) -> List[Command]:
         """Change the incident, and show it."""
         assert self.incident is not None and self.accusation is not None
-        nodes, node = self.robot.nodes, self.incident.faulty_node
-        changes.update(
-            restarts=nodes.restarts(node),
-            kept_out=nodes.kept_out(node),
-            kept=self.accusation.kept,
-            decision=self.accusation.decision,
-        )
+        changes.update(self.robot.nodes.shown(self.accusation))
         self.incident = replace(self.incident, **changes)  # type: ignore[arg-type]
         return [ShowIncident(self.incident)]
 
@@ -176,16 +176,8 @@ class ServiceMachine:
 
     def judge(self, accusation: Accusation, replaced: bool) -> List[Command]:
         """Have it decided what becomes of a node."""
-        robot = self.robot
-        return robot.nodes.judge(
-            robot.time,
-            self.spec,
-            accusation,
-            replaced,
-            self.state is State.HEALED,
-            robot.waiting(self.spec),
-            robot.parted(self.spec, self.substitute.host),
-        )
+        taken_over = self.state is State.HEALED
+        return self.robot.nodes.judge(self.spec, accusation, replaced, taken_over, self.parted)
 
     def note_message(self, event: FailureSeen) -> None:
         """Keep the newest last good message: of the original, or of what was computed for it."""
@@ -203,8 +195,7 @@ class ServiceMachine:
         changing = event.kind is Kind.SILENT and self.substitute.changing
         if changing and self.state not in SUBSTITUTED:
             return []
-        parted = self.robot.parted(self.spec, self.substitute.host)
-        if event.kind is Kind.SILENT and parted and self.yields:
+        if event.kind is Kind.SILENT and self.parted and self.yields:
             changing = True  # the original is heard again, or may be
         if self.incident is not None and event.last_good is not None:
             self.incident = replace(self.incident, last_good=event.last_good)
@@ -257,7 +248,7 @@ class ServiceMachine:
             self.start_node()
         commands: List[Command] = []
         node, topic = event.node, self.incident.topic
-        count = self.robot.nodes.refusals(self.robot.time, node)
+        count = self.robot.nodes.refusals(node)
         if count:
             times = "once" if count == 1 else f"{count} times"
             text = f"{node} is kept out, and was started again {times}"
@@ -272,7 +263,7 @@ class ServiceMachine:
         assert self.incident is not None
         node = self.incident.faulty_node
         if self.spec.policy.restarts and node == self.spec.node:
-            self.robot.nodes.start_again(self.robot.time, node)
+            self.robot.nodes.start_again(node)
 
     def _left_alone(self, why: str) -> List[Command]:
         """Go on beside the faulty node: no more can be done about it."""
@@ -307,7 +298,7 @@ class ServiceMachine:
         if not nodes.verdict(self.spec, node, Kind.OTHER, self.substitute.computes).kill:
             return []
         order = KillNode(node, urgent=True, at_once=True, topic=self.spec.topic)
-        return nodes.refuse(self.robot.time, order)
+        return nodes.refuse(order)
 
     def _awaited(self) -> bool:
         """Tell that the faulty node may bring another service that nothing else gives."""
@@ -433,12 +424,13 @@ class ServiceMachine:
 
     def first_message(self) -> Optional[float]:
         """Return when the substitute published first in this takeover, or had recovered."""
-        row = self.robot.health.row((self.spec.topic, self.node))
+        row = self.robot.health.rows.get(self.spec.topic, {}).get(self.substitute.node)
         if row is None or row.state is not PublisherState.HEALTHY:
             return None
         least = self.substitute.working_since - SAME_S
-        moments = (row.first_message, row.since)
-        return next((moment for moment in moments if moment is not None and moment >= least), None)
+        if row.first_message is not None and row.first_message >= least:
+            return row.first_message
+        return row.since if row.since >= least else None
 
     def _notice_first_message(self) -> List[Command]:
         if self.state is not State.HEALING or not self.node or self.first_message() is None:
@@ -488,7 +480,7 @@ class ServiceMachine:
         if plan is None or not substitute.node:
             return None
         planner, publishes = self.robot.planner, self.publishes
-        parted = self.robot.parted(spec, substitute.host)
+        parted = self.parted
         return Substitution(
             substitute.node,
             spec.name,
@@ -519,7 +511,7 @@ class ServiceMachine:
         spec, robot = self.spec, self.robot
         if self.state not in (State.WELL, State.RETURNING, *SUBSTITUTED):
             return 0.0
-        here = self.substitute.host == robot.host_of(spec.node)
+        here = not robot.som.hosts or self.substitute.host == robot.host_of(spec.node)
         alone = len(robot.som.of_topic(spec.topic)) == 1
         fits = here and alone and self.spec.policy.substitutes and self.substitute.computes
         return (spec.bridges or 0.0) * (spec.period or 0.0) if fits else 0.0

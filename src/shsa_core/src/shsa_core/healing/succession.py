@@ -1,4 +1,4 @@
-"""How a reconfigurator goes on with what a former one has left.
+"""Goes on with what a former reconfigurator has left.
 
 Nothing in its records is believed that does not fit: a process counts if it is known to run, a
 program if it is a plan of the models as they are now, a health until the monitor tells another.
@@ -18,7 +18,6 @@ from shsa_core.healing.records import (
     RestartedNode,
     ServiceRecord,
 )
-from shsa_core.healing.substitute import is_hot
 from shsa_core.model.kinds import QUIET, Kind
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
@@ -55,7 +54,7 @@ def started(core: "Reconfigurator", event: events.Started) -> List[Command]:
         commands.append(Log(Level.WARN, f"{text} If it was left behind: rosnode kill {node}"))
     for node in filter(names.avoid, event.leftovers):
         commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-        commands += robot.nodes.end_orphan(event.time, node)
+        commands += robot.nodes.end_orphan(node)
     return commands
 
 
@@ -79,7 +78,7 @@ def _take_up(core: "Reconfigurator", event: events.Started) -> List[Command]:
             health.substitutes.add(row.node)
             service = services.get(each.service)
             if service is not None:
-                processes.take_up(service, row.node, row.host, row.shared, is_hot(service))
+                processes.take_up(service, row.node, row.host, row.shared)
     commands: List[Command] = []
     for record in event.records:
         if isinstance(record, Healthy):

@@ -108,8 +108,10 @@ ANSWER_HOLDS_S = 0.5
 """So long an answer holds that a heartbeat got; without one nobody is cut off."""
 
 # Processes.
-EXIT_LOOK_S = 0.01
-"""Between two looks whether a process has ended or come up: a hundredth of what starting takes."""
+EXIT_LOOK_S = 0.002
+"""Between two looks whether a process has ended, while somebody waits for that."""
+PROCESS_LOOK_S = 0.02
+"""Between two looks whether any has ended or come up: starting takes many times that."""
 PROCESS_END_S = 2.0
 """So long a process is given to end, once it was asked or killed."""
 EXIT_STATUS_S = 0.1

@@ -11,7 +11,7 @@ from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, master_api
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.processes.host import HostCommand
-from shsa_core.ros.agent.remote import RemoteHost, TellAny, Told
+from shsa_core.ros.agent.remote import RemoteHost, TellAny, HostState
 from shsa_core.ros.node import publish
 from shsa_core.ros.wire import names
 
@@ -74,7 +74,7 @@ class Agents:
             other = [name for name, host in self._hosts.items() if place in host.addresses]
         return (first + other + [""])[0]
 
-    def told(self) -> List[Told]:
+    def told(self) -> List[HostState]:
         """Return how each computer does."""
         with self._lock:
             return [host.told() for host in self._hosts.values()]

@@ -30,7 +30,7 @@ ANSWERS: Mapping[Type[Any], Tuple[Type[Any], ...]] = {
 """Commands that somebody waits for the answer of."""
 
 
-class Told(NamedTuple):
+class HostState(NamedTuple):
     """The state of a computer, for people. `silent`: s since it was heard; None: it never was."""
 
     name: str
@@ -90,13 +90,13 @@ class RemoteHost:
         """True if nothing is under way to the agent, or can be."""
         return not self._reached or self._line.since is None
 
-    def told(self) -> Told:
+    def told(self) -> HostState:
         """Return how the computer does."""
         last = self._last
         if last is None:
-            return Told(self.name, False, None)
+            return HostState(self.name, False, None)
         figures = last.load, last.cores, last.received, last.transmitted
-        return Told(self.name, self._reached, self._clock.passed(self._heard_at), *figures)
+        return HostState(self.name, self._reached, self._clock.passed(self._heard_at), *figures)
 
     def take_up(self) -> Tuple[str, ...]:
         """Want what runs there, and return it; what is found later, and not wanted, is stopped."""

@@ -90,10 +90,15 @@ def user(process: psutil.Process) -> str:
 def _stat(pid: int) -> List[bytes]:
     """Return what /proc/PID/stat says from the third field on; empty: there is no such process."""
     try:
-        with open(f"/proc/{pid}/stat", "rb") as stat:
-            return stat.read().rsplit(b")", 1)[1].split()
+        file = os.open(f"/proc/{pid}/stat", os.O_RDONLY)
     except OSError:
         return []
+    try:
+        return os.read(file, 4096).rsplit(b")", 1)[1].split()
+    except (OSError, IndexError):
+        return []  # it has ended meanwhile
+    finally:
+        os.close(file)
 
 
 def identity(pid: int) -> Identity:

@@ -17,7 +17,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.processes.children import Children, Foreign, Process, end
+from shsa_core.ros.processes.children import Children, Foreign, Process
 from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity, is_ours
 from shsa_core.ros.trust.places import master_place
 
@@ -63,10 +63,9 @@ class Restarts:
         self._starter_ended = starter_ended
         self._owner = f"{rospy.get_namespace()} {host}"
         self._starts: Dict[str, _Start] = {}
-        self._running: Dict[str, Process] = {}
         self._told: Set[str] = set()
         self._lock = threading.Lock()
-        self._children = Children()
+        self.children = Children(lambda node, status: None)
         threading.Thread(target=self._watch_starters, name="starters", daemon=True).start()
 
     def learn(self, node: str, process: psutil.Process) -> None:
@@ -82,8 +81,8 @@ class Restarts:
             return
         if gone(process) or not is_ours(process):
             return  # another one has its number by now
+        ours = self.children.process(node)
         with self._lock:
-            ours = self._running.get(node)
             if ours is not None and ours.pid == process.pid:
                 start = replace(start, starter=self._starts[node].starter)  # we started it
             self._starts[node] = start
@@ -154,44 +153,26 @@ class Restarts:
             start = self._starts.get(node)
         return start is not None and start.starter == identity(os.getppid())
 
-    def running(self) -> List[str]:
-        """Return the nodes that were started again, and run."""
-        with self._lock:
-            return sorted(self._running)
-
     def left_alone(self) -> List[str]:
         """Return the nodes that were started again and still run, and whose starter has ended."""
+        running = self.children.running()
         with self._lock:
-            starters = {node: self._starts[node].starter for node in self._running}
+            starters = {node: self._starts[node].starter for node in running}
         return [node for node, first in starters.items() if first != NOBODY and ended(first)]
-
-    def stop(self, node: str) -> None:
-        """End a node that was started again, and wait until it is gone."""
-        with self._lock:
-            process = self._running.get(node)
-        if process is not None:
-            end(process)
 
     def _keep(self, node: str, process: Process, start: _Start) -> None:
         with self._lock:
-            self._starts[node], self._running[node] = start, process
+            self._starts[node] = start
             self._told.discard(node)
-        self._children.watch(process, lambda _: self._over(node, process))
+        self.children.keep(node, process)
 
     def _watch_starters(self) -> None:
         while not rospy.is_shutdown():
             rospy.rostime.wallsleep(settings.LOOK_S)
             for node in self.left_alone():
-                with self._lock:
-                    if node in self._told or node not in self._running:
-                        continue
+                if node not in self._told:
                     self._told.add(node)
-                self._starter_ended(node)
-
-    def _over(self, node: str, process: Process) -> None:
-        with self._lock:
-            if self._running.get(node) is process:
-                del self._running[node]
+                    self._starter_ended(node)
 
 
 class ComingUp:
@@ -236,7 +217,7 @@ class ComingUp:
                 for node in nodes:
                     self._ask(node)
                 ask_at = time.monotonic() + settings.TICK_S
-            time.sleep(settings.EXIT_LOOK_S)
+            time.sleep(settings.PROCESS_LOOK_S)
 
     def _ask(self, node: str) -> None:
         uri, known = _address(node), self._addresses.get(node)

@@ -51,7 +51,7 @@ Ask = Callable[[str], Met]
 """Asks the node of a name; raises NoAnswer, or ShsaError if what it answers is no proof."""
 
 
-class Seen(NamedTuple):
+class OtherComputer(NamedTuple):
     """A computer as people want to see it; times in s."""
 
     host: str
@@ -162,7 +162,7 @@ class Computers:
         computer.speaker = sender
         return computer.ours(sent)
 
-    def seen(self) -> List[Seen]:
+    def seen(self) -> List[OtherComputer]:
         """Every other computer that is known: of each address the newest boot."""
         now = self._clock()
         with self._lock:
@@ -221,6 +221,8 @@ def _round_trip(met: Met) -> int:
     return met.answered - met.asked
 
 
-def _seen(met: Met, now: int) -> Seen:
+def _seen(met: Met, now: int) -> OtherComputer:
     trip = _round_trip(met) / 1e9
-    return Seen(met.host, met.address, met.ahead / 1e9, trip / 2, trip, (now - met.answered) / 1e9)
+    return OtherComputer(
+        met.host, met.address, met.ahead / 1e9, trip / 2, trip, (now - met.answered) / 1e9
+    )

@@ -30,7 +30,7 @@ from shsa_core.ros.trust.seal import (
     TWICE,
     UNPROVEN,
     UNSIGNED,
-    Gate,
+    Verifier,
     Seal,
 )
 
@@ -96,7 +96,7 @@ class Signing:
         Its messages have `refusal`; empty: none. `unsigned`: who signs nothing is believed too.
         """
         find = self.computers.find
-        gate = Gate(self._secret, rospy.resolve_name(topic), find, time.monotonic_ns)
+        verifier = Verifier(self._secret, rospy.resolve_name(topic), find, time.monotonic_ns)
 
         class Checked(kind):  # type: ignore[misc,valid-type]
             """A message that is checked."""
@@ -108,7 +108,7 @@ class Signing:
                 """Read the message if its signature is right."""
                 if unsigned and data.endswith(UNSIGNED):
                     return super().deserialize(data)
-                self.refusal = gate.refusal(data)
+                self.refusal = verifier.refusal(data)
                 if self.refusal:
                     self.data = data if self.refusal == UNPROVEN else b""
                     return self
