@@ -3,7 +3,7 @@ invariants after every event.
 """
 from typing import Any, Dict, Optional, Tuple
 
-from hypothesis import settings
+import hypothesis
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from monitor_bench import DEADLINE, PERIOD, Bench, message_checks, provision, row, service
@@ -200,6 +200,6 @@ class AnyRobot(RuleBasedStateMachine):
 
 
 TestAnyRobot = AnyRobot.TestCase
-TestAnyRobot.settings = settings(
+TestAnyRobot.settings = hypothesis.settings(
     max_examples=many(100), stateful_step_count=50, deadline=None, derandomize=True
 )
