@@ -509,8 +509,8 @@ class Reconfigurator:
     def validate(self) -> None:
         """Raise ShsaError if an invariant is broken.
 
-        These are: one publisher a service, no process without an owner, none that stands by where
-        it cannot be told, and something that will happen next in each incident.
+        These are those of each machine, one publisher a service, one owner a process, none that
+        stands by where it cannot be told, and something that will happen next in each incident.
         """
         robot, processes = self.robot, self._processes
         owners: Dict[str, str] = {node: "the pool" for node in processes.pool.processes}
@@ -530,11 +530,8 @@ class Reconfigurator:
             host = machine.substitute.host
             if node and robot.computers.lost(host) and not machine.publishes:
                 raise ShsaError(f"{node} stands by for {name} on {host}, which is lost")
+        processes.validate(owners)
+        self._nodes.validate()
         for row in processes.wanted.rows.values():
-            if row.node and row.node not in owners:
-                raise ShsaError(f"{row.node} is in the table of substitutions, but has no owner")
             if row.publishing and self.services[row.service].state is State.WELL:
                 raise ShsaError(f"{row.node} publishes for {row.service}, which is well")
-        for idle in processes.pool.processes.values():
-            if robot.computers.lost(idle.host):
-                raise ShsaError(f"{idle.node} stands by on a computer that is lost")
