@@ -101,6 +101,11 @@ class Accusation:
         return self.kind in QUIET and self.kind is not Kind.NODE_GONE
 
 
+def no_accusation() -> Accusation:
+    """Return what is held against nobody."""
+    return Accusation("", Kind.OTHER, Fate.NONE, False)
+
+
 @dataclass
 class Case:
     """The accusations against a node, by service, and how far it is trusted.
