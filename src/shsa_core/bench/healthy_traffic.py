@@ -29,7 +29,8 @@ from tqdm import tqdm
 from graph import BENCH, Graph, ask_to_leave, service, write_som
 from probe import STARTUP_S, Probe
 from report import Goals, print_table, write_table
-from shsa_core.monitoring.deadline import LEARN_GAPS, LEARN_SHARE, fitted
+from shsa_core.monitoring.deadline import fitted
+from shsa_core.monitoring.settings import LEARN_GAPS, LEARN_SHARE
 from shsa_testing.waiting import wait_until
 
 PERIOD_S = 0.02

@@ -62,6 +62,12 @@ def test_healing_is_there_unless_it_is_switched_off() -> None:
     assert names(load()) == SIMULATED | {"monitor", "reconfigurator"}
 
 
+@pytest.mark.parametrize("name", ["dry_run", "operator", "restart_as_root", "unsigned_failures"])
+def test_what_is_neither_true_nor_false_is_refused(name: str) -> None:
+    with pytest.raises(roslaunch.core.RLException, match="no"):
+        load(f"{name}:=no")
+
+
 @pytest.mark.parametrize("more", [(), ("healing:=false",)])
 def test_an_argument_that_no_file_takes_is_refused(more: Sequence[str]) -> None:
     command = ["roslaunch", "--nodes", "shsa_rover", "rover.launch", *more]

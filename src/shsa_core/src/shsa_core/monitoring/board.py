@@ -7,7 +7,6 @@ from shsa_core.agenda import Agenda
 from shsa_core.errors import ShsaError
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.bridges import Bridges
 from shsa_core.monitoring.events import (
     ChangeAdopted,
     ChangeRefused,
@@ -19,7 +18,7 @@ from shsa_core.monitoring.events import (
     PublisherState,
 )
 from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedService, WatchedTopic
-from shsa_core.monitoring.substitutes import Substitutes
+from shsa_core.monitoring.substitutes import Bridges, Substitutes
 
 UNKNOWN, HEALTHY, FAILED = PublisherState.UNKNOWN, PublisherState.HEALTHY, PublisherState.FAILED
 

@@ -2,19 +2,23 @@
 from collections import deque
 from dataclasses import dataclass
 from math import ceil, isfinite
-from typing import Any, Deque, Dict, Iterable, Iterator, Optional, Tuple, Type
+from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Tuple, Type
 
-from shsa_core.model.checks import Check, OutOfRange, RateSample, StampSample, ValueSample
+from shsa_core.model.checks import (
+    LONG_WINDOW,
+    Check,
+    Checks,
+    OutOfRange,
+    RateSample,
+    StampSample,
+    ValueSample,
+)
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
+from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS
 from shsa_core.monitoring.stamps import Stamps
 from shsa_core.monitoring.stillness import Run, Stillness
-from shsa_core.monitoring.verdict import Verdict
-
-RATE_MESSAGES = 20
-RATE_SECONDS = 1.0
-"""A rate is taken over so many messages, or over so many seconds' worth if these are more."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,35 @@ class _Value:
         else:
             self._good = value if isfinite(value) else None  # after a gap it may be anywhere
         return finding
+
+
+class Verdict:
+    """Counts the bad messages among the last ones: noise is no fault, what comes and goes is."""
+
+    def __init__(self, checks: Checks) -> None:
+        self._bad, self._seldom, self._least = checks.bad, checks.seldom, checks.recovery
+        self._short, self._long = (1 << checks.of) - 1, (1 << LONG_WINDOW * checks.of) - 1
+        self._history = self._past = 0
+        self.recovery = checks.recovery
+        """So many good messages in a row end a failure: more if it came and went before."""
+
+    def add(self, bad: bool) -> bool:
+        """A message was bad or not; whether a bad one was one too many."""
+        self._history = (self._history << 1 | bad) & self._long
+        self._past = (self._past << 1 | bad) & self._long
+        if not bad:
+            return False
+        recent = _count(self._history & self._short)
+        guilty = recent >= self._bad or _count(self._history) >= self._seldom
+        if guilty:
+            gaps = _gaps(self._past)
+            comes_and_goes = len(gaps) >= COMES_AND_GOES
+            self.recovery = max(self._least, COMES_AND_GOES * max(gaps) if comes_and_goes else 0)
+        return guilty
+
+    def clear(self) -> None:
+        """Forget what was bad."""
+        self._history = 0
 
 
 class Evidence:
@@ -204,3 +237,13 @@ class Evidence:
         finding = judge(self._rate_checks, sample)
         self.rate_was_good = self.rate_was_good or finding is None
         return finding
+
+
+def _count(history: int) -> int:
+    return bin(history).count("1")
+
+
+def _gaps(history: int) -> List[int]:
+    """How many good messages in a row lay between bad ones."""
+    gaps = bin(history)[2:].rstrip("0").split("1")
+    return [len(gap) for gap in gaps if gap]

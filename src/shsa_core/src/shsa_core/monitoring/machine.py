@@ -37,7 +37,7 @@ from shsa_core.monitoring.settings import RECONNECT_S, Settings
 from shsa_core.monitoring.start_up import StartUp
 from shsa_core.monitoring.substitutes import publishes, topics_of
 from shsa_core.monitoring.surroundings import Surroundings
-from shsa_core.monitoring.trials import Trials
+from shsa_core.monitoring.probation import Trials
 
 
 class Monitor:

@@ -18,9 +18,7 @@ from shsa_core.monitoring.events import (
     Message,
     PublisherHealth,
 )
-
-JUMP_S = 0.1
-"""Clocks that are set little by little change by far less from one look to the next."""
+from shsa_core.monitoring.settings import CLOCK_JUMP_S
 
 
 class Pace:
@@ -46,7 +44,7 @@ class Pace:
         ours, theirs = tick.time - before.time, tick.ros_time - before.ros_time
         self._slow += min(ours, max(0.0, theirs))
         self._fast += max(ours, theirs)
-        self.jumped = not tick.simulated and abs(theirs - ours) > JUMP_S
+        self.jumped = not tick.simulated and abs(theirs - ours) > CLOCK_JUMP_S
 
     def judged(self, event: Event) -> Event:
         """An event at the time by which it is judged."""

@@ -1,19 +1,16 @@
 """What the monitor knows of the services of a watched topic and of their publishers."""
 from dataclasses import dataclass, field
 from math import inf
-from typing import TYPE_CHECKING, Dict, List, Optional, Sequence, Tuple
+from typing import Dict, List, Optional, Sequence, Tuple
 
 from shsa_core.model.checks import Check, IntruderSample
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
-from shsa_core.monitoring.backlog import Backlog
 from shsa_core.monitoring.deadline import LearnedDeadline
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import Evidence, Learned
+from shsa_core.monitoring.stamps import Backlog
 from shsa_core.monitoring.witness import Suspicion
-
-if TYPE_CHECKING:
-    from shsa_core.monitoring.probation import Probation
 
 NOBODY = ""
 """The name of the publisher that should be there, while there is none."""
@@ -225,7 +222,6 @@ class WatchedTopic:
     publishers: Dict[str, Publisher] = field(default_factory=dict)
     nodes: Dict[str, WatchedService] = field(default_factory=dict)
     intruder_checks: Tuple[Check, ...] = ()
-    probations: Dict[str, "Probation"] = field(default_factory=dict)
 
     def serve(self, services: Sequence[Service], deadlines: Deadlines, due: float) -> List[str]:
         """Carry these services from now on; the names of those that are new."""

@@ -8,20 +8,7 @@ from math import inf, isfinite
 from typing import Optional
 
 from shsa_core.model.checks import Hold
-
-LEARN_MESSAGES = 200
-FACTOR = 10
-"""A run must be so many times longer than the longest one that was seen."""
-LEAST_S = 1.0
-MOST_REPEATS = 0.1
-"""Of the messages, may have the value of the one before: noise of about three steps has as many."""
-LEAST_TURNS = 0.25
-"""Of the changes, at least, go the other way than the one before: with white noise two in three
-do."""
-LEAST_CROSSINGS = 200
-"""0 counts as any value for a signal that went through it so often, and never stayed."""
-FORGET_MESSAGES = 10000
-"""Counts are halved then: the noise may become another one. The longest run is never forgotten."""
+from shsa_core.monitoring import settings
 
 
 class Stillness:
@@ -43,7 +30,7 @@ class Stillness:
         self._crossings += value * (value + step) < 0.0
         self._longest = max(self._longest, run)
         self._low, self._high = min(self._low, value), max(self._high, value)
-        if self._count > FORGET_MESSAGES:
+        if self._count > settings.FORGET_MESSAGES:
             self._count //= 2
             self._repeats //= 2
             self._turns //= 2
@@ -51,16 +38,23 @@ class Stillness:
     def allowed(self, value: float) -> Optional[Hold]:
         """How long `value` may stay the same; None: for ever, or nobody knows yet."""
         changes = self._count - self._repeats
-        if self._count < LEARN_MESSAGES or self._repeats > MOST_REPEATS * self._count:
+        if (
+            self._count < settings.LEARN_MESSAGES
+            or self._repeats > settings.MOST_REPEATS * self._count
+        ):
             return None
-        if self._turns < LEAST_TURNS * changes:
+        if self._turns < settings.LEAST_TURNS * changes:
             return None
-        if value == 0.0 and (self._crossings < LEAST_CROSSINGS or self._longest_zero > 1):
+        if value == 0.0 and (self._crossings < settings.LEARN_MESSAGES or self._longest_zero > 1):
             return None
         # Whoever reads more than he can tell reads his limit, as long as that lasts.
         inside = self._low < value < self._high
-        factor = 1 if inside else FACTOR
-        return Hold(FACTOR * factor * self._longest, LEAST_S * factor, self._longest)
+        factor = 1 if inside else settings.STILL_FACTOR
+        return Hold(
+            settings.STILL_FACTOR * factor * self._longest,
+            settings.STILL_LEAST_S * factor,
+            self._longest,
+        )
 
 
 class Run:

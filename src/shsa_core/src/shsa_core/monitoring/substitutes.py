@@ -1,9 +1,12 @@
 """What the monitor knows of substitutes: their rows, and those that are being stopped."""
 from collections import defaultdict
+from dataclasses import dataclass
+from math import inf
 from typing import DefaultDict, Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.monitoring.events import Key, SubstitutionsChanged
+from shsa_core.monitoring.events import Bridged, Key, SubstitutionsChanged
+from shsa_core.monitoring.settings import BRIDGES_APART, SERVES_S, TELL_S
 
 Change = Tuple[str, Optional[Substitution], Optional[Substitution]]
 """A node, and its row before and now."""
@@ -71,6 +74,44 @@ class Substitutes:
         """Whether what a substitute publishes is kept back by a gate for the time being."""
         row = self._row(topic, node)
         return row is not None and row.gated and topic in row.topics and not row.publishing
+
+
+@dataclass
+class _Count:
+    """How often a service was bridged; when its next one is told."""
+
+    times: int = 0
+    tell: float = -inf
+
+
+class Bridges:
+    """The messages of muted substitutes. Times in s."""
+
+    def __init__(self) -> None:
+        self._counts: Dict[str, _Count] = {}
+        self._latest: Dict[Key, float] = {}
+
+    def muted(self, key: Key, time: float) -> None:
+        """A substitute publishes no more: what comes soon is of those whom it still serves."""
+        self._latest[key] = time + SERVES_S
+
+    def heard(self, key: Key, row: Substitution, time: float) -> Optional[Bridged]:
+        """A muted substitute has published; what people are told of that, if it is told now."""
+        latest = self._latest.get(key, -inf)
+        self._latest[key] = max(time, latest)
+        if time - latest <= BRIDGES_APART * row.bridge:
+            return None
+        count = self._counts.setdefault(row.service, _Count())
+        count.times += 1
+        if time < count.tell:
+            return None
+        count.tell = time + TELL_S
+        return Bridged(time, row.service, *key, count.times)
+
+    def times(self, service: str) -> int:
+        """How often a service was bridged so far."""
+        count = self._counts.get(service)
+        return 0 if count is None else count.times
 
 
 def publishes(row: Optional[Substitution], topic: str) -> bool:

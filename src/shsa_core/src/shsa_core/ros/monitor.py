@@ -28,7 +28,6 @@ from shsa_core.monitoring import events
 from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
-from shsa_core.monitoring.share import watched_at, watched_beside
 from shsa_core.ros import clock, diagnostics, settings
 from shsa_core.ros.processes.handover import await_turn
 from shsa_core.ros.node import run
@@ -363,8 +362,8 @@ def _read(arguments: argparse.Namespace) -> Som:
 def _share(arguments: argparse.Namespace, som: Som) -> Som:
     """What of a SOM this monitor watches."""
     if arguments.host:
-        return watched_at(som, arguments.host)
-    return watched_beside(som, arguments.beside)
+        return som.at((arguments.host,))
+    return som.at(arguments.beside, beside=True)
 
 
 def _read_ontology(path: str) -> Optional[Ontology]:

@@ -91,7 +91,7 @@ CLOSE_LOG_S = 1.0
 
 # Signs of life.
 TICK_S = 0.05
-"""Between two looks at who is silent, here and on other computers."""
+"""Between two looks for silent processes, here and on other computers."""
 HEARTBEAT_S = 0.1
 """Between two signs of life, of a process and of an agent."""
 SILENT_S = 0.3
@@ -119,7 +119,7 @@ EXIT_STATUS_S = 0.1
 FORK_S = 1.0
 """So long a fork is waited for, which takes 10 ms; then a process is started by rosrun."""
 LOOK_S = 1.0
-"""Between two looks at what changes seldom: who has started a node, how busy a computer is."""
+"""Between two looks at what changes seldom: the starter of a node, the load of a computer."""
 LEARN_PAUSE_S = 0.02
 """After each node that is learned: all of a large robot become healthy in the same moment."""
 GATHER_S = 0.5

@@ -14,6 +14,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.files.som_file import PARAMETER
 from shsa_core.ros import settings
+from shsa_core.ros.master.bus import connected
 from shsa_core.ros.master.introductions import Introductions, Publisher
 from shsa_core.ros.master.master_calls import MasterCalls, State
 from shsa_core.ros.master.node_api import FAILURES, node_api
@@ -164,7 +165,7 @@ class MasterWatch:
         return left
 
     def _ask_all(self, nodes: Mapping[str, str]) -> Dict[str, Said]:
-        """Return what nodes say of themselves who answer soon; who has gone is settled too."""
+        """Return what nodes that answer soon say of themselves; one that has gone is settled."""
         said: Dict[str, Said] = {}
         lock, done = threading.Lock(), threading.Semaphore(0)
 
@@ -212,12 +213,10 @@ class MasterWatch:
 
         def work() -> None:
             try:
-                info: Any = node_api(new.uri).getBusInfo(self._me)
-                rows = [row for row in info[2] if row[2:5:2] == ["o", topic]]
-                connected = {str(row[1]) for row in rows}
-            except (*FAILURES, TypeError, IndexError):
-                return  # whoever does not answer gives no connection either
-            for node in subscribers - connected - {new.node}:  # nobody connects to itself
+                served = set(connected(topic, new.uri).values())
+            except (*FAILURES, TypeError, LookupError):
+                return  # a node that does not answer gives no connection either
+            for node in subscribers - served - {new.node}:  # nobody connects to itself
                 if node in uris:
                     self._nodes.put(partial(self._tell, node, uris[node], new, publishers))
 

@@ -1,6 +1,6 @@
 """Asks the kernel about processes: its answers cannot be forged by anybody on the graph.
 
-Who listens at an address, whose process it is, whether it has ended, stopped or waits.
+Which process listens at an address, which user it is of, whether it has ended, stopped or waits.
 """
 import functools
 import os

@@ -16,6 +16,7 @@ from shsa_core.model.calibration import Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.calibration import SOURCE
+from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.monitoring.events import CalibrationRow, PublisherHealth, PublisherState
 from shsa_core.ros import clock
 from shsa_core.ros.wire.rows import p95_of, rms_of
@@ -31,8 +32,6 @@ MOMENTS = (
     "returned",
     "ended",
 )
-LARGEST_MESSAGE_B = 65536
-"""A larger one does not travel from the monitor to a substitute."""
 
 
 def failure_seen(failure: msg.Failure) -> events.FailureSeen:
@@ -54,7 +53,7 @@ def failure_seen(failure: msg.Failure) -> events.FailureSeen:
 
 def last_message(message: bytes) -> bytes:
     """Return a message from outside as it may travel in a table; empty if it is too large."""
-    return message if len(message) <= LARGEST_MESSAGE_B else b""
+    return message if len(message) <= LAST_MESSAGE_B else b""
 
 
 def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> events.HealthSeen:
