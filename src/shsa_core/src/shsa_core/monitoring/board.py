@@ -108,6 +108,10 @@ class Board:
 
     # Changes
 
+    def look_when_due(self, topic: WatchedTopic, publisher: Publisher) -> None:
+        """Have a publisher looked at once its silence is due."""
+        self.agenda.bring_forward(Silence(topic.name, publisher.name), publisher.deadline)
+
     def bridge(self, topic: WatchedTopic, publisher: str, time: float) -> bool:
         """Count a message of a muted substitute that fills in; whether it was one.
 
@@ -201,7 +205,7 @@ class Board:
     def become_healthy(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
         """A publisher is as it should be."""
         publisher.become(time, HEALTHY)
-        self.agenda.bring_forward(Silence(topic.name, publisher.name), publisher.deadline)
+        self.look_when_due(topic, publisher)
         self.touch(topic, publisher.name)
         self._miss_no_more(topic, publisher.watched)
         self.forget_gone(topic)
