@@ -69,7 +69,7 @@ class Monitor:
 
     @property
     def next_deadline(self) -> float:
-        """When the next Tick is due, in s; inf: none is.
+        """The moment in s at which the next Tick is due; inf: none is.
 
         Messages move it away, save where a deadline is learned that is shorter.
         """
@@ -78,7 +78,7 @@ class Monitor:
 
     @property
     def simulated(self) -> bool:
-        """Whether publishers are judged by /clock as well."""
+        """True if publishers are judged by /clock as well."""
         return self._pace.simulated
 
     def handle(self, event: Event) -> List[Command]:
@@ -93,19 +93,19 @@ class Monitor:
         return self._pace.ours(commands)
 
     def table(self) -> Tuple[PublisherHealth, ...]:
-        """The health of every publisher, as of the last event."""
+        """Return the health of every publisher, as of the last event."""
         return self._pace.rows(self._board.table())
 
     def overview(self) -> Tuple[ServiceHealth, ...]:
-        """How every service is doing, as of the last event."""
+        """Return how every service is doing, as of the last event."""
         return overview(self._som, self._board, self.muted())
 
     def messages(self) -> Dict[Key, int]:
-        """How many messages came from each publisher so far."""
+        """Return the number of messages of each publisher so far."""
         return {(topic.name, p.name): p.messages for topic, p in self._board.all()}
 
     def muted(self) -> Set[Key]:
-        """The publishers that publish nothing and need not: substitutes that stand by."""
+        """Return the substitutes that stand by: they publish nothing and need not."""
         board = self._board
         return {
             (topic.name, publisher.name)
@@ -114,7 +114,7 @@ class Monitor:
         }
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
-        """The service that a publisher of `topic` provides, for whose checks it is read.
+        """Return the service that a publisher of `topic` provides, for whose checks it is read.
 
         None if nobody can tell.
         """
@@ -249,7 +249,7 @@ class Monitor:
             publisher.watched.overdue = True  # nobody is awaited: who comes is welcome
 
     def _may_stop(self, topic: WatchedTopic, publisher: Publisher) -> bool:
-        """Whether nobody is to blame if a publisher stops: it need not publish, or may leave."""
+        """Tell if nobody is to blame for it that a publisher stops."""
         on_purpose = publisher.name in self._ending_nodes
         return on_purpose or self._board.may_be_silent(topic, publisher)
 
@@ -291,7 +291,7 @@ class Monitor:
         return found
 
     def _clock_ticked(self, _: events.ClockTicked) -> None:
-        """What was learned of stamps holds no more if our own clock was set."""
+        """Learn stamps anew if our own clock was set."""
         if self._pace.jumped:
             for _topic, publisher in self._board.all():
                 if publisher.evidence is not None:
@@ -327,7 +327,7 @@ class Monitor:
         self._board.look_when_due(topic, publisher)
 
     def _look_anew(self, keys: Iterable[Key]) -> None:
-        """These publishers are allowed another silence."""
+        """Look at publishers that are allowed another silence."""
         for key in keys:
             found = self._board.find(*key)
             if found is not None:
