@@ -177,7 +177,7 @@ class AnyRobot(RuleBasedStateMachine):
         }
         rows.update(pool.plans)
         for name, healing in core.services.items():
-            assert self.incidents.get(name) == healing.incident
+            assert self.incidents.get(name) == core.incident(name)
             plan = healing.substitute.plan
             if plan is not None:
                 service = core.robot.som.services[name]

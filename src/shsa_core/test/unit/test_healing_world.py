@@ -21,7 +21,8 @@ from core_robot import (
 )
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.incident import State
+from shsa_core.healing.incident import WELL, State
+from shsa_core.healing.node import no_accusation
 from shsa_core.healing.process import Substitute
 from shsa_core.healing.repair import Trigger
 from shsa_core.healing.settings import AGAIN_S
@@ -376,12 +377,12 @@ def test_safe_values_promise_nothing() -> None:
         ),
         (
             lambda core, a: a.__dict__.update(
-                incident=None, accusation=None, substitute=Substitute("a", core.robot)
+                incident=WELL, accusation=no_accusation(), substitute=Substitute("a", core.robot)
             ),
             "is in the table of substitutions, but has no owner",
         ),
         (
-            lambda core, a: a.__dict__.update(incident=None, accusation=None),
+            lambda core, a: a.__dict__.update(incident=WELL, accusation=no_accusation()),
             "publishes for a, which is well",
         ),
     ],

@@ -81,3 +81,7 @@ class Incident:
         record["state"], record["kind"] = self.state.value, self.kind.value
         record["outage"] = self.outage
         return record
+
+
+WELL = Incident(0, "", "", (), "", Kind.OTHER, "", 0.0, State.WELL)
+"""No incident."""

@@ -16,7 +16,7 @@ from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events, hearing, reach, succession
 from shsa_core.healing.events import Command, Event, FailureSeen
-from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.incident import WELL, Incident, State
 from shsa_core.healing.node import NODE_EVENTS, RestartVain, Said
 from shsa_core.healing.process import is_warm
 from shsa_core.healing.records import Counters, RestartedNode, ServiceRecord, Table
@@ -195,7 +195,7 @@ class Reconfigurator:
     def incident(self, service: str) -> Optional[Incident]:
         """Return the open incident of a service."""
         machine = self.services.get(service)
-        return machine.incident if machine else None
+        return machine.incident if machine and machine.incident is not WELL else None
 
     # Asking services, and keeping up what follows.
 
@@ -222,13 +222,13 @@ class Reconfigurator:
         shown: Optional[Incident] = None
         for each in commands:
             shown = each.incident if isinstance(each, events.ShowIncident) else shown
-        if shown is not None and incident is None:
+        if shown is not None and incident is WELL:
             record = replace(record, incident=shown)  # until it is told, and logged
             self._ended.append(name)
             robot.calibrations.healed(name)
         empty = record == ServiceRecord(name)
         robot.records.set(f"service {name}", None if empty else record)
-        if (before is None) != (incident is None):
+        if (before is WELL) != (incident is WELL):
             self.unsettle([name])
         return commands
 
@@ -238,7 +238,7 @@ class Reconfigurator:
         incident, plan = machine.incident, machine.substitute.plan
         reads = plan.inputs if isinstance(plan, Plan) else ()
         indexes.follow(name, tuple(dict.fromkeys([source.service.name for source in reads])))
-        if incident is None:
+        if incident is WELL:
             return
         if incident.state in STUCK:
             indexes.stuck[name] = None
@@ -291,7 +291,7 @@ class Reconfigurator:
     def _missing(self, name: str) -> str:
         """Return why a service is not available whoever is well; empty: it may be."""
         machine, service = self.services.get(name), self.robot.som.services.get(name)
-        if machine is not None and machine.incident is not None:
+        if machine is not None and machine.incident is not WELL:
             return "failed"
         if service is None or not service.host or not service.event_driven:
             return ""
@@ -509,8 +509,8 @@ class Reconfigurator:
     def validate(self) -> None:
         """Raise ShsaError if an invariant is broken.
 
-        These are: one publisher a service, no process without an owner, none that stands by where
-        it cannot be told, and something that will happen next in each incident.
+        These are those of each machine, one publisher a service, one owner a process, none that
+        stands by where it cannot be told, and something that will happen next in each incident.
         """
         robot, processes = self.robot, self._processes
         owners: Dict[str, str] = {node: "the pool" for node in processes.pool.processes}
@@ -522,19 +522,16 @@ class Reconfigurator:
                 raise ShsaError(f"{node} works for {name} and for {owners[node]}")
             if node:
                 owners[node] = name
-            waits = incident and state is State.HEALING and machine.deadline is None
-            if waits and incident and not self._nodes.busy(incident.faulty_node):
+            waits = state is State.HEALING and machine.deadline is None
+            if waits and not self._nodes.busy(incident.faulty_node):
                 raise ShsaError(f"{name} is being healed, and nothing will ever happen")
             if state is not State.WELL and robot.availability.states[name].available:
                 raise ShsaError(f"{name} is {state} and available at the same time")
             host = machine.substitute.host
             if node and robot.computers.lost(host) and not machine.publishes:
                 raise ShsaError(f"{node} stands by for {name} on {host}, which is lost")
+        processes.validate(owners)
+        self._nodes.validate()
         for row in processes.wanted.rows.values():
-            if row.node and row.node not in owners:
-                raise ShsaError(f"{row.node} is in the table of substitutions, but has no owner")
             if row.publishing and self.services[row.service].state is State.WELL:
                 raise ShsaError(f"{row.node} publishes for {row.service}, which is well")
-        for idle in processes.pool.processes.values():
-            if robot.computers.lost(idle.host):
-                raise ShsaError(f"{idle.node} stands by on a computer that is lost")

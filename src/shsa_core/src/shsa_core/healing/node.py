@@ -22,6 +22,7 @@ from typing import (
 )
 
 from shsa_core.agenda import Agenda, doubled
+from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.containment import Stakes, Verdict, decide
 from shsa_core.healing.events import Command, Level, Log
@@ -98,6 +99,11 @@ class Accusation:
     def silent(self) -> bool:
         """Tell that the node is silent, as one is whose computer is cut off."""
         return self.kind in QUIET and self.kind is not Kind.NODE_GONE
+
+
+def no_accusation() -> Accusation:
+    """Return what is held against nobody."""
+    return Accusation("", Kind.OTHER, Fate.NONE, False)
 
 
 @dataclass
@@ -358,59 +364,53 @@ class Nodes:
         self.forget_restarted(node)
         if kill.certain:
             self._orphans.discard(node)
-        for accusation in case.accusations.values() if case else ():
-            self._settle(accusation, kill.certain)
-        if kill.certain and case:  # its last failure was its own
-            trust = case.trust
-            self._trust(
-                node, case, replace(trust, doubtful=min(trust.doubtful, case.before.doubtful))
-            )
+        self._settle(node, kill.certain)
+        if case and kill.certain:  # its last failure was its own
+            doubtful = min(case.trust.doubtful, case.before.doubtful)
+            self._trust(node, case, replace(case.trust, doubtful=doubtful))
         elif case:
             self._left_alone(node, case)
         return [kill, *said]
 
     def _spared(self, kill: NodeSpared) -> List[Said]:
-        case = self._cases.get(kill.node)
-        for accusation in case.accusations.values() if case else ():
-            if kill.detail:
-                self._settle(accusation)
-            else:  # its connection was lost, but it still runs: it is as good as silent
+        if not kill.detail:  # its connection was lost, but it still runs
+            for accusation in self._accusations(kill.node):
                 accusation.kind = Kind.SILENT
-        if not kill.detail:
             return [kill]
-        if case:
-            self._left_alone(kill.node, case)
+        self._settle(kill.node)
+        if kill.node in self._cases:
+            self._left_alone(kill.node, self._cases[kill.node])
         return [Log(Level.ERROR, f"{kill.node} is not touched: {kill.detail}."), kill]
 
     def _unreached(self, kill: NodeUnreached) -> List[Said]:
         """Finish the kill of a node when its computer is back."""
-        host, case = self._host_of(kill.node), self._cases.get(kill.node)
+        host = self._host_of(kill.node)
         if not host:
             return self._gone(NodeKilled(kill.time, kill.node, False, kill.detail))
-        accusations = list(case.accusations.values()) if case else []
-        silent = all(each.silent for each in accusations)
+        silent = all(each.silent for each in self._accusations(kill.node))
         self._pending[kill.node] = _Pending(host, kill.time, silent)
-        for accusation in accusations:
-            self._settle(accusation)
+        self._settle(kill.node)
         return [kill]
 
     def _alive(self, kill: NodeAlive) -> List[Said]:
         """Ask the computer of a node again while it is missed here, as it may do well there."""
-        case = self._cases.get(kill.node)
         self._pending[kill.node] = _Pending(self._host_of(kill.node), kill.time, True)
-        accusations = list(case.accusations.values()) if case else []
+        accusations = self._accusations(kill.node)
         news = any(each.excuse != kill.cause for each in accusations)
         for each in accusations:
             each.decision = f"{kill.node} is not killed: {kill.detail}, {kill.cause}"
             each.fate, each.heard, each.excuse = Fate.NONE, False, kill.cause
         return [kill] if news else []
 
-    @staticmethod
-    def _settle(accusation: Accusation, certain: bool = False) -> None:
+    def _accusations(self, node: str) -> List[Accusation]:
+        return list(self._cases[node].accusations.values()) if node in self._cases else []
+
+    def _settle(self, node: str, certain: bool = False) -> None:
         """Note that a node is gone, or cannot be reached to make sure."""
-        if accusation.kept or (certain and accusation.asks_there):
-            accusation.decision = f"{accusation.node} is gone"
-        accusation.fate, accusation.heard = Fate.NONE, False
+        for each in self._accusations(node):
+            if each.kept or (certain and each.asks_there):
+                each.decision = f"{node} is gone"
+            each.fate, each.heard = Fate.NONE, False
 
     def _left_alone(self, node: str, case: Case) -> None:
         """Do no more about a node: two of one name would end each other, so it is not restarted."""
@@ -616,3 +616,10 @@ class Nodes:
         """Forget which process a node is: what comes up under its name is another one."""
         if self._tries.pop(node, None) is not None:
             self._learning.set(node, None)
+
+    def validate(self) -> None:
+        """Raise ShsaError if a node is to be killed, and nothing will happen."""
+        for node, case in self._cases.items():
+            killed = any(each.fate is Fate.KILLED for each in case.accusations.values())
+            if killed and node not in self._health.dying and node not in self._pending:
+                raise ShsaError(f"{node} is to be killed, and nothing will ever happen")

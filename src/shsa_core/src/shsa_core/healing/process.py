@@ -3,7 +3,7 @@
 Each computer starts and ends processes as it is told here, and ends by itself those of ours that
 nothing wants, as after a cut.
 """
-from typing import TYPE_CHECKING, Dict, FrozenSet, List, Optional, Set, Tuple
+from typing import TYPE_CHECKING, Collection, Dict, FrozenSet, List, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan, safe_values
 from shsa_core.errors import ShsaError
@@ -230,6 +230,15 @@ class Processes:
         self.pool.add(node, record.started, host)
         self.wanted.set(node, Substitution(node, "", (), "", (), host=host))
         self._robot.records.set(record.key, record)
+
+    def validate(self, owned: Collection[str]) -> None:
+        """Raise ShsaError if a row of the table has no process that somebody has, as `owned`."""
+        for row in self.wanted.rows.values():
+            if row.node and row.node not in owned:
+                raise ShsaError(f"{row.node} is in the table of substitutions, but has no owner")
+        for idle in self.pool.processes.values():
+            if self._robot.computers.lost(idle.host):
+                raise ShsaError(f"{idle.node} stands by on a computer that is lost")
 
 
 def is_warm(service: Service) -> bool:

@@ -18,7 +18,8 @@ from shsa_core.healing.events import (
     ShowIncident,
     StartSubstitute,
 )
-from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.incident import WELL, Incident, State
+from shsa_core.healing.node import no_accusation
 from shsa_core.healing.placement import NoRoom, Place
 from shsa_core.healing.planner import AnyPlan
 from shsa_core.healing.records import Fate
@@ -92,7 +93,7 @@ def begin(service: "ServiceMachine", failure: Failure) -> List[Command]:
 
 def still_failing(service: "ServiceMachine", failure: Failure) -> List[Command]:
     """Judge a node that failed once more, or another one beside it."""
-    assert failure is not None and service.incident is not None
+    assert failure is not None
     nodes, name, node = service.robot.nodes, service.spec.name, failure.publisher
     text = f"{service.spec.topic}: {node} failed again: {failure.detail}."
     commands: List[Command] = [Log(Level.WARN, text)]
@@ -109,7 +110,6 @@ def still_failing(service: "ServiceMachine", failure: Failure) -> List[Command]:
 
 def blame(service: "ServiceMachine", node: str, kind: Kind) -> List[Command]:
     """Blame a node, in place of another that the incident blames."""
-    assert service.incident is not None
     nodes, former = service.robot.nodes, service.incident.faulty_node
     service.accusation = nodes.accuse(service.spec.name, node, kind)
     if node == former:
@@ -121,7 +121,6 @@ def blame(service: "ServiceMachine", node: str, kind: Kind) -> List[Command]:
 
 def judge_again(service: "ServiceMachine", _: Failure = None) -> List[Command]:
     """Decide about the node anew: what it costs may have changed."""
-    assert service.incident is not None and service.accusation is not None
     if service.incident.state is State.KEPT:
         return heal(service)
     plan, none = search(service)
@@ -133,11 +132,10 @@ def judge_again(service: "ServiceMachine", _: Failure = None) -> List[Command]:
 
 def failed_again(service: "ServiceMachine", failure: Failure) -> List[Command]:
     """Go on after the node failed within its hold-off."""
-    assert failure is not None and service.incident is not None
+    assert failure is not None
     spec, robot, node = service.spec, service.robot, failure.publisher
     commands = blame(service, node, failure.kind)
     accusation = service.accusation
-    assert accusation is not None
     robot.nodes.failed(failure.time, spec, node, failure.kind, soon=True)
     service.timers.clear()
     plan, none = search(service)
@@ -209,13 +207,14 @@ def change_law(service: "ServiceMachine", _: Failure) -> List[Command]:
     Before an incident, the better law is looked at again after a while.
     """
     spec, substitute, robot = service.spec, service.substitute, service.robot
-    faulty = service.incident.faulty_node if service.incident else spec.node
+    well = service.state is State.WELL
+    faulty = spec.node if well else service.incident.faulty_node
     another = substitute.another(spec, faulty)
     text = f"{spec.topic}: the substitute's law does not hold now"
     if another is None:
         return [Log(Level.WARN, f"{text}, and there is no other.")]
     said = Log(Level.WARN, f"{text}. The next best takes its place.")
-    if service.incident is not None:
+    if not well:
         substitute.leave_plan()
         return [said, *heal(service)]
     service.timers[Trigger.RETRY] = robot.time + robot.settings.retry_limit
@@ -230,7 +229,6 @@ def retry(service: "ServiceMachine", _: Failure) -> List[Command]:
 
 def heal(service: "ServiceMachine", _: Failure = None) -> List[Command]:
     """Search, decide about the node, and set a process to work: the one at hand, or another."""
-    assert service.accusation is not None
     plan, none = search(service)
     commands = service.judge(service.accusation, plan is not None)
     if service.accusation.babbles or idle(service):
@@ -244,7 +242,6 @@ def heal(service: "ServiceMachine", _: Failure = None) -> List[Command]:
 
 def search(service: "ServiceMachine") -> Tuple[Optional[Plan], ShsaError]:
     """Return the plan to follow now; None: there is none, and why."""
-    assert service.incident is not None
     spec, policy, substitute = service.spec, service.spec.policy, service.substitute
     service.lacks_room = False
     try:
@@ -261,14 +258,12 @@ def search(service: "ServiceMachine") -> Tuple[Optional[Plan], ShsaError]:
 
 def idle(service: "ServiceMachine") -> bool:
     """Tell that nothing is done: by its policy, or as a kept node is not to be replaced."""
-    policy, accusation = service.spec.policy, service.accusation
-    kept = accusation is not None and accusation.fate is Fate.KEPT
+    policy, kept = service.spec.policy, service.accusation.fate is Fate.KEPT
     return policy is Policy.ADVISE or (kept and not policy.substitutes)
 
 
 def follow(service: "ServiceMachine", plan: Plan) -> List[Command]:
     """Set a process to work on a plan."""
-    assert service.incident is not None
     spec, robot, substitute = service.spec, service.robot, service.substitute
     state, first_message = service.incident.state, service.incident.first_message
     if state is State.KEPT:
@@ -326,7 +321,6 @@ def wait(service: "ServiceMachine") -> bool:
 
 def keep(service: "ServiceMachine", plan: Optional[Plan], none: ShsaError) -> List[Command]:
     """Say what could be done: the node is kept, and nobody publishes beside it."""
-    assert service.incident is not None and service.accusation is not None
     spec, incident = service.spec, service.incident
     commands = [] if is_hot(spec) else service.substitute.drop()
     waits, words = wait(service), spec.last_resort.command
@@ -351,7 +345,6 @@ def keep(service: "ServiceMachine", plan: Optional[Plan], none: ShsaError) -> Li
 
 def give_up(service: "ServiceMachine", none: ShsaError) -> List[Command]:
     """Say what is missing, and try again later: nothing can substitute."""
-    assert service.incident is not None and service.accusation is not None
     spec, incident = service.spec, service.incident
     commands = service.substitute.use_safe_values(spec)
     waits, words, plan = wait(service), spec.last_resort.command, service.substitute.plan
@@ -375,7 +368,6 @@ def give_up(service: "ServiceMachine", none: ShsaError) -> List[Command]:
 
 def wait_for_node(service: "ServiceMachine") -> List[Command]:
     """Wait for the node's start, which is all that can heal the service; give up in the end."""
-    assert service.incident is not None
     incident, robot = service.incident, service.robot
     if incident.killed is not None and not robot.nodes.awaited(incident.faulty_node):
         service.start_node()  # the policy may have been another one when it was killed
@@ -390,7 +382,6 @@ def wait_for_node(service: "ServiceMachine") -> List[Command]:
 
 def exhausted(service: "ServiceMachine", _: Failure = None) -> List[Command]:
     """Give up: the node was started again too often."""
-    assert service.incident is not None
     node = service.incident.faulty_node
     count = service.robot.nodes.restarts(node)
     return give_up(service, ShsaError(f"{node} was started again {count} times in vain"))
@@ -415,7 +406,6 @@ def show(service: "ServiceMachine", _: Failure) -> List[Command]:
 
 def publish(service: "ServiceMachine", _: Failure) -> List[Command]:
     """Note that the substitute publishes; what was silent can be killed now."""
-    assert service.incident is not None and service.accusation is not None
     service.timers.clear()
     commands = service.step(state=State.HEALED, first_message=service.first_message())
     outage = service.incident.outage
@@ -430,7 +420,7 @@ def publish(service: "ServiceMachine", _: Failure) -> List[Command]:
 def hold_off(service: "ServiceMachine", _: Failure) -> List[Command]:
     """Wait whether an original that is back stays healthy."""
     incident, row, robot = service.incident, service.returned(), service.robot
-    assert incident is not None and row is not None
+    assert row is not None
     robot.nodes.returned(service.spec.name, incident.faulty_node, row.since)
     length = robot.nodes.hold_off(incident.faulty_node)
     service.timers.clear()
@@ -442,7 +432,6 @@ def hold_off(service: "ServiceMachine", _: Failure) -> List[Command]:
 
 def end(service: "ServiceMachine", _: Failure) -> List[Command]:
     """End the incident: the original is well again."""
-    assert service.incident is not None
     hot = is_hot(service.spec)
     stopped = " The substitute has stopped." if service.node and not hot else ""
     commands = [] if hot else service.substitute.drop()
@@ -457,10 +446,9 @@ def withdraw(service: "ServiceMachine", _: Failure) -> List[Command]:
 
 def close(service: "ServiceMachine", why: str) -> List[Command]:
     """Close the incident."""
-    assert service.incident is not None
     node, time = service.incident.faulty_node, service.robot.time
     commands = service.step(state=State.ENDED, ended=time, detail=why)
-    service.incident = service.accusation = None
+    service.incident, service.accusation = WELL, no_accusation()
     service.last_message = b""
     service.timers.clear()
     service.pauses = 0

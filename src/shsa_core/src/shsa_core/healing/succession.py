@@ -45,7 +45,7 @@ def started(core: "Reconfigurator", event: events.Started) -> List[Command]:
             commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
             commands.append(events.StopSubstitute(node))
     if event.records:
-        incidents = sum(each.incident is not None for each in core.services.values())
+        incidents = sum(each.state is not State.WELL for each in core.services.values())
         working, idle = len(robot.processes.substituted), len(robot.processes.pool.processes)
         text = f"{incidents} incidents, {working} substitutes, {idle} idle processes"
         commands.append(Log(Level.INFO, f"Taking up what was left behind: {text}."))

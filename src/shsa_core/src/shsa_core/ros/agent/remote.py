@@ -193,7 +193,7 @@ class RemoteHost:
         self._tell(self._ours(event, now))
 
     def _ours(self, event: HostEvent, now: float) -> HostEvent:
-        """Return an event by our clock; whoever waited for it does not wait any more."""
+        """Return an event by our clock; nothing waits for it any more."""
         for command in [each for each in self._waits if each[1] == event.node]:
             if isinstance(event, ANSWERS[command[0]]):
                 del self._waits[command]
@@ -204,7 +204,7 @@ class RemoteHost:
         return replace(event, time=now)
 
     def _give_up(self, now: float, why: str) -> None:
-        """End the conversation; whoever waits for an answer is told so."""
+        """End the conversation, and answer what still waits."""
         self._reached = False
         self._agent = 0
         self._line = Line()

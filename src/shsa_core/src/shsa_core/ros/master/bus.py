@@ -35,7 +35,7 @@ def sent(answer: Answer, topic: str) -> Optional[Sent]:
 
 
 def rate(uri: str, topic: str, seconds: float) -> Optional[float]:
-    """Return how many messages/s a node sends on a topic to whom it sends most; 0: no answer.
+    """Return the messages/s that a node sends to its best-served subscriber; 0: no answer.
 
     None: it cannot be told, as nobody is connected to it. Takes `seconds` and two calls.
     """

@@ -118,7 +118,7 @@ class MasterWatch:
             pause = max(settings.MASTER_PAUSE_S, _took(now))
             self._keep_at = now + min(pause, settings.LONGEST_MASTER_PAUSE_S)
         self._look_at = now + min(settings.MASTER_PAUSE_S, _took(now))
-        if waiting and now < self._anew_at + settings.BUSY_S:
+        if waiting and now < self._anew_at + settings.LOOP_ANSWER_S:
             self._look_at = now
 
     # What is known, and what a new master is told of it.
@@ -165,7 +165,7 @@ class MasterWatch:
         return left
 
     def _ask_all(self, nodes: Mapping[str, str]) -> Dict[str, Said]:
-        """Return what nodes say of themselves who answer soon; who has gone is settled too."""
+        """Return what nodes that answer soon say of themselves; one that has gone is settled."""
         said: Dict[str, Said] = {}
         lock, done = threading.Lock(), threading.Semaphore(0)
 
@@ -215,7 +215,7 @@ class MasterWatch:
             try:
                 served = set(connected(topic, new.uri).values())
             except (*FAILURES, TypeError, LookupError):
-                return  # whoever does not answer gives no connection either
+                return  # a node that does not answer gives no connection either
             for node in subscribers - served - {new.node}:  # nobody connects to itself
                 if node in uris:
                     self._nodes.put(partial(self._tell, node, uris[node], new, publishers))

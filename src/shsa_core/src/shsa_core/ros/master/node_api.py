@@ -1,6 +1,6 @@
 """Calls to a node's own XML-RPC interface, and to the master's.
 
-Whoever answers may be anybody: a call has one deadline from its begin to its end, an answer has a
+Anybody may answer: a call has one deadline from its begin to its end, an answer has a
 largest size, and is looked at before it is used.
 """
 import http.client

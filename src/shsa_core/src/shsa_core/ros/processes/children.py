@@ -1,4 +1,4 @@
-"""The processes that healing has started or taken up: how they end, and who is told."""
+"""Keeps the processes that healing has started or taken up; ends them, and tells their ends."""
 import os
 import signal
 import threading
@@ -13,7 +13,7 @@ from shsa_core.ros.processes import kernel
 
 UNKNOWN = "unknown"
 Status = Union[int, str]
-"""An exit status; UNKNOWN: whoever started the process cannot tell."""
+"""An exit status; UNKNOWN: it is not told."""
 
 
 class Process(Protocol):

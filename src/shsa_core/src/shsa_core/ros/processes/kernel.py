@@ -1,6 +1,6 @@
 """Asks the kernel about processes: its answers cannot be forged by anybody on the graph.
 
-Who listens at an address, whose process it is, whether it has ended, stopped or waits.
+Which process listens at an address, which user it is of, whether it has ended, stopped or waits.
 """
 import functools
 import os
@@ -128,7 +128,9 @@ def never_to_end(process: psutil.Process) -> str:
     """Return why a process is never to be ended, whatever anybody says; empty: it may be."""
     if process.pid == os.getpid():
         return "it is the reconfigurator itself"
-    if process == _master(rosgraph.get_master_uri(), int(time.monotonic() / settings.MASTER_AGE_S)):
+    if process == _master(
+        rosgraph.get_master_uri(), int(time.monotonic() / settings.LONGEST_MASTER_PAUSE_S)
+    ):
         return "it is the master"
     if process.pid in {1, *ancestors(os.getpid())}:
         return "its process has started the reconfigurator"

@@ -16,8 +16,7 @@ from shsa_core.ros.master.node_api import FAILURES
 from shsa_core.ros.processes import ending, kernel
 from shsa_core.ros.processes.heartbeats import Signs
 from shsa_core.ros.processes.host import HostCommand, Tell, not_done
-from shsa_core.ros.processes.nodes import Known, Nodes
-from shsa_core.ros.processes.protection import protection
+from shsa_core.ros.processes.nodes import Known, Nodes, protection
 from shsa_core.ros.processes.restarting import ComingUp, Restarts
 from shsa_core.ros.processes.starting import Processes, Setup
 from shsa_core.ros.processes.watching import Life
@@ -28,7 +27,7 @@ LEARNING = 2
 
 
 class LocalHost:
-    """A Host of this computer; `signs`: who hears the heartbeats of the substitutes."""
+    """A Host of this computer; `signs` has the heartbeats of the substitutes."""
 
     def __init__(self, tell: Tell, signs: Signs, setup: Setup) -> None:
         self._tell = tell

@@ -22,7 +22,7 @@ from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identi
 from shsa_core.ros.trust.places import master_place
 
 MARK = "SHSA_RESTARTED"
-"""The environment variable of a node that was started again: by whom, its name, who started it."""
+"""The environment variable of a node that healing restarted: whose it is, its name, its starter."""
 
 
 def may_restart(as_root: bool) -> bool:
@@ -49,14 +49,14 @@ class _Start:
     folder: str
     environment: Dict[str, str]
     starter: Identity
-    """Who started it first; NOBODY: nobody waits for it."""
+    """The process that started it first; NOBODY: none waits for it."""
 
 
 class Restarts:
     """Learns from the process of each healthy node how it was started.
 
-    `starter_ended(node)` is called once whoever started a node first has ended, while the node that
-    was started again still runs. `host`: the name of the agent that we are part of.
+    `starter_ended(node)` is called once the process that started a node first has ended, while the
+    restarted node still runs. `host`: the name of the agent that we are part of.
     """
 
     def __init__(self, starter_ended: Callable[[str], None], host: str = "") -> None:
@@ -88,7 +88,7 @@ class Restarts:
             self._starts[node] = start
 
     def started_again(self, node: str) -> Optional[psutil.Process]:
-        """Return the process that whoever started a node has started with the same command.
+        """Return the process that a node's starter has started with the same command.
 
         None: there is none of our user, or that cannot be told.
         """
@@ -108,7 +108,7 @@ class Restarts:
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has started again; return the nodes.
 
-        How such a node is started is learned while it is healthy; it keeps who started it first.
+        How such a node is started is learned while it is healthy; it keeps its first starter.
         """
         master = master_place()
         taken = []
@@ -148,7 +148,7 @@ class Restarts:
         return psutil.Process(process.pid)
 
     def is_with_us(self, node: str) -> bool:
-        """Return whether whoever started a node first has started us too."""
+        """Return whether the process that started a node first has started us too."""
         with self._lock:
             start = self._starts.get(node)
         return start is not None and start.starter == identity(os.getppid())

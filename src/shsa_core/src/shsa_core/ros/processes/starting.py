@@ -73,8 +73,8 @@ class Processes:
     """Starts and stops substitutes.
 
     `ended(node, detail)` is called whenever a process has ended that nobody stopped;
-    `cleared(node)` after each end, to clear what the node left registered. Neither may wait. Who
-    comes later takes the journal of one that has ended, so that there are never many.
+    `cleared(node)` after each end, to clear what the node left registered. Neither may wait. A
+    new process takes the journal of one that has ended, so that there are never many.
     """
 
     def __init__(

@@ -54,7 +54,7 @@ class Verifier:
     """Tells one reader of a topic what to refuse. `clock`: ns, of this computer.
 
     Nothing that was sent before the reader began can be meant for it, and no message comes twice:
-    whoever repeats what healing said is refused. From any thread.
+    a repetition of what healing said is refused. From any thread.
     """
 
     def __init__(self, secret: bytes, topic: str, find: Find, clock: Callable[[], int]) -> None:

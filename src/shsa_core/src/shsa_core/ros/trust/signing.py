@@ -93,7 +93,7 @@ class Signing:
     ) -> Type[genpy.Message]:
         """Return a message class like `kind` for one reader: nothing refused is decoded.
 
-        Its messages have `refusal`; empty: none. `unsigned`: who signs nothing is believed too.
+        Its messages have `refusal`; empty: none. `unsigned`: what is not signed is believed too.
         """
         find = self.computers.find
         verifier = Verifier(self._secret, rospy.resolve_name(topic), find, time.monotonic_ns)
