@@ -109,7 +109,8 @@ def health_seen(core: "Reconfigurator", event: HealthSeen) -> List[Command]:
 def _changed(
     core: "Reconfigurator", keys: Iterable[Key], failures: Iterable[FailureSeen]
 ) -> List[Command]:
-    robot, commands = core.robot, []  # type: ignore[var-annotated]
+    robot = core.robot
+    commands: List[Command] = []
     concerned: Dict[str, None] = {}
     judged: Dict[str, None] = {}
     for topic, publisher in keys:
@@ -135,7 +136,8 @@ def _changed(
 
 def look_again(core: "Reconfigurator") -> List[Command]:
     """Heal what has failed before it was needed, as the SOM is another one now."""
-    robot, commands = core.robot, []  # type: ignore[var-annotated]
+    robot = core.robot
+    commands: List[Command] = []
     for service in robot.som.needed():
         rows = robot.health.originals(robot.som, service)
         well = any(row.state is PublisherState.HEALTHY for row in rows)
@@ -168,7 +170,8 @@ def _write_health(core: "Reconfigurator", key: Key) -> None:
 
 def tick(core: "Reconfigurator", time: float) -> List[Command]:
     """Act on monitors that should have told something by now, and have not."""
-    robot, commands = core.robot, []  # type: ignore[var-annotated]
+    robot = core.robot
+    commands: List[Command] = []
     for host in core.asked.pop_due(time):
         why = f"{host} is lost, and its monitor: {robot.computers.lost(host).rstrip('.')}"
         processes = robot.processes.nodes
