@@ -16,8 +16,9 @@ from shsa_core.healing.events import (
     Level,
     Log,
 )
+from shsa_core.healing.health import MISSED
 from shsa_core.healing.records import Healthy
-from shsa_core.model.kinds import QUIET, Kind, OnPartition
+from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 
@@ -89,7 +90,7 @@ def _doubt(core: "Reconfigurator", service: Service, event: FailureSeen) -> None
     """Note that somebody is silent: it is not known yet whether the computer is lost."""
     robot = core.robot
     host = robot.host_of(event.publisher or service.node)
-    if not host or event.kind not in QUIET or event.kind is Kind.NODE_GONE:
+    if not host or event.kind not in MISSED:
         return
     computers = robot.computers
     computers.doubt(host, event.time)
