@@ -48,6 +48,9 @@ def failed(core: "Reconfigurator", event: FailureSeen, told: bool = True) -> Lis
         text = f"{topic}: a failure of {publisher or 'nobody'} is told without saying what was seen"
         return [Log(Level.WARN, f"{text}. Nothing is healed without evidence.")]
     if not service.needed:
+        row = robot.health.row((topic, publisher))
+        if not told and row is not None and row.state is PublisherState.FAILED:
+            return []  # said when the table told it
         why = event.detail.rstrip(".")
         return [Log(Level.WARN, f"{topic} failed: {why}. It is not marked `needed`, ignored.")]
     # A node that is asked about does well, and so does a substitute that tells of its law.
