@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shsa_core.monitoring.deadline import BLOCKS, KEEP, SPARE, LearnedDeadline, fitted
+from shsa_core.monitoring.deadline import LearnedDeadline, fitted
+from shsa_core.monitoring.settings import BLOCKS, SPARE, TAIL_KEPT
 from shsa_testing.thorough import many
 
 PERIOD, FIXED, MOST = 0.02, 0.25, 1.0
@@ -205,4 +206,4 @@ def test_whatever_comes_the_deadline_is_within_its_limits(
             assert deadline.allowed >= min(MOST, SPARE * longest)
         oftener = LearnedDeadline(PERIOD, 10.0 * an_hour, FIXED, MOST, deadline)
         assert oftener.allowed <= LearnedDeadline(PERIOD, an_hour, FIXED, MOST, deadline).allowed
-    assert sum(len(block.longest) for block in deadline._blocks) <= KEEP * BLOCKS
+    assert sum(len(block.longest) for block in deadline._blocks) <= TAIL_KEPT * BLOCKS

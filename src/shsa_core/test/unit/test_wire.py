@@ -107,5 +107,5 @@ def test_a_failure_says_when_it_was_told(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
     before = clock.now() - 100.0
     failure = FailureDetected(before, "odom", "/odom", "/base", Kind.SILENT, "x", before - 1.0)
-    message = failure_message(failure, b"")
+    message = failure_message(failure)
     assert (message.told - message.header.stamp).to_sec() == pytest.approx(100.0, abs=1.0)

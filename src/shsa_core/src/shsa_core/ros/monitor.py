@@ -28,10 +28,9 @@ from shsa_core.monitoring import events
 from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
-from shsa_core.monitoring.share import watched_at, watched_beside
 from shsa_core.ros import clock, diagnostics, settings
 from shsa_core.ros.processes.handover import await_turn
-from shsa_core.ros.node import Greeter, Tell, run
+from shsa_core.ros.node import run
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch, Launches
@@ -55,12 +54,6 @@ from shsa_core.ros.wire import names
 
 class _Report:
     """Time to show the table on /diagnostics."""
-
-
-class _Subscribed(NamedTuple):
-    """Somebody hears failures from now on: what tells them alone."""
-
-    tell: Tell
 
 
 class _Substitutions(NamedTuple):
@@ -113,9 +106,8 @@ class MonitorNode:
         self._ends = False
         self._changes: Dict[events.Key, Optional[events.PublisherHealth]] = {}
         self._values: diagnostics.Values = {}
-        greeter = Greeter(lambda tell: self._inbox.put(_Subscribed(tell)))
         self._failures = rospy.Publisher(
-            names.FAILURES, msg.Failure, greeter, queue_size=1000, tcp_nodelay=True
+            names.FAILURES, msg.Failure, queue_size=1000, tcp_nodelay=True
         )
         self._health = TablePublisher(
             names.told_at(names.HEALTH, arguments.host),
@@ -150,7 +142,6 @@ class MonitorNode:
             Som: self._som_changed,
             _Substitutions: self._substitutions_changed,
             _SomState: lambda heard: self._feed(wire.formerly_healthy(heard.table)),
-            _Subscribed: self._tell_failed,
             _Report: self._report,
         }
         self._inbox.put(som)
@@ -267,15 +258,11 @@ class MonitorNode:
         commands = self._core.handle(event)
         for command in commands:
             self._carry_out[type(command)](command)
-        if any(isinstance(command, events.FailureDetected) for command in commands):
-            self._show_health()  # else what has changed in a turn is published together
         if self._journal is not None:
             self._journal.answered(commands)
 
     def _tell_failure(self, failure: events.FailureDetected) -> None:
-        row = self._changes.get((failure.topic, failure.publisher))
-        message = row.last_message if row is not None else b""
-        self._failures.publish(self._sign(wire.failure_message(failure, message)))
+        self._failures.publish(self._sign(wire.failure_message(failure)))
         blamed = f"{failure.publisher} fails" if failure.publisher else "nobody publishes"
         # The reconfigurator tells people.
         rospy.logdebug("%s: %s, %s: %s.", failure.topic, blamed, failure.kind, failure.detail)
@@ -288,11 +275,6 @@ class MonitorNode:
         services = ", ".join(f"{topic} from {node}" for topic, node in awaited.services)
         rospy.logwarn("Nothing of the robot is there yet. Awaited: %s.", services)
 
-    def _tell_failed(self, subscribed: _Subscribed) -> None:
-        for row in self._last_messages.failed():
-            failure = wire.failure_of(row)
-            subscribed.tell(self._sign(wire.failure_message(failure, row.last_message)))
-
     def _substitutions_changed(self, changed: _Substitutions) -> None:
         event = wire.substitutions_changed(changed.table)
         self._last_messages.substitutions(event.rows)
@@ -301,6 +283,8 @@ class MonitorNode:
     def _tell_health(self, change: events.HealthChanged) -> None:
         self._changes.update({key: None for key in change.removed})
         self._changes.update({row.key: row for row in self._last_messages.rows(change)})
+        if any(row.state is events.PublisherState.FAILED for row in change.rows):
+            self._show_health()  # else what has changed in a turn is published together
 
     def _tell_bridged(self, bridged: events.Bridged) -> None:
         text = "%s: %s has filled in for a late message, %s so far. Nobody is blamed for that."
@@ -376,14 +360,14 @@ def _read(arguments: argparse.Namespace) -> Som:
 
 
 def _share(arguments: argparse.Namespace, som: Som) -> Som:
-    """What of a SOM this monitor watches."""
+    """Return the part of a SOM that this monitor watches."""
     if arguments.host:
-        return watched_at(som, arguments.host)
-    return watched_beside(som, arguments.beside)
+        return som.at((arguments.host,))
+    return som.at(arguments.beside, beside=True)
 
 
 def _read_ontology(path: str) -> Optional[Ontology]:
-    """What tells how values are derived from others; None: nobody wants to know, or nobody can."""
+    """Return the ontology for comparisons; None: there is none that can be read."""
     if not path:
         return None
     try:
