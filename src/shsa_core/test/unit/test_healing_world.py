@@ -355,10 +355,7 @@ def test_safe_values_promise_nothing() -> None:
             "a: unhealed, and nothing will ever be tried again",
         ),
         (
-            lambda core, a: (
-                setattr(a.substitute, "node", ""),
-                setattr(a.substitute, "plan", None),
-            ),
+            lambda core, a: vars(a.substitute).update(node="", plan=None),
             "a: healed without a substitute",
         ),
         (

@@ -5,7 +5,7 @@ from typing import List, Tuple
 import pytest
 
 from shsa_core.ros.agent.line import Line, Numbered
-from shsa_core.ros.settings import RESEND_S
+from shsa_core.ros.settings import SILENT_S as RESEND_S
 
 
 def test_what_is_said_is_numbered_and_said_again_until_it_was_heard() -> None:

@@ -41,14 +41,13 @@ class Calibrator:
         self._noted: Optional[float] = None
         self._whole = True
 
-    def due(self, time: float) -> bool:
-        """Whether a sample would be taken; nothing need be derived for one that is not."""
+    def _due(self, time: float) -> bool:
         return self._taken is None or not 0.0 <= time - self._taken < settings.SAMPLE_S
 
     def take(self, time: float, measured: float, derived: float) -> None:
-        """What a healthy sensor measured, and what was derived at the same time."""
+        """Take what a healthy sensor measured, and what was derived at the same time."""
         if not (
-            abs(measured) < settings.LARGEST and abs(derived) < settings.LARGEST and self.due(time)
+            abs(measured) < settings.LARGEST and abs(derived) < settings.LARGEST and self._due(time)
         ):
             return
         if self._taken is not None and time < self._taken:
@@ -61,11 +60,11 @@ class Calibrator:
             self._learn(*self._waiting.popleft())
 
     def doubt(self) -> None:
-        """Something is doubted now: what was taken in the last GUARD_S teaches nothing."""
+        """Doubt something: what was taken in the last GUARD_S teaches nothing."""
         self._waiting.clear()
 
     def snapshot(self) -> Calibration:
-        """Gain, offset and error as of GUARD_S before the last sample; older if one was doubted.
+        """Return gain, offset and error as of GUARD_S before the last sample, or before a doubt.
 
         Gain 1 and offset 0 where others would not be better, and for what has only been whole
         numbers: they may be states. The error is None until it is known.
@@ -181,7 +180,6 @@ class _Limited:
 
     @property
     def settled(self) -> bool:
-        """Whether there was enough data to know it."""
         return self.seen >= settings.SETTLING_S
 
     def follow(self, wanted: float, passed: float, told: float, step: float) -> None:

@@ -1,4 +1,4 @@
-"""What would substitute each needed service, calibrated by its node while that is healthy.
+"""Calibrates what would substitute each needed service, by its node while that is healthy.
 
 For each service the best plan is followed, and the best one without each node that this plan
 reads: what healing would choose now, and after one more failure. Angles, which wrap, and integrals,

@@ -1,4 +1,4 @@
-"""How long a healthy stream may be silent: learned from the tail of its gaps.
+"""Learns from the tail of its gaps how long a healthy stream may be silent.
 
 Peaks over a threshold: whatever the stream, what its gaps are beyond a high quantile `u` is about
 generalised Pareto distributed (Pickands, Annals of Statistics 3, 1975; Coles, An Introduction to
@@ -53,16 +53,16 @@ class LearnedDeadline:
 
     @property
     def gaps(self) -> int:
-        """How many gaps it stands on."""
+        """The number of gaps that it stands on."""
         return sum(block.count for block in self._blocks)
 
     @property
     def is_learned(self) -> bool:
-        """Whether enough is known."""
+        """True once enough is known."""
         return self.gaps >= self.needed
 
     def is_long(self, gap: float) -> bool:
-        """Whether a gap would be one of those that are kept."""
+        """Tell if a gap would be one of those that are kept."""
         return gap > self._blocks[-1].threshold
 
     def add(self, gap: float) -> bool:
@@ -72,7 +72,7 @@ class LearnedDeadline:
         return (self._to_look <= 0 or gap * settings.SPARE > self.allowed) and self._look()
 
     def told(self) -> str:
-        """What it stands on, in words."""
+        """Return in words on what it stands."""
         if not self.is_learned:
             return f"the fixed deadline until {self.needed} gaps are known, {self.gaps} are so far"
         return f"learned from {self.gaps} gaps, {self.false_alarms:g} false alarms an hour"
@@ -125,14 +125,14 @@ class _Block:
 
 
 class Tail(NamedTuple):
-    """What the gaps beyond `least` are like: generalised Pareto; `least` and `scale` in s."""
+    """The gaps beyond `least`, generalised Pareto distributed; `least` and `scale` in s."""
 
     least: float
     scale: float
     shape: float
 
     def level(self, ratio: float) -> float:
-        """What one gap in `ratio` of the tail is longer than."""
+        """Return the length that one gap in `ratio` of the tail exceeds."""
         if ratio <= 1.0:
             return self.least
         if self.shape <= 0.0:
@@ -140,7 +140,7 @@ class Tail(NamedTuple):
         return self.least + self.scale / self.shape * (ratio**self.shape - 1.0)
 
     def share(self, gap: float) -> float:
-        """The share of the tail that is longer than a gap."""
+        """Return the share of the tail that is longer than a gap."""
         if gap <= self.least:
             return 1.0
         beyond = (gap - self.least) / max(self.scale, INSTANT_S)
@@ -150,7 +150,7 @@ class Tail(NamedTuple):
 
 
 def fitted(gaps: Sequence[float]) -> Tail:
-    """The tail of these gaps, which are at least two, and in order."""
+    """Return the tail of these gaps, which are at least two, and in order."""
     count, least = len(gaps), gaps[0]
     mean = sum(gaps) / count - least
     weighted = sum((count - 1 - i) * (gap - least) for i, gap in enumerate(gaps))

@@ -1,4 +1,4 @@
-"""What other services tell of a service's values: programs that are evaluated once for all who ask.
+"""Derives a service's values from others: programs that are evaluated once for all who ask.
 
 A program is evaluated with a message of the service's own node, a few times a second, from the
 newest values of healthy nodes. While nothing is held against anybody it is calibrated by that node.
@@ -84,7 +84,7 @@ class FollowedPlan:
 
 @dataclass
 class _Heard:
-    """What the own node of a service told while healthy: value and time by property.
+    """The values that a service's own node told while healthy, by property, with their times.
 
     `sound`: nothing is held against its newest message. `disputed`: the properties that others
     contradict. `read`: those that some program reads; `readers`: these programs.

@@ -23,28 +23,28 @@ from shsa_core.monitoring.stillness import Run, Stillness
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found wrong: the kind of failure, and in words what was seen and what is allowed."""
+    """A kind of failure, and in words what was seen and what is allowed."""
 
     kind: Kind
     detail: str
 
 
 Learned = Dict[Tuple[str, str], Stillness]
-"""What is known of the values of one node, by property and field."""
+"""Knowledge of the values of one node, by property and field."""
 
 
 def checked_provisions(service: Service) -> Tuple[Provision, ...]:
-    """The provisions whose values some check needs; a message is decoded for no others."""
+    """Return the provisions whose values some check needs; a message is decoded for no others."""
     return tuple(provision for provision in service.provides if _checks_of(provision))
 
 
 def checks_stamps(service: Service) -> bool:
-    """Whether any check needs the stamp in the header."""
+    """Tell if any check needs the stamp in the header."""
     return bool(_of(service.checks.each, StampSample))
 
 
 def judge(checks: Iterable[Check], sample: Any) -> Optional[Finding]:
-    """What the first of the checks finds wrong with a sample."""
+    """Return what the first of the checks finds wrong with a sample."""
     for check in checks:
         detail = check.judge(sample)
         if detail is not None:
@@ -62,7 +62,7 @@ def _checks_of(provision: Provision) -> Tuple[Check, ...]:
 
 
 class _Value:
-    """What is remembered of one value of one publisher."""
+    """One value of one publisher, and the checks of it."""
 
     def __init__(self, provision: Provision, learned: Optional[Learned]) -> None:
         self._name, self._range = provision.property, provision.range
@@ -74,7 +74,7 @@ class _Value:
         self._newest: Optional[float] = None
 
     def look(self, value: float, time: float, failed: bool) -> Optional[Finding]:
-        """What is wrong with a new value.
+        """Return what is wrong with a new value.
 
         A failed publisher may start anew elsewhere, but must be steady there.
         """
@@ -104,7 +104,7 @@ class Verdict:
         """So many good messages in a row end a failure: more if it came and went before."""
 
     def add(self, bad: bool) -> bool:
-        """A message was bad or not; whether a bad one was one too many."""
+        """Count a message; tell if it was one bad one too many."""
         self._history = (self._history << 1 | bad) & self._long
         self._past = (self._past << 1 | bad) & self._long
         if not bad:
@@ -149,12 +149,12 @@ class Evidence:
 
     @property
     def knows_rate(self) -> bool:
-        """Whether there are enough messages to judge the rate by, or it is not judged."""
+        """True once there are enough messages to judge the rate by, or if it is not judged."""
         return not self._rate_checks or len(self._times) >= self._enough
 
     @property
     def pace(self) -> Optional[float]:
-        """How often messages came lately, of what the period gives; None: not known yet."""
+        """The rate of the last messages as a share of the service's; None: not known yet."""
         if not self._rate_checks or len(self._times) < self._enough:
             return None
         passed = self.span
@@ -184,11 +184,11 @@ class Evidence:
         self._verdict.clear()
 
     def clock_jumped(self) -> None:
-        """What was learned of stamps holds no more."""
+        """Forget what was learned of stamps."""
         self._stamps.forget()
 
     def weigh(self, message: Message, failed: bool) -> Tuple[bool, Optional[Finding]]:
-        """Whether a message is good, and the failure that it completes, if any.
+        """Tell if a message is good, and which failure it completes, if any.
 
         `failed`: there was one already.
         """
@@ -200,7 +200,7 @@ class Evidence:
         return finding is None, finding if guilty else None
 
     def findings(self, message: Message, failed: bool) -> Iterator[Optional[Finding]]:
-        """What each check that is due finds wrong with a message."""
+        """Yield what each check that is due finds wrong with a message."""
         for value, seen in zip(self._values, message.values or ()):
             if seen is not None:
                 yield value.look(seen, message.time, failed)
@@ -244,6 +244,6 @@ def _count(history: int) -> int:
 
 
 def _gaps(history: int) -> List[int]:
-    """How many good messages in a row lay between bad ones."""
+    """Return the numbers of good messages in a row between bad ones."""
     gaps = bin(history)[2:].rstrip("0").split("1")
     return [len(gap) for gap in gaps if gap]

@@ -66,7 +66,7 @@ class Probation:
 
     @property
     def told(self) -> str:
-        """Where the service stands, and the numbers that differ: `period: 1e+09 (so far 0.02)`."""
+        """The place of the service in its file, and the numbers that differ, in words."""
         new, old = self.service, self.kept
         pairs: List[Tuple[str, object, object]] = [
             ("period", new.period, old.period),

@@ -19,7 +19,7 @@ class Settings:
 
     @property
     def deadlines(self) -> Deadlines:
-        """How long a service may be silent."""
+        """The silence that services are allowed."""
         return Deadlines(self.deadline, self.minimum_deadline)
 
 
@@ -38,11 +38,11 @@ TOGETHER_NODES = 3
 TOGETHER_S = 5.0
 """So long several nodes that are not heard together count as not connected yet."""
 MISSED_PERIODS = 1.5
-"""Who is silent for so many periods has missed a message."""
+"""A publisher that is silent for so many periods has missed a message."""
 SLOW_PACE = 0.8
 """Of its rate: half way to what counts as too low where the SOM says nothing."""
 LOOK_S = 0.1
-"""Who is slow is looked at so often: every message of a slow node asks for it."""
+"""Slow nodes are counted so often: every message of one asks for it."""
 REMEMBERED = 200
 """Connections, and gaps, that are remembered."""
 
@@ -120,7 +120,7 @@ SAMPLE_S = 0.2
 SAMPLE_COUNTS_S = 1.0
 """A sample tells of the time since the one before, up to this; errors are noted so far apart."""
 MEMORY_S = 200.0
-"""What is older counts less than 1/e."""
+"""Samples that are older count less than 1/e."""
 LARGEST = 1e100
 """The square of a value beyond could be infinite, and its table of calibrations refused."""
 GUARD_S = 5.0

@@ -21,7 +21,7 @@ class Stamps:
         self.forget()
 
     def forget(self) -> None:
-        """Our clock jumped: learn anew."""
+        """Learn anew: our clock jumped."""
         self._ages: List[float] = []
         self._usual: Optional[float] = None
         self._allowed = 0.0
@@ -31,7 +31,7 @@ class Stamps:
         self._stood = False
 
     def sample(self, time: float, stamp: int, age: float, waited: float) -> StampSample:
-        """What is to be judged of what came at `time` s, `age` s after its `stamp` in ns."""
+        """Return what is to be judged of what came at `time` s, `age` s after its `stamp` in ns."""
         if self._usual is None:
             return StampSample(age, waited)
         always = self._growing is not None and self._growing >= settings.LEARN_MESSAGES
@@ -39,7 +39,7 @@ class Stamps:
         return StampSample(age, waited, self._usual, self._allowed, again)
 
     def heard(self, time: float, stamp: int, age: float, good: bool) -> None:
-        """A message has been judged; learn from it if it was `good`."""
+        """Learn from a message that has been judged, if it was `good`."""
         grows = self._grows(stamp)
         self._last = stamp
         if self.period is None:
@@ -103,7 +103,7 @@ class Backlog:
     def holds(
         self, message: Message, previous: Optional[float], allowed: float, period: Optional[float]
     ) -> bool:
-        """Whether a message tells of the past; `previous`: when the one before it came.
+        """Tell if a message tells of the past; `previous`: when the one before it came.
 
         After a silence of more than `allowed` s a message counts once its stamp is about as old as
         usual, and it comes half a period after another one. Where no stamp tells, the first of

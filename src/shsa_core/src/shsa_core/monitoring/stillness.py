@@ -1,4 +1,4 @@
-"""How long a value may stay the same: learned from the runs of equal values in its healthy stream.
+"""Learns how long a value may stay the same: from the runs of equal values in its healthy stream.
 
 Only noise tells: a sensor whose reading differs from message to message does not read the same bits
 for long. What moves without noise, or in coarse steps, stands still whenever the robot does, and is
@@ -12,7 +12,7 @@ from shsa_core.monitoring import settings
 
 
 class Stillness:
-    """What was learned of one value. Outlives connections: a longest run only ever allows more."""
+    """The habits of one value. Outlives connections: a longest run only ever allows more."""
 
     def __init__(self) -> None:
         self._count = self._repeats = self._turns = self._crossings = 0
@@ -36,7 +36,7 @@ class Stillness:
             self._turns //= 2
 
     def allowed(self, value: float) -> Optional[Hold]:
-        """How long `value` may stay the same; None: for ever, or nobody knows yet."""
+        """Return how long `value` may stay the same; None: for ever, or nobody knows yet."""
         changes = self._count - self._repeats
         if (
             self._count < settings.LEARN_MESSAGES
@@ -58,7 +58,7 @@ class Stillness:
 
 
 class Run:
-    """How often the newest value of one publisher came in a row. Times in s."""
+    """Counts how often the newest value of one publisher came in a row. Times in s."""
 
     def __init__(self, stillness: Stillness) -> None:
         self._stillness = stillness
@@ -89,5 +89,5 @@ class Run:
 
     @property
     def allowed(self) -> Optional[Hold]:
-        """How long it may go on, as learned; None: for ever."""
+        """The longest that it may go on, as learned; None: for ever."""
         return None if self._value is None else self._stillness.allowed(self._value)

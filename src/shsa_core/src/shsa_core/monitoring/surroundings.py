@@ -1,4 +1,4 @@
-"""What else was going on while a publisher was late, and which of its gaps teach a deadline."""
+"""Remembers what else was going on while a publisher was late, and which gaps teach a deadline."""
 from collections import deque
 from math import inf
 from typing import Callable, Deque, Iterable, List, NamedTuple, Optional, Set, Tuple

@@ -52,7 +52,7 @@ class _Witness:
 
     @property
     def derived(self) -> Optional[float]:
-        """What it tells now; None: it cannot."""
+        """The value that it tells now; None: it cannot."""
         raw = self.output.derived
         return self.output.calibration(raw) if self.calibrated and raw is not None else raw
 
@@ -109,7 +109,7 @@ class _Gap:
 
 
 class Suspicion:
-    """What others hold against one value in one life of its node.
+    """The evidence of others against one value in one life of its node.
 
     `disputed`: at so many looks in a row it was wrong by all who tell; `doubtful`: by any.
     `doubts`: by service, what people are told of it though nobody is blamed.

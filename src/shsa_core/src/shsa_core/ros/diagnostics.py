@@ -1,4 +1,4 @@
-"""What /diagnostics shows, once a second, for display; no decision reads it.
+"""Shows rows on /diagnostics, once a second, for display; no decision reads them.
 
 The rows are named after services, `monitor: battery_current`, since an analyzer misses for ever
 what has been there once. As everywhere in ROS, the topic is one for all robots on a master, and a
@@ -117,7 +117,7 @@ def every_period(call: Callable[[], object]) -> None:
 Values = Dict[Key, Optional[Tuple[Optional[float], ...]]]
 """The values in the newest message of each publisher: those of `checked_provisions`."""
 Overview = Tuple[Iterable[ServiceHealth], Dict[Key, int], Values]
-"""How every service is doing, how many messages came from each publisher, and the newest values."""
+"""The health of every service, the number of messages of each publisher, and the newest values."""
 
 
 class MonitorRows:
@@ -159,6 +159,8 @@ class MonitorRows:
         told = [f"{row.state}"]
         if row.kind is not None:
             told.append(f"{row.kind}, {row.detail}")
+        elif row.detail:
+            told.append(row.detail)
         if elapsed and row.key in self._counts:
             told.append(f"{(counts[row.key] - self._counts[row.key]) / elapsed:.1f} Hz")
         if row.last_good is not None:
@@ -232,7 +234,7 @@ def _healing_row(service: Service, incident: Optional[Incident]) -> DiagnosticSt
 
 
 def refused_row(counts: List[Tuple[str, int]]) -> DiagnosticStatus:
-    """How many messages were refused since the start, of whom, and why."""
+    """Return the row of the messages that were refused since the start, of whom, and why."""
     total = sum(count for _, count in counts)
     return DiagnosticStatus(
         level=WARN if total else OK,

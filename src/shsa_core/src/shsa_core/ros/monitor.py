@@ -360,14 +360,14 @@ def _read(arguments: argparse.Namespace) -> Som:
 
 
 def _share(arguments: argparse.Namespace, som: Som) -> Som:
-    """What of a SOM this monitor watches."""
+    """Return the part of a SOM that this monitor watches."""
     if arguments.host:
         return som.at((arguments.host,))
     return som.at(arguments.beside, beside=True)
 
 
 def _read_ontology(path: str) -> Optional[Ontology]:
-    """What tells how values are derived from others; None: nobody wants to know, or nobody can."""
+    """Return the ontology for comparisons; None: there is none that can be read."""
     if not path:
         return None
     try:

@@ -57,7 +57,7 @@ class Agents:
         Waits for the agents that are registered, and for nobody where there are none.
         """
         wanted = self._registered()
-        deadline = clock.now() + settings.START_S
+        deadline = clock.now() + settings.AGENT_ANSWER_S
         while clock.now() < deadline and not all(self._hosts[n].is_reached for n in wanted):
             rospy.rostime.wallsleep(settings.TICK_S / 5)
         with self._lock:
@@ -81,7 +81,7 @@ class Agents:
 
     def await_quiet(self) -> None:
         """Wait until the agents that can be reached have heard everything."""
-        deadline = clock.now() + settings.STOP_S
+        deadline = clock.now() + settings.AGENT_ANSWER_S
         while clock.now() < deadline and not all(h.is_quiet for h in self._hosts.values()):
             rospy.rostime.wallsleep(settings.TICK_S)
 

@@ -39,7 +39,7 @@ class Line:
     def say(self, text: str, now: float) -> Numbered:
         """Number what is to be said, and keep it until the other end has heard it."""
         if not self._open:
-            self.since, self._again_at = now, now + settings.RESEND_S
+            self.since, self._again_at = now, now + settings.SILENT_S
         self._number += 1
         self._open.append(Numbered(self._number, text))
         return self._open[-1]
@@ -52,7 +52,7 @@ class Line:
         if self._open and heard >= self._open[0].number:
             while self._open and self._open[0].number <= heard:
                 self._open.popleft()
-            self.since, self._again_at = now if self._open else None, now + settings.RESEND_S
+            self.since, self._again_at = now if self._open else None, now + settings.SILENT_S
         if number != self.heard + 1:
             return False
         self.heard = number
@@ -62,7 +62,7 @@ class Line:
         """Return what is to be said again now."""
         if not self._open or now < self._again_at:
             return []
-        self._again_at = now + settings.RESEND_S
+        self._again_at = now + settings.SILENT_S
         return list(self._open)
 
 

@@ -98,7 +98,7 @@ class SomWatch:
                 with self._lock:
                     self._heed(value)
             took = (time.monotonic() - begin) / settings.LOOKING_SHARE
-            self._look.wait(max(settings.SOM_LOOK_S, took))
+            self._look.wait(max(settings.MASTER_LOOK_S, took))
 
     def _subscribe(self) -> Optional[object]:
         """Return the value, {} if there is none; from now on the master tells of changes.

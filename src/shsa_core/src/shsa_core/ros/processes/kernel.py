@@ -128,7 +128,9 @@ def never_to_end(process: psutil.Process) -> str:
     """Return why a process is never to be ended, whatever anybody says; empty: it may be."""
     if process.pid == os.getpid():
         return "it is the reconfigurator itself"
-    if process == _master(rosgraph.get_master_uri(), int(time.monotonic() / settings.MASTER_AGE_S)):
+    if process == _master(
+        rosgraph.get_master_uri(), int(time.monotonic() / settings.LONGEST_MASTER_PAUSE_S)
+    ):
         return "it is the master"
     if process.pid in {1, *ancestors(os.getpid())}:
         return "its process has started the reconfigurator"

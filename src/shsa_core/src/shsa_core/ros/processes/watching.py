@@ -116,7 +116,7 @@ class Companion:
         self._beaten = time.monotonic()
         self._known: Optional[kernel.Identity] = None
         patience = settings.HUNG_HEALER_S[role]
-        at_work = lambda: time.monotonic() - self._beaten < settings.AT_WORK_S
+        at_work = lambda: time.monotonic() - self._beaten < settings.SILENT_S
         quiet: Told = lambda name: None
         Life(signs, self._name.__eq__, quiet, self._hangs, self._hear, patience, at_work)
 
