@@ -7,13 +7,14 @@ import os
 import signal
 import socket
 import time
-from typing import Callable, Iterable, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 import psutil
 import rosgraph.network
 
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import BadAnswer, address
+from shsa_core.ros.trust.places import master_place
 
 ANY_ADDRESS = ("0.0.0.0", "::")
 
@@ -69,6 +70,30 @@ def _matching(connections: Iterable[psutil._common.sconn], uri: str) -> List[psu
         for each in connections
         if each.status == psutil.CONN_LISTEN and each.laddr.port == port and each.laddr.ip in hosts
     ]
+
+
+class Running(NamedTuple):
+    """A process, its command line and its environment."""
+
+    process: psutil.Process
+    words: List[str]
+    variables: Dict[str, str]
+
+
+def robot_processes() -> Iterator[Running]:
+    """Return the processes of our user that use our ROS master, however it is spelled there."""
+    places = {os.environ.get("ROS_MASTER_URI"): master_place()}
+    ours = master_place()
+    for process in psutil.process_iter():
+        try:
+            seen = Running(process, process.cmdline(), process.environ())
+            uri = seen.variables.get("ROS_MASTER_URI")
+            if uri not in places:
+                places[uri] = master_place(seen.variables)
+        except (psutil.Error, ValueError):
+            continue  # it has ended, is somebody else's, or of no master at all
+        if places[uri] == ours and is_ours(process):
+            yield seen
 
 
 def is_ours(process: psutil.Process) -> bool:

@@ -18,8 +18,15 @@ from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.processes.children import Children, Foreign, Process
-from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity, is_ours
-from shsa_core.ros.trust.places import master_place
+from shsa_core.ros.processes.kernel import (
+    NOBODY,
+    Identity,
+    ended,
+    gone,
+    identity,
+    is_ours,
+    robot_processes,
+)
 
 MARK = "SHSA_RESTARTED"
 """The environment variable of a node that healing restarted: whose it is, its name, its starter."""
@@ -110,20 +117,17 @@ class Restarts:
 
         How such a node is started is learned while it is healthy; it keeps its first starter.
         """
-        master = master_place()
         taken = []
-        for process in psutil.process_iter():
+        for process, _, variables in robot_processes():
             try:
-                variables = process.environ() if os.getsid(process.pid) == process.pid else {}
-                owner, node, *first = json.loads(variables.get(MARK, "[0, 0]"))
-                if owner != self._owner or master_place(variables) != master:
-                    continue
-                number, since = first
-                start = _Start([], "", {}, (int(number), float(since)))
-            except (psutil.Error, OSError, ValueError, TypeError):
-                continue  # it has ended, or is somebody else's
-            if is_ours(process) and not gone(process):
-                self._keep(node, Foreign(process.pid), start)
+                owner, node, number, since = json.loads(variables.get(MARK, "[0, 0, 0, 0]"))
+                first = int(number), float(since)
+                # What the node itself has started has the mark as well.
+                is_node = owner == self._owner and os.getsid(process.pid) == process.pid
+            except (OSError, ValueError, TypeError):
+                continue
+            if is_node and not gone(process):
+                self._keep(node, Foreign(process.pid), _Start([], "", {}, first))
                 taken.append(node)
         return taken
 

@@ -14,9 +14,8 @@ from shsa_core.healing.events import StartSubstitute
 from shsa_core.ros.processes.children import Children, Foreign, Process, Status
 from shsa_core.ros.processes.forking import Forking
 from shsa_core.ros.processes.heartbeats import HOST
-from shsa_core.ros.processes.kernel import is_ours
+from shsa_core.ros.processes.kernel import is_ours, robot_processes
 from shsa_core.ros.trust import secret
-from shsa_core.ros.trust.places import master_place
 from shsa_core.substitution import signals
 
 PACKAGE = "shsa_core"
@@ -144,26 +143,14 @@ class Processes:
         """
         namespace, start = self._setup.prefix.rsplit("/", 1)
         found: Dict[str, psutil.Process] = {}
-        master = master_place()
-        for process in psutil.process_iter():
-            try:
-                words = process.cmdline()
-                name = next((w[8:] for w in words[2:] if w.startswith("__name:=" + start)), "")
-                if not name:
-                    continue
-                node, variables = f"{namespace}/{name}", process.environ()
-                here = master_place(variables) == master
-            except (psutil.Error, ValueError):
-                continue  # it has ended, is somebody else's, or of no master at all
+        for process, words, variables in robot_processes():
+            name = next((w[8:] for w in words[2:] if w.startswith("__name:=" + start)), "")
+            node = f"{namespace}/{name}"
             same = variables.get("ROS_NAMESPACE", "/").rstrip("/") == namespace
             same = same and variables.get(HOST, "") == self._setup.host
-            if (
-                here
-                and same
-                and self.children.process(node) is None
-                and self.runs_ours(node, process)
-            ):
-                found[node] = process
+            if name and same and self.children.process(node) is None:
+                if self.runs_ours(node, process):
+                    found[node] = process
         return found
 
     def runs_ours(self, node: str, process: psutil.Process) -> bool:
