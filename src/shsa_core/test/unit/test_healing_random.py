@@ -172,7 +172,7 @@ class AnyRobot(RuleBasedStateMachine):
             for each in self.som
         }
         rows = {
-            name: Substitution(name, "", (), "", (), host=pool.record(name).host)
+            name: Substitution(name, "", (), "", (), host=pool.processes[name].host)
             for name in pool.processes
         }
         rows.update(pool.plans)

@@ -24,6 +24,7 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import WELL, State
 from shsa_core.healing.node import no_accusation
 from shsa_core.healing.process import Substitute
+from shsa_core.healing.records import IdleProcess
 from shsa_core.healing.repair import Trigger
 from shsa_core.healing.settings import AGAIN_S
 from shsa_core.model.kinds import Policy, Standby
@@ -359,7 +360,7 @@ def test_safe_values_promise_nothing() -> None:
             "a: healed without a substitute",
         ),
         (
-            lambda core, a: core.robot.processes.pool.add(a.node, 0.0, ""),
+            lambda core, a: core.robot.processes.pool.add(IdleProcess(a.node, 0.0)),
             "works for a and for the pool",
         ),
         (

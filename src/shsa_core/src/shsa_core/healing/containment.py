@@ -14,7 +14,7 @@ from typing import (
 
 from shsa_core.codegen.plans import Plan
 
-from shsa_core.healing.health import Health
+from shsa_core.healing.health import MISSED, Health
 from shsa_core.healing.naming import Names
 from shsa_core.healing.planner import AnyPlan, Planner
 from shsa_core.model.checks import BY_VALUE
@@ -185,8 +185,7 @@ class Stakes:
         doomed = others | {node}
         lost: Set[str] = set()
         for service, row in published:
-            awake = row.kind in QUIET and row.kind is not Kind.NODE_GONE
-            may_speak = row.state is not PublisherState.FAILED or awake
+            may_speak = row.state is not PublisherState.FAILED or row.kind in MISSED
             if service.needed and service.name != failed.name and may_speak:
                 if not self._remains(service, doomed):
                     lost.add(service.topic)

@@ -11,6 +11,8 @@ from shsa_core.model.som import Som
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 
 HEALTHY, FAILED = PublisherState.HEALTHY, PublisherState.FAILED
+MISSED = (Kind.SILENT, Kind.NEVER_PUBLISHED)
+"""The failures of a node that may wake, or be cut off: nobody says that it is gone."""
 
 
 class Health:

@@ -16,8 +16,9 @@ from shsa_core.healing.events import (
     Level,
     Log,
 )
+from shsa_core.healing.health import MISSED
 from shsa_core.healing.records import Healthy
-from shsa_core.model.kinds import QUIET, Kind, OnPartition
+from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 
@@ -47,6 +48,9 @@ def failed(core: "Reconfigurator", event: FailureSeen, told: bool = True) -> Lis
         text = f"{topic}: a failure of {publisher or 'nobody'} is told without saying what was seen"
         return [Log(Level.WARN, f"{text}. Nothing is healed without evidence.")]
     if not service.needed:
+        row = robot.health.row((topic, publisher))
+        if not told and row is not None and row.state is PublisherState.FAILED:
+            return []  # said when the table told it
         why = event.detail.rstrip(".")
         return [Log(Level.WARN, f"{topic} failed: {why}. It is not marked `needed`, ignored.")]
     # A node that is asked about does well, and so does a substitute that tells of its law.
@@ -89,7 +93,7 @@ def _doubt(core: "Reconfigurator", service: Service, event: FailureSeen) -> None
     """Note that somebody is silent: it is not known yet whether the computer is lost."""
     robot = core.robot
     host = robot.host_of(event.publisher or service.node)
-    if not host or event.kind not in QUIET or event.kind is Kind.NODE_GONE:
+    if not host or event.kind not in MISSED:
         return
     computers = robot.computers
     computers.doubt(host, event.time)
@@ -114,7 +118,8 @@ def health_seen(core: "Reconfigurator", event: HealthSeen) -> List[Command]:
 def _changed(
     core: "Reconfigurator", keys: Iterable[Key], failures: Iterable[FailureSeen]
 ) -> List[Command]:
-    robot, commands = core.robot, []  # type: ignore[var-annotated]
+    robot = core.robot
+    commands: List[Command] = []
     concerned: Dict[str, None] = {}
     judged: Dict[str, None] = {}
     for topic, publisher in keys:
@@ -140,7 +145,8 @@ def _changed(
 
 def look_again(core: "Reconfigurator") -> List[Command]:
     """Heal what has failed before it was needed, as the SOM is another one now."""
-    robot, commands = core.robot, []  # type: ignore[var-annotated]
+    robot = core.robot
+    commands: List[Command] = []
     for service in robot.som.needed():
         rows = robot.health.originals(robot.som, service)
         well = any(row.state is PublisherState.HEALTHY for row in rows)
@@ -173,7 +179,8 @@ def _write_health(core: "Reconfigurator", key: Key) -> None:
 
 def tick(core: "Reconfigurator", time: float) -> List[Command]:
     """Act on monitors that should have told something by now, and have not."""
-    robot, commands = core.robot, []  # type: ignore[var-annotated]
+    robot = core.robot
+    commands: List[Command] = []
     for host in core.asked.pop_due(time):
         why = f"{host} is lost, and its monitor: {robot.computers.lost(host).rstrip('.')}"
         processes = robot.processes.nodes

@@ -26,6 +26,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.containment import Stakes, Verdict, decide
 from shsa_core.healing.events import Command, Level, Log
+from shsa_core.healing.health import MISSED
 from shsa_core.healing.kill import (
     KillNode,
     KillOutcome,
@@ -98,7 +99,7 @@ class Accusation:
     @property
     def silent(self) -> bool:
         """Tell that the node is silent, as one is whose computer is cut off."""
-        return self.kind in QUIET and self.kind is not Kind.NODE_GONE
+        return self.kind in MISSED
 
 
 def no_accusation() -> Accusation:

@@ -10,7 +10,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Level, Log
 from shsa_core.healing.planner import AnyPlan
-from shsa_core.healing.pool import Idle, Pool, Starts
+from shsa_core.healing.pool import Pool, Starts
 from shsa_core.healing.records import IdleProcess, Table
 from shsa_core.healing.settings import CHANGEOVER_S, LONGEST_START_S, TAKEOVER_S
 from shsa_core.model.kinds import Standby
@@ -89,7 +89,7 @@ class Processes:
             fits = (n for n in roomy if service.node not in self._services[n].values())
             node = next(fits, "")
         elif node:
-            self.pool.remove(time, node)
+            self.pool.take(time, node)
             self._robot.records.set(f"idle {node}", None)
         command: Command = events.AssignSubstitute(node)
         if not node and shared:
@@ -131,7 +131,7 @@ class Processes:
         crowded = 0 < self._most <= len(self._alone - {service.name})
         return crowded and all(source.service.period is not None for source in plan.inputs)
 
-    def spare(self, service: Service, host: str) -> Optional[Idle]:
+    def spare(self, service: Service, host: str) -> Optional[IdleProcess]:
         """Return an idle process on a computer for a warm service; None: there is none."""
         return self.pool.spare(host) if is_warm(service) else None
 
@@ -175,13 +175,14 @@ class Processes:
     def silent(self, node: str) -> None:
         """Note that a process gives no sign of life just now: it is not set to work."""
         if node in self.pool.processes:
-            self.pool.processes[node].silent = True
+            self.pool.silent.add(node)
 
     def heard(self, node: str) -> None:
         """Note that a process gives a sign of life."""
         self.starts.over(node)
         if node in self.pool.processes:
-            self.pool.processes[node].silent, self.pool.processes[node].heard = False, True
+            self.pool.silent.discard(node)
+            self.pool.heard.add(node)
 
     def drop_idle(self, node: str) -> List[Command]:
         """End an idle process."""
@@ -222,14 +223,13 @@ class Processes:
             host = self.pool.due(time)
         return commands
 
-    def add_idle(self, record: IdleProcess) -> None:
+    def add_idle(self, idle: IdleProcess) -> None:
         """Note that an idle process runs."""
-        node, host = record.node, record.host
-        if host:
-            self._elsewhere[node] = host
-        self.pool.add(node, record.started, host)
-        self.wanted.set(node, Substitution(node, "", (), "", (), host=host))
-        self._robot.records.set(record.key, record)
+        if idle.host:
+            self._elsewhere[idle.node] = idle.host
+        self.pool.add(idle)
+        self.wanted.set(idle.node, Substitution(idle.node, "", (), "", (), host=idle.host))
+        self._robot.records.set(idle.key, idle)
 
     def validate(self, owned: Collection[str]) -> None:
         """Raise ShsaError if a row of the table has no process that somebody has, as `owned`."""

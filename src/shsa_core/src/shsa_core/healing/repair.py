@@ -185,7 +185,11 @@ def replace_late(service: "ServiceMachine", _: Failure) -> List[Command]:
     unseen = robot.health.row((spec.topic, service.node)) is None
     spare = robot.processes.spare(spec, substitute.host)
     away = not robot.computers.reachable(robot.computers.name(spec.host))
-    starting = unseen and substitute.starting and not (spare is not None and spare.heard)
+    starting = (
+        unseen
+        and substitute.starting
+        and not (spare is not None and spare.node in robot.processes.pool.heard)
+    )
     if starting or not robot.health.watched(spec.topic, away):
         # It is not up yet: a new process would only make the machine busier. Or nobody can say.
         service.timers[Trigger.LATE] = robot.time + substitute.patience

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, List
 
 from shsa_core.healing import events, hearing
 from shsa_core.healing.events import Command, Level, Log
+from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.planner import program_of
 from shsa_core.healing.records import (
@@ -18,7 +19,6 @@ from shsa_core.healing.records import (
     RestartedNode,
     ServiceRecord,
 )
-from shsa_core.model.kinds import QUIET, Kind
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 if TYPE_CHECKING:
@@ -121,8 +121,9 @@ def _take_up_service(
     if incident is not None and incident.last_good is not None:
         robot.health.good.add((incident.topic, incident.faulty_node))
     if incident is not None and incident.killed is None:
-        silent = incident.kind in QUIET and incident.kind is not Kind.NODE_GONE
-        if silent and robot.host_of(incident.faulty_node):  # it may have been cut off, and be back
+        if incident.kind in MISSED and robot.host_of(
+            incident.faulty_node
+        ):  # it may have been cut off, and be back
             robot.health.doubt((incident.topic, incident.faulty_node))
     if row is not None:
         robot.calibrations.recall(record.service, program_of(row), row.outputs)
