@@ -5,17 +5,18 @@ Each function is one part of a page in docs/reference; nothing in these is writt
 import argparse
 import dataclasses
 import re
+from dataclasses import MISSING
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Type
+from typing import Any, Callable, Dict, Iterable, List, Optional, Sequence, Tuple, Type
 from xml.etree import ElementTree
 
 from shsa_core.cli.main import command_line
-from shsa_core.files import error_values, ontology_file, som_values
+from shsa_core.files import keys
 from shsa_core.files.parameters import PARAMETERS, names_of
+from shsa_core.files.readers import Keys
 from shsa_core.healing.settings import Settings as HealingSettings
 from shsa_core.language.functions import CALLS, STATEFUL
 from shsa_core.model.checks import LEARNED, REGISTRY, Checks, Limit
-from shsa_core.model.host import Host
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.settings import Settings as MonitoringSettings
@@ -39,79 +40,47 @@ def code(text: object) -> str:
     return f"`{text}`" if str(text) else ""
 
 
-def som_service() -> str:
-    """The keys of a service."""
-    provides = ("provides", "mapping", "the properties in it, by name, see below", REQUIRED)
-    rows = [*_keys(som_values.SERVICE, Service), provides]
-    return table(("key", "written", "what", "default"), [_keyed(*row) for row in rows])
+def key_table(table_of: Keys, kind: Optional[Type[Any]] = None) -> str:
+    """The keys of a mapping; `kind`: the class that has their defaults."""
+    fields = {} if kind is None else {each.name: each for each in dataclasses.fields(kind)}
+    rows = []
+    for name, key in table_of.items():
+        field = fields.get(name)
+        default = "" if field is None or field.default is MISSING else _plain(field.default)
+        means, level = _in_som_page(key.means), "basic" if key.basic else "expert"
+        rows.append(
+            (code(name), level, key.reader.form, means, REQUIRED if key.required else default)
+        )
+    return table(("key", "for", "written", "what", "default"), rows)
 
 
-def som_provision() -> str:
-    """The keys of a value of a service."""
-    rows = _keys(som_values.PROVISION, Provision)
-    return table(("key", "written", "what", "default"), [_keyed(*row) for row in rows])
+BASIC_ARGUMENTS = (
+    *("ontology", "som", "dry_run", "host", "journal", "incident_log", "secret", "view"),
+)
+"""The arguments of shsa.launch that a first robot needs."""
 
 
-def som_host() -> str:
-    """The keys of a computer."""
-    rows = _keys(som_values.HOST, Host)
-    return table(("key", "written", "what", "default"), [_keyed(*row) for row in rows])
+def basics() -> str:
+    """All that a first robot needs to set."""
+    places = {
+        "a service in the SOM": keys.SERVICE,
+        "a value of it, under `provides`": keys.VALUE,
+        "a property or constant in the ontology": {**keys.PROPERTY, **keys.CONSTANT},
+        "a relation": keys.FUNCTION,
+    }
+    names = {at: [n for n, key in each.items() if key.basic] for at, each in places.items()}
+    names["an argument of `shsa.launch`"] = list(BASIC_ARGUMENTS)
+    return table(("of", "names"), [(at, " ".join(map(code, each))) for at, each in names.items()])
 
 
 def som_checks() -> str:
-    """What can stand under `checks`: of a value, and of a message."""
+    """The checks of a value, and of a message."""
     rows = []
     for name, check in REGISTRY.items():
-        place = "a value" if check.sample in som_values.OF_VALUE else "the service"
+        place = "a value" if name in keys.VALUE_CHECKS else "the service"
         row = (code(name), place, _in_som_page(check.tells), _limit(check.default))
         rows.append((*row, _limit(check.usual)))
     return table(("check", "of", "fails if", "default", "`true` means"), rows)
-
-
-def som_counts() -> str:
-    """What the checks of a service may count."""
-    defaults = {field.name: field.default for field in dataclasses.fields(Checks)}
-    return _meanings(som_values.COUNTS, lambda key: _plain(defaults[key]))
-
-
-def som_placement() -> str:
-    """The keys of `placement`."""
-    return _meanings(som_values.PLACEMENT)
-
-
-def som_deadline() -> str:
-    """The keys of a `deadline` that is learned."""
-    return _meanings(som_values.ADAPTIVE)
-
-
-def som_last_resort() -> str:
-    """The keys of `last_resort`."""
-    return _meanings(som_values.LAST_RESORT)
-
-
-def error_figures() -> str:
-    """The keys of an `error`."""
-    return _meanings(error_values.KEYS)
-
-
-def ontology_sections() -> str:
-    """The sections of an ontology."""
-    return _meanings(ontology_file.SECTIONS)
-
-
-def ontology_property() -> str:
-    """The keys of a property."""
-    return _meanings(ontology_file.PROPERTY)
-
-
-def ontology_constant() -> str:
-    """The keys of a constant."""
-    return _meanings(ontology_file.CONSTANT)
-
-
-def ontology_function() -> str:
-    """The keys of one direction of a relation."""
-    return _meanings(ontology_file.FUNCTION)
 
 
 def functions() -> str:
@@ -163,7 +132,7 @@ def messages() -> str:
 
 
 def commands() -> str:
-    """What `shsa COMMAND --help` says, of every command."""
+    """The help of every command."""
     parser = command_line()[0]
     (subparsers,) = (each for each in parser._actions if each.choices and not each.option_strings)
     parts = [_help("", parser)]
@@ -172,45 +141,32 @@ def commands() -> str:
 
 
 PARTS: Dict[str, Callable[[], str]] = {
-    each.__name__: each
-    for each in (
-        *(som_service, som_provision, som_host, som_checks, som_counts, som_placement),
-        *(som_deadline, som_last_resort, error_figures),
-        *(ontology_sections, ontology_property, ontology_constant, ontology_function, functions),
-        *(kinds, injected, parameters, launch_files),
-        *(messages, commands),
-    )
+    "som_service": lambda: key_table(keys.SERVICE, Service),
+    "som_value": lambda: key_table(keys.VALUE, Provision),
+    "som_counts": lambda: key_table(keys.COUNTS, Checks),
+    "som_deadline": lambda: key_table(keys.DEADLINE),
+    "som_last_resort": lambda: key_table(keys.LAST_RESORT),
+    "som_placement": lambda: key_table(keys.PLACEMENT),
+    "som_host": lambda: key_table(keys.HOST),
+    "ontology_sections": lambda: key_table(keys.ONTOLOGY),
+    "ontology_property": lambda: key_table(keys.PROPERTY),
+    "ontology_constant": lambda: key_table(keys.CONSTANT),
+    "ontology_relation": lambda: key_table(keys.FUNCTION),
+    "error_figures": lambda: key_table(keys.ERROR),
+    **{
+        each.__name__: each
+        for each in (
+            *(basics, som_checks, functions, kinds, injected, parameters),
+            *(launch_files, messages, commands),
+        )
+    },
 }
 """Every part by its name, as pages ask for it."""
 
 
-HELD_AS = {"gate": "beyond_gate"}
-"""Keys by whose name the model has no field."""
-
-
-def _keyed(key: str, form: str, means: str, default: str) -> Tuple[str, str, str, str]:
-    return code(key), form, means, default
-
-
-def _keys(keys: Mapping[str, som_values.Key], kind: Type[Any]) -> List[Tuple[str, str, str, str]]:
-    fields = {field.name: field for field in dataclasses.fields(kind)}
-    return [
-        (key, each.form, each.means, _default(fields[HELD_AS.get(key, key)]))
-        for key, each in keys.items()
-    ]
-
-
-def _default(field: "dataclasses.Field[Any]") -> str:
-    if field.default is dataclasses.MISSING:
-        return REQUIRED
-    if dataclasses.is_dataclass(field.default) or field.name == "checks":
-        return "see below"
-    return _plain(field.default)
-
-
 def _plain(value: object) -> str:
     """A default as it would be written in a file; nothing where there is none."""
-    if value is None or value == () or value == "":
+    if value is None or value == "" or isinstance(value, tuple) or dataclasses.is_dataclass(value):
         return ""
     if isinstance(value, bool):
         return code(str(value).lower())
@@ -227,13 +183,6 @@ def _limit(limit: Optional[Limit]) -> str:
 
 def _in_som_page(text: str) -> str:
     return text.replace("](#", "](../som.md#")
-
-
-def _meanings(keys: Mapping[str, str], default: Optional[Callable[[str], str]] = None) -> str:
-    if default is None:
-        return table(("key", "what"), [(code(key), means) for key, means in keys.items()])
-    rows = [(code(key), means, default(key)) for key, means in keys.items()]
-    return table(("key", "what", "default"), rows)
 
 
 def _launch_file(path: Path) -> str:

@@ -23,7 +23,6 @@ from shsa_core.analysis.incident_log import read_log  # noqa: E402
 from shsa_core.codegen.checked_code import check_code  # noqa: E402
 from shsa_core.codegen.program import compile_program  # noqa: E402
 from shsa_core.errors import ModelError, ShsaError  # noqa: E402
-from shsa_core.files.knowledge_base import read_knowledge_base  # noqa: E402
 from shsa_core.files.ontology_file import load_ontology  # noqa: E402
 from shsa_core.files.parameters import read_settings  # noqa: E402
 from shsa_core.files.som_file import load_som, merge_parameters, som_parameters  # noqa: E402
@@ -35,10 +34,11 @@ from shsa_core.language.expression import parse_law  # noqa: E402
 from shsa_core.language.units import parse_unit  # noqa: E402
 from shsa_core.model.field import parse_field  # noqa: E402
 from shsa_core.model.som import Som  # noqa: E402
-from shsa_core.ros.messages.messages import Decoder  # noqa: E402
+from shsa_core.ros.messages.fields import Decoder  # noqa: E402
 from shsa_core.substitution import signals  # noqa: E402
 from shsa_core.text import shown  # noqa: E402
 from shsa_learning.explain import words as in_words  # noqa: E402
+from shsa_learning.init.knowledge_base import read_knowledge_base  # noqa: E402
 from shsa_learning.recordings.csv_files import read_csv  # noqa: E402
 from shsa_rover.frame import Parser, encode  # noqa: E402
 

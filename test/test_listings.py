@@ -5,12 +5,12 @@ import shlex
 import shutil
 from pathlib import Path
 from typing import Dict, Iterator, List, Set
-from xml.etree import ElementTree
 
 import pytest
 from listings import ROOT, Listing, Page, Reader, follower, listings, new_reader
 
 from shsa_core.cli.main import command_line
+from shsa_core.ros.launch_arguments import unknown
 
 PAGES = sorted(
     path for each in ("*.md", "docs/**/*.md", "examples/*/README.md") for path in ROOT.glob(each)
@@ -99,10 +99,9 @@ def _wrong_launch(words: List[str]) -> str:
     named.sort(key=lambda path: len(words_of & set(path.parts)), reverse=True)
     if not named:
         return f"no launch file in {' '.join(words)}"
-    known = {arg.get("name") for arg in ElementTree.parse(str(named[0])).iter("arg")}
-    given = {word.split(":=")[0] for word in words if ":=" in word and not word.startswith("_")}
-    unknown = given - known
-    return f"{files[0]} has no {min(map(str, unknown))}" if unknown else ""
+    given = [word for word in words if ":=" in word]
+    refused = unknown(["roslaunch", str(named[0]), *given])
+    return f"{files[0]} has no {refused[0][0]}" if refused else ""
 
 
 def _options() -> Dict[str, Set[str]]:

@@ -3,13 +3,14 @@ import importlib
 import importlib.util
 import re
 from pathlib import Path
-from typing import Any, List
+from typing import Any, List, Set
 
 import pytest
 from listings import ROOT
 
 from shsa_core import message_types
 from shsa_core.cli.main import command_line
+from shsa_core.files import keys
 from shsa_core.language.functions import CALLS
 from shsa_core.model.kinds import Kind
 
@@ -85,3 +86,44 @@ def test_every_launch_file_is_there_and_each_argument_has_its_doc() -> None:
 
 def test_a_sign_of_a_table_does_not_end_its_cell() -> None:
     assert TABLES.table(("a",), [("x | y",)]) == "|a|\n|---|\n|x \\| y|\n"
+
+
+EXPERT_PAGES = {
+    *("architecture.md", "calibration.md", "contributing.md", "experiments.md", "gate.md"),
+    *("init.md", "killing.md", "learning.md", "messages.md", "ontology.md", "placement.md"),
+    *("howto/false_alarms.md", "howto/safe_som.md", "reference/som.md", "security.md"),
+}
+"""The pages about what experts set; all others do with the basic keys."""
+PLAIN_WORDS = {"inputs", "where", "usual", "host", "hosts"}  # words of their own elsewhere
+
+
+def test_a_first_robot_needs_few_names() -> None:
+    names = {name for _, line in rows("basics") for name in line.split()}
+    assert len(names) <= 27
+    shown = TABLES.PARTS["launch_files"]().partition("## shsa.launch")[2]
+    assert all(f"|`{name}`|" in shown for name in TABLES.BASIC_ARGUMENTS)
+
+
+def expert_keys() -> Set[str]:
+    tables = (keys.SERVICE, keys.VALUE, keys.SOM, keys.PROPERTY, keys.FUNCTION)
+    basic = {name for table in tables for name, key in table.items() if key.basic}
+    return {name for table in tables for name in table} - basic - PLAIN_WORDS
+
+
+def shown_keys(text: str, whole: bool) -> Set[str]:
+    """The expert keys in a file, or in what a page shows in its listings and code spans."""
+    fenced = re.findall(r"^```(?!text).*?^```", text, re.DOTALL | re.MULTILINE)
+    plain = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+    listings = [text] if whole else fenced + re.findall(r"^ {4}.*$", plain, re.MULTILINE)
+    spans = [] if whole else re.findall(r"`([^`\n]+)`", plain)
+    named = {key for each in [*listings, *spans] for key in re.findall(r"([a-z_]+): ", each)}
+    return (named | set(spans)) & expert_keys()
+
+
+def test_only_pages_for_experts_show_expert_keys() -> None:
+    docs = ROOT / "docs"
+    pages = {str(path.relative_to(docs)): path.read_text() for path in docs.glob("**/*.md")}
+    showing = {name for name, text in pages.items() if shown_keys(text, whole=False)}
+    assert showing - EXPERT_PAGES == set(), {n: shown_keys(pages[n], False) for n in showing}
+    for path in (*ROOT.glob("examples/*/*.yaml"), ROOT / "README.md"):
+        assert shown_keys(path.read_text(), path.suffix == ".yaml") == set(), path

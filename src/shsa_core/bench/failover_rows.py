@@ -3,7 +3,7 @@ from typing import Mapping, NamedTuple, Tuple
 
 from faults import FAULTS, SILENT, WRONG
 from robot import RAW_TOPIC
-from shsa_core.files.som_values import SERVICE
+from shsa_core.files.keys import SERVICE
 
 HOT, WARM, COLD = "hot", "warm", "cold"
 BY_HAND = "rosrun by hand, rospy"

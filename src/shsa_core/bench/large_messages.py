@@ -27,7 +27,7 @@ SETTLING_TIME_S, RUN_S, SHORT_RUN_S = 4.0, 10.0, 4.0
 UNJUDGED = {"field": "height", "checks": {"not_a_number": False, "stuck": False}}
 COPYING = """
 from shsa_core.ros import monitor
-from shsa_core.ros.sockets.reader import ALL, Reader
+from shsa_core.ros.reader import ALL, Reader
 monitor.Reader = lambda: Reader(ALL)
 monitor.main()
 """

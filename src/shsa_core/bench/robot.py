@@ -33,7 +33,7 @@ SILENCE_S = 0.1  # the monitor's deadline for a topic at 50 Hz: five periods
 HOLD_OFF_S = 1.0  # until then a substitute has handed over all consumers
 POOL = 2
 # The same node fails again and again here: that is not to be taken for a node that flaps.
-TIRELESS = {"hold_off_limit": HOLD_OFF_S, "switches": 0, "healings": 0}
+TIRELESS = {"hold_off_limit": HOLD_OFF_S, "switches": 0}
 
 ONTOLOGY = """
 properties:

@@ -17,7 +17,7 @@ import re
 from itertools import islice
 from pathlib import Path
 from time import perf_counter, process_time
-from typing import Callable, Dict, Iterable, List, NamedTuple, Sequence, Tuple
+from typing import Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 from matplotlib import pyplot
@@ -31,13 +31,23 @@ from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
-from shsa_core.search.substitutes import find_first, find_substitute
-from shsa_core.search.substitutes import improving_substitutes, iter_substitutes
+from shsa_core.search.depth_first import first_found
+from shsa_core.search.derivation import Rated, SourceTable
+from shsa_core.search.substitutes import find_substitute, iter_substitutes
 
 QUALITIES = [1.0, 0.99, 0.95, 0.9, 0.8]
 TARGET = "p0"
 ROUNDS = 4
 ANY = parse_law("1")  # the functions' contents do not matter to the search
+
+
+def find_first(
+    ontology: Ontology, sources: Sequence[Source], target: str, excluded: Sequence[str] = ()
+) -> Optional[Rated]:
+    network = ontology.network
+    left = [each for each in sources if each.service.topic not in excluded]
+    return first_found(network, SourceTable(network, left), network.number(target))
+
 
 Say = Callable[[str], None]
 Model = Tuple[List[TransferFunction], List[Source]]
@@ -243,19 +253,6 @@ def small_in_huge(size: int, say: Say, goals: Goals) -> None:
     )
 
 
-def anytime(size: int, say: Say) -> None:
-    """When the improving search has found what."""
-    functions, services = cycles(size)
-    ontology = Ontology({}, {}, functions)
-    start = perf_counter()
-    for found in improving_substitutes(ontology, services, TARGET, [f"/{TARGET}"]):
-        word = "best, proven" if found.proven_best else "so far"
-        passed = 1e3 * (perf_counter() - start)
-        say(
-            f"cycles of {size} relations after {passed:8.2f} ms: quality {found.quality:.3g} {word}"
-        )
-
-
 def ready_plans(size: int, say: Say, goals: Goals) -> None:
     """Chains side by side, short enough for code to be generated.
 
@@ -415,7 +412,6 @@ def main() -> None:
     rows = by_size([10**k for k in range(3, 7) if 10**k <= options.largest], say, goals)
     small_tree(say, goals)
     small_in_huge(options.largest, say, goals)
-    anytime(min(options.largest, 10**5), say)
     ready_plans(min(options.largest, 10**5), say, goals)
     resilience(say, goals)
     unhealable([5000, 20000], say, goals)

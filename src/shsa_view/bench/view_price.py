@@ -71,7 +71,7 @@ def told(port: int) -> int:
 
 
 def used(process: "psutil.Process") -> float:
-    """The time of the CPU in s that a process has taken."""
+    """Return the time of the CPU in s that a process has taken."""
     times = process.cpu_times()
     return float(times.user + times.system)
 

@@ -64,11 +64,12 @@ class Watch:
     def when(self, since: float, length: float) -> float:
         """Return when so much time will have passed since a moment, if nothing holds it up.
 
-        Others were held up with us, and get as long again to go on, up to `length`.
+        Others were held up with us, and get as long again to go on: up to `length`, and until twice
+        that has passed.
         """
         left = length - self.passed(since)
         due = self.now + (left if left > INSTANT_S else 0.0)
-        return max(due, self._woke + min(self._late, length))
+        return max(due, self._woke + min(self._late, length, length + left))
 
     def has_passed(self, since: float, length: float) -> bool:
         """Tell if so much time has passed since a moment."""

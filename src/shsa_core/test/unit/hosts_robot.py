@@ -43,9 +43,9 @@ def stopped(commands: Sequence[events.Command]) -> List[str]:
     return [each.node for each in commands if isinstance(each, events.StopSubstitute)]
 
 
-def distributed(*hosts: str, healings: int = 0, **more: Any) -> Robot:
+def distributed(*hosts: str, **more: Any) -> Robot:
     """A robot whose computers are heard, and have settled."""
-    robot = Robot(som(**more), healings=healings)
+    robot = Robot(som(**more))
     seen(robot, 1.0, *(hosts or (PI, BOARD)))
     robot.handle(events.Tick(3.0))
     robot.idle(3.0)

@@ -7,23 +7,25 @@ from typing import Any, Callable, Dict, Iterator, List, Tuple
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
+import rospy
 from rospy.impl import tcpros_base
 from rospy.impl.tcpros import get_tcpros_handler
 
-from shsa_core.ros.sockets.connections import (
-    Arrived,
-    Closed,
-    Connected,
-    Connections,
-    Made,
-)
-from shsa_core.ros.sockets.identities import Identified
-from shsa_core.ros.sockets.inbox import Inbox
-from shsa_core.ros.sockets.reconnection import Answered
+from shsa_core.ros import clock
+from shsa_core.ros.sockets.subscriptions import Arrived, Looked, Subscriptions
 
-HOST, RECONNECT_S = "127.0.0.1", 0.4
+HOST = "127.0.0.1"
 LISTED: Dict[str, str] = {}
 """What the master knows: nodes and their addresses. All publish every topic."""
+
+
+def connected() -> Tuple[socket.socket, socket.socket]:
+    """Two ends of a TCP connection; the second does not block."""
+    with socket.create_server((HOST, 0)) as server:
+        there = socket.create_connection(server.getsockname())
+        here, _ = server.accept()
+    here.setblocking(False)
+    return there, here
 
 
 class Server(SimpleXMLRPCServer):
@@ -100,10 +102,10 @@ class Monitor:
     """Whoever reads the connections."""
 
     def __init__(self, topic: str) -> None:
-        self.inbox = Inbox()
         self.refused: List[Tuple[str, str, str]] = []
         refused = lambda *words: self.refused.append(words)
-        self.connections = Connections(self.inbox, RECONNECT_S, refused)
+        self.connections = Subscriptions(clock.now, refused)
+        self.inbox = self.connections.inbox
         self.topic = topic
         self.connections.subscribe(topic)
         self.seen: List[Any] = []
@@ -117,19 +119,15 @@ class Monitor:
 
     def turn(self) -> None:
         self.inbox.wait(0.02)
-        ready = self.inbox.ready()
-        for item in self.inbox.take():
-            assert isinstance(item, (Made, Closed, Answered, Identified))
-            for happening in self.connections.heed(item):
-                self.note(happening)
-        for happening in self.connections.read(ready):
+        assert self.inbox.take() == []
+        for happening in self.connections.read():
             self.note(happening)
 
     def note(self, happening: Any) -> None:
         if isinstance(happening, Arrived):
             self.data.append(happening.data)
             self.heard.append((happening.connection.publisher, happening.data))
-        else:
+        elif not isinstance(happening, Looked):
             self.seen.append(happening)
 
     def until(self, condition: Callable[[], bool], seconds: float = 5.0) -> None:
@@ -143,7 +141,10 @@ class Monitor:
 
     def connect_as(self, node: Node, name: str) -> None:
         self.hear_of(node)
-        self.until(lambda: Connected(self.topic, name) in self.seen)
+        self.until(
+            lambda: [(each.topic, each.publisher) for each in self.seen] == [(self.topic, name)]
+        )
+        assert self.kinds() == ["Connected"]
         self.seen.clear()
 
     def kinds(self) -> List[str]:
@@ -190,6 +191,7 @@ def _master(monkeypatch: Any) -> Iterator[Master]:
 @pytest.fixture(name="monitor")
 def _monitor(master: Master, monkeypatch: Any) -> Iterator[Monitor]:
     monkeypatch.setattr(tcpros_base, "_use_tcp_keepalive", False)  # else the master is asked
+    rospy.rostime.set_rostime_initialized(True)
     made = Monitor(f"/topic_{next(NUMBERS)}")
     yield made
     made.connections.unsubscribe(made.topic)
@@ -203,5 +205,5 @@ def _node(monitor: Monitor) -> Iterator[Node]:
     made.die()
 
 
-def framed(data: bytes) -> bytes:
-    return struct.pack("<I", len(data)) + data
+def framed(*messages: bytes) -> bytes:
+    return b"".join(struct.pack("<I", len(each)) + each for each in messages)

@@ -29,7 +29,7 @@ LAST_RESORTS = (
 )
 SETTINGS = (
     Settings(pool=1),
-    Settings(pool=0, healings=2, switches=1, restarts=0, method="orr"),
+    Settings(pool=0, switches=1, restarts=0, method="orr"),
     Settings(switches=0, node_restarts=1, restart_timeout=1.0, hold_off=0.5),
 )
 

@@ -5,11 +5,9 @@ from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
-from shsa_core.substitution.settings import Settings
 
 PERIOD = 0.02
 DEADLINE = 0.25
-SETTINGS = Settings()
 CODE = "t0=x[0];y=t0"
 NAME = "/substitute_1"
 
@@ -54,7 +52,7 @@ class Driver:
         self.core = Substitute()
         self.time = time
         self.said: List[Tuple[float, Any]] = []
-        self.tell(events.Started, start)
+        self.tell(events.RowChanged, start)
 
     def tell(self, event: Type[Any], *arguments: Any) -> List[Any]:
         """An event now; the commands that it calls for."""
@@ -67,8 +65,8 @@ class Driver:
         """Let time pass, with every tick that is wanted; the commands meanwhile."""
         heard: List[Any] = []
         while True:
-            deadline = self.core.next_deadline()
-            if deadline is None or deadline > time:
+            deadline = self.core.next_deadline
+            if deadline > time:
                 break
             self.time = deadline
             heard += self.tell(events.Tick)
@@ -99,7 +97,7 @@ class Driver:
             self.pass_to(round(self.time + PERIOD, 9))
 
     def published(self, since: float = 0.0) -> List[Tuple[float, float]]:
-        """When a message went out to all, or to all but some, and its first value."""
+        """Return when a message went out to all, or to all but some, and its first value."""
         return [
             (round(time, 6), command.values[0])
             for time, command in self.said
@@ -113,12 +111,12 @@ def only(commands: List[Any], kind: Type[Any]) -> List[Any]:
 
 
 def values(commands: List[Any]) -> List[Tuple[float, ...]]:
-    """What is published."""
+    """Return what is published."""
     return [command.values for command in only(commands, events.Publish)]
 
 
 def served(commands: List[Any]) -> List[FrozenSet[str]]:
-    """Who is left out of what is published."""
+    """Return who is left out of what is published."""
     return [command.served for command in only(commands, events.Publish)]
 
 
@@ -128,8 +126,8 @@ def running(publishing: bool = False, **of: Any) -> Driver:
     Its next message is due at PERIOD.
     """
     driver = Driver(row(publishing, **of))
-    for topic in dict.fromkeys(each.topic for each in driver.core._row.outputs):
+    for topic in dict.fromkeys(each.topic for each in driver.core.row.outputs):
         driver.ready(topic)
-    for each in driver.core._row.inputs:
+    for each in driver.core.row.inputs:
         driver.arrive(1.0, each.topic)
     return driver

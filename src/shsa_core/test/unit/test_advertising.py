@@ -1,17 +1,18 @@
-"""Which topics a substitute has advertised: it asks and tells others as seldom as that serves."""
+"""A substitute advertises its topics, and tells others of them as seldom as that serves."""
 from typing import List
 
-from substitute_driver import PERIOD, SETTINGS, signal
+from substitute_driver import PERIOD, signal
 
 from shsa_core.substitution.advertising import Advertising
-from shsa_core.substitution.events import Command, FindSubscribers, Withdraw
+from shsa_core.substitution.settings import TOGETHER_S, WITHDRAW_DELAY_S, WITHDRAW_PAUSE_S
+from shsa_core.substitution.events import Command, Remind, Withdraw
 
-COUNT = 100
+COUNT, LOOKS = 100, 3
 
 
 def prepared(pause: float = PERIOD) -> Advertising:
     """Many topics, advertised one after the other until the time 0."""
-    advertising = Advertising(SETTINGS)
+    advertising = Advertising()
     outputs = [signal(f"/topic_{number}") for number in range(COUNT)]
     advertising.prepare(outputs)
     for number, output in enumerate(outputs):
@@ -29,27 +30,27 @@ def run(advertising: Advertising, until: float) -> List[Command]:
 
 def test_one_look_at_the_master_is_for_all_that_would_be_looked_at_soon() -> None:
     said = run(prepared(), 100.0)
-    looks = [each.topics for each in said if isinstance(each, FindSubscribers)]
+    looks = [each.topics for each in said if isinstance(each, Remind)]
     times = [sum(f"/topic_{number}" in topics for topics in looks) for number in range(COUNT)]
-    assert set(times) == {len(SETTINGS.prepare_s)}, "none is left out"
-    spread = COUNT * PERIOD / SETTINGS.together_s
-    assert len(looks) <= len(SETTINGS.prepare_s) * (spread + 2), "and not one a topic"
+    assert set(times) == {LOOKS}, "none is left out"
+    spread = COUNT * PERIOD / TOGETHER_S
+    assert len(looks) <= LOOKS * (spread + 2), "and not one a topic"
 
 
 def test_who_is_in_a_hurry_waits_for_no_other() -> None:
     advertising = prepared()
     run(advertising, 10.0)
-    advertising.take(signal("/topic_7"), 10.0)
+    advertising.hurry(signal("/topic_7"), 10.0)
     looks = run(advertising, 10.19)
-    assert looks == [FindSubscribers(("/topic_7",))] * 2
+    assert looks == [Remind(("/topic_7",))] * 2
 
 
 def test_what_is_not_needed_any_more_is_withdrawn_one_by_one() -> None:
     advertising = prepared()
     run(advertising, 10.0)
-    advertising.take(signal("/topic_7"), 10.0)
-    begin = 10.0 + SETTINGS.withdraw_delay_s
-    said = run(advertising, begin + 10 * SETTINGS.withdraw_pause_s - 1e-6)
+    advertising.hurry(signal("/topic_7"), 10.0)
+    begin = 10.0 + WITHDRAW_DELAY_S
+    said = run(advertising, begin + 10 * WITHDRAW_PAUSE_S - 1e-6)
     withdrawn = [each.topics for each in said if isinstance(each, Withdraw)]
     assert [len(topics) for topics in withdrawn] == [1] * 10
     run(advertising, 100.0)

@@ -5,9 +5,10 @@ from typing import Iterator, List, Tuple
 
 import pytest
 import rospy
+from plain_sockets import connected
 
 from shsa_core.ros.sockets import arrival_times
-from shsa_core.ros.sockets.arrival_times import SPACE, ArrivalTimes, Moment, note, noted
+from shsa_core.ros.sockets.arrival_times import SPACE, ArrivalTimes, Moment, enable, noted_in
 from shsa_testing.waiting import wait_until
 
 S = 10**9
@@ -16,9 +17,8 @@ Pair = Tuple[socket.socket, socket.socket]
 
 @pytest.fixture
 def pair() -> Iterator[Pair]:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        there = socket.create_connection(server.getsockname())
-        here, _ = server.accept()
+    there, here = connected()
+    here.setblocking(True)
     with there, here:
         yield there, here
 
@@ -27,7 +27,7 @@ def is_noted(pair: Pair) -> bool:
     """Whether the kernel notes when something comes."""
     there, here = pair
     there.send(b"?")
-    return noted(here.recvmsg(1, SPACE)[1]) > 0
+    return noted_in(here.recvmsg(1, SPACE)[1]) > 0
 
 
 class Clocks:
@@ -51,7 +51,7 @@ def clocks(monkeypatch: pytest.MonkeyPatch) -> Clocks:
 
 def test_the_kernel_tells_when_something_came_however_late_it_is_read(pair: Pair) -> None:
     there, here = pair
-    note(here)
+    enable(here)
     wait_until(lambda: is_noted(pair), 10.0, "the kernel, who does so a little later, notes it")
     rospy.rostime.set_rostime_initialized(True)
     times = ArrivalTimes(time.monotonic)
@@ -61,15 +61,15 @@ def test_the_kernel_tells_when_something_came_however_late_it_is_read(pair: Pair
     time.sleep(0.2)
     data, extra, _, _ = here.recvmsg(10, SPACE)
     times.look()
-    came, ros_time = times.of(noted(extra))
+    came, ros_time = times.of(noted_in(extra), time.monotonic())
     assert data == b"x" and before - 0.01 < came < after + 0.1
     assert 0.05 * S < rospy.Time.now().to_nsec() - ros_time < 10 * S
 
 
 def test_what_nobody_noted_came_when_it_was_looked(clocks: Clocks) -> None:
-    assert noted([]) == 0 == noted([(1, 2, b"")])
-    assert noted([(socket.SOL_SOCKET, arrival_times.SO_TIMESTAMPNS, b"short")]) == 0
-    assert clocks.look(101 * S, 11.0, 6.0, 51 * S).of(0) == (6.0, 51 * S)
+    assert noted_in([]) == 0 == noted_in([(1, 2, b"")])
+    assert noted_in([(socket.SOL_SOCKET, arrival_times.SO_TIMESTAMPNS, b"short")]) == 0
+    assert clocks.look(101 * S, 11.0, 6.0, 51 * S).of(0, 11.0) == (6.0, 51 * S)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_what_nobody_noted_came_when_it_was_looked(clocks: Clocks) -> None:
 def test_it_came_between_two_looks(clocks: Clocks, ago: float, share: float) -> None:
     """Whatever the wall clock says: it may have been set."""
     times = clocks.look(101 * S, 11.0, 6.0, 51 * S)
-    came, ros_time = times.of(101 * S - int(ago * S))
+    came, ros_time = times.of(101 * S - int(ago * S), 11.0)
     assert came == pytest.approx(6.0 - share)
     assert ros_time == 51 * S - int(share * S)
 
@@ -96,11 +96,11 @@ def test_what_came_while_it_was_read_came_after_the_look(
 
 def test_simulated_time_goes_evenly_between_two_looks(clocks: Clocks) -> None:
     times = clocks.look(101 * S, 11.0, 5.1, 50 * S + S // 10)
-    came, ros_time = times.of(101 * S - S // 2)
+    came, ros_time = times.of(101 * S - S // 2, 11.0)
     assert came == pytest.approx(5.05)
     assert ros_time == 50 * S + S // 20
 
 
 def test_two_looks_at_once_tell_of_no_time_between(clocks: Clocks) -> None:
     times = clocks.look(100 * S, 10.0, 5.0, 50 * S)
-    assert times.of(99 * S) == (5.0, 50 * S)
+    assert times.of(99 * S, 10.0) == (5.0, 50 * S)

@@ -6,16 +6,15 @@ from typing import Callable
 import pytest
 
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
-from shsa_core.monitoring.calibration import (
+from shsa_core.monitoring.calibration import Calibrator
+from shsa_core.monitoring.settings import (
     DRIFT_S,
     DRIFTS,
-    FEWEST,
-    FIRST_S,
+    ERRORS,
+    FEWEST_ERRORS,
     GAIN_STEP,
     GUARD_S,
     SETTLING_S,
-    WINDOW,
-    Calibrator,
 )
 
 PERIOD = 0.1
@@ -77,17 +76,17 @@ def test_twenty_seconds_help_already() -> None:
 
 def test_the_error_is_that_of_what_would_have_been_published() -> None:
     stream = Stream()
-    stream.run(SETTLING_S + WINDOW + GUARD_S + 10.0)
+    stream.run(SETTLING_S + ERRORS + GUARD_S + 10.0)
     error = stream.found.error
-    assert error is not None and error.n == WINDOW
+    assert error is not None and error.n == ERRORS
     assert error.rms == pytest.approx(NOISE, rel=0.1)
-    assert abs(error.bias) < 3.0 * NOISE / sqrt(WINDOW)
+    assert abs(error.bias) < 3.0 * NOISE / sqrt(ERRORS)
     assert error.p95 == pytest.approx(1.96 * NOISE, rel=0.15)
 
 
 def test_nothing_is_told_before_enough_is_known() -> None:
     stream = Stream()
-    stream.run(GUARD_S + FIRST_S + FEWEST - 2.0)
+    stream.run(GUARD_S + GUARD_S + FEWEST_ERRORS - 2.0)
     assert stream.found == UNCALIBRATED
     stream.run(4.0)
     assert stream.found.error is not None

@@ -5,7 +5,8 @@ from typing import Any
 from plain_sockets import LISTED, Master, Monitor, Node, framed
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
-from shsa_core.ros.sockets import claims
+from shsa_core.ros import settings
+from shsa_core.ros.sockets.identity import NOT_LISTED
 
 
 def test_who_claims_the_name_of_another_is_whom_the_master_lists(
@@ -18,7 +19,7 @@ def test_who_claims_the_name_of_another_is_whom_the_master_lists(
     monitor.until(lambda: monitor.heard == [("/stranger", b"forged")])
     stranger.die()
     monitor.until(lambda: bool(monitor.seen))
-    assert monitor.kinds() == ["Lost"] and monitor.seen[0].publisher == "/stranger"
+    assert monitor.kinds() == ["Gone"] and monitor.seen[0].publisher == "/stranger"
     why = "it is /stranger, by the master's word"
     assert monitor.refused == [(monitor.topic, node.name, why)]
 
@@ -26,32 +27,30 @@ def test_who_claims_the_name_of_another_is_whom_the_master_lists(
 def test_who_is_not_listed_counts_for_nobody(
     monitor: Monitor, node: Node, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(claims, "ASK_AGAIN_S", (0.05,))
+    monkeypatch.setattr(settings, "ASK_MASTER_AGAIN_S", (0.05,))
     monitor.connect(node)
     stranger = Node(monitor.topic, node.name, listed="")
     monitor.hear_of(stranger)
     monitor.until(lambda: bool(monitor.refused))
-    assert monitor.refused[0] == (monitor.topic, node.name, claims.NOT_LISTED)
+    assert monitor.refused[0] == (monitor.topic, node.name, NOT_LISTED)
     for _ in range(100):
         stranger.send(framed(b"forged" * 1000))
     node.send(framed(b"true"))
     monitor.until(lambda: monitor.data == [b"true"])
     stranger.die()
-    monitor.until(lambda: not monitor.connections._claims._claims)
+    monitor.until(lambda: not monitor.connections._identities._claims)
     assert monitor.seen == [] and monitor.data == [b"true"]
 
 
 def test_who_registers_later_is_heard_from_then_on_with_its_newest_message(
     monitor: Monitor, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(claims, "ASK_AGAIN_S", (0.05,))
+    monkeypatch.setattr(settings, "ASK_MASTER_AGAIN_S", (0.05,))
     late = Node(monitor.topic, "/late", listed="")
     monitor.hear_of(late)
     monitor.until(lambda: bool(late.connections))
     late.send(framed(b"old") + framed(b"new"))
-    monitor.until(
-        lambda: any(each.newest == b"new" for each in monitor.connections._claims._claims.values())
-    )
+    monitor.until(lambda: b"new" in monitor.connections._newest.values())
     LISTED["/late"] = late.uri
     monitor.until(lambda: monitor.data == [b"new"])
     assert monitor.kinds() == ["Connected"]
@@ -89,19 +88,19 @@ def test_whoever_comes_to_the_address_of_a_node_that_is_gone_is_asked_about(
     monitor: Monitor, node: Node
 ) -> None:
     monitor.connect(node)
-    assert monitor.connections._claims._identities.is_known(node.name, node.uri)
+    assert monitor.connections._identities._is_known(node.name, node.uri)
     node.die()
-    monitor.until(lambda: "Lost" in monitor.kinds())
-    assert not monitor.connections._claims._identities.is_known(node.name, node.uri)
+    monitor.until(lambda: "Gone" in monitor.kinds())
+    assert not monitor.connections._identities._is_known(node.name, node.uri)
 
 
 def test_a_connection_that_ends_before_the_master_has_answered_is_asked_for_again(
     monitor: Monitor, node: Node, master: Master, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(claims, "ASK_AGAIN_S", (0.05,))
+    monkeypatch.setattr(settings, "ASK_MASTER_AGAIN_S", (0.05,))
     master.answers = False
     monitor.hear_of(node)
-    monitor.until(lambda: bool(monitor.connections._claims._claims))
+    monitor.until(lambda: bool(monitor.connections._identities._claims))
     node.close_connections()
     monitor.until(lambda: node.asked == 1)
     master.answers = True

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from shsa_core.cli import _drawing
+from shsa_core.cli import plot
 from shsa_core.cli.main import main
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import Provision, Service
@@ -70,7 +70,7 @@ def test_plot_colours_what_is_provided_derivable_and_lost(
 
     def boxes() -> Dict[str, int]:
         nodes = svg_of(path.read_text(), "node")
-        colours = _drawing.COLOURS.items()
+        colours = plot.COLOURS.items()
         return {name: sum(colour in node for node in nodes) for name, colour in colours}
 
     shsa("plot", "--output", str(path))
@@ -84,7 +84,7 @@ def test_plot_colours_what_is_provided_derivable_and_lost(
 def test_plot_escapes_what_a_file_says(tmp_path: pathlib.Path) -> None:
     source = Service("s", "/t", "p/T", "/n", 1.0, (Provision("a", 'x[0]<b>&"\\'),)).sources[0]
     ontology = Ontology({"a": Property("a")}, {}, ())
-    text = _drawing.draw(ontology, [source], "svg", title='<&>"').decode()
+    text = plot.draw(ontology, [source], "svg", title='<&>"').decode()
     words = " ".join(ElementTree.fromstring(text).itertext())
     assert '/t/x[0]<b>&"\\' in words and '<&>"' in words
 
@@ -117,7 +117,7 @@ def test_plot_says_why_it_cannot_draw(
 def test_what_is_too_large_is_not_drawn(
     shsa: Shsa, tmp_path: pathlib.Path, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(_drawing, "MOST_NODES", 5)
+    monkeypatch.setattr(plot, "MOST_NODES", 5)
     status, _, err = shsa("plot", "--output", str(tmp_path / "boat.svg"))
     assert status == 2 and "at most 5" in err
     path = tmp_path / "boat.html"

@@ -6,9 +6,9 @@ import pytest
 
 CODE = """
 import os, rospy.impl.simtime
-from shsa_core.ros import clock
+from shsa_core.ros.rospy_patches import wall_time
 rospy.impl.simtime._is_use_simtime = lambda: True
-clock.heed_launch()
+wall_time.heed_launch()
 print(rospy.impl.simtime._is_use_simtime())
 """
 

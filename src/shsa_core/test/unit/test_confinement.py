@@ -11,8 +11,8 @@ import pytest
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
-from shsa_core.ros.processes import confinement, starting
-from shsa_core.ros.processes.starting import Processes
+from shsa_core.ros.processes import starting
+from shsa_core.ros.processes.starting import Processes, Setup
 from shsa_testing.waiting import wait_until
 
 LOOK = """
@@ -47,7 +47,9 @@ def looked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def start(found: Path, sandbox: List[str]) -> Dict[str, Any]:
     ended: List[str] = []
-    ours = Processes(lambda node, detail: ended.append(detail), lambda node: None, "", "", sandbox)
+    ours = Processes(
+        lambda node, detail: ended.append(detail), lambda node: None, Setup("/", sandbox=sandbox)
+    )
     ours.start(StartSubstitute(NODE, None))
     wait_until(lambda: ended and found.exists(), 20.0, "it has looked")
     result: Dict[str, Any] = json.loads(found.read_text())
@@ -64,7 +66,7 @@ def test_a_substitute_has_limits_and_no_new_rights(
     found = start(looked, [])
     assert found["status"]["NoNewPrivs"].strip() == "1"
     assert found["limits"][0] == [0, 0]
-    assert found["limits"][1][1] <= confinement.LIMITS["data"]
+    assert found["limits"][1][1] <= starting.LIMITS["data"][1]
     environment = found["environment"]
     assert "AWS_SECRET_ACCESS_KEY" not in environment and "LD_PRELOAD" not in environment
     assert (environment["LC_ALL"], environment["ROS_IP"]) == ("C.UTF-8", "127.0.0.1")
@@ -72,7 +74,7 @@ def test_a_substitute_has_limits_and_no_new_rights(
 
 
 def test_a_limit_is_never_raised() -> None:
-    program = "import resource; from shsa_core.ros.processes.confinement import wrapper; "
+    program = "import resource; from shsa_core.ros.processes.starting import wrapper; "
     program += "resource.setrlimit(resource.RLIMIT_NOFILE, (100, 100)); print(wrapper([]))"
     told = subprocess.check_output([sys.executable, "-c", program]).decode()
     assert "--nofile=100'" in told
@@ -87,4 +89,6 @@ def test_a_sandbox_goes_round_it(looked: Path) -> None:
 
 def test_a_sandbox_that_is_not_there_is_told_at_once(looked: Path) -> None:
     with pytest.raises(ShsaError, match="no program no_such_program to run the substitutes in"):
-        Processes(lambda node, detail: None, lambda node: None, "", "", ["no_such_program"])
+        Processes(
+            lambda node, detail: None, lambda node: None, Setup("/", sandbox=["no_such_program"])
+        )

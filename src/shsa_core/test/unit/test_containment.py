@@ -357,10 +357,10 @@ def test_a_node_that_was_killed_is_not_protected_any_more() -> None:
     robot.handle(events.NodeLearned(2.0, A, True, "it is required"))
     robot.fail("/a", A, 10.0)  # it is dead: nothing is left to be protected
     robot.handle(events.NodeFound(10.1, A, events.Where.DEAD))
-    assert A not in robot.core._nodes.protected
+    assert A not in robot.core.robot.health.protected
     robot.handle(events.NodeLearned(12.0, B, True, "it is required"))
     robot.handle(events.NodeLearned(13.0, B, True, ""))
-    assert not robot.core._nodes.protected
+    assert not robot.core.robot.health.protected
 
 
 def test_a_service_that_contains_nothing_lets_its_node_live() -> None:
@@ -439,7 +439,7 @@ def test_what_somebody_asks_for_is_refused_if_it_would_cost_too_much() -> None:
     incident = last_incident(commands)
     assert incident.state is State.ENDED and "would cost /d" in incident.detail
     assert not has(commands, events.FindNode)
-    assert robot.core._availability.states["a"].available
+    assert robot.core.robot.availability.states["a"].available
 
 
 def test_a_lost_connection_ends_no_node_that_still_runs_and_does_well() -> None:

@@ -6,8 +6,7 @@ import pytest
 from monitor_bench import NODE, TOPIC, Bench
 
 from shsa_core.files.document import from_parameters
-from shsa_core.files.som_file import merge_parameters, read_tree
-from shsa_core.files.som_plain import som_parameters
+from shsa_core.files.som_file import merge_parameters, read_tree, som_parameters
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import Message

@@ -19,8 +19,7 @@ from shsa_core.model.field import (
     tells_of_nothing,
     to_path,
 )
-from shsa_core.model.reduction import REDUCE
-from shsa_core.model.rotation import angles, quaternion
+from shsa_core.model.field_value import REDUCE, angles, quaternion
 
 LETTERS = string.ascii_letters
 NAMES = st.builds(str.__add__, st.sampled_from(LETTERS), st.text(LETTERS + "_09", max_size=5))

@@ -9,23 +9,17 @@ from typing import Any, Iterator, List, Sequence, Tuple
 
 import pytest
 from hypothesis import given, settings, strategies as st
+from plain_sockets import connected, framed
 
-from shsa_core.ros.sockets import arrival_times, frames
-from shsa_core.ros.sockets.frames import CHUNK, READS_A_TURN, Frame, Frames, Wanted
+from shsa_core.ros import settings as shell
+from shsa_core.ros.settings import READ_B as CHUNK, READS_A_TURN
+from shsa_core.ros.sockets import arrival_times
+from shsa_core.ros.sockets.frames import Frame, Frames, Wanted
 from shsa_testing.waiting import wait_until
 
 MB = 1 << 20
 HEAD = Wanted(1000, 12)
 Pair = Tuple[socket.socket, socket.socket]
-
-
-def connected() -> Pair:
-    """Two ends of a TCP connection; the second does not block."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        there = socket.create_connection(server.getsockname())
-        here, _ = server.accept()
-    here.setblocking(False)
-    return there, here
 
 
 @pytest.fixture(name="pair")
@@ -34,10 +28,6 @@ def _pair() -> Iterator[Pair]:
     yield there, here
     there.close()
     here.close()
-
-
-def framed(*messages: bytes) -> bytes:
-    return b"".join(struct.pack("<I", len(each)) + each for each in messages)
 
 
 def pour(pair: Pair, into: Frames, data: bytes) -> List[Frame]:
@@ -152,11 +142,11 @@ def test_nobody_need_look_at_each_part_of_large_messages_that_are_dropped(pair: 
     there.sendall(whole[:100_000])
     while reader.expected == 1:
         reader.read(here)
-    assert reader.expected == frames.EXPECTED
+    assert reader.expected == shell.EXPECTED_B
     there.sendall(whole[100_000:])
     while not reader.take():
         reader.read(here)
-    assert reader.expected == frames.EXPECTED, "the next one is probably as large"
+    assert reader.expected == shell.EXPECTED_B, "the next one is probably as large"
     there.sendall(framed(b"small"))
     while not reader.take():
         reader.read(here)
@@ -164,20 +154,20 @@ def test_nobody_need_look_at_each_part_of_large_messages_that_are_dropped(pair: 
     there.sendall(struct.pack("<I", 0xFFFFFFFF) + bytes(100))
     while reader.expected == 1:
         reader.read(here)
-    assert reader.expected == frames.EXPECTED
+    assert reader.expected == shell.EXPECTED_B
 
 
 def test_large_messages_that_are_read_together_came_one_after_the_other(pair: Pair) -> None:
     there, here = pair
-    arrival_times.note(here)
+    arrival_times.enable(here)
 
     def is_noted() -> bool:
         there.sendall(b"x")
         wait_until(lambda: unread(here) == 1, 5.0, "it has come")
-        return arrival_times.noted(here.recvmsg(1, arrival_times.SPACE)[1]) > 0
+        return arrival_times.noted_in(here.recvmsg(1, arrival_times.SPACE)[1]) > 0
 
     wait_until(is_noted, 10.0, "the kernel, who does so a little later, notes it")
-    here.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, frames.EXPECTED)
+    here.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, shell.EXPECTED_B)
     data, moments = framed(payload(MB)[:MB]), [time.time_ns()]
     for number in range(3):  # the kernel takes all of them before anybody reads
         there.sendall(data)
@@ -192,7 +182,7 @@ def test_large_messages_that_are_read_together_came_one_after_the_other(pair: Pa
 
 
 def test_a_message_beyond_all_measure_is_not_told_of(pair: Pair, monkeypatch: Any) -> None:
-    monkeypatch.setattr(frames, "LARGEST_MESSAGE", 2 * MB)
+    monkeypatch.setattr(shell, "LARGEST_MESSAGE_B", 2 * MB)
     for wanted in (Wanted(2 * MB), HEAD):
         there, here = connected()
         with closing(there), closing(here):
@@ -257,7 +247,7 @@ class Pieces:
 @given(
     sizes=st.lists(SIZES, max_size=8),
     pieces=st.lists(st.integers(1, 100_000), min_size=1, max_size=8),
-    whole=st.sampled_from((0, 10, 1000, CHUNK, frames.LARGEST_MESSAGE)),
+    whole=st.sampled_from((0, 10, 1000, CHUNK, shell.LARGEST_MESSAGE_B)),
     head=st.integers(0, 40),
 )
 def test_the_same_messages_are_counted_whatever_the_pieces(

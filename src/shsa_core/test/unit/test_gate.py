@@ -15,11 +15,11 @@ from std_msgs.msg import Header
 
 from shsa_core.gating.events import Arrived, GateLeft, Log, Overheard, Pass, Tick
 from shsa_core.gating.machine import Gate
-from shsa_core.gating.settings import Settings
 from shsa_core.model.checks import Jump, Stuck
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message, SubstitutionsChanged
-from shsa_core.ros.gate import _bytes_of, _stamp
+from shsa_core.ros.messages.fields import stamp as stamp_of
+from shsa_core.ros.rospy_patches.publishing import as_written
 
 RAW, HEARD = "/battery_current/raw", "/battery_current"
 SUBSTITUTE, FIRST = "/substitute_battery_current_1", "/gate"
@@ -32,7 +32,7 @@ class Stand:
     """A gate whose time is moved by hand; collects what consumers hear, and when."""
 
     def __init__(self, gated: Service = GATED, standby_for: str = "") -> None:
-        self.core = Gate(gated, Settings(standby_for=standby_for))
+        self.core = Gate(gated, standby_for)
         self.time = 0.0
         self.heard: List[Tuple[float, Pass]] = []
         self.said: List[str] = []
@@ -253,10 +253,10 @@ def test_what_goes_out_has_the_very_bytes_that_came() -> None:
     message = Float64Stamped(Header(seq=7, stamp=rospy.Time(5, 6), frame_id="f"), 1.5)
     came, goes = io.BytesIO(), io.BytesIO()
     message.serialize(came)
-    serialize_message(goes, 99, _bytes_of(Float64Stamped)(came.getvalue()))
+    serialize_message(goes, 99, as_written(Float64Stamped)(came.getvalue()))
     assert goes.getvalue()[4:] == came.getvalue()
-    assert isinstance(_bytes_of(Float64Stamped)(b""), Float64Stamped)
-    assert _stamp(came.getvalue()) == 5 * NS + 6
+    assert isinstance(as_written(Float64Stamped)(b""), Float64Stamped)
+    assert stamp_of(came.getvalue()) == 5 * NS + 6
 
 
 # A second gate.

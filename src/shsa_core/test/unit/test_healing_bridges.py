@@ -116,17 +116,13 @@ def test_a_substitute_that_is_only_slow_goes_on_where_there_is_no_other() -> Non
 def test_what_a_bridge_said_before_its_row_had_it_publish_is_its_first_message(
     first: float,
 ) -> None:
-    """The monitor's table may be heard before the failure that it told at the same moment, and a
-    moment is never quite the same through two clocks.
-    """
+    """A moment is never quite the same through two clocks."""
     robot = Robot(som())
     (row,) = robot.working()
     robot.row("/a", row.node, "healthy", first, first=first)
     robot.rows["/a", A] = PublisherHealth(
         "/a", A, PublisherState.FAILED, 10.0, 1.0, 9.98, Kind.NODE_GONE, "its connection was lost"
     )
-    robot.table(10.02)
-    commands = robot.failure("/a", A, 10.0, "node_gone", "its connection was lost", 9.98)
-    incident = last_incident(commands)
+    incident = last_incident(robot.table(10.02))
     assert incident.state is State.HEALED
     assert incident.outage == pytest.approx(first - 9.98)

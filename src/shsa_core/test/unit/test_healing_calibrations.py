@@ -10,7 +10,7 @@ from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.calibrations import Calibrated
+from shsa_core.healing.planner import Calibrated
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.planner import AnyPlan, Planner
 from shsa_core.model.calibration import UNCALIBRATED, Calibration

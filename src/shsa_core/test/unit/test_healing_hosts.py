@@ -60,7 +60,7 @@ def test_where_room_comes_untold_the_service_is_tried_again() -> None:
     seen(robot, 9.9, BOARD, load=4.0)
     robot.fail("/a", A, 10.0)
     assert robot.core.deadline is not None
-    robot.core._room_at = float("inf")
+    robot.core.robot.room_at = float("inf")
     seen(robot, 11.0, BOARD, load=1.0)
     assert only(robot.handle(events.Tick(12.1)), events.StartSubstitute).host == BOARD
 

@@ -6,9 +6,10 @@ import pytest
 from core_robot import A, Robot, has, last_incident, only, publishing
 from hosts_robot import PI, back, distributed, seen, silent, steady, takes_over
 from shsa_core.healing import events
-from shsa_core.healing.awaited_kills import CERTAIN_S
+from shsa_core.healing.settings import CERTAIN_S
 from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.sent_there import SentThere
+from shsa_core.healing.health import Health
+from shsa_core.healing.kill import Kills
 from shsa_core.model.kinds import Contain, Standby
 
 
@@ -98,7 +99,7 @@ def test_a_node_is_not_killed_for_being_slow_where_too_much_is_to_be_done() -> N
 
 
 def test_who_is_slow_now_and_then_is_not_slow_for_good() -> None:
-    looks, slow = SentThere(), (28.0, 0.02, False)
+    looks, slow = Kills(Health(), 0.1), (28.0, 0.02, False)
     for time in (0.0, 2.6, 20.0, 22.6):
         assert looks.doubt(time, A, *slow)
     assert looks.doubt(25.0, A, 50.0, 0.02, False) and looks.doubt(26.0, A, *slow)
@@ -144,7 +145,7 @@ def relapses(robot: Robot, kind: str, count: int) -> Incident:
 
 
 def test_a_lossy_link_keeps_nobody_out_and_the_way_back_takes_ever_longer() -> None:
-    robot = distributed(standby=Standby.HOT, healings=1)
+    robot = distributed(standby=Standby.HOT)
     incident = relapses(robot, "silent", 5)
     assert incident.state is State.RETURNING and not incident.kept_out
     assert "It must stay healthy for 32 s" in str(robot.said)

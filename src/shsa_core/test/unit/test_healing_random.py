@@ -12,9 +12,9 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.machine import Reconfigurator
-from shsa_core.healing.records import HealingRecord, IdleProcess, Record
+from shsa_core.healing.records import IdleProcess, Record, ServiceRecord
 from shsa_core.healing.settings import Settings
-from shsa_core.healing.topic import SUBSTITUTED
+from shsa_core.healing.repair import SUBSTITUTED
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import FORMS
 from shsa_core.model.kinds import Contain, Kind, OnPartition, Policy, Standby
@@ -109,7 +109,7 @@ class AnyRobot(RuleBasedStateMachine):
 
     def on_WriteDown(self, command: events.WriteDown) -> None:
         self.written.update({each.key: each for each in command.records})
-        written = [each for each in command.records if isinstance(each, HealingRecord)]
+        written = [each for each in command.records if isinstance(each, ServiceRecord)]
         self.named |= {each.substitution.node for each in written if each.substitution}
         self.named |= {each.node for each in command.records if isinstance(each, IdleProcess)}
         for key in command.removed:
@@ -162,23 +162,30 @@ class AnyRobot(RuleBasedStateMachine):
     def check_tables(self) -> None:
         """What was told in changes is how things stand, looked at anew."""
         core = self.core
-        availability, planner, pool = core._availability, core._planner, core._pool
-        assert self.states == {each.name: availability._state(self.som, each) for each in self.som}
+        availability, planner, pool = (
+            core.robot.availability,
+            core.robot.planner,
+            core.robot.processes.pool,
+        )
+        assert self.states == {
+            each.name: availability.state(self.som, each, core._missing(each.name))
+            for each in self.som
+        }
         rows = {
             name: Substitution(name, "", (), "", (), host=pool.record(name).host)
-            for name in pool.nodes
+            for name in pool.processes
         }
         rows.update(pool.plans)
-        for name, healing in core._healings.items():
+        for name, healing in core.services.items():
             assert self.incidents.get(name) == healing.incident
             plan = healing.substitute.plan
             if plan is not None:
-                service = core._som.services[name]
-                parted = core._where.parted(service)
+                service = core.robot.som.services[name]
+                parted = core.robot.parted(service, healing.substitute.host)
                 waits = healing.state in SUBSTITUTED and not healing.publishes
                 speaks = waits or healing.state in (State.WELL, State.RETURNING)
-                alone = len(core._som.of_topic(service.topic)) == 1
-                beside = healing.substitute.host == core._where.host_of(service.node)
+                alone = len(core.robot.som.of_topic(service.topic)) == 1
+                beside = healing.substitute.host == core.robot.host_of(service.node)
                 bridges = speaks and alone and beside and isinstance(plan, Plan)
                 bridges = bridges and service.policy.substitutes
                 rows[healing.node] = Substitution(
@@ -315,14 +322,14 @@ class AnyRobot(RuleBasedStateMachine):
     @rule(data=st.data(), where=st.sampled_from(list(events.Where)))
     def found(self, data: Any, where: events.Where) -> None:
         """An answer to FindNode, and what follows at once."""
-        killing = sorted(self.core._kills.nodes)
+        killing = sorted(self.core.robot.health.dying)
         if killing:
             node = data.draw(st.sampled_from(killing))
             self.hear(events.NodeFound(self.now, node, where))
 
     @rule(data=st.data(), answer=st.sampled_from((events.NodeLeft, events.ProcessUntouchable)))
     def answered(self, data: Any, answer: Any) -> None:
-        killing = sorted(self.core._kills.nodes)
+        killing = sorted(self.core.robot.health.dying)
         if killing:
             self.hear(answer(self.now, data.draw(st.sampled_from(killing))))
 
@@ -417,7 +424,7 @@ class AnyRobot(RuleBasedStateMachine):
         """All plans are made: each is as good as one that is searched for now."""
         while self.core.plans_ahead:
             self.hear(events.Idle(self.now))
-        plans, method = self.core._planner.plans, self.core.settings.method
+        plans, method = self.core.robot.planner.plans, self.core.settings.method
         for service in self.core.needed():
             made, name = plans.plan(service.name), service.name
             found: Optional[Plan] = None

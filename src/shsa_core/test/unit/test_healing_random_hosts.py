@@ -25,7 +25,7 @@ CALM_S = 150
 class AnyDistributedRobot(AnyRobot):
     """Computers that are cut off, are lost then, and come back; some have no room.
 
-    What is said to one that is cut off is heard when it is back, unless it was lost meanwhile.
+    When one is back, its agent ends what nobody wants there any more.
     """
 
     @initialize(
@@ -38,7 +38,6 @@ class AnyDistributedRobot(AnyRobot):
         self.runs_on: Dict[str, str] = {}
         self.there: Set[str] = set()  # heard, and not lost since
         self.cut: Set[str] = set()
-        self.unheard: List[str] = []  # who was told to end, and could not hear it yet
         self.begin(ontology, som, chosen, left)
         self.all_is_calm(3)
         while self.core.plans_ahead:
@@ -51,20 +50,12 @@ class AnyDistributedRobot(AnyRobot):
 
     def die(self, survivors: str) -> None:
         self.there.clear()  # the next one has heard none of them yet
-        self.unheard.clear()
         super().die(survivors)
 
     def on_StartSubstitute(self, command: events.StartSubstitute) -> None:
         super().on_StartSubstitute(command)
         assert command.host in {"", *self.there}, "it is placed on a computer that is lost"
         self.runs_on[command.node] = command.host
-
-    def on_StopSubstitute(self, command: events.StopSubstitute) -> None:
-        host = self.runs_on.get(command.node, "")
-        assert host in {"", *self.there}, "nobody hears that"
-        if host in self.cut:
-            self.unheard.append(command.node)
-        super().on_StopSubstitute(command)
 
     def on_ShowSubstitutions(self, command: events.ShowSubstitutions) -> None:
         for row in command.rows:
@@ -82,8 +73,8 @@ class AnyDistributedRobot(AnyRobot):
         self.cut.discard(host)
         self.there.add(host)
         if not known:
-            self.running |= {n for n in self.unheard if self.runs_on[n] == host}
-        self.unheard = [n for n in self.unheard if self.runs_on[n] != host]
+            there = {node for node in self.running if self.runs_on.get(node) == host}
+            self.running -= there - set(self.shown)
         self.hear(events.HostSeen(self.now, host, load, 4.0))
         if self.taken_up:
             assert self.reached() <= set(self.shown), "it does not know that it must end"
@@ -142,14 +133,13 @@ class AnyDistributedRobot(AnyRobot):
             self.lives_for = None
             for _ in range(CALM_S):
                 self.all_is_calm(1)
-                for node in sorted(self.core._kills.nodes):
+                for node in sorted(self.core.robot.health.dying):
                     self.hear(events.NodeFound(self.now, node, events.Where.DEAD))
                 self.first_messages()
-            for name, healing in self.core._healings.items():
+            for name, healing in self.core.services.items():
                 service = self.som.services[name]
                 if service.needed and service.policy.substitutes:
                     assert healing.state is not State.HEALING
-            assert not self.core._strays._told, "somebody was never told to end"
         super().teardown()
 
 

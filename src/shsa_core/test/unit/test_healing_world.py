@@ -22,8 +22,8 @@ from core_robot import (
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
-from shsa_core.healing.substitute_process import SubstituteProcess
-from shsa_core.healing.transitions import Trigger
+from shsa_core.healing.substitute import Substitute
+from shsa_core.healing.repair import Trigger
 from shsa_core.model.kinds import Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Provision, Service
@@ -344,32 +344,48 @@ def test_safe_values_promise_nothing() -> None:
     "spoil, told",
     [
         (lambda core, a: setattr(a.substitute, "plan", None), "a process without a plan"),
-        (lambda core, a: a._timers.update({Trigger.STEADY: 20.0}), "a: healed with the timers"),
+        (lambda core, a: a.timers.update({Trigger.STEADY: 20.0}), "a: healed with the timers"),
         (
             lambda core, a: setattr(a, "incident", replace(a.incident, state=State.UNHEALED)),
             "a: unhealed, and nothing will ever be tried again",
         ),
-        (lambda core, a: a.substitute.drop(), "a: healed without a substitute"),
-        (lambda core, a: core._pool.nodes.append(a.node), "works for a and for the pool"),
+        (
+            lambda core, a: (
+                setattr(a.substitute, "node", ""),
+                setattr(a.substitute, "plan", None),
+            ),
+            "a: healed without a substitute",
+        ),
+        (
+            lambda core, a: core.robot.processes.pool.add(a.node, 0.0, ""),
+            "works for a and for the pool",
+        ),
         (
             lambda core, a: setattr(a, "incident", replace(a.incident, state=State.HEALING)),
             "a is being healed, and nothing will ever happen",
         ),
         (
-            lambda core, a: core._availability.states.update(a=core._availability.states["b"]),
+            lambda core, a: core.robot.availability.states.update(
+                a=core.robot.availability.states["b"]
+            ),
             "a is healed and available at the same time",
         ),
         (
-            lambda core, a: a.__dict__.update(incident=None, substitute=SubstituteProcess()),
+            lambda core, a: a.__dict__.update(
+                incident=None, accusation=None, substitute=Substitute("a", core.robot)
+            ),
             "is in the table of substitutions, but has no owner",
         ),
-        (lambda core, a: setattr(a, "incident", None), "publishes for a, which is well"),
+        (
+            lambda core, a: a.__dict__.update(incident=None, accusation=None),
+            "publishes for a, which is well",
+        ),
     ],
 )
 def test_a_broken_invariant_is_told(spoil: Callable[[Any, Any], object], told: str) -> None:
     robot = Robot()
     robot.heal(10.0)
-    spoil(robot.core, robot.core._healings["a"])
+    spoil(robot.core, robot.core.services["a"])
     with pytest.raises(ShsaError, match=told):
         robot.core.validate()
 
@@ -408,7 +424,9 @@ def test_a_node_that_is_well_again_counts_for_all_that_it_publishes() -> None:
     robot.killed(10.1, A)
     robot.rows["/c", A] = replace(robot.rows["/c", A], since=10.2)
     robot.table(10.2)
-    states = {row.service.name: row.available for row in robot.core._availability.states.values()}
+    states = {
+        row.service.name: row.available for row in robot.core.robot.availability.states.values()
+    }
     assert states == {"a": False, "b": True, "c": True}
     robot.row("/a", A, "healthy", 20.0)
     robot.handle(events.HealthSeen(20.0, (robot.rows["/a", A],)))
@@ -418,7 +436,7 @@ def test_a_node_that_is_well_again_counts_for_all_that_it_publishes() -> None:
             20.2, (replace(robot.rows["/c", A], topic="/x", publisher=B, since=20.2),)
         )
     )
-    assert robot.core._availability.states["b"].available
+    assert robot.core.robot.availability.states["b"].available
 
 
 def test_silence_of_a_substitute_beside_its_returning_original_is_no_step() -> None:

@@ -6,7 +6,7 @@ import rospy
 
 from shsa_core.healing import events
 from shsa_core.ros.agent import routing
-from shsa_core.ros.agent.routing import Hosts
+from shsa_core.ros.agent.routing import Router
 from shsa_testing.waiting import wait_until
 
 Sent = List[Tuple[str, Any]]
@@ -22,7 +22,7 @@ class Robot:
         self.uris = {"/a": "http://10.0.0.2:1/", "/b": "http://10.0.0.3:1/", "/c": "http://me:1/"}
         self.uris["/d"] = "http://10.0.0.9:1/"
         self.answers = True
-        self.hosts = Hosts(self, self, self.told.append, "notebook")  # type: ignore[arg-type]
+        self.hosts = Router(self, self, self.told.append, "notebook")  # type: ignore[arg-type]
 
     def carry_out(self, *what: Any) -> None:
         """As the local Host, and as the agents."""

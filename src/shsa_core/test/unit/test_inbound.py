@@ -9,6 +9,7 @@ import pytest
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
 from rospy.impl.tcpros_base import TCPROSServer
 
+from shsa_core.ros import settings
 from shsa_core.ros.rospy_patches import inbound
 from shsa_testing.waiting import wait_until
 
@@ -63,12 +64,12 @@ def test_who_says_nothing_keeps_nobody_out(server: Server) -> None:
 def test_a_header_may_come_byte_by_byte_but_not_for_ever(
     server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(inbound, "HEADER_S", 10.0)
+    monkeypatch.setattr(settings, "HEADER_S", 10.0)
     client = server.connect()
     for each in WHOLE:
         client.sendall(bytes([each]))
     wait_until(lambda: server.headers, 5.0, "it is served")
-    monkeypatch.setattr(inbound, "HEADER_S", 0.2)
+    monkeypatch.setattr(settings, "HEADER_S", 0.2)
     slow = server.connect()
     slow.sendall(WHOLE[:5])
     assert slow.recv(1) == b""
@@ -84,8 +85,8 @@ def test_a_header_that_is_too_long_is_not_read(server: Server) -> None:
 def test_the_oldest_goes_where_too_many_wait(
     server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(inbound, "HEADER_S", 60.0)
-    monkeypatch.setattr(inbound, "MOST_WAITING", 3)
+    monkeypatch.setattr(settings, "HEADER_S", 60.0)
+    monkeypatch.setattr(settings, "MOST_WAITING", 3)
     silent = [server.connect() for _ in range(5)]
     assert all(each.recv(1) == b"" for each in silent[:2])
     client = server.connect()
@@ -113,7 +114,7 @@ def api(monkeypatch: pytest.MonkeyPatch) -> Iterator[Tuple[str, int]]:
 
 
 def test_silent_calls_do_not_pile_up(api: Tuple[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(inbound, "MOST_CALLS", 5)
+    monkeypatch.setattr(settings, "MOST_API_CONNECTIONS", 5)
     before = threading.active_count()
     proxy = xmlrpc.client.ServerProxy(f"http://127.0.0.1:{api[1]}")
     assert proxy.echo("x") == "x"

@@ -1,5 +1,6 @@
 """Which new publishers are looked at, and whom healing tells of them."""
-from shsa_core.ros.master.introductions import LOOKS_S, Introductions, Publisher, unserved
+from shsa_core.ros.master.introductions import Introductions, Publisher
+from shsa_core.ros.settings import INTRODUCTION_LOOKS_S as LOOKS_S
 
 OLD, NEW = Publisher("/x", "/a", "http://a:1/"), Publisher("/x", "/a", "http://a:2/")
 OURS = Publisher("/shsa/health", "/monitor", "http://m:1/")
@@ -40,7 +41,3 @@ def test_after_a_long_pause_there_is_one_look() -> None:
     introductions.heed(0.0, frozenset())
     introductions.heed(1.0, frozenset({NEW}))
     assert introductions.due(60.0) == [NEW] and not introductions.due(100.0)
-
-
-def test_those_who_are_not_connected_are_told_and_nobody_of_itself() -> None:
-    assert unserved(["/a", "/b", "/c"], ["/b"], "/a") == ("/c",)

@@ -1,5 +1,5 @@
 """How a faulty node is killed, step by step, and what counts as certain."""
-from typing import List
+from typing import Any, FrozenSet, List, Optional, Sequence, Tuple, Union
 
 import pytest
 
@@ -14,20 +14,46 @@ from shsa_core.healing.events import (
     ProcessUntouchable,
     Where,
 )
-from shsa_core.healing.kills import KillNode, Kills, NodeKilled, NodeSpared
+from shsa_core.healing.health import Health
+from shsa_core.healing.kill import KillNode, KillOutcome, Kills, NodeKilled, NodeSpared, Said
 
 N = "/node"
+Parts = Tuple[List[Any], Optional[KillOutcome]]
 
 
-def begun(urgent: bool = True) -> Kills:
-    kills = Kills(patience=0.1)
+class Killing(Kills):
+    """Kills without a robot, and what is said of them in two parts."""
+
+    def __init__(self) -> None:
+        self.health = Health()
+        super().__init__(self.health, patience=0.1)
+
+    @property
+    def nodes(self) -> FrozenSet[str]:
+        return self.health.dying
+
+    def told(self, event: Union[NodeFound, NodeLeft, ProcessUntouchable]) -> Parts:
+        return parts(self.handle(event))
+
+    def passed(self, time: float) -> Parts:
+        return parts(self.tick(time))
+
+
+def parts(said: Sequence[Said]) -> Parts:
+    """What is to be done, and how the kill has ended."""
+    over = [each for each in said if isinstance(each, (NodeKilled, NodeSpared))]
+    return [each for each in said if each not in over], over[0] if over else None
+
+
+def begun(urgent: bool = True) -> Killing:
+    kills = Killing()
     assert kills.begin(10.0, KillNode(N, urgent)) == [FindNode(N, successor=urgent)]
     assert kills.nodes == {N}
     return kills
 
 
-def found(kills: Kills, where: Where) -> List[Command]:
-    commands, over = kills.found(NodeFound(10.0, N, where))
+def found(kills: Killing, where: Where) -> List[Command]:
+    commands, over = kills.told(NodeFound(10.0, N, where))
     assert over is None and kills.nodes == {N}
     return commands
 
@@ -35,20 +61,20 @@ def found(kills: Kills, where: Where) -> List[Command]:
 def test_a_node_that_leaves_when_it_is_asked_is_certainly_gone() -> None:
     kills = begun()
     assert found(kills, Where.HERE) == [AskToLeave(N)]
-    commands, over = kills.left(NodeLeft(10.05, N))
+    commands, over = kills.told(NodeLeft(10.05, N))
     assert commands == [ClearNode(N)]
     assert over == NodeKilled(10.05, N, True, "it left")
-    assert not kills.nodes and kills.deadline is None
+    assert not kills.nodes and kills.agenda.next() is None
 
 
 @pytest.mark.parametrize("urgent, patience", [(True, 0.1), (False, 1.0)])
 def test_a_node_that_does_not_leave_in_time_is_forced(urgent: bool, patience: float) -> None:
     kills = begun(urgent)
     found(kills, Where.HERE)
-    assert kills.deadline == 10.0 + patience
-    assert kills.tick(10.0 + 0.9 * patience) == ([], [])
-    assert kills.tick(10.0 + patience) == ([EndProcess(N)], [])
-    _, over = kills.left(NodeLeft(11.5, N))
+    assert kills.agenda.next() == 10.0 + patience
+    assert kills.passed(10.0 + 0.9 * patience) == ([], None)
+    assert kills.passed(10.0 + patience) == ([EndProcess(N)], None)
+    _, over = kills.told(NodeLeft(11.5, N))
     assert isinstance(over, NodeKilled) and over.certain and "did not leave in time" in over.detail
 
 
@@ -58,20 +84,20 @@ def test_a_stopped_node_is_forced_at_once() -> None:
 
 def test_a_dead_node_is_only_cleared() -> None:
     kills = begun()
-    commands, over = kills.found(NodeFound(10.0, N, Where.DEAD))
+    commands, over = kills.told(NodeFound(10.0, N, Where.DEAD))
     assert commands == [ClearNode(N)]
     assert over == NodeKilled(10.0, N, True, "it had died")
 
 
 def test_a_node_that_nobody_knows_is_gone() -> None:
-    commands, over = begun().found(NodeFound(10.0, N, Where.NOWHERE))
+    commands, over = begun().told(NodeFound(10.0, N, Where.NOWHERE))
     assert commands == [] and isinstance(over, NodeKilled) and over.certain
 
 
 def test_a_node_elsewhere_that_does_not_answer_may_still_run() -> None:
     kills = begun()
     assert found(kills, Where.ELSEWHERE) == [AskToLeave(N)]
-    commands, (over,) = kills.tick(11.0)
+    commands, over = kills.passed(11.0)
     assert isinstance(over, NodeKilled)
     assert commands == [] and not over.certain and "another computer" in over.detail
 
@@ -79,14 +105,14 @@ def test_a_node_elsewhere_that_does_not_answer_may_still_run() -> None:
 def test_a_node_elsewhere_that_answers_is_gone() -> None:
     kills = begun()
     found(kills, Where.ELSEWHERE)
-    _, over = kills.left(NodeLeft(10.2, N))
+    _, over = kills.told(NodeLeft(10.2, N))
     assert isinstance(over, NodeKilled) and over.certain
 
 
 def test_a_process_that_does_not_end_may_still_run() -> None:
     kills = begun()
     found(kills, Where.STOPPED)
-    _, (over,) = kills.tick(11.0)
+    _, over = kills.passed(11.0)
     assert isinstance(over, NodeKilled)
     assert not over.certain and over.detail == "its process does not end"
 
@@ -94,14 +120,14 @@ def test_a_process_that_does_not_end_may_still_run() -> None:
 def test_a_process_of_somebody_else_may_still_run() -> None:
     kills = begun()
     found(kills, Where.STOPPED)
-    over = kills.untouchable(ProcessUntouchable(10.1, N))
+    _, over = kills.told(ProcessUntouchable(10.1, N))
     assert isinstance(over, NodeKilled) and not over.certain and "somebody else" in over.detail
 
 
 def test_a_node_that_cannot_be_found_in_time_may_still_run() -> None:
     kills = begun()
-    assert kills.tick(11.9) == ([], [])
-    _, (over,) = kills.tick(12.0)
+    assert kills.passed(11.9) == ([], None)
+    _, over = kills.passed(12.0)
     assert isinstance(over, NodeKilled)
     assert not over.certain and "found in time" in over.detail
 
@@ -115,37 +141,37 @@ def test_a_kill_that_is_under_way_is_not_begun_again() -> None:
 def test_what_comes_late_changes_nothing() -> None:
     kills = begun()
     found(kills, Where.HERE)
-    assert kills.found(NodeFound(10.1, N, Where.DEAD)) == ([], None)  # told twice
-    kills.left(NodeLeft(10.2, N))
-    assert kills.left(NodeLeft(10.3, N)) == ([], None)
-    assert kills.found(NodeFound(10.3, N, Where.HERE)) == ([], None)
-    assert kills.untouchable(ProcessUntouchable(10.3, N)) is None
-    assert kills.tick(20.0) == ([], [])
+    assert kills.told(NodeFound(10.1, N, Where.DEAD)) == ([], None)  # told twice
+    kills.told(NodeLeft(10.2, N))
+    assert kills.told(NodeLeft(10.3, N)) == ([], None)
+    assert kills.told(NodeFound(10.3, N, Where.HERE)) == ([], None)
+    assert kills.told(ProcessUntouchable(10.3, N)) == ([], None)
+    assert kills.passed(20.0) == ([], None)
 
 
 @pytest.mark.parametrize("where", [Where.HERE, Where.STOPPED, Where.ELSEWHERE])
 def test_a_node_that_is_to_be_cleared_if_it_is_dead_is_spared_if_it_is_not(where: Where) -> None:
-    kills = Kills(patience=0.1)
+    kills = Killing()
     assert kills.begin(10.0, KillNode(N, False, if_dead=True)) == [FindNode(N, successor=False)]
-    assert kills.found(NodeFound(10.1, N, where)) == ([], NodeSpared(10.1, N))
-    assert not kills.nodes and kills.deadline is None
+    assert kills.told(NodeFound(10.1, N, where)) == ([], NodeSpared(10.1, N))
+    assert not kills.nodes and kills.agenda.next() is None
 
 
 def test_a_dead_node_is_cleared_even_if_it_is_to_be_spared() -> None:
-    kills = Kills(patience=0.1)
+    kills = Killing()
     kills.begin(10.0, KillNode(N, False, if_dead=True))
-    commands, over = kills.found(NodeFound(10.1, N, Where.DEAD))
+    commands, over = kills.told(NodeFound(10.1, N, Where.DEAD))
     assert commands == [ClearNode(N)] and isinstance(over, NodeKilled)
 
 
 def test_a_node_that_cannot_be_found_in_time_is_spared() -> None:
-    kills = Kills(patience=0.1)
+    kills = Killing()
     kills.begin(10.0, KillNode(N, False, if_dead=True))
-    assert kills.tick(12.0) == ([], [NodeSpared(12.0, N)])
+    assert kills.passed(12.0) == ([], NodeSpared(12.0, N))
 
 
 def test_a_node_that_is_to_be_killed_after_all_is_not_spared() -> None:
-    kills = Kills(patience=0.1)
+    kills = Killing()
     kills.begin(10.0, KillNode(N, False, if_dead=True))
     assert kills.begin(10.01, KillNode(N, True)) == []
     assert found(kills, Where.HERE) == [AskToLeave(N)]

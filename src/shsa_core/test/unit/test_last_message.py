@@ -21,7 +21,7 @@ from shsa_core.monitoring.events import HealthChanged, PublisherHealth, Publishe
 from shsa_core.monitoring.last_messages import COUNT, LARGEST_B, OLDEST_S, LastMessages
 from shsa_core.ros.wire.healing import LARGEST_MESSAGE_B, failure_seen
 from shsa_core.substitution import events
-from shsa_core.substitution.stamps import Stamps
+from shsa_core.substitution.job import Stamps
 
 # The monitor's side.
 
@@ -161,7 +161,7 @@ def test_safe_values_are_nothing_to_go_on_from() -> None:
     (row_,) = robot.working()
     fail(robot, row_.node, 11.0, b"safe", "silent")
     robot.handle(healing.Tick(robot.core.deadline or 0.0))
-    assert robot.core._healings["a"].last_message == b"good"
+    assert robot.core.services["a"].last_message == b"good"
 
 
 def test_what_a_stranger_has_sent_is_not_gone_on_from() -> None:

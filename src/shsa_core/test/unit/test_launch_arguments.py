@@ -1,12 +1,15 @@
 """Arguments that a launch file does not take are named, and no others."""
+import re
 from pathlib import Path
 from typing import List
+from xml.etree import ElementTree
 
 import pytest
 
 from shsa_core.ros.launch_arguments import unknown
 
-LAUNCH = Path(__file__).resolve().parents[2] / "launch"
+ROOT = Path(__file__).resolve().parents[4]
+LAUNCH = ROOT / "src" / "shsa_core" / "launch"
 SHSA = str(LAUNCH / "shsa.launch")
 OUTER = """
 <launch>
@@ -43,3 +46,16 @@ def test_what_is_passed_on_counts(tmp_path: Path, passes: str, ok: bool) -> None
 def test_other_commands_and_files_that_cannot_be_found_are_left_alone() -> None:
     assert unknown(["python3", "-m", "pytest", "x:=1"]) == []
     assert refused("no_package", "no.launch", "x:=1") == refused("x:=1") == []
+
+
+FILES = [*ROOT.glob("[es]*/**/*.launch"), *ROOT.glob("[es]*/**/*.test")]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_an_include_gives_what_the_included_file_takes(path: Path) -> None:
+    for include in ElementTree.parse(str(path)).iter("include"):
+        found = re.search(r"(shsa_\w+)\W.*?([\w.]+\.launch)", include.get("file", ""))
+        if found is not None and include.get("pass_all_args") != "true":
+            file = str(ROOT / "src" / found[1] / "launch" / found[2])
+            given = [f"{each.get('name')}:=x" for each in include.iter("arg")]
+            assert refused(file, *given) == []

@@ -4,7 +4,8 @@ from typing import List, Tuple
 
 import pytest
 
-from shsa_core.ros.agent.line import RESEND_S, Line, Said
+from shsa_core.ros.agent.line import Line, Said
+from shsa_core.ros.settings import RESEND_S
 
 
 def test_what_is_said_is_numbered_and_said_again_until_it_was_heard() -> None:
@@ -14,20 +15,20 @@ def test_what_is_said_is_numbered_and_said_again_until_it_was_heard() -> None:
     assert line.again(RESEND_S - 0.01) == []
     assert line.again(RESEND_S) == [Said(1, "a"), Said(2, "b")]
     assert line.again(RESEND_S + 0.01) == []  # not again at once
-    line.take(0, 1, 0.3)
+    line.hear(0, 1, 0.3)
     assert line.again(0.3 + RESEND_S) == [Said(2, "b")]
-    assert line.waiting(1.0) == pytest.approx(0.7)
-    line.take(0, 2, 1.0)
-    assert line.waiting(9.0) is None and line.again(9.0) == []
+    assert line.since == 0.3
+    line.hear(0, 2, 1.0)
+    assert line.since is None and line.again(9.0) == []
 
 
 def test_what_comes_twice_or_too_early_is_dropped() -> None:
     line = Line()
-    assert line.take(1, 0, 0.0)
-    assert not line.take(1, 0, 0.0)
-    assert not line.take(3, 0, 0.0)
+    assert line.hear(1, 0, 0.0)
+    assert not line.hear(1, 0, 0.0)
+    assert not line.hear(3, 0, 0.0)
     assert line.heard == 1
-    assert line.take(2, 0, 0.0) and line.take(3, 0, 0.0)
+    assert line.hear(2, 0, 0.0) and line.hear(3, 0, 0.0)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -52,6 +53,6 @@ def test_nothing_is_lost_over_a_line_that_loses_doubles_and_delays(seed: int) ->
                     wire.remove(each)  # else it comes again
                 if chance.random() < 0.3:
                     continue  # it is lost, or late
-                if end.take(each[0], each[1], now):
+                if end.hear(each[0], each[1], now):
                     heard.append(each[2])
     assert heard == said

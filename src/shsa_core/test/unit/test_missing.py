@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from search_models import every_derivation, law, ontology, random_model, source
 
-from shsa_core.analysis.failures import Failures
 from shsa_core.errors import LISTED, NoSubstitute
 from shsa_core.model.ontology import Ontology
 from shsa_core.search.missing import lacking
@@ -52,19 +51,6 @@ def test_with_all_that_is_missing_the_lost_can_be_derived(seed: int) -> None:
             alone = all(target in f.inputs for f in model.functions if f.output == target)
             assert found == bool(none.missing)
             assert none.missing or alone
-
-
-@settings(max_examples=many(500), deadline=None, derandomize=True)
-@given(st.integers(0, 2**32))
-def test_it_is_the_same_for_all_failures_at_once(seed: int) -> None:
-    model, sources, _ = random_model(seed)
-    failures = Failures(model.network, sources)
-    for node in {each.node for each in sources}:
-        failure = failures.after([node])
-        for number in failure.lost:
-            with pytest.raises(NoSubstitute) as none:
-                find_substitute(model, sources, model.network.names[number], [node])
-            assert failures.missing(number, failure) == list(none.value.missing)
 
 
 def test_long_chains_do_not_recurse() -> None:

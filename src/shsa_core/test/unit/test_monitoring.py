@@ -379,7 +379,7 @@ def test_a_row_without_a_node_is_nobodys() -> None:
         (lambda topic, p: topic.services.clear(), "watched for no service"),
         (lambda topic, p: setattr(p, "kind", "stuck"), "without why"),
         (lambda topic, p: setattr(p, "connected", False), "gone, and healthy"),
-        (lambda topic, p: setattr(p, "last_message", 0.0), "nobody looks"),
+        (lambda topic, p: setattr(p, "silent_since", 0.0), "nobody looks"),
         (lambda topic, p: setattr(p, "watched", replace(p.watched)), "of another topic"),
         (lambda topic, p: setattr(p, "name", ""), "is connected"),
     ],

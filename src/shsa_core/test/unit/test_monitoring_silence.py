@@ -1,11 +1,12 @@
-"""Whose silence is a failure, and whose has another cause that passes."""
+"""Whose silence is a failure, and who has an alibi."""
 from typing import Iterable, Tuple
 
 import pytest
-from monitor_bench import DEADLINE, NODE, PERIOD, SETTINGS, TOPIC, Bench, service
+from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service
 
 from shsa_core.model.service import Service
-from shsa_core.monitoring.silence import COMING_UP_S, CONNECT_S
+from shsa_core.monitoring.alibis import ROWS, Blame, Case, decide
+from shsa_core.monitoring.settings import COMING_UP_S, CONNECT_S, RECONNECT_S
 
 NODES = ("/one", "/two", "/three", "/four")
 
@@ -171,6 +172,50 @@ def test_another_topic_of_the_node_is_enough() -> None:
     assert bench.failures == []
 
 
+def test_people_see_why_a_late_node_is_not_blamed_as_long_as_it_is_late() -> None:
+    bench = robot()
+    bench.connect("/one", "/one")
+    stream(bench, NODES[1:], 1.5 * DEADLINE)
+    row = bench.rows["/one", "/one"]
+    assert bench.state("/one", "/one") == "healthy"
+    assert row.detail.startswith("not blamed: healing connected to it")
+    stream(bench, NODES, 2 * PERIOD)
+    assert bench.rows["/one", "/one"].detail == ""
+
+
+def test_people_see_that_slow_nodes_are_slow_together() -> None:
+    bench = robot()
+    slow_stream(bench, NODES[1:], 5.0)
+    assert "late together" in bench.rows[NODES[1], NODES[1]].detail
+    stream(bench, NODES, 5.0)
+    assert {row.detail for row in bench.rows.values()} == {""}
+
+
+@pytest.mark.parametrize("blame", list(Blame))
+def test_who_has_no_alibi_is_to_blame(blame: Blame) -> None:
+    assert decide(Case(blame, 10.0, 9.0)) is None
+
+
+def test_each_alibi_clears_of_what_it_says_and_ends() -> None:
+    facts = (
+        dict(due=11.0),
+        dict(reconnects_until=11.0),
+        dict(connected=9.0),
+        dict(came_up=8.5),
+        dict(together=3),
+        dict(subscribed=False),
+        dict(formerly=True, together=3),
+        dict(robot_came=False),
+    )
+    for row, fact in zip(ROWS, facts):
+        for blame in Blame:
+            alibi = decide(Case(blame, 10.0, 9.0, limit=12.0, **fact))
+            assert (alibi is not None and alibi.why == row.why) is (blame in row.clears)
+            later = Case(blame, 14.0, 9.0, limit=12.0, **fact)
+            assert row.until(later) <= 14.0 or blame not in row.clears or decide(later)
+    assert len(facts) == len(ROWS)
+
+
 def test_to_connect_to_one_node_excuses_no_other(bench: Bench) -> None:
     bench.connect("/spoofer")
     bench.wait(DEADLINE + 0.001)
@@ -244,7 +289,7 @@ def test_a_publisher_that_connects_again_and_is_silent_has_failed(bench: Bench) 
 
 def test_an_interruption_without_end_is_silence(bench: Bench) -> None:
     bench.interrupt()
-    bench.wait(SETTINGS.reconnect + 2 * DEADLINE)
+    bench.wait(RECONNECT_S + 2 * DEADLINE)
     assert bench.kinds() == [(NODE, "silent")]
 
 

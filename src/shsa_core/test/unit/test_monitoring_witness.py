@@ -11,7 +11,14 @@ from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import Connected, FailureDetected, Message, SomChanged, Tick
+from shsa_core.monitoring.events import (
+    Connected,
+    Disconnected,
+    FailureDetected,
+    Message,
+    SomChanged,
+    Tick,
+)
 from shsa_core.monitoring.machine import Monitor
 
 PERIOD = 0.02
@@ -141,6 +148,21 @@ def test_who_fails_is_no_witness(ontology: Ontology) -> None:
     robot.failures.clear()
     robot.run(30.0, silent="voltage", current=4.0)
     assert robot.kinds() == {"voltage": "silent"}
+
+
+@pytest.mark.parametrize("wrong_for", (1.0, 2.0, 2.8))
+def test_a_node_that_starts_anew_is_not_accused_of_what_its_predecessor_did(
+    ontology: Ontology, wrong_for: float
+) -> None:
+    robot = Robot(ontology, *usual())
+    robot.run(10.0)
+    robot.run(wrong_for, current=4.0)
+    robot.hear(Disconnected(robot.now, "/current", "/current_node"))
+    robot.hear(Connected(robot.now, "/current", "/current_node"))
+    robot.run(5.0)
+    assert robot.kinds() == {"current": "node_gone"}
+    robot.run(5.0, current=4.0)
+    assert robot.kinds() == {"current": "witness"}
 
 
 def test_a_short_difference_is_none(ontology: Ontology) -> None:

@@ -2,7 +2,8 @@
 from typing import List, Tuple
 
 from shsa_core.healing.events import HealthSeen
-from shsa_core.healing.nodes import MONITOR_START_S, Nodes
+from shsa_core.healing.health import Health
+from shsa_core.healing.settings import MONITOR_START_S
 from shsa_core.model.host import Host
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
@@ -39,8 +40,8 @@ def told(host: str, *topics: str, anew: bool = False, time: float = 1.0) -> Heal
     return HealthSeen(time, rows, whole=True, anew=anew, host=host)
 
 
-def healthy(nodes: Nodes, *topics: str) -> List[str]:
-    return [topic for topic in topics if nodes.healthy(topic, f"{topic}_node")]
+def healthy(health: Health, *topics: str) -> List[str]:
+    return [topic for topic in topics if health.healthy((topic, f"{topic}_node"))]
 
 
 def names(som: Som) -> Tuple[str, ...]:
@@ -63,34 +64,35 @@ def test_the_hosts_stay() -> None:
 
 
 def test_the_whole_table_of_one_monitor_leaves_the_rows_of_the_others() -> None:
-    nodes = Nodes()
-    nodes.heed(told("", "/steering"))
-    nodes.heed(told(PI, "/current", "/left"))
-    assert nodes.heed(told(PI, "/current")) == [
+    health = Health()
+    health.heed(told("", "/steering"))
+    health.heed(told(PI, "/current", "/left"))
+    assert health.heed(told(PI, "/current"))[0] == [
         ("/current", "/current_node"),
         ("/left", "/left_node"),
     ]
-    assert healthy(nodes, "/steering", "/current", "/left") == ["/steering", "/current"]
-    nodes.heed(told(""))
-    assert healthy(nodes, "/steering", "/current") == ["/current"]
+    assert healthy(health, "/steering", "/current", "/left") == ["/steering", "/current"]
+    health.heed(told(""))
+    assert healthy(health, "/steering", "/current") == ["/current"]
 
 
 def test_a_monitor_that_starts_anew_puts_nobody_in_doubt_whom_another_one_watches() -> None:
-    nodes = Nodes()
-    nodes.heed(told("", "/steering"))
-    nodes.heed(told(PI, "/current"))
-    nodes.heed(told(PI, anew=True, time=2.0))
-    assert healthy(nodes, "/steering", "/current") == ["/steering", "/current"]
-    missed = nodes.unheard(2.0 + MONITOR_START_S)
+    health = Health()
+    health.heed(told("", "/steering"))
+    health.heed(told(PI, "/current"))
+    health.heed(told(PI, anew=True, time=2.0))
+    assert healthy(health, "/steering", "/current") == ["/steering", "/current"]
+    missed = health.missed(2.0 + MONITOR_START_S)
     assert missed is not None and missed.removed == (("/current", "/current_node"),)
-    nodes.heed(missed)
-    assert healthy(nodes, "/steering", "/current") == ["/steering"]
+    health.heed(missed)
+    assert healthy(health, "/steering", "/current") == ["/steering"]
 
 
 def test_what_a_former_reconfigurator_knew_is_taken_over_by_whoever_tells_of_it() -> None:
-    nodes = Nodes()
-    nodes.recall(0.0, [row("/current"), row("/steering")])
-    nodes.heed(told(PI, "/current"))
-    nodes.heed(told("", "/steering"))
-    assert nodes.unheard(MONITOR_START_S).removed == ()  # type: ignore[union-attr]
-    assert healthy(nodes, "/steering", "/current") == ["/steering", "/current"]
+    health = Health()
+    for topic in ("/current", "/steering"):
+        health.recall(0.0, row(topic))
+    health.heed(told(PI, "/current"))
+    health.heed(told("", "/steering"))
+    assert health.missed(MONITOR_START_S).removed == ()  # type: ignore[union-attr]
+    assert healthy(health, "/steering", "/current") == ["/steering", "/current"]

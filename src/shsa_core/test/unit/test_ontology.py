@@ -30,7 +30,7 @@ def test_functions_of_a_property_come_by_the_name_of_their_relation() -> None:
 
 
 def test_the_graph_is_bipartite_and_follows_the_data() -> None:
-    graph = ONTOLOGY.graph()
+    graph = ONTOLOGY.graph
     kinds = dict(graph.nodes(data="kind"))
     assert {node for node, kind in kinds.items() if kind == "property"} == {"a", "b", "c", "alone"}
     assert {node for node, kind in kinds.items() if kind == "relation"} == {

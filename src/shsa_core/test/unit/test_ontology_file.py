@@ -130,7 +130,7 @@ PROPERTIES = "properties: {a: , b: , c: {unit: m}}\nconstants: {k: {value: 2}}\n
             5,
             "error must be above 0",
         ),
-        (PROPERTIES + "relations:\n  r:\n    a: {function: b, error: x}", 5, "error must be a num"),
+        (PROPERTIES + "relations:\n  r:\n    a: {function: b, error: x}", 5, "must be above 0"),
         *[
             (
                 PROPERTIES + "relations:\n  r:\n    a:\n      function: b\n      error:\n" + keys,
@@ -139,7 +139,7 @@ PROPERTIES = "properties: {a: , b: , c: {unit: m}}\nconstants: {k: {value: 2}}\n
             for keys, *told in [
                 ("        bias: 1", 7, "error lacks the key 'rms'"),
                 ("        rms: 0", 8, "error: rms must be above 0, not 0"),
-                ("        rms: .nan", 8, "error: rms must be a finite number"),
+                ("        rms: .nan", 8, "error: rms must be above 0, not .nan"),
                 ("        rms: 1\n        bias: -2", 9, "bias must be at most rms, 1, not -2"),
                 ("        rms: 1\n        p95: -1", 9, "error: p95 must be 0 or above, not -1"),
                 ("        rms: 1\n        delay: -1", 9, "error: delay must be 0 or above"),
@@ -148,14 +148,14 @@ PROPERTIES = "properties: {a: , b: , c: {unit: m}}\nconstants: {k: {value: 2}}\n
                     9,
                     "error: baseline must be above 0, not 0",
                 ),
-                ("        rms: 1\n        n: 1.5", 9, "error: n must be a whole number above 0"),
-                ("        rms: 1\n        n: 0", 9, "error: n must be a whole number above 0"),
+                ("        rms: 1\n        n: 1.5", 9, "error: n must be a whole number from 1"),
+                ("        rms: 1\n        n: 0", 9, "error: n must be a whole number from 1"),
                 ("        rms: 1\n        source: [a]", 9, "error: source must be a text"),
                 ("        rms: 1\n        mean: 2", 9, "error has no key 'mean'"),
             ]
         ],
-        (PROPERTIES + "relations:\n  r:\n    a:", 5, "r for a must be a text, not empty"),
-        (PROPERTIES + "relations:\n  r:\n    a: [b]", 5, "r for a must be a text, not a list"),
+        (PROPERTIES + "relations:\n  r:\n    a:", 5, "r for a: function must be a text, not empty"),
+        (PROPERTIES + "relations:\n  r:\n    a: [b]", 5, "function must be a text, not a list"),
         (PROPERTIES + "relations:\n  r:\n    a: ''", 5, "the expression is empty"),
         (PROPERTIES + "relations:\n  r:\n    a: a + b", 5, "uses its own output 'a'"),
         (PROPERTIES + "relations:\n  r:\n    a: b + z", 5, "uses 'z', which is neither in"),
@@ -210,7 +210,7 @@ PROPERTIES = "properties: {a: , b: , c: {unit: m}}\nconstants: {k: {value: 2}}\n
         (
             PROPERTIES + "relations:\n  r:\n    a:\n      function: b\n      quality: high",
             7,
-            "quality must be a number, not the text 'high'",
+            "quality must be above 0 and at most 1, not the text 'high'",
         ),
         (
             PROPERTIES + "relations:\n  r:\n    a:\n      function: b\n      constraint: c",
@@ -230,7 +230,7 @@ PROPERTIES = "properties: {a: , b: , c: {unit: m}}\nconstants: {k: {value: 2}}\n
         (
             PROPERTIES + "relations:\n  r:\n    a:\n      function: b\n      qality: 1",
             7,
-            "r for a has no key 'qality'; allowed: function, not_executable",
+            "r for a has no key 'qality'; allowed: function, constraint",
         ),
     ],
 )

@@ -91,7 +91,7 @@ def test_what_a_generated_name_stands_for_must_be_a_message(
 
 @needs_ros
 def test_nothing_is_loaded_for_a_publisher_that_names_another_type() -> None:
-    from shsa_core.ros.messages.messages import Decoder
+    from shsa_core.ros.messages.fields import Decoder
 
     for name in NO_TYPES:
         with pytest.raises(ShsaError, match="and not std_msgs/Float64") as caught:

@@ -6,10 +6,10 @@ import pytest
 from core_robot import A, B, C, ONTOLOGY, service
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
-from shsa_core.healing.host_events import HostLost, HostSeen
-from shsa_core.healing.hosts import SETTLE_S, Hosts
+from shsa_core.healing.events import HostLost, HostSeen
+from shsa_core.healing.hosts import Computers
 from shsa_core.healing.placement import HERE, Place, Placement
-from shsa_core.healing.settings import Settings
+from shsa_core.healing.settings import SETTLE_S, Settings
 from shsa_core.model.cost import EVENT_RATE_HZ, Cost, cores, cost, rate, traffic
 from shsa_core.model.host import Host
 from shsa_core.model.host import Placement as Wanted
@@ -35,7 +35,7 @@ def placed(
     """Where the substitute of a service is placed that reads `b`, which runs on a computer."""
     a = a or service("a", A, needed=True)
     som = Som([a, service("b", B, host=b), service("c", C, host=BOARD)], hosts)
-    known = Hosts(Settings(), own)
+    known = Computers(Settings(), own)
     for each in seen:
         known.seen(each)
     if lost:
@@ -118,7 +118,7 @@ def test_who_is_busy_for_a_while_keeps_the_process_that_stands_by() -> None:
 
 def test_where_a_process_stands_by_does_not_go_by_the_load() -> None:
     som = Som([service("a", A, needed=True), service("b", B, host=BOARD)], HOSTS)
-    known = Hosts(Settings())
+    known = Computers(Settings())
     placement = Placement(known, lambda *_: [], lambda: som)
     for load in (0.0, 4.0):
         known.seen(HostSeen(load, BOARD, load, 4.0))
@@ -175,7 +175,7 @@ def test_where_all_are_busy_only_the_limits_of_the_som_are_kept() -> None:
 
 
 def test_a_computer_that_comes_back_counts_after_a_hold_off_that_doubles() -> None:
-    hosts = Hosts(Settings(hold_off=2.0))
+    hosts = Computers(Settings(hold_off=2.0))
     hosts.seen(HostSeen(0.0, PI, 0.0, 4.0))
     assert hosts.counts(PI, 0.0) and hosts.settled(SETTLE_S) == [PI]
     for time, hold_off in ((10.0, 2.0), (20.0, 4.0), (30.0, 8.0)):
@@ -192,7 +192,7 @@ def test_a_computer_that_comes_back_counts_after_a_hold_off_that_doubles() -> No
 
 
 def test_a_gap_is_noticed_though_nobody_tells_of_a_loss() -> None:
-    hosts = Hosts(Settings())
+    hosts = Computers(Settings())
     assert hosts.seen(HostSeen(0.0, PI, 0.0, 4.0))
     assert not hosts.seen(HostSeen(1.0, PI, 0.0, 4.0))
     assert hosts.steady_since(PI) == 0.0
@@ -201,7 +201,7 @@ def test_a_gap_is_noticed_though_nobody_tells_of_a_loss() -> None:
 
 
 def test_a_computer_that_was_never_heard_can_be_lost() -> None:
-    hosts = Hosts(Settings())
+    hosts = Computers(Settings())
     assert hosts.lose(HostLost(1.0, PI, "")) and hosts.lost(PI) == "nothing is heard of it"
     assert not hosts.lose(HostLost(1.0, "", "silent")) and hosts.reachable("")
     assert not hosts.reachable(BOARD) and hosts.lost(BOARD) == ""

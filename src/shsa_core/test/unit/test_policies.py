@@ -164,22 +164,6 @@ def test_an_original_that_keeps_failing_is_better_than_nothing() -> None:
     assert last_incident(back(robot, 30.0)).state is State.RETURNING
 
 
-def test_a_topic_that_is_healed_too_often_ends_safe_until_it_is_released() -> None:
-    robot = Robot(som(last=LastResort(values=(("a", 5.0),))), healings=2)
-    for time in (10.0, 20.0):
-        robot.heal(time)
-        back(robot, time + 2.0)
-        robot.handle(events.Tick(time + 7.0))
-    incident = last_incident(robot.fail("/a", A, 30.0))
-    assert incident.state is State.SAFE and incident.kept_out
-    assert "2 times within a minute" in incident.detail
-    robot.killed(30.1, A)
-    assert only(back(robot, 100.0), events.FindNode).node == A
-    robot.killed(100.1, A)
-    commands = robot.handle(events.Released(110.0, "a"))
-    assert last_incident(commands).state is State.HEALED
-
-
 def test_ten_failures_and_returns_in_a_row_are_all_healed() -> None:
     robot = Robot()
     for number in range(10):

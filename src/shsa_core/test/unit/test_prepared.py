@@ -16,13 +16,15 @@ from roslib.packages import find_node
 from shsa_core.codegen.generator import Program
 from shsa_core.healing.events import StartSubstitute
 from shsa_core.model.service import Signal
-from shsa_core.ros.processes import forking
+from shsa_core.ros import settings
+from shsa_core.ros.processes import forking, kernel
 from shsa_core.ros.processes import prepared as prepared_process
-from shsa_core.ros.processes.forking import Forked
-from shsa_core.ros.processes.starting import Forks, Processes
+from shsa_core.ros.processes.children import Foreign
+from shsa_core.ros.processes.starting import Processes, Setup
 from shsa_testing.waiting import wait_until
 
 NAMESPACE = "/robot"
+SETUP = Setup(f"{NAMESPACE}/substitute_")
 START_S = 20.0
 
 
@@ -36,7 +38,8 @@ class Bench:
     def processes(self) -> Processes:
         """As a reconfigurator, or one that follows it, has them."""
         told = self.ended.__setitem__
-        return Processes(told, lambda _: None, "", "", forks=Forks(NAMESPACE, ["std_msgs/Bool"]))
+        setup = SETUP._replace(forks=True, types=["std_msgs/Bool"])
+        return Processes(told, lambda _: None, setup)
 
     @property
     def forking(self) -> forking.Forking:
@@ -57,13 +60,13 @@ class Bench:
 
     def is_forked(self, number: int = 1) -> bool:
         """Or was it started by rosrun?"""
-        return isinstance(self.ours._running[f"{NAMESPACE}/substitute_a_{number}"], Forked)
+        return isinstance(self.ours._running[f"{NAMESPACE}/substitute_a_{number}"], Foreign)
 
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     monkeypatch.setenv("ROS_MASTER_URI", "http://localhost:1")
-    monkeypatch.setattr(forking, "PAUSES_S", (0.01, 60.0))
+    monkeypatch.setattr(settings, "FIRST_PAUSE_S", 0.01)
     made = Bench()
     yield made
     for node in made.ours.running():
@@ -95,7 +98,7 @@ def test_a_fork_with_a_program_shows_its_name_however_long_its_code_is(bench: Be
     program = Program(("/a/data",), code, ("/b/data",))
     bench.ours.start(StartSubstitute(node, program, signals[0], signals[1]))
     process = psutil.Process(bench.ours._running[node].pid)
-    assert isinstance(bench.ours._running[node], Forked)
+    assert isinstance(bench.ours._running[node], Foreign)
     assert "__name:=substitute_b_1" in process.cmdline()
     assert bench.ours.runs_ours(node, process)
 
@@ -143,7 +146,7 @@ def test_twenty_at_once(bench: Bench) -> None:
 
 def test_several_threads_may_wait_for_one() -> None:
     with subprocess.Popen(["sleep", "60"]) as process:
-        forked = Forked(process.pid, {})
+        forked = Foreign(process.pid, {})
         with ThreadPoolExecutor(4) as threads:
             polled = [threads.submit(forked.poll) for _ in range(2000)]
             assert {each.result() for each in polled} == {None}
@@ -156,8 +159,8 @@ def test_what_was_forked_goes_on_when_who_forked_it_is_killed_and_is_known(bench
     prepared.kill()
     again = bench.ready(but=prepared.pid)
     assert process.is_running() and not bench.ended
-    follower = Processes(lambda *_: None, lambda _: None, "", "")
-    left = follower.left_behind(f"{NAMESPACE}/substitute_")
+    follower = Processes(lambda *_: None, lambda _: None, SETUP)
+    left = follower.left_behind()
     assert left == {f"{NAMESPACE}/substitute_a_1": process}
     process.kill()
     wait_until(lambda: bench.ended, 5.0, "its end is told")
@@ -184,8 +187,7 @@ def test_an_order_that_was_given_up_is_never_carried_out(
     prepared = bench.ready()
     prepared.suspend()
     with monkeypatch.context() as patched:
-        patched.setattr(forking, "stopped", lambda process: False)
-        patched.setattr(forking, "MISSES", 1)
+        patched.setattr(kernel, "stopped", lambda process: False)
         patched.setattr(psutil.Process, "kill", lambda process: process.resume())
         bench.start()
     assert not bench.is_forked()
@@ -235,7 +237,7 @@ def test_another_environment_is_not_forked(bench: Bench, monkeypatch: pytest.Mon
 
 
 def test_in_a_sandbox_each_is_started_by_itself() -> None:
-    none = Processes(lambda *_: None, lambda _: None, "", "", ["env"], forks=Forks("/"))
+    none = Processes(lambda *_: None, lambda _: None, Setup("/", sandbox=["env"], forks=True))
     assert none._forking is None
 
 

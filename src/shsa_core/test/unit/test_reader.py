@@ -6,13 +6,15 @@ from types import SimpleNamespace
 from typing import Any, List, Optional
 
 from monitor_bench import NODE, TOPIC, provision, service
+from plain_sockets import connected
 from sensor_msgs.msg import Image
 
 from shsa_core.model.checks import Checks
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
-from shsa_core.ros.sockets.reader import Reader
-from shsa_core.ros.sockets.stream import Connection
+from shsa_core.ros.reader import Reader
+from shsa_core.ros.sockets.connection import Connection
+from shsa_core.ros.sockets.subscriptions import Arrived
 
 SECONDS = 1000
 AT = 1000.5
@@ -34,8 +36,16 @@ class Watched:
 
     def __init__(self) -> None:
         header = {"type": "sensor_msgs/Image", "md5sum": Image._md5sum}
-        transport: Any = SimpleNamespace(done=False)
-        self.connection = Connection(TOPIC, NODE, header, transport, 0)
+        self.there, here = connected()
+        transport: Any = SimpleNamespace(
+            done=False,
+            socket=here,
+            callerid_pub=NODE,
+            endpoint_id="",
+            header=header,
+            read_buff=io.BytesIO(),
+        )
+        self.connection = Connection(TOPIC, transport)
         self.reader = Reader()
         self.copied = 0
 
@@ -43,8 +53,8 @@ class Watched:
         self.connection.frames.add(data)
         frames = self.connection.frames.take()
         self.copied = sum(len(frame.data) for frame in frames)
-        event = self.reader.event
-        return [event(AT, 0.0, self.connection, *frame[:2], of, 0.0) for frame in frames]
+        came = [Arrived(AT, self.connection, *frame[:2], round(AT * 1e9)) for frame in frames]
+        return [self.reader.event(each, 0.0, of) for each in came]
 
 
 def test_values_that_somebody_judges_are_read_from_whole_messages() -> None:

@@ -230,24 +230,23 @@ def test_one_substitute_fills_every_field_of_the_topic() -> None:
     assert program_of([start]).outputs == ("/ab/data", "/ab/other")
 
 
-def test_a_failure_that_was_only_in_the_table_is_healed() -> None:
+def test_a_row_that_turns_failed_is_the_failure() -> None:
     robot = Robot()
     robot.row("/a", A, "failed", 10.0)
-    assert not has(robot.table(10.5), events.StartSubstitute)  # its trigger may be on its way
-    assert has(robot.handle(events.Tick(10.6)), events.StartSubstitute)
+    assert has(robot.table(10.01), events.StartSubstitute)
     assert not has(robot.table(10.7), events.StartSubstitute)
 
 
-def test_a_trigger_that_comes_after_the_table_is_the_one_that_counts() -> None:
+def test_a_failure_that_is_told_besides_is_the_same_and_brings_the_last_message() -> None:
     robot = Robot()
     robot.row("/a", A, "failed", 10.0)
-    robot.table(10.01)
+    start = only(robot.table(10.01), events.StartSubstitute)
     told = events.FailureSeen(
         10.0, "a", "/a", A, Kind.NODE_GONE, "it died", 9.98, last_message=b"last"
     )
-    start = only(robot.handle(told), events.StartSubstitute)
+    commands = robot.handle(told)
     assert robot.shown[start.node].last_message == b"last"
-    assert not has(robot.handle(events.Tick(10.2)), events.StartSubstitute)
+    assert not has(commands, events.ShowIncident)
 
 
 def test_a_topic_that_nobody_needs_is_left_alone() -> None:

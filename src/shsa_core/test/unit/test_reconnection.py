@@ -4,13 +4,11 @@ import time
 from typing import Any
 
 import pytest
-from plain_sockets import HOST, RECONNECT_S, Monitor, Node
+from plain_sockets import HOST, Monitor, Node
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
-from shsa_core.ros.sockets import connections as module
-from shsa_core.ros.sockets import frames
+from shsa_core.ros import settings
 from shsa_core.ros.sockets.frames import Wanted
-from shsa_core.ros.sockets.inbox import Inbox
 from shsa_core.ros.sockets.reconnection import Answered, Reconnection, refuses
 
 
@@ -19,7 +17,7 @@ def test_a_node_that_died_is_told_at_once(monitor: Monitor, node: Node) -> None:
     node.die()
     begun = time.monotonic()
     monitor.until(lambda: bool(monitor.seen))
-    assert monitor.kinds() == ["Lost"]
+    assert monitor.kinds() == ["Gone"]
     assert time.monotonic() - begun < 0.1 and node.asked == 0
 
 
@@ -32,7 +30,7 @@ def test_to_look_whether_a_node_is_gone_takes_no_time(node: Node) -> None:
 
 
 def test_one_look_does_for_all_topics_of_a_node(node: Node) -> None:
-    reconnection = Reconnection(Inbox())
+    reconnection = Reconnection(lambda answered: None)
     begun = time.monotonic()
     assert not any(reconnection.is_gone(HOST, node.uri) for _ in range(1000))
     assert time.monotonic() - begun < 0.5
@@ -64,7 +62,7 @@ def test_an_answer_to_an_earlier_question_is_none_to_this_one(monitor: Monitor, 
     node.answers = False
     node.close_connections()
     monitor.until(lambda: monitor.kinds() == ["Interrupted"])
-    monitor.inbox.put(Answered(monitor.topic, node.uri, True, 0))
+    monitor.connections._tell(Answered(monitor.topic, node.uri, True, 0))
     monitor.turn()
     monitor.turn()
     assert monitor.kinds() == ["Interrupted"]
@@ -73,7 +71,7 @@ def test_an_answer_to_an_earlier_question_is_none_to_this_one(monitor: Monitor, 
 def test_two_connections_of_which_each_end_drops_another(monitor: Monitor, node: Node) -> None:
     """What a subscriber does that is told twice, and a publisher that sees the second one first."""
     monitor.connect(node)
-    implementation = monitor.connections._implementation(monitor.topic)
+    implementation = monitor.connections._implementations[monitor.topic]
     node.drops = 1
     first = implementation.connections[0]
     monitor.hear_of(node)  # rospy drops the first one, the publisher the second
@@ -93,18 +91,18 @@ def test_a_connection_that_is_dropped_before_it_stands_is_asked_for_again(
 def test_a_node_that_never_lets_it_stand_is_asked_a_few_times(monitor: Monitor, node: Node) -> None:
     node.drops = 1000
     monitor.hear_of(node)
-    monitor.until(lambda: node.asked == module.TRIES)
-    end = time.monotonic() + 2 * RECONNECT_S
+    monitor.until(lambda: node.asked == settings.TRIES)
+    end = time.monotonic() + 2 * settings.CALL_S
     monitor.until(lambda: time.monotonic() > end)
-    assert monitor.seen == [] and node.asked == module.TRIES
+    assert monitor.seen == [] and node.asked == settings.TRIES
 
 
 def test_a_node_that_offers_the_topic_no_more_is_gone(monitor: Monitor, node: Node) -> None:
     monitor.connect(node)
     node.offers = False
     node.close_connections()
-    monitor.until(lambda: "Lost" in monitor.kinds())
-    assert monitor.kinds() == ["Interrupted", "Lost"]
+    monitor.until(lambda: "Gone" in monitor.kinds())
+    assert monitor.kinds() == ["Interrupted", "Gone"]
 
 
 def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: Node) -> None:
@@ -112,9 +110,9 @@ def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: 
     node.answers = False
     begun = time.monotonic()
     node.close_connections()
-    monitor.until(lambda: "Lost" in monitor.kinds())
-    assert monitor.kinds() == ["Interrupted", "Lost"]
-    assert RECONNECT_S <= time.monotonic() - begun < RECONNECT_S + 0.3
+    monitor.until(lambda: "Gone" in monitor.kinds())
+    assert monitor.kinds() == ["Interrupted", "Gone"]
+    assert settings.CALL_S <= time.monotonic() - begun < settings.CALL_S + 0.3
 
 
 def test_the_old_process_of_a_node_that_was_started_again_is_missed_by_nobody(
@@ -123,16 +121,14 @@ def test_the_old_process_of_a_node_that_was_started_again_is_missed_by_nobody(
     monitor.connect(node)
     successor = Node(monitor.topic)
     monitor.hear_of(successor)
-    both = (
-        lambda: len(monitor.connections._standing) == 2 and not monitor.connections._claims._claims
-    )
-    monitor.until(both)
+    standing = monitor.connections._standing
+    monitor.until(lambda: [each.is_known for each in standing.values()] == [True, True])
     node.die()
     monitor.until(lambda: len(monitor.connections._standing) == 1)
     assert monitor.seen == []
     successor.die()
     monitor.until(lambda: bool(monitor.seen))
-    assert monitor.kinds() == ["Lost"]
+    assert monitor.kinds() == ["Gone"]
 
 
 def test_a_topic_that_is_left_while_its_node_is_in_doubt(monitor: Monitor, node: Node) -> None:
@@ -141,7 +137,7 @@ def test_a_topic_that_is_left_while_its_node_is_in_doubt(monitor: Monitor, node:
     node.close_connections()
     monitor.until(lambda: monitor.kinds() == ["Interrupted"])
     monitor.connections.unsubscribe(monitor.topic)
-    end = time.monotonic() + 2 * RECONNECT_S
+    end = time.monotonic() + 2 * settings.CALL_S
     monitor.until(lambda: time.monotonic() > end)
     assert monitor.kinds() == ["Interrupted"]
     monitor.connections.subscribe(monitor.topic)
@@ -154,15 +150,15 @@ def test_who_sends_large_messages_that_nobody_judges_seldom_wakes(
     large = struct.pack("<I", 1 << 20) + bytes(1 << 20)
     node.send(large)
     monitor.until(lambda: len(monitor.data) == 1)
-    (connection,) = monitor.connections.standing()
+    (connection,) = monitor.connections._standing.values()
     connection.frames.wanted = Wanted(1000, 12)
     node.send(large)
     monitor.until(lambda: len(monitor.data) == 2)
-    assert connection.expects == frames.EXPECTED
+    assert connection.expects == settings.EXPECTED_B
     node.send(large * 3 + large[:500_000])
-    assert not monitor.inbox._poll.poll(0.1), "they wake nobody, nor hold up who sends them"
+    assert not monitor.inbox._waking.poll(0.1), "they wake nobody, nor hold up who sends them"
     node.send(large[500_000:])
-    assert monitor.inbox._poll.poll(5.0)
+    assert monitor.inbox._waking.poll(5.0)
     monitor.until(lambda: len(monitor.data) == 6)
     node.send(struct.pack("<I", 5) + b"small")
     monitor.until(lambda: monitor.data[6:] == [b"small"])  # though nobody was woken
@@ -170,13 +166,13 @@ def test_who_sends_large_messages_that_nobody_judges_seldom_wakes(
     node.send(large[:100_000])
     monitor.until(lambda: connection.expects > 1)
     node.die()
-    monitor.until(lambda: not monitor.connections.standing())
+    monitor.until(lambda: not monitor.connections._standing)
 
 
 def test_a_message_that_is_too_large_is_not_kept(
     monitor: Monitor, node: Node, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(frames, "LARGEST_MESSAGE", 1000)
+    monkeypatch.setattr(settings, "LARGEST_MESSAGE_B", 1000)
     monitor.connect(node)
     node.send(struct.pack("<I", 5) + b"first")
     node.send(struct.pack("<I", 500_000) + b"\0" * 500_000)

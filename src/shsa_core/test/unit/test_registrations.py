@@ -19,13 +19,22 @@ from shsa_core.ros.master.registrations import (
 
 A, B = "http://a:1/", "http://b:2/"
 KNOWN = Graph(
-    frozenset({("/x", "/a")}),
-    frozenset({("/x", "/b"), ("/y", "/b")}),
-    frozenset({("/serve", "/a")}),
+    {
+        Part.PUBLISHER: frozenset({("/x", "/a")}),
+        Part.SUBSCRIBER: frozenset({("/x", "/b"), ("/y", "/b")}),
+        Part.SERVICE: frozenset({("/serve", "/a")}),
+    },
     {"/a": A, "/b": B},
     {"/serve": "rosrpc://a:3"},
 )
-SAID = {"/a": Said({"/x": "t/X"}, {}), "/b": Said({}, {"/x": "t/X", "/y": "t/Y"})}
+
+
+def said_of(published: Dict[str, str], subscribed: Dict[str, str]) -> Said:
+    """What a node says of itself."""
+    return {Part.PUBLISHER: published, Part.SUBSCRIBER: subscribed}
+
+
+SAID = {"/a": said_of({"/x": "t/X"}, {}), "/b": said_of({}, {"/x": "t/X", "/y": "t/Y"})}
 
 
 def test_all_that_was_known_is_registered_and_publishers_come_first() -> None:
@@ -45,52 +54,44 @@ def test_who_does_not_answer_is_not_registered() -> None:
 
 
 def test_what_a_node_has_left_is_not_registered_and_neither_is_what_nobody_knew() -> None:
-    said = {"/b": Said({"/z": "t/Z"}, {"/y": "t/Y", "/cmd_vel": "t/T"})}
+    said = {"/b": said_of({"/z": "t/Z"}, {"/y": "t/Y", "/cmd_vel": "t/T"})}
     assert [each.name for each in to_register(KNOWN, NOTHING, said)] == ["/y"]
 
 
 def test_our_own_substitutes_are_registered_as_they_say() -> None:
-    said = {"/b": Said({"/z": "t/Z", "no name": "t/Z"}, {"/y": "t/Y"})}
+    said = {"/b": said_of({"/z": "t/Z", "no name": "t/Z"}, {"/y": "t/Y"})}
     found = to_register(KNOWN, NOTHING, said, ["/b"])
     assert [each.name for each in found] == ["/z", "/y"]
 
 
 def test_a_node_that_has_not_answered_yet_is_not_forgotten() -> None:
     others = to_register(KNOWN, NOTHING, {"/b": SAID["/b"]})
-    now = Graph(
-        frozenset(),
-        frozenset((each.name, each.node) for each in others),
-        frozenset(),
-        {"/b": B, "/c": "http://c:1/"},
-        {},
-    )
+    subscribed = frozenset((each.name, each.node) for each in others)
+    parts = {**NOTHING.parts, Part.SUBSCRIBER: subscribed}
+    now = Graph(parts, {"/b": B, "/c": "http://c:1/"}, {})
     both = together(now, KNOWN, ["/a"])
     assert both == KNOWN._replace(nodes={**KNOWN.nodes, "/c": "http://c:1/"})
     assert together(now, KNOWN, []) == now
 
 
 def test_who_is_somewhere_else_by_now_is_left_alone() -> None:
-    now = NOTHING._replace(publishers=frozenset({("/other", "/a")}), nodes={"/a": "http://a:9/"})
+    parts = {**NOTHING.parts, Part.PUBLISHER: frozenset({("/other", "/a")})}
+    now = Graph(parts, {"/a": "http://a:9/"}, {})
     assert to_ask(KNOWN, now) == {"/b": B}
     assert {each.node for each in to_register(KNOWN, now, SAID)} == {"/b"}
 
 
 def test_a_stranger_that_answers_is_not_registered() -> None:
-    assert not to_register(KNOWN, KNOWN, {"/stranger": Said({"/x": "t/X"}, {})})
-    assert not to_register(KNOWN, NOTHING, {"/stranger": Said({"/x": "t/X"}, {})})
+    assert not to_register(KNOWN, KNOWN, {"/stranger": said_of({"/x": "t/X"}, {})})
+    assert not to_register(KNOWN, NOTHING, {"/stranger": said_of({"/x": "t/X"}, {})})
 
 
 @pytest.mark.parametrize("present", itertools.product((False, True), repeat=4))
 def test_whatever_is_there_already_the_graph_is_whole_afterwards(present: Any) -> None:
     pairs = [("/x", "/a"), ("/x", "/b"), ("/y", "/b"), ("/serve", "/a")]
     there = {pair for pair, is_there in zip(pairs, present) if is_there}
-    now = Graph(
-        KNOWN.publishers & there,
-        KNOWN.subscribers & there,
-        KNOWN.services & there,
-        {node: KNOWN.nodes[node] for _, node in there},
-        {},
-    )
+    parts = {part: pairs & there for part, pairs in KNOWN.parts.items()}
+    now = Graph(parts, {node: KNOWN.nodes[node] for _, node in there}, {})
     told = {(each.name, each.node) for each in to_register(KNOWN, now, SAID)}
     assert told | there == set(pairs) and not told & there
 

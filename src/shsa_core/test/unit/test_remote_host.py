@@ -11,8 +11,9 @@ from shsa_core.healing import events  # noqa: E402
 from shsa_core.healing.events import Where  # noqa: E402
 from shsa_core.ros.agent.agent import AgentEnd  # noqa: E402
 from shsa_core.ros.processes.host import HostEvent  # noqa: E402
-from shsa_core.ros.agent.remote import LOST_S, RETURN_S, TICK_S, RemoteHost  # noqa: E402
-from shsa_core.ros.agent.line import command_text, event_text, read_command  # noqa: E402
+from shsa_core.ros.agent.remote import RemoteHost  # noqa: E402
+from shsa_core.ros.settings import LOST_S, RETURN_S, TICK_S  # noqa: E402
+from shsa_core.ros.agent.line import COMMANDS, EVENTS, read_command, written  # noqa: E402
 
 SUBSTITUTE = events.StartSubstitute("/substitute_a_1", None, host="pi")
 
@@ -54,7 +55,7 @@ class Cable:
             )
 
     def tell(self, event: HostEvent) -> None:
-        self.say(*self.agent.line.say(event_text(event), self.now))
+        self.say(*self.agent.line.say(written(EVENTS, event), self.now))
 
     def pass_time(self, seconds: float) -> None:
         end = self.now + seconds
@@ -163,7 +164,7 @@ def test_whoever_waits_when_it_is_lost_is_answered_at_once(cable: Cable) -> None
 
 
 def test_what_was_kept_back_on_a_cut_cable_is_refused(cable: Cable) -> None:
-    text = command_text(events.EndProcess("/a"))
+    text = written(COMMANDS, events.EndProcess("/a"))
     number = cable.agent.line.heard + 1
     late = msg.HostCommand(
         session=cable.agent.session, agent=1000, number=number, heard=0, command=text
@@ -213,8 +214,7 @@ def test_what_runs_there_and_is_not_wanted_any_more_is_stopped(cable: Cable) -> 
         cable.host.carry_out(start, cable.now)
     for node in (SUBSTITUTE.node, kept.node, ended.node):
         cable.tell(events.SubstituteStarted(0.0, node, 0.0))
-    cable.tell(events.NodeRestarted(0.0, "/a", True, (12, 1.0), (1, 1.0)))
-    assert cable.take(events.NodeRestarted)[0].process == (0, 0.0)  # of another computer
+    cable.tell(events.NodeRestarted(0.0, "/a", True))
     cable.whole = False
     cable.pass_time(2.0)
     cable.host.carry_out(events.StopSubstitute(SUBSTITUTE.node), cable.now)

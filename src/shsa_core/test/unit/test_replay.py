@@ -6,7 +6,7 @@ from typing import Any, Callable, Dict, List, Tuple
 import pytest
 
 import toy_machine as toy
-from shsa_core.cli._short import in_short
+from shsa_core.cli.replay import in_short
 from shsa_core.cli.main import main
 from shsa_core.journal import machines, reader
 from shsa_core.journal.writer import JournalWriter

@@ -1,6 +1,6 @@
 """Rows of the table of substitutions as messages, and whom each of them concerns."""
 from dataclasses import replace
-from typing import Dict
+from typing import Dict, List
 
 import pytest
 from shsa_msgs import msg
@@ -10,7 +10,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
-from shsa_core.ros.wire.rows import OwnRows, substitution_message, substitution_row
+from shsa_core.ros.wire.rows import own_rows, substitution_message, substitution_row
 
 ROWS = (
     row(True, (IN, signal("/joint", None, None, "/left", "position[2]")), original="/node"),
@@ -45,27 +45,26 @@ BUSY = Substitution("/substitute_a_1", "a", (IN,), "y=x[0]", (OUT,))
 OTHER = replace(BUSY, node="/substitute_b_2", service="b")
 IDLE = Substitution("/substitute_standby_3", "", (), "", ())
 NEW = "/substitute_c_4"
-NAMES = BUSY.node, OTHER.node, IDLE.node, NEW
+
+
+def told(name: str, rows: Dict[str, msg.Substitution]) -> List[str]:
+    """The rows that concern a substitute."""
+    concerns = own_rows("/substitute_")(name)
+    assert concerns is not None
+    return [key for key, each in rows.items() if concerns(each, rows)]
 
 
 def test_a_substitute_is_told_its_own_row_and_an_idle_one_the_plans_too() -> None:
-    own, rows = OwnRows("/substitute_"), table(PLAN, BUSY, OTHER, IDLE)
-    assert own.rows(BUSY.node, rows) == [rows[BUSY.node]]
-    assert own.rows(IDLE.node, rows) == [rows[IDLE.node], rows["warm"]]
-    assert own.rows(NEW, rows) == [rows["warm"]], "it has no row yet: it may be idle"
-
-
-def test_a_change_goes_to_whom_it_concerns() -> None:
-    own, rows = OwnRows("/substitute_"), table(PLAN, BUSY, OTHER, IDLE)
-    assert own.readers(BUSY.node, rows, NAMES) == [BUSY.node]
-    assert own.readers(BUSY.node, rows, (OTHER.node,)) == [], "it is not connected yet"
-    assert own.readers("warm", rows, NAMES) == [IDLE.node, NEW]
+    rows = table(PLAN, BUSY, OTHER, IDLE)
+    assert told(BUSY.node, rows) == [BUSY.node]
+    assert told(IDLE.node, rows) == ["warm", IDLE.node]
+    assert told(NEW, rows) == ["warm"], "it has no row yet: it may be idle"
     rows.update(table(replace(IDLE, code="y=x[0]")))
-    assert own.readers("warm", rows, NAMES) == [NEW], "it is at work now"
+    assert told(IDLE.node, rows) == [IDLE.node], "it is at work now"
 
 
 @pytest.mark.parametrize(
     "name", ["/monitor", "/rostopic_1", "/ns/substitute_a_1", "/substitute_test"]
 )
 def test_whoever_is_no_substitute_of_ours_is_told_all(name: str) -> None:
-    assert not OwnRows("/substitute_").addressed(name)
+    assert own_rows("/substitute_")(name) is None

@@ -4,15 +4,15 @@ from typing import List, Sequence, Tuple
 
 import pytest
 from hypothesis import event, given, settings
-from hypothesis import strategies as st
 from search_models import Rank, every_derivation, law, models, ontology, rank, source, usable
 
 from shsa_core.errors import NoSubstitute
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source
-from shsa_core.search.substitutes import Substitute, find_first, find_substitute
-from shsa_core.search.substitutes import improving_substitutes, iter_substitutes
+from shsa_core.search.depth_first import first_found
+from shsa_core.search.derivation import SourceTable
+from shsa_core.search.substitutes import Substitute, find_substitute, iter_substitutes
 from shsa_testing.thorough import many
 
 Model = Tuple[Ontology, List[Source], List[str]]
@@ -60,13 +60,20 @@ def test_substitutes_come_best_first_and_all_do(model: Model) -> None:
 def test_the_first_found_is_a_substitute_if_there_is_one(model: Model) -> None:
     robot, sources, excluded = model
     every = every_rank(model)
+    table = SourceTable(robot.network, usable(sources, excluded))
+    found = first_found(robot.network, table, robot.network.number("a"))
     if not every:
-        with pytest.raises(NoSubstitute):
-            find_first(robot, sources, "a", excluded)
+        assert found is None
     elif len(every) < MANY:
-        found = find_first(robot, sources, "a", excluded)
-        assert rank(found.derivation) in every
-        assert not found.proven_best
+        assert found is not None and rank(found.derivation) in every
+
+
+def first(robot: Ontology, sources: Sequence[Source], target: str) -> Sequence[str]:
+    """Return the relations of the substitute that is found first."""
+    network = robot.network
+    found = first_found(network, SourceTable(network, sources), network.number(target))
+    assert found is not None
+    return found.derivation.relations()
 
 
 def best(
@@ -181,12 +188,10 @@ def test_a_property_that_the_ontology_does_not_know() -> None:
 def test_what_is_missing_is_where_the_derivations_ended(
     functions: List[TransferFunction], sources: List[str], missing: Tuple[str, ...]
 ) -> None:
-    available = [source(name) for name in sources]
-    for find in (find_substitute, find_first):
-        with pytest.raises(NoSubstitute) as none:
-            find(ontology(*functions), available, "a")
-        assert none.value.missing == missing
-        assert none.value.properties == ("a",)
+    with pytest.raises(NoSubstitute) as none:
+        find_substitute(ontology(*functions), [source(name) for name in sources], "a")
+    assert none.value.missing == missing
+    assert none.value.properties == ("a",)
 
 
 def test_long_chains_neither_underflow_nor_recurse() -> None:
@@ -200,7 +205,7 @@ def test_long_chains_neither_underflow_nor_recurse() -> None:
     only = ontology(*chain)
     found = find_substitute(only, sources[:1], "p0")
     assert len(relations(found)) == length and 0 < found.quality < 1e-300
-    assert len(relations(find_first(only, sources[:1], "p0"))) == length
+    assert len(first(only, sources[:1], "p0")) == length
     assert len(list(iter_substitutes(only, sources, "p0"))) == 2
     assert relations(find_substitute(only, sources, "p0")) == tuple(f"r{i}" for i in range(10))
 
@@ -237,8 +242,8 @@ def test_the_first_found_goes_depth_first() -> None:
         law("t", "b", "d", quality=0.1),
     ]
     robot, sources = ontology(*functions), [source("c"), source("d")]
-    assert relations(find_first(robot, sources, "a")) == ("r", "t")
-    assert relations(find_first(robot, sources[:1], "a")) == ("s",)
+    assert first(robot, sources, "a") == ("r", "t")
+    assert first(robot, sources[:1], "a") == ("s",)
 
 
 def test_the_first_found_comes_back_to_what_the_path_blocked() -> None:
@@ -248,70 +253,4 @@ def test_the_first_found_comes_back_to_what_the_path_blocked() -> None:
         law("r3", "c", "b"),
         law("r4", "c", "d"),
     ]
-    assert relations(find_first(ontology(*functions), [source("d")], "a")) == ("r1", "r2", "r4")
-
-
-def widening(size: int = 400) -> Tuple[Ontology, List[Source]]:
-    """A poor substitute nearby, a better one further off, the best at the end of a chain."""
-    functions = [law(f"r{i}", f"p{i}", f"p{i + 1}") for i in range(size)]
-    functions += [law("near", "p0", "n", quality=0.2), law("far", "p100", "n", quality=0.6)]
-    return ontology(*functions), [source("n"), source(f"p{size}", quality=0.9)]
-
-
-def test_substitutes_improve_until_the_best_is_proven() -> None:
-    robot, sources = widening()
-    found = list(improving_substitutes(robot, sources, "p0"))
-    assert [each.quality for each in found] == [0.2, 0.6, 0.9]
-    assert [each.proven_best for each in found] == [False, False, True]
-
-
-def test_the_best_so_far_is_left_when_time_has_expired() -> None:
-    robot, sources = widening()
-    looks = []
-
-    def expired() -> bool:
-        looks.append(1)
-        return len(looks) > allowed
-
-    seen = set()
-    for allowed in range(20):
-        looks.clear()
-        found = list(improving_substitutes(robot, sources, "p0", expired=expired))
-        assert not found or all(not each.proven_best for each in found[:-1])
-        seen.add(tuple(each.quality for each in found))
-    assert seen == {(), (0.2,), (0.2, 0.6), (0.2, 0.6, 0.9)}
-
-
-def test_the_deadline_counts_within_a_large_cycle() -> None:
-    size = 3000
-    functions = [law(f"r{i}", f"p{i}", f"p{(i + 1) % size}") for i in range(size)]
-    functions.append(law("in", f"p{size - 1}", "m"))
-    looks = []
-
-    def expired() -> bool:
-        looks.append(1)
-        return False
-
-    robot = ontology(*functions)
-    list(improving_substitutes(robot, [source("m")], "p0", expired=expired))
-    within = len(looks)
-    assert within > 3 * size / 256
-
-
-@RANDOM
-@given(models, st.integers(1, 3))
-def test_the_last_improvement_is_the_best(model: Model, first: int) -> None:
-    robot, sources, excluded = model
-    try:
-        best_one = find_substitute(robot, sources, "a", excluded)
-    except NoSubstitute as none:
-        with pytest.raises(NoSubstitute) as improving:
-            list(improving_substitutes(robot, sources, "a", excluded, first_circle=first))
-        assert improving.value.missing == none.missing
-        return
-    found = list(improving_substitutes(robot, sources, "a", excluded, first_circle=first))
-    assert rank(found[-1].derivation) == rank(best_one.derivation) and found[-1].proven_best
-    ranks = [rank(each.derivation)[:3] for each in found]
-    assert ranks == sorted(ranks, reverse=True) and len(set(ranks[:-1])) == len(ranks[:-1])
-    every = every_rank(model)
-    assert len(every) >= MANY or all(rank(each.derivation) in every for each in found)
+    assert first(ontology(*functions), [source("d")], "a") == ("r1", "r2", "r4")

@@ -4,7 +4,7 @@ from typing import Any, Optional
 import pytest
 
 from shsa_core.ros.master.node_api import Answer
-from shsa_core.ros.processes.sending import COUNTER, Sent, between, rate, sent
+from shsa_core.ros.master.bus import COUNTER, Sent, between, rate, sent
 from strange_nodes import Send, StrangeNode, nothing, value
 
 TOPIC = "/speed"

@@ -127,10 +127,10 @@ def test_who_follows_a_reconfigurator_takes_up_what_shares_a_process() -> None:
     found = robot()
     rows = processes(found)
     (node,) = (node for node, services in rows.items() if services == "cd")
-    said = succeed(found, 50.0, tuple(rows), ontology=found.core._planner.ontology)
+    said = succeed(found, 50.0, tuple(rows), ontology=found.core.robot.planner.ontology)
     assert not has(said, healing.StopSubstitute) and processes(found) == rows
     assert {row.service for row in found.working() if row.shared} == set("cdef")
-    assert found.core._sharing.others("c", node)
+    assert found.core.robot.processes.served(node) == ("c", "d")
 
 
 # The monitor's side.
@@ -172,7 +172,6 @@ class Process:
 
     def __init__(self, *names: str) -> None:
         self.core = Sharing()
-        self.core.handle(events.Started(0.0, Substitution(HOST, "", (), "", (), shared=True)))
         self.time = 0.0
         for name in names:
             self.tell(events.RowChanged, row(name))
@@ -190,8 +189,8 @@ class Process:
         end = self.time + seconds
         while self.time < end - 1e-9:
             arrival = self.time + PERIOD
-            while (self.core.next_deadline() or arrival) < arrival:
-                self.time = max(self.time, self.core.next_deadline() or 0.0)
+            while self.core.next_deadline < arrival:
+                self.time = max(self.time, self.core.next_deadline)
                 said += self.tell(events.Tick)
                 for look in looks(self):
                     said += self.tell(events.OthersStand, look, True)
@@ -269,7 +268,9 @@ def test_one_bridges_while_the_others_are_muted() -> None:
 def looks(process: Process) -> List[events.LookAtOthers]:
     """The looks that are awaited."""
     cores = process.core._cores.values()
-    return [each._bridging._awaited for each in cores if each._bridging._awaited is not None]
+    return [
+        each._speech.others._awaited for each in cores if each._speech.others._awaited is not None
+    ]
 
 
 def only_of(said: List[Any], kind: Any) -> Any:

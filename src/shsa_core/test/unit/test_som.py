@@ -155,7 +155,7 @@ services:
     policy: restart_and_substitute
     standby: hot
     checks: {rate_low: false, rate_high: 2, stale_stamp: true, future_stamp: 0.8, bad: 5,
-             of: 20, recovery: 7, intermittent: 8}
+             of: 20}
     last_resort: {values: {battery_current: 0}, command: [rosservice, call, /stop]}
     others: last
     provides:
@@ -175,8 +175,6 @@ def test_every_option(tmp_path: pathlib.Path) -> None:
         (RateHigh(2.0), StaleStamp(LEARNED), FutureStamp(0.8), UnknownPublisher(1.0)),
         bad=5,
         of=20,
-        recovery=7,
-        intermittent=8,
     )
     assert (current.others, current.provides[0].error) == (Others.LAST, Error(0.05))
     assert current.provides[0].checks == (OutOfRange(True), Stuck(2.0), Jump(1.5))

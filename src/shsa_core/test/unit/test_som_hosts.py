@@ -6,7 +6,6 @@ import pytest
 from som_trees import GOOD, SERVICE, changed, som_of, write
 
 from shsa_core.errors import ModelError
-from shsa_core.files.saving import save_som
 from shsa_core.files.som_file import (
     FROM_FILE_ALONE,
     load_som,
@@ -52,24 +51,9 @@ def test_they_are_written_again(tmp_path: pathlib.Path) -> None:
     path = write(tmp_path, HOSTED)
     som = read_som(path)
     assert som_of(som_parameters(som)) == som
-    copy = tmp_path / "copy.yaml"
-    save_som(som, str(copy))
-    assert read_som(str(copy)) == som
-    assert copy.read_text().startswith("hosts:\n  raspberry_pi: {cores: 4.0, link: 10000000.0}\n")
-    assert "placement: {prefer: [mainboard, raspberry_pi], forbid: [notebook]}" in copy.read_text()
     without = read_som(write(tmp_path, GOOD))
     assert "hosts" not in som_parameters(without)
     assert not {"host", "placement", "on_partition"} & set(str(som_parameters(without)).split("'"))
-
-
-def test_a_changed_host_leaves_the_rest_and_its_comments(tmp_path: pathlib.Path) -> None:
-    path = write(tmp_path, HOSTED)
-    other = write(tmp_path / "..", HOSTED.replace("notebook: {cores: 8}", "notebook: {cores: 6}"))
-    save_som(read_som(other), path)
-    lines = pathlib.Path(path).read_text().splitlines()
-    changed_lines = [line for line in lines if line not in HOSTED.splitlines()]
-    assert changed_lines[1] == "  notebook: {cores: 6.0}"
-    assert "# the small one" in changed_lines[0]  # its number is written in other digits
 
 
 @pytest.mark.parametrize(
@@ -100,8 +84,8 @@ def test_a_changed_host_leaves_the_rest_and_its_comments(tmp_path: pathlib.Path)
         ),
         (hosted("on_partition", "stop"), "services/v/on_partition", "must be one of heal, wait"),
         (hosted("period", 1, pi={"cores": 0}), "hosts/pi/cores", "cores must be above 0, not 0"),
-        (hosted("period", 1, pi={"link": "fast"}), "hosts/pi/link", "link must be a number"),
-        (hosted("period", 1, pi={"core": 1}), "hosts/pi/core", "Did you mean 'cores'?"),
+        (hosted("period", 1, pi={"link": "fast"}), "hosts/pi/link", "link must be above 0"),
+        (hosted("period", 1, pi={"core": 1}), "hosts/pi/core", "did you mean cores?"),
         (hosted("period", 1, pi=None), "hosts/pi", "the host pi must be a mapping"),
         (
             hosted("period", 1, **{"a-b": {}}),

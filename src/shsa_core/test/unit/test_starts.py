@@ -5,7 +5,8 @@ import pytest
 
 from core_robot import B, Robot, function, service
 from shsa_core.healing import events
-from shsa_core.healing.starts import AT_ONCE, PATIENCE_S, PREPARING_S, Starts
+from shsa_core.healing.pool import Starts
+from shsa_core.healing.settings import AT_ONCE, PATIENCE_S, PREPARING_S
 from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.som import Som
@@ -20,19 +21,19 @@ def started(said: List[events.Command]) -> List[str]:
 def test_no_more_than_a_few_come_up_at_a_time() -> None:
     starts = Starts()
     for number in range(AT_ONCE):
-        assert starts.room(1.0, f"s{number}")
+        assert starts.may(1.0, f"s{number}")
         starts.began(1.0, f"n{number}")
-    assert not starts.room(1.0, "next") and not starts.room(1.0, "last")
+    assert not starts.may(1.0, "next") and not starts.may(1.0, "last")
     assert starts.due(1.1) == []
     starts.over("n0")
-    assert starts.due(1.2) == ["next"] and starts.room(1.2, "next")
+    assert starts.due(1.2) == ["next"] and starts.may(1.2, "next")
 
 
 def test_one_that_is_never_heard_holds_nobody_up_for_good() -> None:
     starts = Starts()
     for number in range(AT_ONCE):
         starts.began(1.0, f"n{number}")
-    assert not starts.room(1.0, "next")
+    assert not starts.may(1.0, "next")
     assert starts.deadline == 1.0 + PATIENCE_S
     assert starts.due(1.0 + PATIENCE_S) == ["next"]
     assert starts.deadline is None
@@ -42,7 +43,7 @@ def test_nobody_wakes_up_for_room_that_is_not_there() -> None:
     starts = Starts()
     for number in range(AT_ONCE):
         starts.began(1.0, f"old_{number}")
-    assert not starts.room(1.0, "next")
+    assert not starts.may(1.0, "next")
     later = 1.0 + PATIENCE_S
     for number in range(AT_ONCE):  # a failure asks for no room
         starts.began(later, f"needed_{number}")

@@ -1,15 +1,14 @@
 """A muted substitute fills in for an original that is late, and is still when that speaks."""
-import math
 from dataclasses import replace
 from typing import Any, List, Optional, Tuple
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from substitute_driver import PERIOD, SETTINGS, Driver, idle, only, row, signal
+from substitute_driver import PERIOD, Driver, idle, only, row, signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
-from shsa_core.substitution.bridging import LOOK_AGAIN_S, STEADY
+from shsa_core.substitution.settings import LOOK_AGAIN_S, STEADY, YIELD_S
 from shsa_testing.thorough import many
 
 BRIDGE = 2.5 * PERIOD
@@ -37,21 +36,21 @@ class Robot:
 
     @property
     def filled(self) -> List[float]:
-        """When it filled in."""
+        """Return when it filled in."""
         return [time for time, _ in self.driver.published()]
 
     @property
     def heard(self) -> List[Tuple[float, str]]:
-        """What a consumer hears, in order."""
+        """Return what a consumer hears, in order."""
         ours = [(time, "substitute") for time in self.filled]
         return sorted([*ours, *((time, "original") for time in self.original)])
 
     def to(self, time: float) -> "Robot":
         """Let time pass, with inputs and looks."""
         while True:
-            due = self.driver.core.next_deadline()
+            due = self.driver.core.next_deadline
             looked = self.looks[0][0] if self.looks else time + 1.0
-            soonest = min(self._input, looked, time + 1.0 if due is None else due)
+            soonest = min(self._input, looked, due)
             if soonest > time:
                 break
             self.driver.time = max(self.driver.time, soonest)
@@ -98,8 +97,8 @@ def test_what_is_told_many_at_a_time_is_a_steady_pace_as_well(poll: float) -> No
     core, woke, said = robot.driver.core, 0.0, 0.0
     looks: List[float] = []
     while woke < 100 * PERIOD:
-        due = core.next_deadline()
-        woke = max(woke, min(woke + poll, math.inf if due is None else due))
+        due = core.next_deadline
+        woke = max(woke, min(woke + poll, due))
         count = int((woke - said) / PERIOD)
         said += count * PERIOD
         for _ in range(count if woke < 50 * PERIOD else 0):
@@ -275,7 +274,7 @@ def test_while_consumers_are_handed_over_to_a_returning_original_nobody_is_fille
     robot._note(robot.driver.change(bridges(original="/original")))
     robot.stream(1.2).to(1.5)
     assert robot.looks == []
-    robot.to(1.0 + SETTINGS.yield_s + 0.1)
+    robot.to(1.0 + YIELD_S + 0.1)
     assert robot.filled
 
 

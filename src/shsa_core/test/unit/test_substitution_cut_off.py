@@ -1,4 +1,4 @@
-"""What a substitute does by itself while its computer cannot reach the reconfigurator."""
+"""A substitute decides by itself while its computer cannot reach the reconfigurator."""
 from dataclasses import replace
 from typing import Any, List, Tuple
 

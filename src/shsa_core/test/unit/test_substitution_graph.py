@@ -6,7 +6,6 @@ import pytest
 from substitute_driver import (
     DEADLINE,
     PERIOD,
-    SETTINGS,
     Driver,
     idle,
     only,
@@ -21,24 +20,16 @@ from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
+from shsa_core.substitution.settings import WITHDRAW_DELAY_S, YIELD_S
 
 FLOAT = "std_msgs/Float64"
 A, B = signal("/a"), signal("/b")
 
 
-def found(driver: Driver, *connected: str) -> list:
-    subscribers = ("/one", "/two", "/three")
-    return driver.tell(events.SubscribersFound, "/out", subscribers, frozenset(connected))
-
-
 def looks(driver: Driver, until: float) -> list:
-    """When subscribers were looked for."""
+    """Return when subscribers were reminded."""
     driver.pass_to(until)
-    return [
-        round(time, 6)
-        for time, command in driver.said
-        if isinstance(command, events.FindSubscribers)
-    ]
+    return [round(time, 6) for time, command in driver.said if isinstance(command, events.Remind)]
 
 
 def test_a_new_topic_is_announced_at_once_and_looked_after_in_pauses() -> None:
@@ -56,8 +47,8 @@ def test_an_idle_process_has_no_hurry() -> None:
         events.Advertise("/b", FLOAT),
     ]
     assert driver.ready("/a") == [] and driver.ready("/b") == []
-    assert looks(driver, 60.0) == [0.5, 1.5, 3.5]
-    assert events.FindSubscribers(("/a", "/b")) in [command for _, command in driver.said]
+    assert looks(driver, 60.0) == [0.75, 1.55, 3.15]
+    assert events.Remind(("/a", "/b")) in [command for _, command in driver.said]
 
 
 def test_a_prepared_topic_is_not_advertised_again_but_looked_after() -> None:
@@ -86,16 +77,9 @@ def test_nothing_is_published_before_the_topic_is_advertised() -> None:
     assert len(driver.published()) == 2
 
 
-def test_those_who_have_not_connected_are_told_again() -> None:
-    driver = running()
-    assert found(driver, "/one") == [events.Tell("/out", ("/two", "/three"))]
-    assert found(driver, "/one", "/two", "/three") == []
-
-
 def test_nobody_is_told_of_a_topic_that_was_taken_back() -> None:
     driver = running()
     driver.change(idle())
-    assert found(driver) == []
     assert driver.ready() == []
     assert looks(driver, 60.0) == []
 
@@ -105,7 +89,7 @@ def test_after_a_takeover_other_topics_are_withdrawn_with_a_delay() -> None:
     driver.ready("/a")
     driver.ready("/b")
     driver.change(row(publishing=True, outputs=(A,)))
-    delay = SETTINGS.withdraw_delay_s
+    delay = WITHDRAW_DELAY_S
     assert only(driver.pass_to(delay - 0.001), events.Withdraw) == []
     assert only(driver.pass_to(delay), events.Withdraw) == [events.Withdraw(("/b",))]
     assert driver.core._advertising.topics == ("/a",)
@@ -126,15 +110,10 @@ def test_an_idle_process_takes_topics_back_at_once() -> None:
     assert driver.change(idle(outputs=(B,))) == [events.Withdraw(("/a",))]
 
 
-def test_a_call_that_failed_is_said() -> None:
-    (log,) = running().tell(events.CallFailed, "announcing /out", "refused")
-    assert (log.level, log.text) == (events.Level.WARNING, "announcing /out: refused")
-
-
 def standing_in(**of: Any) -> Driver:
     """A substitute that has just taken over from the node /node."""
     driver = running(original="/node", **of)
-    driver.change(row(True, original="/node", outputs=driver.core._row.outputs))
+    driver.change(row(True, original="/node", outputs=driver.core.row.outputs))
     return driver
 
 
@@ -183,7 +162,7 @@ def test_muted_it_serves_the_others_for_a_while_and_looks_at_once() -> None:
     (look,) = only([c for _, c in driver.said], events.LookAtOriginal)
     driver.tell(events.OriginalServes, look, frozenset())
     (look,) = only(driver.change(row(False, original="/node")), events.LookAtOriginal)
-    while driver.time < 0.1 + SETTINGS.yield_s - PERIOD:
+    while driver.time < 0.1 + YIELD_S - PERIOD:
         driver.tell(events.OriginalServes, look, frozenset({"/one"}))
         driver.arrive(1.0)
         looked = only(driver.pass_to(round(driver.time + PERIOD, 9)), events.LookAtOriginal)
@@ -193,7 +172,7 @@ def test_muted_it_serves_the_others_for_a_while_and_looks_at_once() -> None:
     said = driver.said[-10:]
     assert set(served([c for _, c in said])) == {frozenset({"/one"})}
     driver.stream(3.0)
-    assert driver.published(0.1 + SETTINGS.yield_s) == []
+    assert driver.published(0.1 + YIELD_S) == []
 
 
 def test_once_the_time_to_yield_is_over_nobody_looks_any_more() -> None:
@@ -201,8 +180,8 @@ def test_once_the_time_to_yield_is_over_nobody_looks_any_more() -> None:
     driver.served(driver.change(row(False, original="/node")))
     driver.pass_to(10.0)
     last = [time for time, c in driver.said if isinstance(c, events.LookAtOriginal)][-1]
-    assert last < SETTINGS.yield_s
-    assert driver.core.next_deadline() is None
+    assert last < YIELD_S
+    assert driver.core.next_deadline == float("inf")
 
 
 def test_it_yields_to_nobody_where_no_original_is_named() -> None:
@@ -272,7 +251,7 @@ def test_what_an_idle_process_cannot_use_is_not_listened_to_when_other_plans_com
     out = Signal("/out", "data", "std_msgs/Float64", "", 0.1, 0.5)
     core = Substitute()
     row = Substitution("/s", "", (strange,), "", ())
-    commands = core.handle(events.Started(1.0, row, ((strange, "it is not built"),)))
+    commands = core.handle(events.RowChanged(1.0, row, ((strange, "it is not built"),)))
     commands += core.handle(
         events.PlansChanged(2.0, (Substitution("", "a", (fine, strange), "", (out,)),), whole=True)
     )
@@ -285,7 +264,7 @@ def test_what_an_idle_process_cannot_use_is_not_listened_to_when_other_plans_com
 def test_an_idle_process_leaves_the_topics_of_plans_that_are_gone() -> None:
     out = Signal("/out", "data", "std_msgs/Float64", "", 0.1, 0.5)
     core = Substitute()
-    core.handle(events.Started(1.0, Substitution("/s", "", (), "", ())))
+    core.handle(events.RowChanged(1.0, Substitution("/s", "", (), "", ())))
     plan = Substitution("", "a", (), "", (out,))
     commands = core.handle(events.PlansChanged(2.0, (plan,), whole=True))
     assert events.Advertise("/out", "std_msgs/Float64") in commands
@@ -317,7 +296,7 @@ def test_a_topic_that_was_prepared_keeps_its_type() -> None:
 def test_an_idle_process_prepares_for_the_plans_of_its_own_computer() -> None:
     here, there = (Signal(each, "data", "std_msgs/Float64", "", 0.1, 0.5) for each in ("/h", "/t"))
     core = Substitute()
-    core.handle(events.Started(1.0, Substitution("/s", "", (), "", (), host="pi")))
+    core.handle(events.RowChanged(1.0, Substitution("/s", "", (), "", (), host="pi")))
     plans = [Substitution("", each.topic, (), "", (each,), host="pi") for each in (here, there)]
     plans[1] = replace(plans[1], host="board")
     commands = core.handle(events.PlansChanged(2.0, tuple(plans), whole=True))

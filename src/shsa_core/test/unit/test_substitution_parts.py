@@ -3,17 +3,17 @@ import math
 import random
 from dataclasses import replace
 from itertools import chain, repeat
-from typing import Iterable, List
+from typing import Any, Iterable, List
 
 import pytest
 from hypothesis import given, strategies as st
-from substitute_driver import DEADLINE, IN, OUT, SETTINGS, Driver, row, signal
+from substitute_driver import DEADLINE, IN, OUT, Driver, row, signal
 
 from shsa_core.errors import ShsaError
-from shsa_core.substitution.events import Tick
-from shsa_core.substitution.freshness import Freshness
-from shsa_core.substitution.job import Job
-from shsa_core.substitution.schedule import MADE_UP_S, Schedule
+from shsa_core.substitution.events import InputArrived, Tick
+from shsa_core.substitution.inputs import Inputs
+from shsa_core.substitution.job import Job, Schedule, longest_gap
+from shsa_core.substitution.settings import MADE_UP_S
 from shsa_core.substitution.signals import decode, encode
 
 
@@ -35,7 +35,7 @@ def test_what_is_late_is_not_followed_closely() -> None:
 
 
 def published(schedule: Schedule, delays: Iterable[float], until: float) -> List[float]:
-    """When its messages go, each so late after it is due."""
+    """Return when its messages go, each so late after it is due."""
     found: List[float] = []
     for delay in delays:
         moment = schedule.due + delay
@@ -79,8 +79,7 @@ def test_a_substitute_at_1_khz_that_wakes_late_now_and_then_keeps_its_rate() -> 
     numbers = random.Random(2)
     while driver.time < 2.0:
         driver.arrive(driver.time)
-        due = driver.core.next_deadline()
-        assert due is not None
+        due = driver.core.next_deadline
         driver.time = max(driver.time, due) + (0.003 if numbers.random() < 0.05 else 0.00005)
         driver.tell(Tick)
     sent = driver.published()
@@ -104,23 +103,40 @@ def test_without_a_period_only_what_is_hastened_is_due() -> None:
     assert schedule.due == 12.0
 
 
+def take(
+    inputs: Inputs, time: float, topic: str, publisher: str, values: Any, age: int = 0
+) -> None:
+    """A message comes, whose stamp is so old, in ns."""
+    now = 10**18
+    inputs.take(InputArrived(time, topic, publisher, values, now - age, now))
+
+
 def test_a_message_without_a_value_leaves_the_last_one_until_that_is_stale() -> None:
-    inputs = Freshness()
+    inputs = Inputs()
     inputs.listen([IN])
-    inputs.take(1.0, "/in", "/sensor", [("data", 7.0)])
-    inputs.take(1.0 + DEADLINE / 2, "/in", "/sensor", [])
+    take(inputs, 1.0, "/in", "/sensor", (("data", 7.0),))
+    take(inputs, 1.0 + DEADLINE / 2, "/in", "/sensor", ())
     assert inputs.values([IN], 1.0 + DEADLINE) == (7.0,)
     assert inputs.values([IN], 1.001 + DEADLINE) is None
 
 
 def test_a_value_counts_up_to_its_deadline() -> None:
-    inputs = Freshness()
+    inputs = Inputs()
     assert inputs.listen([IN, IN]) == (IN,)
     assert inputs.listen([IN]) == ()
     assert inputs.listens(IN) and not inputs.listens(OUT)
     assert inputs.values([IN], 0.0) is None
-    inputs.take(1.0, "/in", "/sensor", [("data", 7.0), ("other", 8.0)])
-    inputs.take(1.0, "/elsewhere", "/sensor", [("data", 8.0)])
+    take(
+        inputs,
+        1.0,
+        "/in",
+        "/sensor",
+        (
+            ("data", 7.0),
+            ("other", 8.0),
+        ),
+    )
+    take(inputs, 1.0, "/elsewhere", "/sensor", (("data", 8.0),))
     assert inputs.values([IN], 1.0 + DEADLINE) == (7.0,)
     assert inputs.values([IN], 1.001 + DEADLINE) is None
     assert inputs.values([signal("/in", deadline=None)], 1e9) == (7.0,)
@@ -129,44 +145,44 @@ def test_a_value_counts_up_to_its_deadline() -> None:
 
 def test_what_comes_after_a_silence_and_is_late_is_no_value() -> None:
     offset, cut_s = 5_000_000_000, 8.0
-    inputs = Freshness()
+    inputs = Inputs()
     inputs.listen([IN])
-    inputs.take(1.0, "/in", "/sensor", [("data", 1.0)], age=offset)
+    take(inputs, 1.0, "/in", "/sensor", (("data", 1.0),), offset)
     back = 1.0 + cut_s
     for age in (cut_s, cut_s / 2, 1.1 * DEADLINE):
-        inputs.take(back, "/in", "/sensor", [("data", 2.0)], age=offset + int(1e9 * age))
+        take(inputs, back, "/in", "/sensor", (("data", 2.0),), offset + int(1e9 * age))
         assert inputs.values([IN], back) is None
-    inputs.take(back, "/in", "/other", [("data", 4.0)], age=int(1e9 * cut_s))
+    take(inputs, back, "/in", "/other", (("data", 4.0),), int(1e9 * cut_s))
     assert inputs.values([IN], back) == (4.0,)
-    inputs.take(back + 0.1, "/in", "/sensor", [("data", 3.0)], age=offset)
+    take(inputs, back + 0.1, "/in", "/sensor", (("data", 3.0),), offset)
     assert inputs.values([IN], back + 0.1) == (3.0,)
 
 
 def test_a_clock_that_was_set_during_a_silence_holds_nothing_up_for_longer_than_that() -> None:
-    inputs = Freshness()
+    inputs = Inputs()
     inputs.listen([IN])
-    inputs.take(1.0, "/in", "/sensor", [("data", 1.0)])
+    take(inputs, 1.0, "/in", "/sensor", (("data", 1.0),))
     for step in range(21):
-        inputs.take(3.0 + 0.1 * step, "/in", "/sensor", [("data", 2.0)], age=10**10)
+        take(inputs, 3.0 + 0.1 * step, "/in", "/sensor", (("data", 2.0),), 10**10)
     assert inputs.values([IN], 5.0) == (2.0,)
 
 
 def test_a_signal_of_one_node_takes_its_messages_alone() -> None:
-    inputs = Freshness()
+    inputs = Inputs()
     named, anybody = signal("/in", node="/left"), signal("/in")
     inputs.listen([named, anybody])
-    inputs.take(0.0, "/in", "/right", [("data", 1.0)])
+    take(inputs, 0.0, "/in", "/right", (("data", 1.0),))
     assert inputs.values([anybody], 0.0) == (1.0,)
     assert inputs.values([named], 0.0) is None
-    inputs.take(0.0, "/in", "/left", [("data", 2.0)])
+    take(inputs, 0.0, "/in", "/left", (("data", 2.0),))
     assert inputs.values([named, anybody], 0.0) == (2.0, 2.0)
 
 
 def test_a_long_gap_makes_derivatives_start_anew_and_is_measured_in_periods() -> None:
     code = "t0=x[0];\ndef _tf1(i1): return derivative(i1)\nt1=_tf1(t0);\ny=t1"
     for period, gap in ((0.01, 1.0), (1.0, 10.0), (None, math.inf)):
-        job = Job(row(code=code, outputs=(signal("/out", period=period),)), SETTINGS)
-        assert job._gap == gap
+        job = Job(row(code=code, outputs=(signal("/out", period=period),)), 0.0)
+        assert longest_gap(period) == gap
         job.evaluate((0.0,), 0.0)
         assert job.latest is None
         job.evaluate((5.0,), 5.0)
@@ -174,18 +190,18 @@ def test_a_long_gap_makes_derivatives_start_anew_and_is_measured_in_periods() ->
 
 
 def test_a_job_follows_the_numbers_of_its_own_program_alone() -> None:
-    job = Job(row(), SETTINGS)
-    assert job.follow(row(outputs=(signal("/out", period=3.0),))) and job.period == 3.0
-    assert not job.follow(row(code="t0=x[0];y=t0;"))
-    assert not job.follow(row(inputs=(signal("/in", node="/left"),)))
+    job = Job(row(), 0.0)
+    assert job.follow(row(outputs=(signal("/out", period=3.0),)), 0.0) and job.period == 3.0
+    assert not job.follow(row(code="t0=x[0];y=t0;"), 0.0)
+    assert not job.follow(row(inputs=(signal("/in", node="/left"),)), 0.0)
 
 
 def test_what_is_computed_is_published_as_it_is_calibrated() -> None:
     calibrated = replace(signal("/out"), gain=1.2, offset=0.5)
-    job = Job(row(code="t0=x[0];y=t0;"), SETTINGS)
+    job = Job(row(code="t0=x[0];y=t0;"), 0.0)
     job.evaluate((5.0,), 1.0)
     assert job.latest == (5.0,)
-    assert job.follow(row(code="t0=x[0];y=t0;", outputs=(calibrated,)))
+    assert job.follow(row(code="t0=x[0];y=t0;", outputs=(calibrated,)), 0.0)
     job.evaluate((5.0,), 2.0)
     assert job.latest == (6.5,)
     job.evaluate((1.6e308,), 3.0)

@@ -1,16 +1,18 @@
 """Any story of a substitute: what its consumers see, and its own invariants."""
+import math
 from dataclasses import replace
 from typing import Any, Dict, List, Optional, Set, Tuple
 
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
-from substitute_driver import CODE, DEADLINE, NAME, SETTINGS, signal
+from substitute_driver import CODE, DEADLINE, NAME, signal
 
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
+from shsa_core.substitution.settings import YIELD_S
 from shsa_testing.thorough import many
 
 INPUTS = (signal("/in"), signal("/spare", deadline=None), signal("/in", node="/left"))
@@ -48,7 +50,7 @@ class AnySubstitute(RuleBasedStateMachine):
         self.others: Optional[events.LookAtOthers] = None
         self.spoke, self.went = float("-inf"), False
         self.heard_at: Optional[float] = None  # another one, to whom it must have yielded
-        self.hear(events.Started(self.now, self.told))
+        self.hear(events.RowChanged(self.now, self.told))
 
     def hear(self, event: events.Event) -> None:
         """Hand over an event, and check every command against the model."""
@@ -79,11 +81,12 @@ class AnySubstitute(RuleBasedStateMachine):
     def on_Publish(self, command: events.Publish) -> None:
         topic = command.outputs[0].topic
         assert self.advertised[topic]
-        yields = self.muted_at is not None and self.now < self.muted_at + SETTINGS.yield_s
+        yields = self.muted_at is not None and self.now < self.muted_at + YIELD_S
         alone = self.cut and self.told.on_partition is OnPartition.HEAL
         assert self.told.publishing or (yields and self.original) or alone or self.bridges()
         assert topic in self.told.topics or not self.told.publishing
-        assert self.heard_at is None or self.now - self.heard_at >= DEADLINE - 1e-6
+        silent = self.heard_at is None or self.now - self.heard_at >= DEADLINE - 1e-6
+        assert silent or self.bridges()
         if command.only:
             assert self.told.publishing or alone or self.bridges()
             assert command.only not in command.served
@@ -100,7 +103,7 @@ class AnySubstitute(RuleBasedStateMachine):
         self.others = look
 
     def bridges(self) -> bool:
-        """Whether it may fill in: nobody else was heard for long enough."""
+        """Tell if it may fill in: nobody else was heard for long enough."""
         told = self.told
         return told.bridge > 0.0 and (self.went or self.now - self.spoke >= told.bridge - 1e-6)
 
@@ -173,8 +176,8 @@ class AnySubstitute(RuleBasedStateMachine):
     @rule(late=st.sampled_from((0.0, 0.0, 0.001, 0.03)))
     def deadline(self, late: float) -> None:
         """The next thing that is due."""
-        due = self.core.next_deadline()
-        if due is not None:
+        due = self.core.next_deadline
+        if due < math.inf:
             assert due > self.now
             self.now = due + late
             self.hear(events.Tick(self.now))
@@ -202,10 +205,6 @@ class AnySubstitute(RuleBasedStateMachine):
             self.stale_looks = max(0, self.stale_looks - 1)
             self.hear(events.OriginalServes(self.now, look, frozenset(served), up or bool(served)))
 
-    @rule(topic=st.sampled_from(("/out", "/other")), connected=st.sets(st.sampled_from(CONSUMERS)))
-    def found(self, topic: str, connected: Any) -> None:
-        self.hear(events.SubscribersFound(self.now, topic, CONSUMERS, frozenset(connected)))
-
     @rule(topic=st.sampled_from(("/out", "/other")))
     def other(self, topic: str) -> None:
         """Somebody else publishes."""
@@ -214,7 +213,7 @@ class AnySubstitute(RuleBasedStateMachine):
     def speak(self, topic: str) -> None:
         """Somebody else publishes."""
         told = self.told
-        listens = told.on_partition is OnPartition.HEAL and topic == self.core._others.topic
+        listens = told.on_partition is OnPartition.HEAL and topic == self.core._speech.others.topic
         if listens and (self.cut or told.yields) and topic in told.topics:
             self.heard_at = self.now
         self.spoke, self.went, self.last = self.now, False, None
@@ -257,7 +256,7 @@ class AnySubstitute(RuleBasedStateMachine):
 
     def leave(self, topic: str, node: str = "/node") -> None:
         """The node of somebody else is gone."""
-        self.went = self.went or (topic, node) == (self.core._others.topic, "/node")
+        self.went = self.went or (topic, node) == (self.core._speech.others.topic, "/node")
         self.last = None
         self.hear(events.OtherGone(self.now, topic, node))
 

@@ -20,7 +20,7 @@ def succeed(
 ) -> List[events.Command]:
     """The reconfigurator is killed, and the next one starts; `changes`: its models."""
     core = robot.core
-    models: Dict[str, Any] = {"ontology": ONTOLOGY, "som": core._som, **changes}
+    models: Dict[str, Any] = {"ontology": ONTOLOGY, "som": core.robot.som, **changes}
     records, robot.written = tuple(robot.written.values()), {}
     robot.core, robot.shown = Reconfigurator(settings=core.settings, **models), {}
     return robot.handle(events.Started(time, (), (), records, running))
@@ -142,7 +142,7 @@ def test_who_was_well_counts_until_the_monitor_tells() -> None:
 def test_a_node_that_was_started_again_is_known_to_the_next() -> None:
     som = Som([replace(SOM.services["a"], policy=Policy.RESTART_AND_SUBSTITUTE), *list(SOM)[1:]])
     robot = Robot(som)
-    robot.handle(events.NodeRestarted(11.0, A, True, (77, 1.0), (66, 1.0)))
+    robot.handle(events.NodeRestarted(11.0, A, True))
     commands = succeed(robot, 20.0, (A,))
     assert not has(commands, events.StopSubstitute)
     assert robot.handle(events.StarterEnded(21.0, A)) == [events.StopNode(A)]
@@ -150,7 +150,7 @@ def test_a_node_that_was_started_again_is_known_to_the_next() -> None:
 
 def test_a_node_that_was_started_again_and_is_gone_is_nobodys() -> None:
     robot = Robot()
-    robot.handle(events.NodeRestarted(11.0, A, True, (77, 1.0), (66, 1.0)))
+    robot.handle(events.NodeRestarted(11.0, A, True))
     succeed(robot, 20.0)
     assert robot.handle(events.StarterEnded(21.0, A)) == []
 

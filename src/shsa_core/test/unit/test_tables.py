@@ -9,9 +9,10 @@ import pytest
 import rospy
 from shsa_msgs.msg import Health, Substitution, Substitutions
 
+from shsa_core.ros import settings
 from shsa_core.ros.messages import tables
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
-from shsa_core.ros.wire.rows import OwnRows
+from shsa_core.ros.wire.rows import own_rows
 
 
 class Trusting:
@@ -58,7 +59,7 @@ class Bench:
 @pytest.fixture(autouse=True)
 def _alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "subscribe", lambda *_: None)
-    monkeypatch.setattr(tables, "RESUBSCRIBE_PAUSE_S", 3600.0)
+    monkeypatch.setattr(settings, "RESUBSCRIBE_S", 3600.0)
 
 
 def test_the_whole_and_then_each_change_once() -> None:
@@ -200,7 +201,7 @@ class Robot:
             Substitutions,
             "substitutions",
             lambda row: row.node or row.service,
-            addressing=OwnRows("/substitute_"),
+            concerning=own_rows("/substitute_"),
         )
         self.names = [f"/substitute_a_{number:04}" for number in range(count)]
         self.rows = [Substitution(node=name, service="s", code="y=1") for name in self.names]

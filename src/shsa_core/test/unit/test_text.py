@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shsa_core.cli._drawing import dot_text
-from shsa_core.cli._output import say
+from shsa_core.cli.plot import dot_text
+from shsa_core.cli._common import say
 from shsa_core.cli.main import main
 from shsa_core.errors import ModelError, ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
@@ -136,9 +136,7 @@ def test_lines_are_printed_as_lines(capsys: Any) -> None:
     assert tuple(capsys.readouterr()) == ("a\nb\\x1b\n", "c\nd\n")
 
 
-@pytest.mark.parametrize(
-    "options", ["--limit -1", "--limit 0", "--limit x", "--alternatives -1", f"--limit {'9' * 99}"]
-)
+@pytest.mark.parametrize("options", ["--limit -1", "--limit 0", "--limit x", f"--limit {'9' * 99}"])
 def test_numbers_of_options_that_are_none_are_refused(options: str, capsys: Any) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["find", "a", "--ontology", "o", "--som", "s", "--method", "all", *options.split()])

@@ -5,10 +5,10 @@ from typing import Dict, Set, Tuple
 
 import pytest
 
-from core_robot import Robot
+from core_robot import A, Robot
 from shsa_core.healing.incident import State
-from shsa_core.healing.topic import TopicHealing
-from shsa_core.healing.transitions import TRANSITIONS, InvalidTransition, Story, Trigger
+from shsa_core.healing.repair import TRANSITIONS, Trigger
+from shsa_core.healing.service import InvalidTransition
 
 PAGE = Path(__file__).resolve().parents[4] / "docs" / "architecture.md"
 ARROW = re.compile(r"^ *(\w+) --> (\w+) : (.+)$", re.MULTILINE)
@@ -33,11 +33,6 @@ def test_the_diagram_in_the_documentation_is_the_table() -> None:
     assert drawn() == table
 
 
-def test_every_method_in_the_table_is_there() -> None:
-    for method, _ in TRANSITIONS.values():
-        assert callable(getattr(TopicHealing, method))
-
-
 def test_every_state_can_be_reached_and_left() -> None:
     ends: Dict[State, Set[State]] = {}
     for (state, _), (_, to) in TRANSITIONS.items():
@@ -55,17 +50,19 @@ def test_every_state_can_be_reached_and_left() -> None:
 def test_a_trigger_that_a_state_does_not_have_raises_with_its_story() -> None:
     robot = Robot()
     robot.heal(10.0)
-    story = robot.core._healings["a"]._story
     with pytest.raises(InvalidTransition) as caught:
-        story.method(State.HEALED, Trigger.STEADY)
+        robot.core.services["a"].fire(Trigger.STEADY)
     told = str(caught.value)
     assert "a: healed: nothing is to be done about 'healthy for the hold-off'" in told
     assert "10.000 well -> healing: its node failed" in told
     assert "10.510 healing -> healed: first message of the substitute" in told
 
 
-def test_a_transition_to_a_state_that_the_table_does_not_have_raises() -> None:
-    story = Story("a")
+def test_a_transition_to_a_state_that_the_table_does_not_have_raises(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    act, _ = TRANSITIONS[State.WELL, Trigger.FAILED]
+    monkeypatch.setitem(TRANSITIONS, (State.WELL, Trigger.FAILED), (act, frozenset({State.WELL})))
     with pytest.raises(InvalidTransition) as caught:
-        story.add(1.0, State.WELL, Trigger.FAILED, State.RETURNING)
-    assert "'its node failed' does not lead from well to returning" in str(caught.value)
+        Robot().fail("/a", A, 10.0)
+    assert "'its node failed' does not lead from well to healing" in str(caught.value)

@@ -19,7 +19,8 @@ from core_robot import (
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.healing.incident import State
-from shsa_core.healing.kills import KillNode, Kills, NodeKilled, NodeSpared
+from shsa_core.healing.health import Health
+from shsa_core.healing.kill import KillNode, Kills, NodeKilled, NodeSpared
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import Contain, Policy, Standby
@@ -86,8 +87,8 @@ def test_who_is_not_the_one_that_failed_is_not_touched_and_goes_on_to_count() ->
     robot.failure("/a", B, 10.0, "rate_high", "as somebody says", 9.9)
     commands = robot.handle(events.NodeFound(10.01, B, Where.ANOTHER, "it is another"))
     assert "/b_node is not touched: it is another." in decision(commands)
-    assert not has(commands, events.AskToLeave) and B not in robot.core._nodes.excluded
-    assert robot.core._availability.states["b"].available
+    assert not has(commands, events.AskToLeave) and B not in robot.core.robot.health.excluded
+    assert robot.core.robot.availability.states["b"].available
 
 
 def test_healing_goes_on_beside_one_that_cannot_be_verified() -> None:
@@ -140,34 +141,33 @@ def test_a_node_that_may_not_be_started_again_is_not_killed_for_it(policy: Polic
 
 
 def test_a_failure_that_is_told_of_another_topic_does_not_save_who_failed() -> None:
-    kills = Kills(patience=0.1)
+    kills = Kills(Health(), patience=0.1)
     assert kills.begin(10.0, KillNode("/n", True, topic="/x")) != []
     assert kills.begin(10.0, KillNode("/n", True, topic="/y")) == []
     another = events.NodeFound(10.1, "/n", Where.ANOTHER, "it does not publish /x")
-    commands, over = kills.found(another)
-    assert over is None and commands == [events.FindNode("/n", True, "/y")]
-    commands, over = kills.found(replace(another, where=Where.HERE))
-    assert commands == [events.AskToLeave("/n")]
+    assert kills.handle(another) == [events.FindNode("/n", True, "/y")]
+    here = replace(another, where=Where.HERE)
+    assert kills.handle(here) == [events.AskToLeave("/n")]
 
 
 def test_what_cannot_be_verified_is_not_certain() -> None:
     for where in (Where.UNKNOWN, Where.ANOTHER):
-        kills = Kills(patience=0.1)
+        kills = Kills(Health(), patience=0.1)
         kills.begin(10.0, KillNode("/n", True, topic="/x"))
-        _, over = kills.found(events.NodeFound(10.1, "/n", where))
+        (over,) = kills.handle(events.NodeFound(10.1, "/n", where))
         spared = isinstance(over, NodeSpared) and "not the one" in over.detail
         assert spared or (isinstance(over, NodeKilled) and not over.certain)
-    kills = Kills(patience=0.1)
+    kills = Kills(Health(), patience=0.1)
     kills.begin(10.0, KillNode("/n", True, topic="/x"))
-    kills.found(events.NodeFound(10.1, "/n", Where.ELSEWHERE))
-    over = kills.untouchable(events.ProcessUntouchable(10.2, "/n", "it refuses"))
+    kills.handle(events.NodeFound(10.1, "/n", Where.ELSEWHERE))
+    (over,) = kills.handle(events.ProcessUntouchable(10.2, "/n", "it refuses"))
     assert over == NodeKilled(10.2, "/n", False, "it refuses")
 
 
 def test_who_was_to_be_spared_is_spared_when_nothing_can_be_told() -> None:
-    kills = Kills(patience=0.1)
+    kills = Kills(Health(), patience=0.1)
     kills.begin(10.0, KillNode("/n", False, True, "/x"))
-    over = kills.untouchable(events.ProcessUntouchable(10.1, "/n", "an error"))
+    (over,) = kills.handle(events.ProcessUntouchable(10.1, "/n", "an error"))
     assert over == NodeSpared(10.1, "/n")
 
 

@@ -40,7 +40,8 @@ def test_it_stands_while_we_were_held_up_and_as_long_again_for_others(
     assert watch.passed(BEGAN) == pytest.approx(0.9)
     assert watch.passed(woke - late / 2) == 0.0
     assert watch.when(BEGAN, 1.0) == pytest.approx(woke + min(max(0.1, late), 1.0))
-    assert watch.when(BEGAN, 0.2) == pytest.approx(woke + min(late, 0.2))
+    assert watch.when(BEGAN, 0.6) == pytest.approx(woke + min(late, 0.3))
+    assert watch.when(BEGAN, 0.2) == woke
     watch.look(woke + 5.0, woke + 5.0)
     assert watch.passed(BEGAN) == pytest.approx(0.9 + 5.0)
 

@@ -10,7 +10,8 @@ from typing import Dict, List
 import pytest
 
 from shsa_core.ros.processes.children import Children
-from shsa_core.ros.rospy_patches.log_queue import LINES, LogQueue, say_failures_once
+from shsa_core.ros.rospy_patches.log_queue import LogQueue, say_failures_once
+from shsa_core.ros.settings import LOG_LINES
 from shsa_core.ros.workers import Workers
 from shsa_testing.waiting import wait_until
 
@@ -108,12 +109,12 @@ def test_whoever_says_something_does_not_wait_for_the_log() -> None:
     logger.addHandler(stuck)
     log = LogQueue(["test_stuck"])
     begin = time.monotonic()
-    for number in range(LINES + 500):
+    for number in range(LOG_LINES + 500):
         logger.warning("line %d", number)
     assert time.monotonic() - begin < 2.0
     stuck.go.set()
     log.close()
-    wait_until(lambda: len(stuck.lines) >= LINES, 5.0, "the lines that waited")
+    wait_until(lambda: len(stuck.lines) >= LOG_LINES, 5.0, "the lines that waited")
     assert stuck.lines[:2] == ["line 0", "line 1"]
 
 

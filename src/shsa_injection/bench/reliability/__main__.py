@@ -26,14 +26,14 @@ COLUMNS = ("#", "fault", "trials", "held", "fails at most", "median / p95 / max"
 
 
 def work(number: int, seeds: Sequence[int]) -> None:
-    """The trials of one line, in this process: a JSON line each."""
+    """Make the trials of one line in this process; print a JSON line each."""
     with Graph() as graph:
         for trial in LINES[number].trials(graph, seeds):
             print(json.dumps(asdict(trial)), flush=True)
 
 
 def run(line: Line, seeds: List[int], record: Record) -> None:
-    """The trials of a line, in a process of their own."""
+    """Make the trials of a line in a process of their own."""
     words = [str(line.number), "--seeds", *map(str, seeds)]
     command = [sys.executable, "-m", "reliability", "--work", *words]
     progress = tqdm(total=len(seeds), desc=f"{line.number}: {line.fault}"[:40], disable=None)
@@ -53,7 +53,7 @@ def run(line: Line, seeds: List[int], record: Record) -> None:
 
 
 def show(verdicts: Sequence[Verdict]) -> None:
-    """The scoreboard as a table."""
+    """Print the scoreboard as a table."""
     rows = []
     for each in verdicts:
         figures = [

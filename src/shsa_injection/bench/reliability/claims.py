@@ -80,7 +80,7 @@ class SimulatedClock:
 
 
 def clock_misbehaves(rig: Rig, rng: random.Random, clock: SimulatedClock) -> Figures:
-    """The simulated clock jumps and stalls; nobody fails for it, and healing goes on."""
+    """Let the simulated clock jump and stall: nobody fails for it, and healing goes on."""
     for deed in rng.sample(("ahead", "back", "stall", "slow"), 4):
         if deed in ("ahead", "back"):
             clock.offset += 60.0 if deed == "ahead" else -60.0
@@ -114,7 +114,7 @@ def stranger(rig: Rig, rng: random.Random) -> Figures:
 
 
 def forged_failure(rig: Rig, rng: random.Random) -> None:
-    """A failure of a healthy node, or of a healer."""
+    """Forge a failure of a healthy node, or of a healer."""
     victim = rng.choice(["/first", "/third", "/monitor", "/reconfigurator"])
     failure = Failure(topic=NODES.get(victim, "/a"), publisher=victim, kind="silent", detail="x")
     failure.header.stamp = rospy.Time.now()
@@ -122,14 +122,14 @@ def forged_failure(rig: Rig, rng: random.Random) -> None:
 
 
 def forged_health(rig: Rig, rng: random.Random) -> None:
-    """An empty table of health, stamped in 2096."""
+    """Forge an empty table of health, stamped in 2096."""
     health = Health(whole=True)
     health.header.stamp = rospy.Time(3976214400)
     shout("/shsa/health", health)
 
 
 def forged_command(rig: Rig, rng: random.Random) -> None:
-    """An idle process is told to publish."""
+    """Forge a row that tells an idle process to publish."""
     idle = [row.node for row in rig.healing.substitutions if not row.service]
     row = Substitution(node=idle[0], service="a", code="y=1.0", publishing=True)
     shout("/shsa/substitutions", Substitutions(substitutions=[row]))
@@ -146,7 +146,7 @@ def shout(topic: str, message: object) -> None:
 
 
 def spoof(rig: Rig, rng: random.Random) -> None:
-    """A second publisher of nonsense on the topic, for a while."""
+    """Publish nonsense on the topic for a while."""
     name = f"stranger_{rng.randrange(10**6)}"
     arguments = ["_topic:=/a", "_value:=1000.0", "_period:=0.02", f"__name:={name}"]
     process = rig.graph.python(FAULTY_PUBLISHER, *arguments)
@@ -157,7 +157,7 @@ def spoof(rig: Rig, rng: random.Random) -> None:
 
 
 def hostile_name(rig: Rig, rng: random.Random) -> None:
-    """A node whose name is a command registers for the topic."""
+    """Register a node for the topic whose name is a command."""
     mark = rig.graph.folder / "executed"
     name = rng.choice(
         [f"/x;touch {mark}", f"/$(touch {mark})", "/substitute_a_\u00b2", "/" + "9" * 5000]

@@ -112,7 +112,7 @@ def inject(ontology: Ontology, seed: int) -> Figures:
 
 
 def every_class(graph: Graph, seeds: Sequence[int]) -> Iterator[Trial]:
-    """Each trial is an injection."""
+    """Yield trials: each is an injection."""
     path = graph.folder / "ontology.yaml"
     path.write_text(ONTOLOGY)
     ontology, errors = load_ontology(str(path))

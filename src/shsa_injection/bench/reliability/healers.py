@@ -21,7 +21,7 @@ NAME = re.compile("__name:=(substitute_.*)")
 
 
 def die(rig: Rig, rng: random.Random) -> Figures:
-    """A healer dies at a stage, or both; whatever was begun is ended, and nothing is doubled."""
+    """Kill a healer at a stage, or both: what was begun is ended, and nothing is doubled."""
     stage, victims = rng.choice(STAGES), rng.choice(HEALERS)
     failed = time.monotonic()
     if stage != "well":
@@ -53,7 +53,7 @@ def die(rig: Rig, rng: random.Random) -> Figures:
 
 
 def orphans(rig: Rig) -> List[str]:
-    """The running substitutes that the reconfigurator does not list."""
+    """Return the running substitutes that the reconfigurator does not list."""
     found: Set[Optional[Match[str]]] = set()
     for process in rig.graph.processes():
         with suppress(psutil.Error):
@@ -63,7 +63,7 @@ def orphans(rig: Rig) -> List[str]:
 
 
 def deaths(graph: Graph, seeds: Sequence[int]) -> Iterator[Trial]:
-    """Each trial is one death."""
+    """Yield trials: each is one death."""
     yield from each(graph, 7, seeds, die, **TIRELESS)
 
 

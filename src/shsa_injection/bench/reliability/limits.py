@@ -38,7 +38,7 @@ def tested(*arguments: str) -> None:
 
 
 def link_down(seed: int) -> Figures:
-    """The link to another computer is down for a while."""
+    """Take the link to another computer down for a while."""
     seconds = DOWN_S[seed % len(DOWN_S)]
     done = run(sys.executable, str(BENCH / "partition.py"), "--seconds", str(seconds))
     assert done.returncode == 0, done.stdout[-3000:]
@@ -78,7 +78,7 @@ def resources(_: Graph, seeds: Sequence[int]) -> Iterator[Trial]:
 
 
 def budget(folder: Path, seed: int) -> Figures:
-    """A tolerated time: told if it cannot be met, with the sum; not told if it can."""
+    """Check a tolerated time: told if it cannot be met, with the sum; not told if it can."""
     ontology, som = write_model(folder)
     document = json.loads(som.read_text())
     tolerated = (0.001, 60.0)[seed % 2]

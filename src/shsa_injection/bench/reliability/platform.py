@@ -15,7 +15,7 @@ HUNG = 8
 
 
 def master_restarts(rig: Rig, rng: random.Random) -> Figures:
-    """The master dies and is started anew; then a node dies, and another one comes back."""
+    """Kill the master and start it anew; then a node dies, and another one comes back."""
     rig.graph.master.kill()
     rig.graph.master.wait()
     time.sleep(rng.uniform(0.0, 2.0))

@@ -13,7 +13,7 @@ from shsa_testing.graph import publishers
 from shsa_testing.waiting import wait_until
 
 FLAPPING_S, SHORT_FLAPPING_S = 300.0, 10.0
-TIRELESS: Dict[str, object] = {"hold_off_limit": 1.0, "switches": 0, "healings": 0}
+TIRELESS: Dict[str, object] = {"hold_off_limit": 1.0, "switches": 0}
 
 
 def crash(rig: Rig, rng: random.Random) -> Figures:
@@ -52,7 +52,7 @@ def hang(rig: Rig, rng: random.Random) -> Figures:
 
 
 def flap(rig: Rig, rng: random.Random, seconds: float) -> Figures:
-    """An original that dies again and again, and is started again at once, by somebody else."""
+    """Kill an original again and again; somebody else starts it again at once."""
     begun = time.monotonic()
     rate = 10 ** rng.uniform(-1.0, 1.0)
     while time.monotonic() - begun < seconds:
@@ -65,7 +65,7 @@ def flap(rig: Rig, rng: random.Random, seconds: float) -> Figures:
 
 
 def orderly(rig: Rig, rng: random.Random) -> Figures:
-    """A node that is killed and comes back: one incident, and never two voices."""
+    """Kill a node that comes back: one incident, and never two voices."""
     begun = time.monotonic()
     failed = rig.kill("/first")
     rig.await_healed("/a", failed)
@@ -74,7 +74,7 @@ def orderly(rig: Rig, rng: random.Random) -> Figures:
 
 
 def substitute_dies(rig: Rig, rng: random.Random) -> Figures:
-    """The original dies, then its substitute."""
+    """Kill the original, then its substitute."""
     failed = rig.kill("/first")
     incident = rig.await_healed("/a", failed)
     again = rig.kill_node(incident.substitute)
@@ -85,7 +85,7 @@ def substitute_dies(rig: Rig, rng: random.Random) -> Figures:
 
 
 def input_dies(rig: Rig, rng: random.Random) -> Figures:
-    """The original dies, then what its substitute reads."""
+    """Kill the original, then what its substitute reads."""
     failed = rig.kill("/first")
     rig.await_healed("/a", failed)
     again = rig.kill("/third")
@@ -122,7 +122,7 @@ def hangs(graph: Graph, seeds: Sequence[int]) -> Iterator[Trial]:
 
 
 def flapping(graph: Graph, seeds: Sequence[int]) -> Iterator[Trial]:
-    """Every tenth trial flaps; the others are orderly."""
+    """Yield trials: every tenth one flaps, the others are orderly."""
     seconds = FLAPPING_S if len(seeds) > 10 else SHORT_FLAPPING_S
     for seed in seeds:
         if seed % 10 == 0:
@@ -132,7 +132,7 @@ def flapping(graph: Graph, seeds: Sequence[int]) -> Iterator[Trial]:
 
 
 def several(graph: Graph, seeds: Sequence[int]) -> Iterator[Trial]:
-    """Each trial is one of the three."""
+    """Yield trials: each is one of the three."""
     kinds = (substitute_dies, input_dies, together)
     for number, deed in enumerate(kinds):
         yield from each(graph, 6, [s for s in seeds if s % 3 == number], deed, **TIRELESS)

@@ -66,7 +66,7 @@ class Rig:
         self.healing.incidents.clear()
 
     def launch_command(self) -> Sequence[str]:
-        """How healing is launched."""
+        """Return the launch of healing."""
         return (
             *("roslaunch", "shsa_core", "shsa.launch"),
             *(f"ontology:={self.ontology}", f"som:={self.som}", f"hold_off:={HOLD_OFF_S}"),
@@ -119,7 +119,7 @@ class Rig:
             consumer.forget()
 
     def open(self) -> List[Incident]:
-        """The incidents that have not ended."""
+        """Return the incidents that have not ended."""
         return [each for each in list(self.healing.incidents.values()) if each.state != "ended"]
 
     def _standby_ready(self) -> bool:
@@ -149,12 +149,12 @@ class Rig:
         )
 
     def messages(self, topic: str, since: float, consumer: int = 0) -> List[Heard]:
-        """What the rospy (0) or the roscpp consumer (1) heard on a topic since a moment."""
+        """Return what the rospy (0) or roscpp consumer (1) heard on a topic since a moment."""
         listener = tuple(self.consumers)[consumer]
         return [each for each in listener.since(since) if each.topic == topic]
 
     def outage(self, topic: str, failed_at: float) -> float:
-        """The longest pause between good messages at any of the consumers since then, in ms."""
+        """Return the longest pause between good messages at any consumer since then, in ms."""
         pauses = []
         for number in (0, 1):
             at = [m.at for m in self.messages(topic, failed_at - 1.0, number) if m.good]
@@ -162,7 +162,7 @@ class Rig:
         return 1e3 * max(pauses)
 
     def overlap(self, topic: str, since: float) -> float:
-        """The longest time that two publishers were heard beside each other, in ms.
+        """Return the longest time that two publishers were heard beside each other, in ms.
 
         That is from the first message of the second one to the last one of the first, at the rospy
         consumer. A stream that paused for three periods had ended before.
@@ -181,7 +181,7 @@ class Rig:
         return 1e3 * longest
 
     def returns(self, node: str, since: float) -> int:
-        """How often an original was heard again after another publisher, at the rospy consumer."""
+        """Count how often the rospy consumer heard an original again after another publisher."""
         nodes = [each.node for each in self.messages(NODES[node], since)]
         return sum(a != b == node for a, b in zip(nodes, nodes[1:]))
 
@@ -209,7 +209,7 @@ def stopped(*pids: int) -> Iterator[None]:
 
 
 def write_model(folder: Path) -> Tuple[Path, Path]:
-    """The robot's ontology and SOM, as files."""
+    """Return the robot's ontology and SOM, as files."""
     ontology, som = folder / "ontology.yaml", folder / "som.yaml"
     ontology.write_text(ONTOLOGY)
     needed: Dict[str, Dict[str, object]] = {

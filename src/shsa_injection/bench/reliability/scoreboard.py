@@ -1,4 +1,4 @@
-"""What is kept of the trials of a scoreboard, and what follows from them."""
+"""The trials of a scoreboard, and what follows from them."""
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -52,7 +52,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a line's trials say: how many held, and what share fails at most (95 % certain)."""
+    """A line of trials: how many held, and the largest share that fails (95 % certain)."""
 
     line: int
     fault: str
@@ -66,19 +66,19 @@ class Verdict:
 
     @property
     def good(self) -> bool:
-        """Whether the line holds: every trial did, and no figure is above its mark."""
+        """True if every trial held, and no figure is above its mark."""
         return self.trials > 0 and self.held == self.trials and not self.missed
 
 
 def fails_at_most(trials: int, failed: int) -> float:
-    """The upper bound of the share that fails: Clopper and Pearson (1934), one-sided."""
+    """Return the upper bound of the share that fails: Clopper and Pearson (1934), one-sided."""
     if failed >= trials:
         return 1.0
     return float(beta.ppf(CONFIDENCE, failed + 1, trials - failed))
 
 
 def judge(line: Line, trials: Sequence[Trial], marks: bool = True) -> Verdict:
-    """The verdict of a line's trials; figures are median, p95 and largest.
+    """Return the verdict of a line's trials; figures are median, p95 and largest.
 
     `marks`: whether they count; those of a few trials on a busy machine say little.
     """
@@ -112,7 +112,7 @@ class Record:
             self.trials = [Trial(**json.loads(line)) for line in path.read_text().splitlines()]
 
     def missing(self, line: int, seeds: Iterable[int]) -> List[int]:
-        """Those of a line's seeds that were not tried yet."""
+        """Return those of a line's seeds that were not tried yet."""
         known = {each.seed for each in self.trials if each.line == line}
         return [seed for seed in seeds if seed not in known]
 

@@ -1,4 +1,4 @@
-"""How a trial is made: on a healthy robot, and on a new one after a trial that did not hold."""
+"""Trials on a healthy robot, and on a new one after a trial that did not hold."""
 import random
 from dataclasses import replace
 from typing import Callable, Iterator, Sequence
@@ -11,7 +11,7 @@ Deed = Callable[[Rig, random.Random], Figures]
 
 
 def attempt(line: int, seed: int, deed: Callable[[], Figures]) -> Trial:
-    """A trial by a deed that raises AssertionError if what must hold does not."""
+    """Return a trial by a deed that raises AssertionError if what must hold does not."""
     try:
         return Trial(line, seed, True, deed())
     except AssertionError as error:
@@ -21,7 +21,7 @@ def attempt(line: int, seed: int, deed: Callable[[], Figures]) -> Trial:
 def each(
     graph: Graph, line: int, seeds: Sequence[int], deed: Deed, **settings: object
 ) -> Iterator[Trial]:
-    """The trials of a deed, one after the other on one robot as long as they hold."""
+    """Yield the trials of a deed, one after the other on one robot as long as they hold."""
     left = list(seeds)
     while left:
         with Rig(graph, **settings) as rig:

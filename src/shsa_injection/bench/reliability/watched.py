@@ -29,7 +29,7 @@ def overload(graph: Graph, seed: int, hours: float) -> Figures:
 
 
 def hours(graph: Graph, seeds: Sequence[int]) -> Iterator[Trial]:
-    """Each trial is a topic hour; less in the short form."""
+    """Yield trials: each is a topic hour; less in the short form."""
     length = HOURS if len(seeds) > 1 else SHORT_HOURS
     for seed in seeds:
         yield attempt(4, seed, lambda: overload(graph, seed, length))

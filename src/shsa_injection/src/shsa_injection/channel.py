@@ -18,7 +18,7 @@ _CREDENTIALS = struct.Struct("3i")
 
 
 def folder(environment: Mapping[str, str]) -> str:
-    """The folder of the sockets, below the ROS_HOME of an environment; made if it is not there.
+    """Make and return the folder of the sockets, below the ROS_HOME of an environment.
 
     Raises ShsaError if others could reach what is in it.
     """
@@ -34,7 +34,7 @@ def folder(environment: Mapping[str, str]) -> str:
 
 
 def listen(environment: Mapping[str, str]) -> Tuple[socket.socket, str]:
-    """The socket of this process, and its path."""
+    """Return the socket of this process, and its path."""
     path = os.path.join(folder(environment), f"{os.getpid()}.socket")
     with contextlib.suppress(FileNotFoundError):
         os.unlink(path)  # of a process that had the same number
@@ -56,7 +56,7 @@ def clear(environment: Mapping[str, str]) -> None:
 
 
 def connect(pid: int, environment: Mapping[str, str], timeout: float) -> socket.socket:
-    """A connection to an injectable process.
+    """Return a connection to an injectable process.
 
     Raises ShsaError if it is not injectable, or if somebody else answers in its place.
     """
@@ -88,7 +88,7 @@ def send(connection: socket.socket, document: Mapping[str, Any]) -> None:
 
 
 def receive(connection: socket.socket) -> Dict[str, Any]:
-    """The next document; empty at the end of the connection. Raises ShsaError if it is none."""
+    """Read the next document; empty at the end of the connection. Raises ShsaError."""
     line = b""
     while not line.endswith(b"\n"):
         part = connection.recv(4096)
@@ -108,7 +108,7 @@ def receive(connection: socket.socket) -> Dict[str, Any]:
 
 @contextlib.contextmanager
 def _short(path: str) -> Iterator[str]:
-    """A path of a socket that is short enough for the kernel, however long its folder's is."""
+    """Yield a path of a socket that is short enough for the kernel, whatever its folder."""
     descriptor = os.open(os.path.dirname(path), os.O_RDONLY | os.O_DIRECTORY)
     try:
         yield f"/proc/self/fd/{descriptor}/{os.path.basename(path)}"

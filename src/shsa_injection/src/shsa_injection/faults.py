@@ -25,7 +25,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Stream:
-    """What a fault must know of a sound stream: its period in s, None: event-driven; the ranges."""
+    """A sound stream: its period in s, None: event-driven; the ranges of its values."""
 
     period: Optional[float]
     ranges: Tuple[Range, ...]
@@ -49,7 +49,7 @@ class Fault:
         self._period = stream.period or USUAL_PERIOD_S
 
     def feed(self, time: float, reading: Reading) -> List[Timed]:
-        """What comes instead of one message."""
+        """Return what comes instead of one message."""
         raise NotImplementedError
 
 
@@ -234,7 +234,7 @@ MESSAGE_FAULTS: Dict[str, Type[Fault]] = {
 
 
 def message_fault(word: str, seed: int, stream: Stream) -> Fault:
-    """The fault of a word; the same seed, the same fault."""
+    """Return the fault of a word; the same seed, the same fault."""
     return MESSAGE_FAULTS[word](Random(f"{word} {seed}"), stream)
 
 

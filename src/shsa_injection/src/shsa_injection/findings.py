@@ -1,4 +1,4 @@
-"""Which faults healing must find without being tuned, as what, and how soon."""
+"""The faults that healing must find without being tuned, their kinds, and how soon."""
 from dataclasses import dataclass
 from typing import Dict, FrozenSet, List, Sequence
 
@@ -57,12 +57,12 @@ FINDINGS: Dict[str, Finding] = {
     "spoof": _as(2.0, Kind.UNKNOWN_PUBLISHER, Kind.OUT_OF_RANGE, Kind.JUMP, stranger=True),
     "spoof_name": _as(2.0, Kind.UNKNOWN_PUBLISHER, Kind.OUT_OF_RANGE, Kind.JUMP, stranger=True),
 }
-"""What is not here depends on the robot: `stuck` on noise, `wrong` on a witness, `intermittent` and
+"""Other faults depend on the robot: `stuck` on noise, `wrong` on a witness, `intermittent` and
 `serial_noise` on what was drawn."""
 
 
 def watched_kinds(service: Service) -> FrozenSet[Kind]:
-    """The kinds of failure that a service is watched for, by its SOM."""
+    """Return the kinds of failure that a service is watched for, by its SOM."""
     checks = [*service.checks.each]
     for provision in service.provides:
         checks += [
@@ -76,7 +76,7 @@ def watched_kinds(service: Service) -> FrozenSet[Kind]:
 def not_found(
     fault: str, service: Service, deadline: float, began: float, now: float, told: Sequence[Told]
 ) -> List[Violation]:
-    """A fault of a service from `began` to `now` that must have been found, and was not."""
+    """Return a fault of a service from `began` to `now` that must have been found, and was not."""
     finding = FINDINGS.get(fault)
     if finding is None or not service.needed or not finding.kinds & watched_kinds(service):
         return []

@@ -1,9 +1,9 @@
-"""What must hold after every step of chaos, judged by what an independent observer has seen."""
+"""Invariants after every step of chaos, judged by what an independent observer has seen."""
 from dataclasses import dataclass, field
 from typing import Dict, FrozenSet, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 Heard = Sequence[Tuple[float, str]]
-"""When each message of a topic came, s, and from whom."""
+"""Each message of a topic: its time in s, and its publisher."""
 
 SANDWICH_PERIODS = 2.0
 SERVED_S = 1.0
@@ -14,7 +14,7 @@ REST = ("ended", "kept", "unhealed", "safe")
 
 @dataclass(frozen=True)
 class Limits:
-    """How much a healer may grow from the beginning on."""
+    """The most that a healer may grow from the beginning on."""
 
     memory_bytes: int = 64 * 2**20
     descriptors: int = 100
@@ -23,7 +23,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Usage:
-    """What a process uses."""
+    """The resources that a process uses."""
 
     memory_bytes: int
     descriptors: int
@@ -53,7 +53,7 @@ class Case:
 
 @dataclass
 class Seen:
-    """What was seen of a system at a moment.
+    """A system at a moment.
 
     `now` in s; `heard` by topic; `cases` in the order in which they were told; `processes`: that of
     each node, as (pid, when it was made); `ours`: the substitutes' processes by node; `listed`: the
@@ -71,7 +71,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Violation:
-    """What did not hold: which rule, about what, and what was seen."""
+    """A rule that did not hold, about what, and what was seen."""
 
     rule: str
     about: str
@@ -87,7 +87,7 @@ class Overlap(NamedTuple):
 
 
 def overlap(heard: Heard, period: float) -> Overlap:
-    """The longest time in which two publishers were heard in turns.
+    """Return the longest time in which two publishers were heard in turns.
 
     A message between two of another publisher, which are no further apart than two periods, is
     one of two voices.
@@ -103,12 +103,12 @@ def overlap(heard: Heard, period: float) -> Overlap:
 
 
 def voices(heard: Heard, since: float) -> List[str]:
-    """Who was heard since a moment."""
+    """Return the publishers heard since a moment."""
     return sorted({who for at, who in heard if at >= since})
 
 
 def unsettled(topics: Sequence[Topic], seen: Seen) -> List[Violation]:
-    """What is not as it must be when nothing fails any more; empty: the system has settled."""
+    """Return what is wrong when nothing fails any more; empty: the system has settled."""
     found = [
         Violation("every incident ends", case.topic, f"incident {case.id} is {case.state}")
         for case in newest(seen.cases).values()
@@ -126,7 +126,7 @@ def unsettled(topics: Sequence[Topic], seen: Seen) -> List[Violation]:
 
 
 def newest(cases: Sequence[Case]) -> Dict[str, Case]:
-    """The newest incident of each topic, of cases in the order in which they were told."""
+    """Return the newest incident of each topic, of cases in the order in which they were told."""
     return {case.topic: case for case in cases}
 
 
@@ -150,7 +150,7 @@ def during(
     faulty: FrozenSet[str],
     doubled: FrozenSet[str],
 ) -> List[Violation]:
-    """What did not hold in a step, from `since` on.
+    """Return the violations in a step, from `since` on.
 
     `faulty`: the nodes that were made to fail; `doubled`: topics on which a stranger published on
     purpose.
@@ -173,7 +173,7 @@ def during(
 
 
 def unanswered(topics: Sequence[Topic], seen: Seen, failed: Mapping[str, float]) -> List[Violation]:
-    """The needed topics that were silent at the end of a fault, with no incident that says so.
+    """Return needed topics that were silent at the end of a fault, without an incident.
 
     `failed`: the topics of the faulty nodes, and when their fault began; a silence that is younger
     than two deadlines need not have been seen yet.
@@ -196,7 +196,7 @@ def unanswered(topics: Sequence[Topic], seen: Seen, failed: Mapping[str, float])
 
 
 def grown(first: Seen, now: Seen, limits: Limits) -> List[Violation]:
-    """The healers that use more than they may."""
+    """Return the healers that use more than they may."""
     found = []
     for name, usage in now.healers.items():
         before: Optional[Usage] = first.healers.get(name)

@@ -12,7 +12,7 @@ class LineFault:
         self._random = random
 
     def feed(self, data: bytes) -> Optional[bytes]:
-        """What is received instead; None: the port is gone."""
+        """Return what is received instead; None: the port is gone."""
         raise NotImplementedError
 
 
@@ -59,5 +59,5 @@ LINE_FAULTS: Dict[str, Type[LineFault]] = {
 
 
 def line_fault(word: str, seed: int) -> LineFault:
-    """The fault of a word; the same seed, the same fault."""
+    """Return the fault of a word; the same seed, the same fault."""
     return LINE_FAULTS[word](Random(f"{word} {seed}"))

@@ -40,12 +40,12 @@ class Card:
 
 
 def cards(possible: Mapping[str, Sequence[str]], nodes: Mapping[str, str]) -> List[Card]:
-    """Every fault that can be made: `possible` has the words of each target, `nodes` its node."""
+    """Deal every possible fault: `possible` has the words of each target, `nodes` its node."""
     return [Card(each, nodes[each], word) for each in possible for word in possible[each]]
 
 
 def schedule(seed: int, deck: Sequence[Card]) -> Iterator[Step]:
-    """The steps, without end: all cards in a random order, then all again in another one.
+    """Yield the steps, without end: all cards in a random order, then all again in another one.
 
     A step has one card, or two of different nodes.
     """

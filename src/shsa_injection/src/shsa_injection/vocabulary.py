@@ -6,7 +6,7 @@ from shsa_core.model.kinds import Word
 
 
 class Place(Word):
-    """Where a fault is made."""
+    """The place at which a fault is made."""
 
     PROCESS = "process"
     MESSAGES = "messages"

@@ -18,7 +18,7 @@ VALUE_FAULTS = {"stuck", "garbage", "wrong", "nan", "inf"}
 
 
 def sound(count: int = COUNT) -> List[Timed]:
-    """A sound stream: two values and a stamp."""
+    """Return a sound stream: two values and a stamp."""
     return [
         (n * PERIOD_S, Reading((10.0 + math.sin(n), float(n)), 1000.0 + n * PERIOD_S))
         for n in range(count)
@@ -26,7 +26,7 @@ def sound(count: int = COUNT) -> List[Timed]:
 
 
 def faulty(word: str, seed: int, stream: Stream = STREAM) -> List[List[Timed]]:
-    """What comes instead of each message of a sound stream."""
+    """Return what comes instead of each message of a sound stream."""
     fault = message_fault(word, seed, stream)
     return [fault.feed(at, reading) for at, reading in sound()]
 

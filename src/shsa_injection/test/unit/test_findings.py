@@ -1,4 +1,4 @@
-"""What chaos demands to be found: as what, how soon, and of whom."""
+"""Chaos demands that faults are found: their kind, how soon, and of whom."""
 from dataclasses import replace
 from typing import List
 

@@ -1,4 +1,4 @@
-"""What must hold after a step of chaos, and what is said where it does not."""
+"""Invariants after a step of chaos, and what is said where one does not hold."""
 from typing import Any, Dict, List, Tuple
 
 import pytest

@@ -1,11 +1,12 @@
 """The schedule of chaos: the same for the same seed, over all faults; and durations."""
+import argparse
 import itertools
 from collections import Counter
 from typing import List
 
 import pytest
 
-from shsa_injection.durations import seconds
+from shsa_injection.cli._common import duration
 from shsa_injection.schedule import MASTER, Step, cards, schedule
 
 POSSIBLE = {
@@ -62,10 +63,10 @@ def test_nothing_possible_makes_no_step() -> None:
     [("5s", 5.0), ("200ms", 0.2), ("1.5min", 90.0), ("2", 2.0), (".5s", 0.5), ("1h", 3600.0)],
 )
 def test_a_duration(text: str, value: float) -> None:
-    assert seconds(text) == pytest.approx(value)
+    assert duration(text) == pytest.approx(value)
 
 
 @pytest.mark.parametrize("text", ["", "s", "-1s", "0s", "nan", "inf", "5 s s", "1e3s", "5x", "٣s"])
 def test_what_is_no_duration_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="is no duration above 0"):
-        seconds(text)
+    with pytest.raises(argparse.ArgumentTypeError, match="is no duration above 0"):
+        duration(text)

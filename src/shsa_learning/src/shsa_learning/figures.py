@@ -10,7 +10,7 @@ def rms(off: np.ndarray) -> float:
 
 
 def error_of(off: np.ndarray, baseline: float, delay: float = 0.0, source: str = "") -> Error:
-    """The error that finite values show; `baseline`: the rms of who always says the mean."""
+    """Return the error that finite values show; `baseline`: the rms of who always says the mean."""
     return Error(
         rms(off),
         float(np.mean(off)),

@@ -33,7 +33,7 @@ class World:
         gaps: Sequence[float] = (),
         delay: float = 0.0,
     ) -> Dict[float, float]:
-        """What a sensor says: noisy, with jitter, late by `delay` s, silent for 2 s from `gaps`."""
+        """Sample with noise and jitter, late by `delay` s, silent for 2 s from `gaps`."""
         step = RATE_HZ / rate
         begin = self.random.uniform(0.0, step)
         places = np.arange(begin, len(values) - 1, step)
@@ -48,7 +48,7 @@ class World:
 
 
 def save(folder: Path, **series: Dict[float, float]) -> List[str]:
-    """Each series as a CSV file, a source of its own."""
+    """Write each series as a CSV file, a source of its own."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, samples in series.items():
@@ -68,7 +68,7 @@ def recorded(
     seconds: float = 120.0,
     names: str = "uv",
 ) -> List[str]:
-    """A drive in which `y` follows a law: three sensors that are not alike, and have gaps."""
+    """Make a drive in which `y` follows a law: three sensors that differ, and have gaps."""
     world = World(seed, seconds)
     series = {"y": world.sensor(law(world), rate=10.0, gaps=(30.0,))}
     for number, name in enumerate(names):

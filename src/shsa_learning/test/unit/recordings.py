@@ -11,7 +11,7 @@ from shsa_core.files.som_file import read_tree
 from shsa_core.model.som import Som
 
 BEGIN_S = 1000.0
-"""When a bag begins."""
+"""Begin of a bag."""
 
 
 class BagWriter:
@@ -53,7 +53,7 @@ class BagWriter:
 
 
 def som_of(**services: Any) -> Som:
-    """A SOM of services by name: each `topic, type, node, {property: field}` or a mapping."""
+    """Make a SOM of services by name: each `topic, type, node, {property: field}`, or a mapping."""
     plain: Dict[str, Any] = {}
     for name, given in services.items():
         if isinstance(given, tuple):

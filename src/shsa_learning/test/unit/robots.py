@@ -13,12 +13,12 @@ TYPES: Dict[str, Dict[str, str]] = {
 
 
 def layout(name: str) -> Mapping[str, str]:
-    """The fields of a type of these robots, or of an installed one."""
+    """Return the fields of a type of these robots, or of an installed one."""
     return TYPES[name] if name in TYPES else message_types.layout(name)
 
 
 def numbers(kind: str) -> Tuple[Number, ...]:
-    """The numbers in a message type."""
+    """Return the numbers in a message type."""
     return contents(kind, layout).numbers
 
 
@@ -30,7 +30,7 @@ def times(period: float, end: float, jitter: float = 0.0, seed: int = 0) -> List
 
 
 class Robot:
-    """What is heard of a robot, told to a surveyor."""
+    """A robot whose messages go to a surveyor."""
 
     def __init__(self) -> None:
         self.surveyor = Surveyor()
@@ -43,7 +43,7 @@ class Robot:
         kind: str = "test_msgs/Number",
         latched: bool = False,
     ) -> None:
-        """A node publishes values, each at a time in s; of a type with several: tuples."""
+        """Have a node publish values, each at a time in s; of a type with several: tuples."""
         publisher = Publisher(topic, kind, node)
         for time, value in values:
             self.surveyor.heard(publisher, time, latched)
@@ -52,12 +52,12 @@ class Robot:
                 self.surveyor.values(publisher, dict(zip(numbers(kind), row)))
 
     def is_silent(self, topic: str, node: str = "/node", kind: str = "test_msgs/Number") -> None:
-        """A node has advertised a topic."""
+        """Have a node advertise a topic."""
         publisher = Publisher(topic, kind, node)
         if self.surveyor.knows(publisher):
             said: Dict[Number, Optional[float]] = dict.fromkeys(numbers(kind))
             self.surveyor.values(publisher, said)
 
     def survey(self, end: float = 20.0) -> Survey:
-        """What is known of it after `end` s."""
+        """Return the survey after `end` s."""
         return self.surveyor.result(0.0, end)

@@ -9,10 +9,8 @@ import pytest
 from recordings import som_of
 from shsa_core.errors import ShsaError
 from shsa_core.model.som import Som
-from shsa_learning.learn.inputs import offer
-from shsa_learning.recordings.alignment import held, largest_age
-from shsa_learning.recordings.duplicates import duplicates
-from shsa_learning.recordings.recording import Recording, Series
+from shsa_learning.learn.inputs import duplicates, offer
+from shsa_learning.recordings.recording import Recording, Series, held, largest_age
 
 RNG = np.random.RandomState(7)
 
@@ -117,7 +115,7 @@ def of(service: str, seed: int, name: str = "", node: str = "") -> Series:
 
 
 def why(parts: Sequence[Series], som: object = None) -> List[str]:
-    """Why each but the first may not be an input for the first; empty: it may."""
+    """Return why each but the first may not be an input for the first; empty: it may."""
     offered = offer(recording(*parts), parts[0], som)  # type: ignore[arg-type]
     reasons = {id(each.series): each.why for each in offered.left_out}
     return [reasons.get(id(each), "") for each in parts[1:]]

@@ -34,7 +34,7 @@ relations:
 
 
 def som_text(services: Dict[str, Tuple[str, float]], needed: str = "speed") -> str:
-    """A SOM of services: the property and the period of each."""
+    """Return a SOM of services: the property and the period of each."""
     lines = ["services:"]
     for name, (prop, period) in services.items():
         lines.append(
@@ -96,7 +96,7 @@ class Drive:
         return main(["backtest", *more, *models, "--data", *self.files.values()])
 
     def answer(self, capsys: Any, *more: str, status: int = 0) -> Dict[str, Any]:
-        """The document of --json."""
+        """Return the document of --json."""
         assert self.run("--json", *more) == status
         found: Dict[str, Any] = json.loads(capsys.readouterr().out)
         return found
@@ -108,7 +108,7 @@ def drive(tmp_path: Path) -> Drive:
 
 
 def by(answer: Dict[str, Any], *relations: str, place: int = 0) -> Dict[str, Any]:
-    """The derivation by some relations."""
+    """Return the derivation by some relations."""
     derivations: List[Dict[str, Any]] = answer["properties"][place]["derivations"]
     return next(each for each in derivations if each["relations"] == list(relations))
 
@@ -360,7 +360,7 @@ def test_a_picture_is_drawn(drive: Drive, capsys: Any) -> None:
 def test_a_bag_that_was_healed_half_way_is_compared_with_the_sensor_alone(
     drive: Drive, capsys: Any
 ) -> None:
-    """What the substitute published would agree with itself, and hide the error."""
+    """Else the values of the substitute would agree with themselves, and hide the error."""
     path = drive.folder / "drive.bag"
     time = np.arange(0.0, 40.0, 0.05)
     half = 0.5 * (drive.speed(time) + 0.3)

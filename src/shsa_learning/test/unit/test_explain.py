@@ -78,7 +78,7 @@ def log(path: Path, *incidents: Incident) -> Path:
 
 
 def bag(path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A boat whose amperemeter is silent for 5 s; its current is 3 * speed + 0.75."""
+    """Return a boat whose amperemeter is silent for 5 s; its current is 3 * speed + 0.75."""
     monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
     monkeypatch.setattr(clock, "offset", lambda: 0.0)
     with BagWriter(path) as out:

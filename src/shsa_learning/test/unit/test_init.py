@@ -61,7 +61,7 @@ def twist(t: float) -> Twist:
 def record(
     bag: BagWriter, topic: str, node: str, hz: float, make: Make, end: float = END_S
 ) -> None:
-    """A node publishes until `end` s."""
+    """Have a node publish until `end` s."""
     for k in range(int(end * hz)):
         bag.write(topic, make(k / hz), 1000.0 + k / hz, node)
 
@@ -103,7 +103,7 @@ class Init:
         return status
 
     def drafts(self, bag: str) -> Som:
-        """The SOM of a recording, once it is checked with its ontology."""
+        """Return the SOM of a recording, once it is checked with its ontology."""
         assert self("--bag", bag, "--som", self.som, "--ontology", self.ontology) == 0
         assert check_files(self.ontology, self.som, message_types) == []
         return read_som(self.som)
@@ -251,7 +251,7 @@ def test_types_that_are_not_here_are_told(init: Init, tmp_path: Path) -> None:
 
 
 class Other(Float64):
-    """What a recording says that a type is."""
+    """The definition of a type in a recording."""
 
     _full_text = "float64 data\nstring X=it is another\n"
 

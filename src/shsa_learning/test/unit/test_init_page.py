@@ -1,4 +1,4 @@
-"""Who follows the page of `shsa init` word by word has a model that is checked."""
+"""The page of `shsa init`, followed word by word, leads to a model that is checked."""
 import math
 import subprocess
 import sys
@@ -14,17 +14,17 @@ PAGE = ROOT / "docs" / "init.md"
 SHSA = ROOT / "src" / "shsa_core" / "scripts" / "shsa"
 SENSORS = {"/voltage": 12.0, "/current": 2.0, "/power": 24.0}
 TYPED = ("shsa init --bag", "sed ", "shsa check", "shsa find")
-"""What is typed here: the rest needs a running robot, which init.test has."""
+"""The commands that are typed here: the rest needs a running robot, as in init.test."""
 
 
 def shown() -> List[str]:
-    """The lines of the page that are commands or files, without their indent."""
+    """Return the lines of the page that are commands or files, without their indent."""
     lines = PAGE.read_text("utf-8").splitlines()
     return [line[4:] for line in lines if line.startswith("    ")]
 
 
 def typed() -> List[str]:
-    """The commands of the page, in order, without those that learn."""
+    """Return the commands of the page, in order, without those that learn."""
     return [line for line in shown() if line.startswith(TYPED) and "--learn" not in line]
 
 

@@ -22,7 +22,7 @@ MESSAGES = 8
 
 
 def types() -> Iterator[Any]:
-    """Every message type of the packages."""
+    """Yield every message type of the packages."""
     for package in PACKAGES:
         module = importlib.import_module(f"{package}.msg")
         for each in pkgutil.iter_modules(module.__path__):
@@ -30,7 +30,7 @@ def types() -> Iterator[Any]:
 
 
 def filled(kind: str, draw: random.Random) -> Any:
-    """A value of a type, as strange as it may be."""
+    """Return a value of a type, as strange as it may be."""
     element, bracket, size = kind.partition("[")
     if bracket:
         count = int(size[:-1]) if size[:-1] else draw.choice([0, 1, 3, 12])

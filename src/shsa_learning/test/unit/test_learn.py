@@ -25,7 +25,7 @@ def linear(world: World) -> np.ndarray:
 
 
 def ask(capsys: Any, *words: str) -> Dict[str, Any]:
-    """What `shsa learn y` says with --json, and its exit status."""
+    """Run `shsa learn y --json`; return its document and its exit status."""
     status = main(["learn", "y", "--json", *words])
     answer: Dict[str, Any] = json.loads(capsys.readouterr().out)
     answer["status"] = status
@@ -33,7 +33,7 @@ def ask(capsys: Any, *words: str) -> Dict[str, Any]:
 
 
 def services(names: str) -> str:
-    """A SOM file: a node and a topic for each name."""
+    """Return a SOM file: a node and a topic for each name."""
     lines = (
         f"  {name}: {{topic: /{name}, type: std_msgs/Float64, node: /n_{name}, period: 0.05, "
         f"needed: {str(name == 'y').lower()}, provides: {{{name}: {{field: data}}}}}}\n"
@@ -43,7 +43,7 @@ def services(names: str) -> str:
 
 
 def one_file(folder: Path, columns: Dict[str, np.ndarray]) -> str:
-    """What was recorded in one table, 10 lines a second."""
+    """Return all that was recorded in one table, 10 lines a second."""
     path = folder / "drive.csv"
     rows = np.column_stack(list(columns.values()))[::10]
     time = np.arange(len(rows)) * 0.1
@@ -54,7 +54,7 @@ def one_file(folder: Path, columns: Dict[str, np.ndarray]) -> str:
 
 
 def coefficients(function: str) -> Dict[str, float]:
-    """Those of a linear function, by the input; the first number is that of ''."""
+    """Return the coefficients of a linear function by input; '' stands for the constant."""
     sum_ = function.split("; ")[-1].replace("- ", "-").replace("+ ", "")
     parts = (part.partition("*") for part in sum_.split())
     return {name.replace("past_", ""): float(value) for value, _, name in parts}

@@ -199,7 +199,7 @@ def test_a_publisher_of_another_name_stands_for_the_only_service(tmp_path: Path)
 
 
 def stamped(tmp_path: Path, samples: Any) -> Recording:
-    """A recording of values with stamps and times of recording."""
+    """Return a recording of values with stamps and times of recording."""
     with BagWriter(bag(tmp_path)) as out:
         for value, stamp, time in samples:
             message = Float64Stamped(data=value)
@@ -366,7 +366,7 @@ IMU = ("/imu", "sensor_msgs/Imu", "/imu", {"turn": "angular_velocity.z", "speed"
 
 
 def services(tmp_path: Path, som: Som, **columns: str) -> Tuple[List[str], Recording]:
-    """The services that are found for the columns of files."""
+    """Return the services that are found for the columns of files."""
     paths = [
         write_csv(
             tmp_path / f"{name}.csv", ["time", *text.split()], [[0.0] * (1 + len(text.split()))]

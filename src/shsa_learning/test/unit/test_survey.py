@@ -12,13 +12,19 @@ from shsa_core.errors import ShsaError
 from shsa_core.language.units import parse_unit
 from shsa_learning.init.contents import MOST_ELEMENTS, Array, contents, elements
 from shsa_learning.init.meanings import MEANINGS, NOTHING
-from shsa_learning.init.scope import outside
 from shsa_learning.init.spread import KEPT, RhythmTally, Sample, Spread, SpreadTally
-from shsa_learning.init.survey import MOST_FIELDS, MOST_PUBLISHERS, Publisher, irregular, nice
+from shsa_learning.init.survey import (
+    MOST_FIELDS,
+    MOST_PUBLISHERS,
+    Publisher,
+    irregular,
+    nice,
+    outside,
+)
 
 
 def rhythm_of(moments: List[float], end: float = 20.0) -> str:
-    """Why messages do not come regularly."""
+    """Return why messages do not come regularly."""
     tally = RhythmTally()
     for moment in moments:
         tally.add(moment)

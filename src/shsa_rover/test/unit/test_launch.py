@@ -67,7 +67,7 @@ def test_an_argument_that_no_file_takes_is_refused(more: Sequence[str]) -> None:
     command = ["roslaunch", "--nodes", "shsa_rover", "rover.launch", *more]
     assert subprocess.run([*command, "method:=orr", "view_port:=1"], stdout=DEVNULL).returncode == 0
     refused = subprocess.run([*command, "methd:=orr"], stdout=DEVNULL, stderr=PIPE)
-    assert b"no argument methd. Did you mean method?" in refused.stderr and refused.returncode
+    assert b"did you mean method?" in refused.stderr and refused.returncode
 
 
 def test_the_rover_takes_the_arguments_of_healing() -> None:

@@ -44,7 +44,7 @@ read -r _
 
 
 def refusal(ssh: bool = False) -> str:
-    """Why no computers can be made here, with an sshd each if `ssh`; empty if they can."""
+    """Return why no computers can be made here, with an sshd each if `ssh`; empty if they can."""
     missing = [name for name in PROGRAMS if shutil.which(name) is None]
     if missing:
         return f"there is no `{missing[0]}` here, which makes the computers' namespaces"
@@ -100,7 +100,7 @@ class Computer:
             self._holder.kill()
 
     def words(self, *command: str, **environment: str) -> Tuple[str, ...]:
-        """The command that runs another one there, in the folder in which we are."""
+        """Return the command that runs another one there, in the folder in which we are."""
         given = {"HOME": str(self.home), "ROS_IP": self.address, **environment}
         cleared = [word for name in CLEARED for word in ("-u", name)]
         pairs = [f"{name}={value}" for name, value in given.items()]

@@ -25,7 +25,7 @@ class Silences:
         self._left = 0
 
     def skip(self) -> bool:
-        """Whether the message that is due now is left out."""
+        """Return whether the message that is due now is left out."""
         if not self._bounds[1]:
             return False
         if not self._left:
@@ -113,7 +113,7 @@ class FaultyPublisher:
 
 
 class FaultHandle:
-    """What makes a running `faulty_publisher` fail."""
+    """Makes a running `faulty_publisher` fail."""
 
     def __init__(self, name: str) -> None:
         self.name = name

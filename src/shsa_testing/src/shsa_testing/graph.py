@@ -1,4 +1,4 @@
-"""What tests ask the master and the nodes of a running ROS graph."""
+"""Questions of tests to the master and the nodes of a running ROS graph."""
 import os
 import signal
 import xmlrpc.client
@@ -12,23 +12,23 @@ from shsa_testing.processes import running
 
 
 def publishers(topic: str) -> List[str]:
-    """The nodes registered as publishers of a topic."""
+    """Return the nodes registered as publishers of a topic."""
     return _registered(0, topic)
 
 
 def subscribers(topic: str) -> List[str]:
-    """The nodes registered as subscribers of a topic."""
+    """Return the nodes registered as subscribers of a topic."""
     return _registered(1, topic)
 
 
 def registered_nodes() -> List[str]:
-    """Every node that the master knows."""
+    """Return every node that the master knows."""
     state = _master().getSystemState()
     return sorted({node for part in state for _, nodes in part for node in nodes})
 
 
 def is_connected(node: str, topic: str, publisher: str) -> bool:
-    """Whether a node is connected to a publisher of a topic; one that is not registered is not."""
+    """Return whether a node is connected to a publisher of a topic, by the node's own word."""
     try:
         uri, wanted = _master().lookupNode(node), _master().lookupNode(publisher)
     except rosgraph.MasterException:
@@ -38,12 +38,12 @@ def is_connected(node: str, topic: str, publisher: str) -> bool:
 
 
 def node_pid(node: str) -> int:
-    """The process of a running node."""
+    """Return the process of a running node."""
     return int(_call(_master().lookupNode(node), "getPid"))
 
 
 def node_process(node: str) -> Optional[psutil.Process]:
-    """The running process of a node; None if it is not up."""
+    """Return the running process of a node; None if it is not up."""
     try:
         process = psutil.Process(node_pid(node))
     except (rosgraph.MasterException, OSError, psutil.NoSuchProcess):
@@ -66,5 +66,5 @@ def _registered(part: int, topic: str) -> List[str]:
 
 
 def _call(uri: str, method: str) -> Any:
-    """The answer of a node's own interface."""
+    """Return the answer of a node's own interface."""
     return getattr(xmlrpc.client.ServerProxy(uri), method)(rospy.get_name())[2]

@@ -1,4 +1,4 @@
-"""What healing publishes, and who publishes on a topic, as a test hears it."""
+"""The messages of healing, and the publishers of a topic, as a test hears them."""
 import threading
 import time
 from typing import Any, Dict, List, Optional, Tuple
@@ -11,7 +11,7 @@ from shsa_testing.waiting import wait_until
 
 
 class TopicRecord:
-    """Who published on a topic, and when (monotonic, s); `last` is the newest message.
+    """The publishers of a topic and their times (monotonic, s); `last`: the newest message.
 
     `newest` has that of each node.
     """
@@ -28,11 +28,11 @@ class TopicRecord:
         self.heard.append((time.monotonic(), node))
 
     def times(self, node: str) -> List[float]:
-        """When `node` published."""
+        """Return the times at which `node` published."""
         return [at for at, who in list(self.heard) if who == node]
 
     def others(self, node: str, since: float) -> List[Tuple[float, str]]:
-        """Who else published since a moment."""
+        """Return the other publishers since a moment."""
         return [(at, who) for at, who in list(self.heard) if who != node and at >= since]
 
     def await_node(self, node: str, seconds: float = 20.0) -> None:
@@ -86,13 +86,13 @@ class HealedRobot:
         return list(self._services.values())
 
     def latest(self, topic: str) -> Optional[Incident]:
-        """The newest incident of a topic."""
+        """Return the newest incident of a topic."""
         with self._lock:
             known = [i for i in self.incidents.values() if i.topic == topic]
         return max(known, key=lambda each: int(each.id)) if known else None
 
     def publishers(self, topic: str) -> List[str]:
-        """The nodes registered as publishers of a topic, save the pool's idle processes."""
+        """Return the nodes registered as publishers of a topic, save the pool's idle processes."""
         idle = {row.node for row in self.substitutions if not row.service}
         return [node for node in publishers(topic) if node not in idle]
 
@@ -126,11 +126,11 @@ class HealedRobot:
 
 
 def _key(row: Substitution) -> str:
-    """What a row of the table of substitutions goes by."""
+    """Return the key of a row of the table of substitutions."""
     return f"{row.node} {row.service}" if row.shared else row.node or row.service
 
 
 def _changed(old: Dict[str, Any], change: Any, rows: Dict[str, Any]) -> Dict[str, Any]:
-    """A table after a change; the whole replaces it."""
+    """Return a table after a change; the whole replaces it."""
     kept = {} if change.whole else old
     return {**{key: row for key, row in kept.items() if key not in change.removed}, **rows}

@@ -67,7 +67,7 @@ class Holder:
         self._process = None
 
     def enter(self) -> List[str]:
-        """The words before a command that runs inside."""
+        """Return the words before a command that runs inside."""
         return ["nsenter", f"--target={self.pid}", *self._kinds, "--"]
 
     def ip(self, *words: str) -> None:
@@ -109,7 +109,7 @@ class Switch:
         subprocess.run(["ip", "link", "delete", self._ours], stderr=subprocess.DEVNULL, check=False)
 
     def link(self) -> "Link":
-        """A further link, of a computer that is not connected yet."""
+        """Return a further link, of a computer that is not connected yet."""
         self._count += 1
         return Link(self, f"{self._net}.{self._count}")
 
@@ -229,7 +229,7 @@ def _kill(pid: int) -> None:
 
 
 def _free_net() -> str:
-    """A /24 that no interface here has an address in; where it begins tells owners apart."""
+    """Return a /24 that no interface here has an address in; where it begins tells owners apart."""
     taken = call("ip", "-4", "address", "show")
     numbers = [1 + (os.getpid() + step) % 254 for step in range(254)]
     return next(

@@ -1,4 +1,4 @@
-"""What consumers of messages reject or misread: rules of tf2, robot_localization and REP 105."""
+"""Messages that consumers reject or misread: rules of tf2, robot_localization and REP 105."""
 import math
 from typing import Any, Iterator, List, Sequence, Tuple
 
@@ -16,7 +16,7 @@ NO_NAN = (
 
 
 def problems(message: genpy.Message) -> List[str]:
-    """Why a consumer would reject a message, or take for certain what is not known."""
+    """Return why a consumer would reject a message, or take for certain what is not known."""
     found: List[str] = []
     for path, each in _parts(message, message._type):
         kind = each._type
@@ -43,7 +43,7 @@ def problems(message: genpy.Message) -> List[str]:
 
 
 def frames(message: genpy.Message) -> List[str]:
-    """Every frame that a message names."""
+    """Return every frame that a message names."""
     found = []
     for _, each in _parts(message, ""):
         found += [getattr(each, name) for name in each.__slots__ if name.endswith("frame_id")]
@@ -51,7 +51,7 @@ def frames(message: genpy.Message) -> List[str]:
 
 
 def numbers(message: genpy.Message) -> List[float]:
-    """Every floating-point number in a message."""
+    """Return every floating-point number in a message."""
     found: List[float] = []
     for _, each in _parts(message, ""):
         for name, kind in zip(each.__slots__, each._slot_types):
@@ -73,7 +73,7 @@ def _certain(path: str, matrix: Sequence[float], may_be_absent: bool) -> List[st
 
 
 def _parts(message: Any, path: str) -> Iterator[Tuple[str, genpy.Message]]:
-    """A message and all messages in it."""
+    """Yield a message and all messages in it."""
     yield path, message
     for name, kind in zip(message.__slots__, message._slot_types):
         if "/" in kind:

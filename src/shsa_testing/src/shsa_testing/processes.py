@@ -7,7 +7,7 @@ import psutil
 
 
 def running(process: psutil.Process) -> bool:
-    """Whether a process is there and not a zombie."""
+    """Return whether a process is there and not a zombie."""
     try:
         return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
@@ -15,7 +15,7 @@ def running(process: psutil.Process) -> bool:
 
 
 def marked(name: str, value: str) -> List[psutil.Process]:
-    """The running processes that inherited the environment variable `name` with this value."""
+    """Return the running processes whose environment variable `name` has this value."""
 
     def has_mark(process: psutil.Process) -> bool:
         try:

@@ -61,7 +61,7 @@ class RawPublisher:
         self._frame = bytes(frame_b)
 
     def claim_header(self, size: int, frame_b: int = 1 << 20) -> None:
-        """The same of the header."""
+        """Announce a header of `size` bytes likewise."""
         self._header, self._frame = LENGTH.pack(size), bytes(frame_b)
 
     def register(self, name: str) -> None:

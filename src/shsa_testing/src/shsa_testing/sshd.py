@@ -17,7 +17,7 @@ MaxStartups 100
 
 
 def find_sshd() -> str:
-    """The path of sshd; empty if there is none. tools/fetch_sshd fetches one."""
+    """Return the path of sshd; empty if there is none. tools/fetch_sshd fetches one."""
     found = shutil.which("sshd", path=f"{os.environ.get('PATH', '')}:/usr/sbin")
     return os.path.abspath(found) if found else ""
 

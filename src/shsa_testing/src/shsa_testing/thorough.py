@@ -1,4 +1,4 @@
-"""How much is tried: by `make test` some of the random cases, by `make test-long` all, and more."""
+"""The number of random cases: some in `make test`, all of them in `make test-long`."""
 import os
 
 LONG = bool(os.environ.get("SHSA_LONG"))

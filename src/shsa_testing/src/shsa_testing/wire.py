@@ -20,7 +20,7 @@ QUEUE = 1000  # packets on the way, as in netem; what comes when it is full is l
 
 
 def tap(name: str) -> int:
-    """The descriptor of a new TAP interface. Raises OSError."""
+    """Return the descriptor of a new TAP interface. Raises OSError."""
     descriptor = os.open("/dev/net/tun", os.O_RDWR)
     fcntl.ioctl(descriptor, TUNSETIFF, struct.pack("16sH", name.encode(), IFF_TAP | IFF_NO_PI))
     os.set_blocking(descriptor, False)

@@ -1,9 +1,9 @@
-"""What the view refuses."""
+"""Refusals of the view."""
 from shsa_core.errors import ShsaError
 
 
 class Refused(ShsaError):
-    """What was asked for is not done; `status` is that of the HTTP answer."""
+    """A request is refused; `status` is that of the HTTP answer."""
 
     def __init__(self, text: str, status: int = 400) -> None:
         super().__init__(text)

@@ -1,4 +1,4 @@
-"""What the view hears of the robot: plain values, whatever message or file they came in.
+"""Facts about the robot: plain values, whatever message or file they came in.
 
 All times in s of ROS time; None: not known.
 """
@@ -10,10 +10,13 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import shared_key
 
+SILENT_S = 4.0
+"""Healers tell of themselves once a second; with a busy computer one or two of these are late."""
+
 
 @dataclass(frozen=True)
 class Publisher:
-    """How one publisher of a topic is doing; `state` and `kind` as in shsa_msgs/PublisherHealth."""
+    """The health of a publisher of a topic; `state`, `kind` as in shsa_msgs/PublisherHealth."""
 
     topic: str
     publisher: str
@@ -59,7 +62,7 @@ class Substitute:
 
     @property
     def key(self) -> str:
-        """What its row is known by in the table."""
+        """The key of its row in the table."""
         return shared_key(self.node, self.service) if self.shared else self.node or self.service
 
 
@@ -107,7 +110,7 @@ class IncidentTold:
 
 @dataclass(frozen=True)
 class Figures:
-    """What /diagnostics tells of a service, for display: rates in Hz by publisher, newest values.
+    """A service on /diagnostics, for display: rates in Hz by publisher, newest values.
 
     `values` are by property, in its unit; `bridged`: how often a late message was filled in for.
     """
@@ -120,14 +123,14 @@ class Figures:
 
 @dataclass(frozen=True)
 class FiguresTold:
-    """What one message on /diagnostics tells of services."""
+    """The services in one message on /diagnostics."""
 
     rows: Tuple[Figures, ...]
 
 
 @dataclass(frozen=True)
 class Healer:
-    """How `monitor`, `monitor_HOST`, `reconfigurator` or `master` is: alive, lost or unknown.
+    """The state of `monitor`, `monitor_HOST`, `reconfigurator` or `master`: alive, lost or unknown.
 
     `connected`: once it is again, it tells anew whatever is still true.
     """
@@ -140,7 +143,7 @@ class Healer:
 
 @dataclass(frozen=True)
 class HostTold:
-    """How a computer of the robot is: heard, lost or unknown."""
+    """The state of a computer of the robot: heard, lost or unknown."""
 
     name: str
     state: str
@@ -149,7 +152,7 @@ class HostTold:
 
 @dataclass(frozen=True)
 class TrustTold:
-    """Whether what is shown was checked by its signatures: `checked`, `refused` or `unchecked`."""
+    """The check of signatures of what is shown: `checked`, `refused` or `unchecked`."""
 
     state: str
     text: str = ""
@@ -174,3 +177,15 @@ Fact = Union[
     TrustTold,
     ModelsRead,
 ]
+
+
+def presence(connected: bool, ever: bool, silent: Optional[float]) -> Tuple[str, str]:
+    """Return the state of a healer, `alive`, `lost` or `unknown`, and what is wrong in words.
+
+    `connected`: it sends us a table; `ever`: it did at some time; `silent`: s since it was heard.
+    """
+    if not connected:
+        return ("lost", "it is gone") if ever else ("unknown", "it was not heard yet")
+    if silent is not None and silent > SILENT_S:
+        return "lost", f"it has said nothing for {silent:.0f} s"
+    return "alive", ""

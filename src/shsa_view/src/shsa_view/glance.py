@@ -30,7 +30,7 @@ _COLOURS: Dict[str, str] = {
 
 
 class Sort(Word):
-    """What the services are ordered by."""
+    """The order of the services."""
 
     STATE = "state"
     NAME = "name"
@@ -44,7 +44,7 @@ class Sort(Word):
 
 
 class Look(NamedTuple):
-    """How it is looked at: the room in characters, the order, the first row, and colours.
+    """A view of the table: its room in characters, the order, the first row, and colours.
 
     `height` None: all rows, for a file.
     """
@@ -62,7 +62,7 @@ class Line(NamedTuple):
     parts: Sequence[Tuple[str, str]]
 
     def text(self, width: int, colour: bool) -> str:
-        """The line, cut to `width`."""
+        """Return the line, cut to `width`."""
         told = ""
         for part, code in self.parts:
             part = shown(part)[:width]
@@ -79,12 +79,12 @@ class Glance(NamedTuple):
 
 
 def lines(document: Document, look: Look) -> List[str]:
-    """The lines of the document."""
+    """Return the lines of the document."""
     return glance(document, look).lines
 
 
 def glance(document: Document, look: Look, notice: str = "") -> Glance:
-    """The lines of the document; `notice`: what is to be said of the connection, if anything."""
+    """Return the lines of the document; `notice`: about the connection, if not empty."""
     head, incidents, first = [*_head(document, notice)], [*_incidents(document)], 0
     width = max(look.width, 1)
     rows = ordered(document["services"], look.sort)
@@ -106,7 +106,7 @@ def glance(document: Document, look: Look, notice: str = "") -> Glance:
 
 
 def ordered(services: Mapping[str, Document], sort: Sort) -> List[str]:
-    """The names of the services in an order."""
+    """Return the names of the services in an order."""
     keys: Dict[Sort, Callable[[str], Any]] = {
         Sort.NAME: lambda name: name,
         Sort.STATE: lambda name: (_badness(services[name]), not services[name]["needed"], name),
@@ -116,7 +116,7 @@ def ordered(services: Mapping[str, Document], sort: Sort) -> List[str]:
 
 
 def value(prop: Document) -> str:
-    """The last value of a property, its expected error, and its unit."""
+    """Return the last value of a property, its expected error, and its unit."""
     if prop["value"] is None:
         return "-"
     error = prop["error_p95"] if prop["error_p95"] is not None else prop["error_rms"]
@@ -141,12 +141,12 @@ class _Table:
         self._value = max(left - len(GAP), 0)
 
     def head(self) -> Line:
-        """The names of the columns."""
+        """Return the names of the columns."""
         cells = self._cells("service", "state", "rate", "publisher", "value ± error in 95 %")
         return Line([("".join(cells).rstrip(), _HEAD)])
 
     def line(self, name: str) -> Line:
-        """The row of a service."""
+        """Return the row of a service."""
         row = self._services[name]
         rate = "" if row["rate"] is None else f"{row['rate']:.1f} Hz"
         cells = self._cells(name, row["state"], rate, _publisher(row), _values(row))
@@ -231,7 +231,7 @@ def _widest(texts: Sequence[str]) -> int:
 
 
 def _fit(text: str, width: int) -> str:
-    """The text in `width` characters; a name is known best by its end, as by its beginning."""
+    """Shorten a text to `width` characters in its middle: names differ at their ends."""
     text = shown(text)
     return text.ljust(width) if len(text) <= width else text[: max(width - 1, 0)] + "~"
 

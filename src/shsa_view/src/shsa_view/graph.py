@@ -1,13 +1,12 @@
 """The ontology and the services as a drawing, laid out once: the browser only switches classes."""
 import html
 import subprocess
-from typing import Any, Dict, Iterator, List, Tuple
+from typing import Any, Collection, Dict, Iterable, Iterator, List, Tuple
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.text import shown
-from shsa_view.derivation import property_id, relation_id, service_id
 
 MOST_ELEMENTS = 1000
 TIMEOUT_S = 30.0
@@ -17,11 +16,54 @@ STYLE = """
   edge [color=gray50, arrowsize=0.7];
 """
 
+
+def property_id(name: str) -> str:
+    """Return the id of a property."""
+    return f"property-{name}"
+
+
+def service_id(name: str) -> str:
+    """Return the id of a service."""
+    return f"service-{name}"
+
+
+def relation_id(relation: str, output: str) -> str:
+    """Return the id of the direction of a relation that yields a property."""
+    return f"relation-{relation}-{output}"
+
+
+def elements(
+    ontology: Ontology,
+    som: Som,
+    lost: Iterable[str],
+    relations: Collection[str],
+    inputs: Collection[str],
+) -> List[str]:
+    """Return the elements by which a substitute computes lost properties, its inputs first.
+
+    `relations` are the names of those that it uses, `inputs` the paths that it reads.
+    """
+    found: Dict[str, None] = {}
+    open_ = list(lost)
+    while open_:
+        name = open_.pop(0)
+        if property_id(name) in found:
+            continue
+        found[property_id(name)] = None
+        read = [source for source in som.of_property(name) if source.path in inputs]
+        found.update({service_id(source.service.name): None for source in read})
+        for function in () if read else ontology.functions_for(name):
+            if function.relation in relations:
+                found[relation_id(function.relation, name)] = None
+                open_ += function.inputs
+    return list(found)
+
+
 Edge = Tuple[str, str]
 
 
 def edges(ontology: Ontology, som: Som) -> List[Edge]:
-    """Which elements lead to which: services to properties, these by relations to others."""
+    """Return the edges: services to properties, these by relations to others."""
     provided = ((service_id(s.service.name), property_id(s.property)) for s in som.sources)
     return list(dict.fromkeys([*provided, *_of_relations(ontology)]))
 
@@ -36,7 +78,7 @@ def _of_relations(ontology: Ontology) -> Iterator[Edge]:
 
 
 def dot_text(ontology: Ontology, som: Som) -> str:
-    """The drawing in the language of graphviz. Raises ShsaError if it is too large to be read."""
+    """Return the drawing in the language of graphviz. Raises ShsaError if it is too large."""
     names = dict.fromkeys((*ontology.properties, *(each.property for each in som.sources)))
     size = len(names) + len(ontology.functions) + len(som)
     if size > MOST_ELEMENTS:
@@ -56,7 +98,7 @@ def dot_text(ontology: Ontology, som: Som) -> str:
 
 
 def drawing(ontology: Ontology, som: Som) -> Dict[str, Any]:
-    """The drawing as SVG, and its edges with the elements that they join.
+    """Return the drawing as SVG, and its edges with the elements that they join.
 
     `error`: why there is none.
     """
@@ -71,7 +113,7 @@ def drawing(ontology: Ontology, som: Som) -> Dict[str, Any]:
 
 
 def _svg(text: str) -> str:
-    """What graphviz draws. Raises ShsaError if it cannot."""
+    """Run graphviz. Raises ShsaError if it cannot draw."""
     command = ["dot", "-Tsvg"]
     try:
         done = subprocess.run(

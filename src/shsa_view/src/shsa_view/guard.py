@@ -1,4 +1,4 @@
-"""Who may ask what: the Host header, the token, and the headers that every answer has."""
+"""Access to the view: the Host header, the token, and the headers of every answer."""
 import hmac
 import ipaddress
 from typing import Collection, Mapping
@@ -16,7 +16,7 @@ BEARER = "Bearer "
 
 
 def host_allowed(header: str, names: Collection[str]) -> bool:
-    """Whether a Host header names this server: by an address, as `localhost` or by our own name.
+    """Return whether a Host header names this server: by address, as `localhost` or by own name.
 
     Another name is one that somebody else gives to our address, to make a browser read what only
     the people at this computer may (DNS rebinding).
@@ -38,7 +38,7 @@ def _no_port(host: str) -> str:
 
 
 def token_given(header: str, token: str) -> bool:
-    """Whether an Authorization header has the token; how long this takes tells nothing of it."""
+    """Return whether an Authorization header has the token, in a time that tells nothing of it."""
     if not token or not header.startswith(BEARER):
         return False
     return hmac.compare_digest(header[len(BEARER) :].encode(), token.encode())

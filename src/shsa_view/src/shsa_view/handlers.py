@@ -1,4 +1,4 @@
-"""What is answered over HTTP: the page, the state, its changes, questions and actions."""
+"""Answers over HTTP: the page, the state, its changes, questions and actions."""
 import asyncio
 import json
 import os
@@ -22,7 +22,7 @@ ACTIONS = ("release", "substitute", "inject")
 
 
 class _Handler(tornado.web.RequestHandler):
-    """What all answers have in common."""
+    """Base of all handlers."""
 
     SUPPORTED_METHODS = ("GET", "POST")  # type: ignore[assignment]
 
@@ -66,13 +66,13 @@ class _Handler(tornado.web.RequestHandler):
 
 class _State(_Handler):
     async def get(self) -> None:
-        """The whole state."""
+        """Return the whole state."""
         self.answer(self.view.document())
 
 
 class _Events(_Handler):
     async def get(self) -> None:
-        """The stream of events: the whole state first, then the changes."""
+        """Return the stream of events: the whole state first, then the changes."""
         stream = self.view.streams.open(self.view.document())
         if stream is None:
             raise Refused("too many look at this already", 503)
@@ -96,13 +96,13 @@ class _Events(_Handler):
 
 class _Graph(_Handler):
     async def get(self) -> None:
-        """The drawing of the ontology."""
+        """Return the drawing of the ontology."""
         self.answer(await self.view.ask(self.view.answers.graph))
 
 
 class _WhatIf(_Handler):
     async def get(self) -> None:
-        """What healing would do."""
+        """Answer what healing would do."""
         service, node = (str(self.get_query_argument(name, "")) for name in ("service", "node"))
         if bool(service) == bool(node) or len(service + node) > LONGEST_NAME:
             raise Refused("name one service or one node: ?service=NAME or ?node=/NAME")
@@ -138,7 +138,7 @@ class _Nothing(_Handler):
 
 
 def _object(body: bytes) -> Document:
-    """The JSON object of a body. Raises Refused."""
+    """Return the JSON object of a body. Raises Refused."""
     try:
         value = json.loads(body.decode("utf-8"))
     except (ValueError, RecursionError) as error:
@@ -149,7 +149,7 @@ def _object(body: bytes) -> Document:
 
 
 def application(view: View) -> tornado.web.Application:
-    """What is served."""
+    """Return the files that are served."""
     arguments = {"view": view}
     return tornado.web.Application(
         [

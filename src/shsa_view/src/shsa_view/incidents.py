@@ -41,7 +41,7 @@ class Incidents:
             self._forget(min(self._known, key=lambda each: self._known[each].detected))
 
     def open_of(self, service: str) -> Optional[Tuple[str, Incident]]:
-        """The incident of a service that has not ended, and its key."""
+        """Return the incident of a service that has not ended, and its key."""
         key = self._open.get(service)
         return None if key is None else (key, self._known[key])
 
@@ -51,12 +51,12 @@ class Incidents:
         return services
 
     def newest_first(self) -> List[Document]:
-        """All of them."""
+        """Return all of them."""
         order = sorted(self._known, key=lambda key: self._known[key].detected, reverse=True)
         return [self._documents[key] for key in order]
 
     def take_changed(self) -> List[Document]:
-        """Those that changed since this was asked last, the newest first."""
+        """Return those that changed since this was asked last, the newest first."""
         changed, self._changed = self._changed, set()
         return [each for each in self.newest_first() if each["key"] in changed]
 
@@ -75,7 +75,7 @@ class Incidents:
 
 
 def as_document(key: str, incident: Incident) -> Document:
-    """An incident as it is shown."""
+    """Return an incident as it is shown."""
     properties = texts(incident.properties)
     errors = incident.errors
     return {

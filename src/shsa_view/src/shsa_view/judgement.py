@@ -1,8 +1,7 @@
-"""How a service is, in one word and in words: by the signed tables, and by its open incident."""
+"""The state of a service, in one word and in words: by signed tables and its open incident."""
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence
 
-from shsa_core.healing.incident import Incident
-from shsa_core.healing.incident import State as Step
+from shsa_core.healing.incident import Incident, State as Step
 from shsa_core.model.kinds import Word
 from shsa_core.monitoring.events import PublisherState
 from shsa_core.text import shown
@@ -10,7 +9,7 @@ from shsa_view.facts import Publisher, Substitute
 
 
 class Condition(Word):
-    """How a service is. KEPT: it failed and nothing is done; FAILED: it failed, no one needs it."""
+    """States of a service. KEPT: it failed, nothing is done; FAILED: it failed, nobody needs it."""
 
     WELL = "well"
     SUBSTITUTED = "substituted"
@@ -34,8 +33,10 @@ LETTERS: Mapping[str, str] = {
     Condition.STARTING: "u",
     Condition.UNKNOWN: "u",
 }
-"""How a second is told in a strip."""
+"""The letters of a second in a strip."""
 
+LISTED = 5
+"""Names in a sentence."""
 BY_STEP = {
     Step.HEALING: Condition.HEALING,
     Step.HEALED: Condition.SUBSTITUTED,
@@ -47,7 +48,7 @@ BY_STEP = {
 
 
 class Judgement(NamedTuple):
-    """How a service is, why, and who publishes it (None: nobody does, as far as is known)."""
+    """The state of a service, why, and its publisher (None: nobody, as far as is known)."""
 
     condition: Condition
     detail: str
@@ -61,7 +62,7 @@ def judge(
     substitutes: Sequence[Substitute],
     incident: Optional[Incident],
 ) -> Judgement:
-    """How a service of `node` is. `alone`: no other service is on its topic.
+    """Judge a service of `node`. `alone`: no other service is on its topic.
 
     `publishers` are those of its topic that a monitor which is heard tells of; `substitutes` all
     processes that healing runs.
@@ -87,7 +88,7 @@ def judge(
 
 
 def of_robot(needed: Mapping[str, Condition], others: int, heard: bool) -> Dict[str, str]:
-    """The robot at a glance, by its needed services.
+    """Return the robot at a glance, by its needed services.
 
     `others`: so many services are watched besides; `heard`: whether monitor and reconfigurator are.
     """
@@ -119,9 +120,9 @@ def _named(services: Mapping[str, Condition], *conditions: Condition) -> List[st
     return [name for name, each in services.items() if each in conditions]
 
 
-def _list(names: Sequence[str], most: int = 5) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def _list(names: Sequence[str]) -> str:
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return ", ".join(names[:LISTED]) + more
 
 
 def _count(number: int, what: str) -> str:

@@ -10,7 +10,7 @@ from shsa_view.state import State
 from shsa_view.streams import Streams, encoded
 
 TICK_S = 0.1
-"""What changed within it is told together: at most 10 events a second."""
+"""Changes within it are told together: at most 10 events a second."""
 SECOND_S = 1.0
 MOST_ASKED = 8
 """Questions and actions that are worked on at once."""
@@ -20,13 +20,13 @@ Document = Mapping[str, Any]
 
 
 class Answers(Protocol):
-    """What is asked in threads, where it may take its time. Each raises ShsaError."""
+    """Questions that are answered in threads, and may take their time. Each raises ShsaError."""
 
     def graph(self) -> Document:
-        """The drawing of the ontology."""
+        """Return the drawing of the ontology."""
 
     def what_if(self, service: str, node: str) -> Document:
-        """What healing would do without a service, or without a node; one of both is empty."""
+        """Return what healing would do without a service or a node; one of both is empty."""
 
     def act(self, action: str, body: Document, who: str) -> Document:
         """Do it; `who` is the address that asks."""
@@ -34,7 +34,7 @@ class Answers(Protocol):
 
 @dataclass(frozen=True)
 class Settings:
-    """Where the page is served. `names`: what this computer is called besides its addresses.
+    """The address of the page. `names`: names of this computer besides its addresses.
 
     `token`: who has it may act; empty: nobody may.
     """
@@ -68,13 +68,13 @@ class View:
         self._document = ""
 
     def document(self) -> str:
-        """The whole state as JSON; made once a turn."""
+        """Return the whole state as JSON; made once a turn."""
         if not self._document:
             self._document = encoded(self.state.document(self._now()))
         return self._document
 
     async def ask(self, question: Callable[[], Document]) -> str:
-        """The answer to a question as JSON, from another thread. Raises ShsaError."""
+        """Return the answer to a question as JSON, from another thread. Raises ShsaError."""
         if self._asked >= MOST_ASKED:
             raise Refused("too much is asked at once; ask again", 503)
         loop = asyncio.get_event_loop()

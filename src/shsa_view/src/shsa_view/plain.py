@@ -10,7 +10,7 @@ LONGEST_CODE = 20_000
 
 
 def number(value: Optional[float]) -> Optional[float]:
-    """The number if it is finite; else None."""
+    """Return the number if it is finite; else None."""
     return None if value is None or not math.isfinite(value) else float(value)
 
 
@@ -20,5 +20,5 @@ def texts(values: Iterable[str]) -> List[str]:
 
 
 def code(text: str) -> str:
-    """A text of several lines."""
+    """Return a text of several lines."""
     return "\n".join(shown(line, LONGEST_CODE) for line in text[:LONGEST_CODE].split("\n"))

@@ -64,7 +64,7 @@ async def _serve(view: View, ended: Callable[[], bool], ready: Callable[[int], N
 
 
 async def _bound(view: View, ended: Callable[[], bool]) -> Any:
-    """The sockets, once the port is free. Raises ShsaError."""
+    """Return the sockets, once the port is free. Raises ShsaError."""
     address, port = view.settings.address, view.settings.port
     said = False
     while not ended():

@@ -1,4 +1,4 @@
-"""What the page shows: one document, built of facts as they come, and the changes in it.
+"""The document that the page shows, built of facts as they come, and the changes in it.
 
 docs/view.md describes the document. Time comes in: `now` in s of ROS time.
 """
@@ -10,7 +10,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_view import facts
-from shsa_view.derivation import elements
+from shsa_view.graph import elements
 from shsa_view.incidents import Incidents
 from shsa_view.judgement import LETTERS, Condition, Judgement, judge, of_robot
 
@@ -64,7 +64,7 @@ class State:
         self._handlers[type(fact)](fact)
 
     def second(self) -> None:
-        """A second has passed: the strips get a letter."""
+        """Add a letter to the strips: a second has passed."""
         self._settle()
         for name, row in self._rows.items():
             strip = self._strips.setdefault(name, deque(maxlen=STRIP_S))
@@ -74,7 +74,7 @@ class State:
                 self._rows[name] = {**row, "strip": letters}
 
     def document(self, now: float) -> Document:
-        """All that is shown."""
+        """Return all that is shown."""
         self._settle()
         head = {"version": VERSION, "now": now, "namespace": self._namespace}
         services, incidents = self._rows.copy(), self._incidents.newest_first()
@@ -87,7 +87,7 @@ class State:
         }
 
     def changes(self, now: float) -> Optional[Document]:
-        """What has changed since this was asked last; None: nothing has."""
+        """Return what has changed since the last call; None: nothing has."""
         self._settle()
         told: Document = {}
         parts = self._parts()
@@ -107,7 +107,7 @@ class State:
         return {"now": now, **told} if told else None
 
     def _parts(self) -> Document:
-        """What is small and told as a whole."""
+        """Return the parts that are small and told as a whole."""
         needed = {
             name: self._judged.get(name, _UNHEARD).condition
             for name in self._rows
@@ -197,7 +197,7 @@ class State:
         active: Optional[facts.Substitute],
         figures: Optional[facts.Figures],
     ) -> Document:
-        """The values of a service, each with the error that is expected of who publishes it now."""
+        """Return the values of a service, each with the expected error of its publisher."""
         found: Document = {}
         for source in service.sources if service else ():
             provision = source.provision
@@ -294,7 +294,7 @@ class State:
 
 
 def _monitor(host: str) -> str:
-    """The name of the monitor of a computer; empty: that of all others."""
+    """Return the name of the monitor of a computer; empty: that of all others."""
     return f"{MONITOR}_{host}" if host else MONITOR
 
 

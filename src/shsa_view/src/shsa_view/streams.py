@@ -12,7 +12,7 @@ KEEP_ALIVE = ": alive\n\n"
 
 
 def encoded(document: Mapping[str, Any]) -> str:
-    """A document as JSON on one line. Raises ValueError if a number in it is not finite."""
+    """Return a document as JSON on one line. Raises ValueError if a number in it is not finite."""
     return json.dumps(document, allow_nan=False, separators=(",", ":"))
 
 
@@ -22,7 +22,7 @@ def event_text(number: int, kind: str, data: str) -> str:
 
 
 class Stream:
-    """What waits to be sent to one reader."""
+    """Changes that wait to be sent to one reader."""
 
     def __init__(self) -> None:
         self._waiting: Deque[str] = deque()
@@ -42,7 +42,7 @@ class Stream:
         self._news.set()
 
     async def take(self) -> str:
-        """What is to be sent next: all that waits, or a sign of life after KEEP_ALIVE_S."""
+        """Return what to send next: all that waits, or a sign of life after KEEP_ALIVE_S."""
         if not self._waiting and not self.ended:
             self._news.clear()
             try:
@@ -65,7 +65,7 @@ class Streams:
         return len(self._open)
 
     def open(self, state: str) -> Optional[Stream]:
-        """A new one, which begins with the whole state; None: there are enough."""
+        """Return a new one, which begins with the whole state; None: there are enough."""
         if len(self._open) >= MOST_STREAMS:
             return None
         stream = Stream()

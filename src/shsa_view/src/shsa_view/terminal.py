@@ -24,13 +24,13 @@ QUIT, SORT = (b"q", b"Q", b"\x04"), (b"s", b"S")
 
 
 class Watched(Protocol):
-    """What is watched."""
+    """A robot that can be watched."""
 
     def look(self) -> str:
         """Look for the master; what is to be said of it. Raises AnotherMaster."""
 
     def document(self) -> Any:
-        """How the robot is now."""
+        """Return the state of the robot as a document."""
 
 
 class AnotherMaster(Exception):
@@ -38,7 +38,7 @@ class AnotherMaster(Exception):
 
 
 class Screen:
-    """What is drawn, as keys have made it."""
+    """The screen, as keys have made it."""
 
     def __init__(self, colour: bool) -> None:
         self._colour = colour
@@ -52,7 +52,7 @@ class Screen:
         return key in QUIT
 
     def draw(self, document: Any, notice: str, width: int, height: int) -> str:
-        """The text that makes the terminal show a document."""
+        """Return the text that makes the terminal show a document."""
         look = Look(width, height, self._sort, self._first, self._colour)
         told, self._first = glance(document, look, notice)
         return HOME + "\r\n".join(line + CLEAR_LINE for line in told) + CLEAR_REST
@@ -69,12 +69,12 @@ def show(watch: Watched) -> int:
 
 
 def coloured() -> bool:
-    """Whether colours are wanted: https://no-color.org."""
+    """Return whether colours are wanted: https://no-color.org."""
     return not os.environ.get("NO_COLOR") and os.environ.get("TERM", "dumb") != "dumb"
 
 
 def keys(data: bytes) -> List[bytes]:
-    """What was typed, key by key."""
+    """Yield the keys that were typed."""
     found: List[bytes] = []
     while data:
         key = next((each for each in MOVES if data.startswith(each)), data[:1])
@@ -103,7 +103,7 @@ def _show(watch: Watched) -> None:
 
 
 def _typed(timeout: float) -> Optional[bytes]:
-    """What was typed within some seconds; None: the terminal is gone."""
+    """Return what was typed within some seconds; None: the terminal is gone."""
     ready, _, _ = select.select([sys.stdin], [], [], timeout)
     if not ready:
         return b""
@@ -115,7 +115,7 @@ def _typed(timeout: float) -> Optional[bytes]:
 
 @contextmanager
 def _taken() -> Iterator[None]:
-    """The terminal is ours: its other screen, key by key; given back whatever happens."""
+    """Take the terminal, with its other screen and key by key; give it back whatever happens."""
     settings = termios.tcgetattr(sys.stdin)
     try:
         tty.setcbreak(sys.stdin)

@@ -1,4 +1,4 @@
-"""What would be without a service or a node: healing's answers, its cut sets, and in words."""
+"""The robot without a service or a node: healing's answers, its cut sets, and in words."""
 from typing import Any, Dict, List, Mapping, Sequence, Tuple
 
 from shsa_core.analysis.fragility import Fragility
@@ -18,7 +18,7 @@ Cuts = Dict[Tuple[str, ...], List[str]]
 
 
 def concerned(som: Som, service: str, node: str) -> Tuple[Service, ...]:
-    """The services that the question is about. Raises ShsaError if there is none of that name."""
+    """Return the services that the question is about. Raises ShsaError if there are none."""
     found = tuple(each for each in som if (each.name == service if service else each.node == node))
     if not found:
         what = f"service {service!a}" if service else f"node {node!a} that provides a service"
@@ -27,7 +27,7 @@ def concerned(som: Som, service: str, node: str) -> Tuple[Service, ...]:
 
 
 def cut_sets(ontology: Ontology, som: Som, node: str) -> Cuts:
-    """The cut sets that a node is in: alone, or with one other cause of failure.
+    """Return the cut sets that a node is in: alone, or with one other cause of failure.
 
     With all causes of such a set a needed service is lost, and can be derived from nothing. What is
     lost without the node as well is none of its cut sets.
@@ -48,7 +48,7 @@ def cut_sets(ontology: Ontology, som: Som, node: str) -> Cuts:
 
 
 def answer(question: str, services: Sequence[Document], cuts: Cuts) -> Document:
-    """The whole answer."""
+    """Return the whole answer."""
     return {
         "question": question,
         "services": list(services),
@@ -58,7 +58,7 @@ def answer(question: str, services: Sequence[Document], cuts: Cuts) -> Document:
 
 
 def left(services: Sequence[Mapping[str, Any]], cuts: Cuts) -> str:
-    """What is left then, in words."""
+    """Return in words what is left then."""
     parts = [_replaced(each) for each in services if each["found"]]
     parts += [_lost(each) for each in services if not each["found"]]
     pairs = [(cut[1], lost) for cut, lost in cuts.items() if len(cut) == 2]

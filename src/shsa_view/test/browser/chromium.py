@@ -46,19 +46,19 @@ class Browser:
         self.wait("document.querySelector('#rows tr') !== null")
 
     def size(self, width: int, height: int, scale: float = 1.0) -> None:
-        """The window's size in px."""
+        """Set the size of the window in px."""
         metrics: Any = {"width": width, "height": height, "deviceScaleFactor": scale}
         self.driver.execute_cdp_cmd(
             "Emulation.setDeviceMetricsOverride", {**metrics, "mobile": width < 600}
         )
 
     def dark(self, dark: bool) -> None:
-        """What the user likes."""
+        """Set what the user prefers."""
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
 
     def run(self, script: str, *arguments: Any) -> Any:
-        """The value of an expression."""
+        """Return the value of an expression."""
         return self.driver.execute_script(f"return {script}", *arguments)
 
     def wait(self, condition: str, seconds: float = WAIT_S) -> Any:
@@ -66,13 +66,13 @@ class Browser:
         return wait_until(lambda: self.run(condition), seconds, condition)
 
     def text(self, selector: str) -> str:
-        """The text of the first element of a selector."""
+        """Return the text of the first element of a selector."""
         found = self.run("document.querySelector(arguments[0])?.textContent ?? null", selector)
         assert found is not None, f"there is no {selector}"
         return str(found)
 
     def texts(self, selector: str) -> List[str]:
-        """The texts of all elements of a selector."""
+        """Return the texts of all elements of a selector."""
         script = "[...document.querySelectorAll(arguments[0])].map((each) => each.textContent)"
         return list(self.run(script, selector))
 
@@ -87,7 +87,7 @@ class Browser:
             self.driver.switch_to.active_element.send_keys(getattr(names, key))
 
     def focused(self) -> str:
-        """The id, the service or the text of what has the focus."""
+        """Return the id, the service or the text of what has the focus."""
         return str(
             self.run(
                 "document.activeElement.id || document.activeElement.closest('tr')?.dataset.service"
@@ -96,5 +96,5 @@ class Browser:
         )
 
     def log(self) -> Log:
-        """What the browser has complained of since this was asked last."""
+        """Return the complaints of the browser since the last call."""
         return list(self.driver.get_log("browser"))

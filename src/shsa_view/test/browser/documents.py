@@ -12,14 +12,14 @@ HOSTILE = "<script>window.hurt = 1</script><img src=x onerror='window.hurt = 1'>
 
 
 def prop(value: Optional[float], unit: str, p95: Optional[float] = None) -> Document:
-    """A property of a service, with its last value."""
+    """Return a property of a service, with its last value."""
     rms = None if p95 is None else p95 / 2
     told = {"field": "data", "unit": unit, "symbol": "", "value": value, "range": None}
     return {**told, "error_rms": rms, "error_p95": p95}
 
 
 def service(topic: str, properties: Document, **others: Any) -> Document:
-    """The row of a service that is well."""
+    """Return the row of a service that is well."""
     node = others.get("publisher") or topic
     return {
         **{"topic": topic, "type": "std_msgs/Float64", "needed": True, "standby": "warm"},
@@ -31,7 +31,7 @@ def service(topic: str, properties: Document, **others: Any) -> Document:
 
 
 def document(services: Document, **others: Any) -> Document:
-    """A whole state."""
+    """Return a whole state."""
     return {
         **{"version": 1, "now": BEGAN + 60, "namespace": "/", "actions": False},
         "robot": {"state": "well", "text": f"All well. {len(services)} services are watched."},
@@ -42,7 +42,7 @@ def document(services: Document, **others: Any) -> Document:
 
 
 def incident(number: int = 1, name: str = "amperemeter", **others: Any) -> Document:
-    """An incident that a substitute stands in for, with six of its moments."""
+    """Return an incident that a substitute stands in for, with six of its moments."""
     after = (0.0, 0.021, 0.034, 0.029, 0.031, 0.043)
     began = BEGAN + 60 * number
     told: List[Optional[float]] = [*(began + each for each in after), None, None]
@@ -127,7 +127,7 @@ HOSTILE_SVG = (
 
 
 def drawing(more: str = "") -> Document:
-    """The answer of /api/graph."""
+    """Return the answer of /api/graph."""
     edges = [
         {"id": "edge-1", "from": "service-amperemeter", "to": "property-battery_current"},
         {

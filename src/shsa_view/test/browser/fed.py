@@ -51,7 +51,7 @@ class FedState:
         """Nothing but what is told counts."""
 
     def second(self) -> None:
-        """The strips are what is told."""
+        """Set the strips."""
 
 
 class FedAnswers:
@@ -110,7 +110,7 @@ class Fed:
 
     @property
     def port(self) -> int:
-        """Where it is served."""
+        """The address at which it is served."""
         return self._port[0]
 
     @property

@@ -18,7 +18,7 @@ ENDING_S = 20.0
 
 
 def free_port() -> int:
-    """A TCP port that nobody uses."""
+    """Return a TCP port that nobody uses."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -48,7 +48,7 @@ class Rover:
         )
 
     def state(self) -> Dict[str, Any]:
-        """The document of the view; empty while it is not served."""
+        """Return the document of the view; empty while it is not served."""
         try:
             with urllib.request.urlopen(self.address + "api/state", timeout=5.0) as answer:
                 return dict(json.load(answer))

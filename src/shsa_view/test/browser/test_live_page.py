@@ -44,7 +44,7 @@ def test_the_rover_heals_before_your_eyes(browser: Browser, tmp_path: Path) -> N
 
 
 def fails(browser: Browser, rover: Rover) -> None:
-    """The amperemeter dies: row, graph, glance and timeline say so."""
+    """Kill the amperemeter: row, graph, glance and timeline say so."""
     browser.run(WATCH)
     rover.kill("amperemeter")
     browser.wait(f"{STATE} === 'substituted'", HEALED_S)
@@ -59,7 +59,7 @@ def fails(browser: Browser, rover: Rover) -> None:
 
 
 def answers(browser: Browser) -> None:
-    """What if another service failed as well?"""
+    """Ask for the failure of another service as well."""
     browser.click("tr[data-service=odometry] .name")
     browser.wait("document.querySelector('.left') !== null")
     assert "odometry" in browser.text("#answer")
@@ -67,7 +67,7 @@ def answers(browser: Browser) -> None:
 
 
 def forgets_nothing(browser: Browser, rover: Rover) -> None:
-    """A late page knows everything, and a view that died comes back to the page by itself."""
+    """Open a late page, which knows everything; a view that died comes back by itself."""
     kept = browser.texts("#timeline summary b")
     browser.open(rover.address)
     browser.wait(f"{STATE} === 'substituted'")
@@ -80,7 +80,7 @@ def forgets_nothing(browser: Browser, rover: Rover) -> None:
 
 
 def returns(browser: Browser, rover: Rover) -> None:
-    """The original returns."""
+    """Start the original again."""
     rover.start("amperemeter")
     browser.wait(f"{STATE} === 'well'", START_S)
     browser.wait("document.querySelector('#robot-state').textContent === 'All well'", HEALED_S)

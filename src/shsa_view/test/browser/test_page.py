@@ -83,7 +83,7 @@ def fed(served: List[Fed], browser: Browser) -> Iterator[Fed]:
 
 
 def substituted() -> Document:
-    """What the server tells when the amperemeter's substitute publishes."""
+    """Return the change when the amperemeter's substitute publishes."""
     row = copy.deepcopy(robot()["services"]["amperemeter"])
     node = "/substitute_battery_current_1"
     row.update(state="substituted", substitute=node, publisher=node, detail="its node is gone")

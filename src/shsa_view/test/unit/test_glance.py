@@ -34,7 +34,7 @@ def row(state: str, publisher: Optional[str], rate: Optional[float], **props: An
 
 
 def document(**services: Any) -> Dict[str, Any]:
-    """A document of some services; those of a robot by default."""
+    """Return a document of some services; those of a robot by default."""
     found = State().document(100.0)
     found["robot"] = {"state": HEALED, "text": "amps has a substitute."}
     found["healing"] = {"monitor": "alive", "reconfigurator": "alive", "master": "", "text": ""}
@@ -161,7 +161,7 @@ sys.exit(show(Robot()))
 
 
 def in_terminal(typed: bytes, wanted: str, **environment: str) -> str:
-    """All that is shown in a terminal of its own in which something is typed, once it is shown."""
+    """Return all that a terminal shows in which something is typed, once it is shown."""
     pid, master = pty.fork()
     if not pid:
         command = [sys.executable, "-c", CHILD, str(Path(__file__).resolve().parent)]

@@ -1,7 +1,7 @@
-"""Who may ask what."""
+"""Access to the view."""
 import pytest
+from shsa_view.facts import presence
 from shsa_view.guard import HEADERS, host_allowed, token_given
-from shsa_view.presence import presence
 
 
 @pytest.mark.parametrize(

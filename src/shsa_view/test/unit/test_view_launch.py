@@ -14,7 +14,7 @@ ALONE = SOURCES / "shsa_view" / "launch" / "view.launch"
 
 
 def load(file: Path, *words: str) -> Dict[str, List[str]]:
-    """The nodes that a launch file would start, and their words."""
+    """Return the nodes that a launch file would start, and their words."""
     given = [(str(file), ["ontology:=/o", "som:=/s", *words])]
     config = roslaunch.config.load_config_default(given, None, assign_machines=False)
     return {node.name: shlex.split(node.args) for node in config.nodes}

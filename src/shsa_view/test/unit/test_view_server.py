@@ -78,7 +78,7 @@ def _served() -> Iterator[Served]:
 
 
 def lines(served: Served, count: int) -> List[bytes]:
-    """The first lines of a stream."""
+    """Return the first lines of a stream."""
     with closing(HTTPConnection("127.0.0.1", served.port, timeout=20.0)) as connection:
         connection.request("GET", "/api/events")
         answer = connection.getresponse()

@@ -6,8 +6,7 @@ from typing import Any, Dict
 import pytest
 from shsa_core.healing.incident import State
 from shsa_view import facts
-from shsa_view.state import STRIP_S
-from shsa_view.state import State as View
+from shsa_view.state import STRIP_S, State as View
 from view_facts import NODES, ONTOLOGY, SOM, SUBSTITUTE, gone, health, incident, substitute, well
 
 

@@ -1,4 +1,4 @@
-"""What messages of healing are to the view."""
+"""Messages of healing, as facts of the view."""
 import math
 from typing import Any
 
@@ -16,7 +16,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 
 def diagnostics(sender: str, name: str, level: int = OK, **values: str) -> DiagnosticArray:
-    """A message with one row, from a node."""
+    """Return a message with one row, from a node."""
     pairs = [KeyValue(key.replace("__", "/"), value) for key, value in values.items()]
     row = DiagnosticStatus(level=level, name=name, message="text", values=pairs)
     message = DiagnosticArray(status=[row])

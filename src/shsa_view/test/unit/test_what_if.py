@@ -1,4 +1,4 @@
-"""What would be without a service or a node; and the drawing."""
+"""The robot without a service or a node; and the drawing."""
 from dataclasses import replace
 from typing import Any, Dict
 from xml.etree import ElementTree

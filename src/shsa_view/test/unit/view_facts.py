@@ -17,12 +17,12 @@ SUBSTITUTE = "/substitute_current_1"
 
 
 def health(name: str, state: str = "healthy", detail: str = "") -> facts.Publisher:
-    """The row of a service's own node."""
+    """Return the row of a service's own node."""
     return facts.Publisher(NODES[name], f"/{name}", state, detail=detail)
 
 
 def substitute(publishing: bool, node: str = SUBSTITUTE) -> facts.Substitute:
-    """What stands in for the ammeter."""
+    """Return the substitute of the ammeter."""
     return facts.Substitute(
         node=node,
         service="ammeter",
@@ -37,7 +37,7 @@ def substitute(publishing: bool, node: str = SUBSTITUTE) -> facts.Substitute:
 
 
 def incident(state: State, **values: Any) -> Incident:
-    """An incident of the ammeter."""
+    """Return an incident of the ammeter."""
     told: Any = {
         "id": 1,
         "detected": 100.0,
@@ -57,17 +57,17 @@ def incident(state: State, **values: Any) -> Incident:
 
 
 def running(name: str, needed: bool) -> facts.Running:
-    """The row of a service in the running SOM."""
+    """Return the row of a service in the running SOM."""
     return facts.Running(name, NODES[name], f"/{name}", 0.02, needed, True)
 
 
 def alive() -> List[facts.Fact]:
-    """All healers are there."""
+    """Wait for all healers."""
     return [facts.Healer(name, "alive") for name in ("monitor", "reconfigurator", "master")]
 
 
 def well() -> View:
-    """The robot when all is well."""
+    """Return the robot when all is well."""
     view = View()
     for fact in [
         facts.ModelsRead(ONTOLOGY, SOM),
@@ -82,7 +82,7 @@ def well() -> View:
 
 
 def gone(view: View) -> None:
-    """The ammeter dies, and its substitute publishes."""
+    """Let the ammeter die, and its substitute publish."""
     view.handle(facts.HealthTold("", (health("ammeter", "failed", "it is gone"),), whole=False))
     view.handle(facts.IncidentTold(incident(State.HEALING)))
     view.handle(facts.SubstitutesTold((substitute(publishing=True),), whole=False))

@@ -1,7 +1,7 @@
-"""Whether a service is healed within the time that its users tolerate: detection plus reaction.
+"""Compares how long a failure lasts, detection plus reaction, with what users tolerate.
 
-Both are those of the worst case that is usual: every check at its limit, and takeovers as slow as
-the 95th percentile of those that were measured (docs/experiments.md).
+Both are those of the usual worst case: every check at its limit, and takeovers as slow as the 95th
+percentile of those measured (docs/experiments.md).
 """
 from dataclasses import dataclass, replace
 from math import ceil
@@ -18,7 +18,7 @@ from shsa_core.monitoring.evidence import RATE_MESSAGES, RATE_SECONDS
 
 @dataclass(frozen=True)
 class Budget:
-    """How long a kind of failure lasts for the users of a service: times in s.
+    """The duration in s of a kind of failure for the users of a service.
 
     `reaction`: from the failure's detection to the first message of what replaces the service.
     """
@@ -29,7 +29,7 @@ class Budget:
 
     @property
     def total(self) -> float:
-        """Both together."""
+        """Detection and reaction."""
         return self.detection + self.reaction
 
     def __str__(self) -> str:
@@ -38,7 +38,7 @@ class Budget:
 
 
 def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Finding]:
-    """The needed services that are healed later than they may be, with the sums."""
+    """Report the needed services that are healed later than they may be, with the sums."""
     for service in som.needed():
         if len(som.of_topic(service.topic)) > 1:
             service = replace(service, bridge=0.0)  # on a shared topic nobody fills in
@@ -52,7 +52,7 @@ def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Finding
 
 
 def over_budget(service: Service, settings: Settings) -> Tuple[Budget, ...]:
-    """The kinds of failure that last for longer than a service tolerates, slowest first."""
+    """Return the failures that last for longer than a service tolerates, slowest first."""
     tolerated = service.fault_tolerant_time
     if tolerated is None or service.policy is Policy.ADVISE:
         return ()
@@ -61,7 +61,7 @@ def over_budget(service: Service, settings: Settings) -> Tuple[Budget, ...]:
 
 
 def budgets(service: Service, settings: Settings) -> List[Budget]:
-    """How long each kind of failure lasts that is looked for."""
+    """Return the budget of each kind of failure that is looked for."""
     reaction = _reaction(service, settings)
     found = [Budget(Kind.NODE_GONE, 0.0, reaction)]
     silence = settings.deadlines.longest(service)
@@ -85,7 +85,7 @@ def budgets(service: Service, settings: Settings) -> List[Budget]:
 
 
 def _of_silence(service: Service, period: float, silence: float, reaction: float) -> Budget:
-    """A substitute that stands by fills in, if it is on the same computer: then a period later."""
+    """Return the budget of silence: a substitute on the same computer fills in a period later."""
     healed = Budget(Kind.SILENT, silence, reaction)
     if service.bridges is None or service.host or not service.policy.substitutes:
         return healed

@@ -5,10 +5,10 @@ from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.finding import Finding
 from shsa_core.analysis.schedulability import check_placements
-from shsa_core.analysis.takeover import Takeover, Takeovers
+from shsa_core.analysis.takeover import Takeovers, slowest
 from shsa_core.analysis.type_check import MessageTypes, check_healable, check_types
 from shsa_core.codegen.generator import generate
-from shsa_core.codegen.plans import read_alone
+from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL, compile_program
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, UnitError
 from shsa_core.files.ontology_file import load_ontology
@@ -21,7 +21,8 @@ from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
-from shsa_core.search.derivation import Derivation
+from shsa_core.search.best import BestDerivations
+from shsa_core.search.derivation import Derivation, SourceTable
 
 
 def check_files(
@@ -30,7 +31,7 @@ def check_files(
     types: Optional[MessageTypes] = None,
     namespace: str = "/",
 ) -> List[Finding]:
-    """Everything found in the files, by file and line.
+    """Return everything found in the files, by file and line.
 
     The model is valid if no finding is an error. Without `types` no message type is looked up.
     """
@@ -54,7 +55,7 @@ def check_files(
 
 
 def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
-    """Everything found in an ontology, and in a SOM if there is one."""
+    """Return everything found in an ontology, and in a SOM if there is one."""
     findings = list(_check_units(ontology))
     findings += _check_functions(ontology)
     if som is not None:
@@ -189,9 +190,10 @@ def _declared_ranges(ontology: Ontology, sources: Iterable[Source]) -> Mapping[s
 
 
 def _check_reach(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Finding]:
-    reached = _reachable(ontology, {source.property for source in sources})
+    network = ontology.network
+    best = BestDerivations(network, SourceTable(network, sources))
     for item in ontology.properties.values():
-        if item.name not in reached:
+        if not best.settle(network.number(item.name)):
             yield Finding(
                 "warning",
                 item.where,
@@ -199,28 +201,6 @@ def _check_reach(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Find
                 "and no relation yields it from what services provide",
                 "Add a service or a relation, or remove the property",
             )
-
-
-def _reachable(ontology: Ontology, provided: Set[str]) -> Set[str]:
-    """The provided properties and all that relations yield from them."""
-    users: Dict[str, List[int]] = {}
-    missing = [len(function.inputs) for function in ontology.functions]
-    for index, function in enumerate(ontology.functions):
-        for name in function.inputs:
-            users.setdefault(name, []).append(index)
-    reached: Set[str] = set()
-    waiting = list(provided)
-    waiting += [f.output for f, count in zip(ontology.functions, missing) if count == 0]
-    while waiting:
-        name = waiting.pop()
-        if name in reached:
-            continue
-        reached.add(name)
-        for index in users.get(name, []):
-            missing[index] -= 1
-            if missing[index] == 0:
-                waiting.append(ontology.functions[index].output)
-    return reached
 
 
 def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
@@ -232,7 +212,7 @@ def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
         what = f"{service.name} is needed, but if {service.node} fails there is"
         todo = "Add a relation or a service that yields what is missing"
         try:
-            takeover = takeovers.of(service)
+            plan = takeovers.of(service)
         except NoSubstitute as none:
             yield Finding("warning", service.where, f"{what} {none}", todo)
         except GenerationError as error:
@@ -240,11 +220,11 @@ def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
             yield Finding("warning", service.where, f"{what} no substitute for it: {error}", todo)
         else:
             causes = service.shared if apart else service.fails_with
-            yield from _check_takeover(service, takeover, causes)
+            yield from _check_plan(service, plan, causes)
 
 
 def _check_gates(som: Som) -> Iterator[Finding]:
-    """A gate has nothing to publish in a message's place without a hot substitute."""
+    """Report gates without a hot substitute, which have nothing to publish instead of a message."""
     for service in som:
         if service.gated and not (service.needed and service.standby is Standby.HOT):
             yield Finding(
@@ -256,11 +236,9 @@ def _check_gates(som: Som) -> Iterator[Finding]:
             )
 
 
-def _check_takeover(
-    service: Service, takeover: Takeover, causes: Iterable[str]
-) -> Iterator[Finding]:
-    """What is not as good of a substitute as its quality says; `causes`: those it should avoid."""
-    shared = {c: source for source in takeover.reads for c in source.service.shared}
+def _check_plan(service: Service, plan: Plan, causes: Iterable[str]) -> Iterator[Finding]:
+    """Report what a substitute's quality does not tell; it should avoid `causes`."""
+    shared = {c: source for source in plan.inputs for c in source.service.shared}
     for cause in (cause for cause in causes if cause in shared):
         yield Finding(
             "warning",
@@ -269,7 +247,7 @@ def _check_takeover(
             f"so does {shared[cause].service.name}, which its substitute reads",
             f"Add a relation or a service that does without {cause}",
         )
-    slow = takeover.slower_than(service)
+    slow = slowest(service, plan.inputs)
     if slow is not None:
         yield Finding(
             "warning",

@@ -1,17 +1,16 @@
-"""Which failures a property does not survive, for all nodes and common causes at once."""
+"""Finds the failures that a property does not survive, for all nodes and common causes at once."""
 from contextlib import contextmanager
 from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 
-AS_IT_IS = (
-    1  # the bit for: lost already, whatever else fails; each bit above it stands for one cause
-)
+AS_IT_IS = 1
+"""The bit of what is lost already, whatever else fails; each bit above it stands for one cause."""
 
 
 class Fragility:
-    """For every property the causes that it cannot be derived without, as bits of a number.
+    """The causes that each property cannot be derived without, as bits of a number.
 
     A cause is a node, or what services fail with. A source is lost with any of its causes, a
     function with any of its inputs, a property with all of its sources and functions. All begin
@@ -36,8 +35,8 @@ class Fragility:
         self._users: Dict[int, Set[int]] = {}
         for f, function in enumerate(network.functions):
             if function.law is not None:
-                self._functions.setdefault(network.outputs[f], []).append(network.inputs_of(f))
-                for input_ in network.inputs_of(f):
+                self._functions.setdefault(network.outputs[f], []).append(network.inputs[f])
+                for input_ in network.inputs[f]:
                     self._users.setdefault(input_, set()).add(network.outputs[f])
         self._order = self._inputs_first(range(len(network.names)))
         everything = (AS_IT_IS << (len(self.causes) + 1)) - 1
@@ -47,9 +46,7 @@ class Fragility:
 
     @contextmanager
     def remedied(self, output: str, input_: Optional[str]) -> Iterator[None]:
-        """With an independent node that measures a property, or a relation for it.
-
-        `input_` is what the relation yields it from.
+        """Add an independent node that measures a property, or a relation for it from `input_`.
 
         Only what this regains is worked out anew: the more there is, the less is lost.
         """
@@ -74,7 +71,7 @@ class Fragility:
                 users.remove(number)
 
     def after(self, failed: Iterable[str]) -> Dict[int, int]:
-        """The bits of each property, by number, once some causes have failed."""
+        """Map each property's number to its bits once some causes have failed."""
         causes = tuple(failed)
         stack = [number for cause in causes for number in self._measures[cause]]
         touched = set(stack)
@@ -90,13 +87,13 @@ class Fragility:
         return lost
 
     def names(self, bits: int) -> Tuple[str, ...]:
-        """The causes that bits stand for."""
+        """Return the causes that bits stand for."""
         return tuple(cause for cause in self.causes if self._bits[cause] & bits)
 
     def bits(self, names: Iterable[str], lost: Optional[Dict[int, int]] = None) -> int:
-        """The bits of several properties together: one lost is all lost.
+        """Return the bits of several properties together: one lost is all lost.
 
-        `lost` as by `after`, or as it is.
+        `lost`: as `after` returns it; None: as it is.
         """
         together = 0
         for name in names:
@@ -104,12 +101,12 @@ class Fragility:
         return together
 
     def ancestors(self, names: Iterable[str]) -> List[str]:
-        """Some properties, and all that they can be derived from, in the order of the network."""
+        """Return some properties and all that they can be derived from, in order of the network."""
         found = set(self._inputs_first([self._number(name) for name in names]))
         return [name for number, name in enumerate(self._names) if number in found]
 
     def bit(self, *causes: str) -> int:
-        """The bits of some causes."""
+        """Return the bits of some causes."""
         together = 0
         for cause in causes:
             together |= self._bits[cause]
@@ -128,7 +125,7 @@ class Fragility:
             order = order[::-1]  # a law of several directions hands on in both
 
     def _spread(self, number: int, lost: Dict[int, int]) -> None:
-        """Takes over what a property has regained, in all that is derived from it."""
+        """Update all that is derived from a property that has regained something."""
         stale = {number: None}
         while stale:
             number = next(iter(stale))
@@ -151,7 +148,7 @@ class Fragility:
         return bits
 
     def _inputs_first(self, numbers: Iterable[int]) -> List[int]:
-        """Properties in an order in which most inputs stand before what is derived from them."""
+        """Order properties so that most inputs stand before what is derived from them."""
         done: Set[int] = set()
         order = []
         stack = list(numbers)

@@ -1,4 +1,4 @@
-"""What is left when a property is lost, by the SOM alone: without a running graph."""
+"""Finds what is left when a property is lost, by the SOM alone: without a running graph."""
 from collections import deque
 from typing import Collection, Iterable, List, NamedTuple, Optional, Tuple
 
@@ -21,9 +21,9 @@ class Loss(NamedTuple):
     excluded: Tuple[str, ...]
 
     def apart(self, unavoided: Collection[str] = ()) -> "Loss":
-        """The same, without all that shares a cause with the lost service, as healing avoids them.
+        """Return the loss without all that shares a cause with the lost service.
 
-        `unavoided`: those that its substitute shares, as nothing else would do.
+        `unavoided`: causes that its substitute shares, as nothing else would do.
         """
         assert self.source is not None
         avoided = self.source.service.avoided
@@ -33,10 +33,10 @@ class Loss(NamedTuple):
 
 
 def lose(som: Som, name: str, without: Iterable[str] = ()) -> Tuple[Loss, ...]:
-    """The losses of the property `name`: by each needed service, or its first if none is needed.
+    """Return the losses of a property: by each needed service, or its first if none is needed.
 
     What this service and its node provide, and the services, topics, nodes and causes in `without`,
-    are lost with it. Each is a loss of its own: other services of the property stay.
+    are lost with it; other services of the property stay.
     """
     own = som.of_property(name)
     lost = tuple(source for source in own if source.service.needed) or own[:1]
@@ -62,7 +62,7 @@ class DeadBranch(NamedTuple):
 
 
 def dead_branches(ontology: Ontology, loss: Loss) -> List[DeadBranch]:
-    """The relations within reach of the lost property that cannot be used, nearest first."""
+    """Return the relations in reach of the lost property that cannot be used, nearest first."""
     network = ontology.network
     target = network.number(loss.name)
     best = BestDerivations(network, SourceTable(network, loss.available), prune=False)
@@ -72,8 +72,8 @@ def dead_branches(ontology: Ontology, loss: Loss) -> List[DeadBranch]:
     seen = {target}
     while near:
         number = near.popleft()
-        for function in network.functions_of(number):
-            inputs = network.inputs_of(function)
+        for function in network.functions_of[number]:
+            inputs = network.inputs[function]
             lacking = [i for i in inputs if i == target or best.ratings[i] == LOST]
             if lacking:
                 names = tuple(network.names[i] for i in lacking)

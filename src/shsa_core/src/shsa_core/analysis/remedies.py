@@ -1,4 +1,4 @@
-"""Which one new sensor or relation would let a robot survive more failures."""
+"""Finds the new sensor or relation with which a robot survives most failures."""
 from typing import Collection, Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from shsa_core.analysis.fragility import AS_IT_IS, Fragility
@@ -7,13 +7,13 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 
-CANDIDATES = 50  # properties for which a new one is considered, where all would take too long
-FINALISTS = 3  # of them, those whose effect on failures of two causes is worked out
-WORK = 300_000  # remedies times the properties and services that they may touch: some seconds
+WORK = 300_000
+"""The most remedies, or remedies times causes, that are tried, by the properties and services that
+each may touch: some seconds.
+"""
 
-Remedy = Tuple[
-    str, Optional[str]
-]  # a property, and the input of a new relation; None: a new sensor
+Remedy = Tuple[str, Optional[str]]
+"""A property, and the input of a new relation for it; None: a new sensor."""
 Fatal = Tuple[int, int]
 """How many causes must not fail, and how many pairs; 0 pairs where they were not counted."""
 
@@ -54,7 +54,7 @@ class Remedies:
             for name in {*each.properties, *each.missing} if weight else ():
                 weights[name] = weights.get(name, 0) + weight
         wanted = sorted(weights, key=lambda name: (-weights[name], name not in own, name))
-        self._wanted = wanted[:CANDIDATES]
+        self._wanted = wanted[: self._most(1)]
         self._all = list(dict.fromkeys([*wanted, *fragility.ancestors(own)]))
         # The bits of the causes whose services want a property.
         self._hosts = dict.fromkeys(self._wanted, 0)
@@ -63,49 +63,52 @@ class Remedies:
                 if each.cuts:
                     self._hosts[name] |= fragility.bit(each.node)
 
+    def _most(self, each: int) -> int:
+        """Return how many remedies may be tried, `each` times; one at least."""
+        return max(1, WORK // (self._size * each))
+
     def sensors(self) -> Found:
-        """A new sensor of a property, on a node of its own."""
-        if len(self._all) * self._size <= WORK:
-            return self._most_helpful([(name, None) for name in self._all], everything=True)
-        return self._most_helpful([(name, None) for name in self._wanted], everything=False)
+        """Return the best new sensor of a property, on a node of its own."""
+        return self._most_helpful([(name, None) for name in self._all], len(self._all))
 
     def relations(self) -> Found:
-        """A new relation that yields a property from a measured one."""
-        measured = dict.fromkeys(source.property for source in self._som.sources)
-        if len(self._all) * len(measured) * self._size <= WORK:
-            pairs = [(name, source) for name in self._all for source in measured if name != source]
-            pairs.sort(key=lambda pair: self._shared(*pair))  # the likely one of those that tie
-            return self._most_helpful(pairs, everything=True)
-        likely: List[Remedy] = []
-        for name in self._wanted:
-            others = [source for source in measured if source != name]
-            if others:
-                likely.append((name, min(others, key=lambda other: self._shared(name, other))))
-        return self._most_helpful(likely, everything=False)
+        """Return the best new relation that yields a property from a measured one."""
+        measured = list(dict.fromkeys(source.property for source in self._som.sources))
+        every = len(self._all) * len(measured)
+        if every <= self._most(1):
+            pairs = [(name, source) for name in self._all for source in measured]
+        else:
+            pairs = [
+                (name, min(measured, key=lambda other: self._shared(name, other)))
+                for name in self._wanted
+            ]
+        pairs = [(name, source) for name, source in pairs if name != source]
+        pairs.sort(key=lambda pair: self._shared(*pair))  # the likely one of those that tie
+        return self._most_helpful(pairs, every)
 
     def _shared(self, name: str, source: str) -> Tuple[int, int]:
-        """How many causes a source is lost with, those that host what wants `name` before all."""
+        """Count the causes that a source is lost with, those that host what wants `name` first."""
         bits = self._fragility.bits([source])
         return _count(bits & self._hosts.get(name, 0)), _count(bits)
 
-    def _most_helpful(self, candidates: Sequence[Remedy], everything: bool) -> Found:
-        """The best by the failures of one cause; of those that tie, by those of two.
+    def _most_helpful(self, candidates: Sequence[Remedy], every: int) -> Found:
+        """Return the best by the failures of one cause; of those that tie, by those of two.
 
-        These are counted only where that does not take too long.
+        `candidates`: the likely ones first, out of `every` one. As many are tried as WORK allows.
         """
         alone = self._alone()
         rated: List[Tuple[int, Remedy]] = []
-        for remedy in candidates:
+        for remedy in candidates[: self._most(1)]:
             with self._fragility.remedied(*remedy):
                 rated.append((self._alone(), remedy))
         least = min((count for count, _ in rated), default=alone)
-        finalists = [remedy for count, remedy in rated if count == least]
-        cost = len(self._hosted) * self._size
-        exact = everything and len(finalists) * cost <= WORK
-        pairs = exact or FINALISTS * cost <= WORK
+        tied = [remedy for count, remedy in rated if count == least]
+        finalists = tied[: self._most(len(self._hosted) or 1)]
+        exact = every <= self._most(1) and len(finalists) == len(tied)
+        pairs = len(self._hosted) <= self._most(1)
         before = alone, self._pairs() if pairs else 0
         best: Tuple[Fatal, Optional[Remedy]] = (before, None)
-        for remedy in finalists if exact else finalists[: FINALISTS if pairs else 1]:
+        for remedy in finalists:
             with self._fragility.remedied(*remedy):
                 after = least, self._pairs() if pairs else 0
             if after < best[0]:
@@ -117,14 +120,14 @@ class Remedies:
         return Found(Suggestion(*best[1], left), exact)
 
     def _alone(self) -> int:
-        """How many causes must not fail."""
+        """Count the causes that must not fail."""
         return sum(
             any(self._fragility.bits(s.properties) & self._fragility.bit(cause) for s in hosted)
             for cause, hosted in self._hosted.items()
         )
 
     def _pairs(self) -> int:
-        """How many pairs of causes must not fail together."""
+        """Count the pairs of causes that must not fail together."""
         fragility = self._fragility
         fatal: Set[FrozenSet[str]] = set()
         for cause, hosted in self._hosted.items():

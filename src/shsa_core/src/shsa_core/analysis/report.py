@@ -1,4 +1,4 @@
-"""What the resilience analysis says."""
+"""The report of the resilience analysis."""
 from dataclasses import dataclass
 from math import comb
 from typing import Optional, Tuple
@@ -48,7 +48,7 @@ class ServiceReport:
 
 @dataclass(frozen=True)
 class NodeReport:
-    """What the loss of a node costs, or of whatever else services fail with.
+    """The cost of losing a node, or whatever else services fail with.
 
     `lost`: its needed services that nothing replaces; `healed`: those with a substitute, and its
     quality; `leaned_on`: needed services of other nodes whose best substitute reads this node.
@@ -93,7 +93,7 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Report:
-    """How resilient a robot is.
+    """The resilience of a robot.
 
     `exact` names what was looked for among all that there is: `sensor`, `relation`. The other is
     the best of those that seemed worth a look. `late`: the services that are healed later than they
@@ -112,7 +112,7 @@ class Report:
 
 
 def survival(causes: int, alone: int, pairs: Optional[int]) -> Survival:
-    """The shares survived, if `alone` causes and `pairs` of them lose something.
+    """Return the shares survived, if `alone` causes and `pairs` of them lose something.
 
     The pairs include those of which one is fatal alone.
     """

@@ -1,7 +1,7 @@
-"""How resilient a robot is: what replaces each needed service, and what must not fail."""
+"""Analyses how resilient a robot is: what replaces each needed service, and what must not fail."""
 from dataclasses import replace
 from itertools import combinations
-from math import comb
+from math import comb, prod
 from typing import Dict, FrozenSet, Iterable, List, Sequence, Set, Tuple
 
 from shsa_core.analysis.budget import check_budgets
@@ -24,7 +24,7 @@ Nodes = FrozenSet[str]
 
 
 def analyse(ontology: Ontology, som: Som, size: int = 2) -> Report:
-    """How resilient a robot is, with all cuts of up to `size` causes, two at least.
+    """Return how resilient a robot is, with all cuts of up to `size` causes, two at least.
 
     A cause is a node, or what services fail with. Every service in the SOM counts as available
     until one of its causes fails. Relations that cannot be executed do not count. The cuts are
@@ -43,7 +43,6 @@ class _Analysis:
         self._size = size
         self._fragility = Fragility(ontology, som)
         self._takeovers = Takeovers(ontology, som.sources)
-        self._failures = self._takeovers.failures
         self._failed: Nodes = frozenset()
         self._left: Dict[int, int] = {}
         self._hosted: Dict[str, List[Service]] = {}  # the needed services by what they fail with
@@ -53,7 +52,7 @@ class _Analysis:
         self._cuts_of: Dict[str, Set[Nodes]] = {}  # by service
 
     def report(self) -> Report:
-        """The whole analysis."""
+        """Return the whole analysis."""
         for cause, hosted in self._hosted.items():
             for service in hosted:
                 cuts = self._cuts(service.properties, frozenset([cause]))
@@ -76,18 +75,18 @@ class _Analysis:
         )
 
     def _service(self, service: Service) -> ServiceReport:
-        """The report on a needed service."""
+        """Return the report on a needed service."""
         missing: Tuple[str, ...] = ()
         refused = ""
-        takeover = None
+        plan = None
         try:
-            takeover = self._takeovers.of(service)
+            plan = self._takeovers.of(service)
         except NoSubstitute as none:
             missing = none.missing
         except GenerationError as error:
             refused = str(error)
         cuts = self._cuts_of[service.name]
-        if takeover is None:
+        if plan is None:
             cuts.add(frozenset([service.node]))
         names = service.properties
         return ServiceReport(
@@ -95,19 +94,19 @@ class _Analysis:
             service.topic,
             service.node,
             names,
-            None if takeover is None else takeover.quality,
-            () if takeover is None else _causes(takeover.reads),
+            None if plan is None else plan.quality,
+            () if plan is None else _causes(plan.inputs),
             missing,
             refused,
             tuple(a for name in names for a in self._alternatives(name, service.node)),
             _sorted(_smallest(cuts)),
-            () if takeover is None else takeover.errors,
+            () if plan is None else plan.errors,
         )
 
     def _alternatives(self, name: str, failed: str) -> List[Alternative]:
-        """For a lost property its sources, and relations with their best inputs; best first."""
+        """Return a lost property's sources, and relations with their best inputs; best first."""
         network, number = self._network, self._network.number(name)
-        ratings = self._failures.after([failed], blocked=number).ratings
+        ratings = self._takeovers.after([failed], blocked=number)
         found = [
             (
                 (cost(s.quality), 0, 1),
@@ -116,10 +115,10 @@ class _Analysis:
             )
             for s in ratings.sources.of(number)
         ]
-        for function in filter(self._takeovers.executable, network.functions_of(number)):
+        for function in filter(network.executable, network.functions_of[number]):
             rating = ratings.by_function(function)
             if rating != LOST:
-                inputs = tuple(map(ratings.derivation, network.inputs_of(function)))
+                inputs = tuple(map(ratings.derivation, network.inputs[function]))
                 by = Derivation(name, None, network.functions[function], inputs)
                 read = by.sources()
                 paths = tuple(source.path for source in read)
@@ -137,24 +136,21 @@ class _Analysis:
         return [replace(alternatives[i], error=errors[i]) for i in order]
 
     def _cuts(self, names: Sequence[str], failed: Nodes) -> Set[Nodes]:
-        """The smallest cuts of a service that have the causes `failed`, one of which is its own."""
+        """Return the smallest cuts of a service that have the causes `failed`, one its own."""
         if any(self._fragility.bits(names) & self._fragility.bit(node) for node in failed):
             return {failed}
         bits = self._fragility.bits(names, self._left_by(failed))
         cuts = {failed | {node} for node in self._fragility.names(bits) if node not in failed}
         if len(failed) + 1 < self._size:
             numbers = [self._network.number(name) for name in names]
-            for cause in _causes(_read(self._failures.after(failed).ratings, numbers)):
+            for cause in _causes(_read(self._takeovers.after(failed), numbers)):
                 more = failed | {cause}
                 if more not in cuts:
                     cuts |= self._cuts(names, more)
         return _smallest(cuts)
 
     def _left_by(self, failed: Nodes) -> Dict[int, int]:
-        """The bits of each property after some failures.
-
-        They are kept for the next service of the same node.
-        """
+        """Return the bits of each property after failures; kept for the node's next service."""
         if self._failed != failed:
             self._failed, self._left = failed, self._fragility.after(failed)
         return self._left
@@ -177,13 +173,13 @@ class _Analysis:
         return NodeReport(cause, tuple(lost), tuple(healed), leaned_on)
 
     def _quality(self, service: ServiceReport, cause: str) -> float:
-        """How well a service is replaced once a cause has failed that it shares."""
-        ratings = self._failures.after([cause]).ratings
-        return _product(ratings[self._network.number(name)][4] for name in service.properties)
+        """Return the quality of a service's substitute once a shared cause has failed."""
+        ratings = self._takeovers.after([cause])
+        return prod(ratings[self._network.number(name)][4] for name in service.properties)
 
 
 def _survived(causes: int, cuts: Iterable[Cut]) -> Survival:
-    """The shares of single and double failures that a robot with so many causes survives."""
+    """Return the shares of single and double failures that a robot survives."""
     singles = sum(len(cut.nodes) == 1 for cut in cuts)
     doubles = sum(len(cut.nodes) == 2 for cut in cuts)
     pairs = comb(causes, 2) - comb(causes - singles, 2) + doubles
@@ -191,7 +187,7 @@ def _survived(causes: int, cuts: Iterable[Cut]) -> Survival:
 
 
 def _robot_cuts(services: Iterable[ServiceReport]) -> Tuple[Cut, ...]:
-    """The smallest sets of nodes that lose any needed service, each with all that it loses."""
+    """Return the smallest sets of nodes that lose a needed service, with all that each loses."""
     losing: Dict[Nodes, List[str]] = {}
     for service in services:
         for cut in service.cuts:
@@ -201,12 +197,12 @@ def _robot_cuts(services: Iterable[ServiceReport]) -> Tuple[Cut, ...]:
 
 
 def _sorted(sets: Iterable[Nodes]) -> Tuple[Tuple[str, ...], ...]:
-    """Sets of nodes in a stable order, the small ones first."""
+    """Sort sets of nodes, the small ones first."""
     return tuple(sorted((tuple(sorted(nodes)) for nodes in sets), key=lambda n: (len(n), n)))
 
 
 def _read(ratings: Ratings, numbers: Iterable[int]) -> Tuple[Source, ...]:
-    """The sources that the best derivations of several properties read."""
+    """Return the sources that the best derivations of several properties read."""
     derivations = [ratings.derivation(number) for number in numbers]
     return tuple(dict.fromkeys(s for d in derivations for s in d.sources()))
 
@@ -219,15 +215,8 @@ def _nodes(sources: Iterable[Source]) -> Tuple[str, ...]:
     return tuple(dict.fromkeys(source.node for source in sources))
 
 
-def _product(factors: Iterable[float]) -> float:
-    product = 1.0
-    for factor in factors:
-        product *= factor
-    return product
-
-
 def _smallest(sets: Iterable[Nodes]) -> Set[Nodes]:
-    """The sets of which no other is a part."""
+    """Return the sets of which no other is a part."""
     smallest: Set[Nodes] = set()
     for nodes in sorted(sets, key=len):
         parts = (frozenset(p) for n in range(1, len(nodes)) for p in combinations(nodes, n))

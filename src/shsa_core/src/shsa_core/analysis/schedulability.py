@@ -1,15 +1,15 @@
-"""Whether substitutes fit where they would be placed: CPU and link of each host (Section IV-A).
+"""Checks that substitutes fit where they would be placed: CPU and link of each host (Section IV-A).
 
-By the rule by which healing places them, and by measured costs (docs/experiments.md). What else a
-host has to do is known while it runs alone: here every host is idle but for substitutes.
+It places them as healing does, by measured costs (docs/experiments.md), on hosts that have nothing
+else to do.
 """
 from typing import Dict, Iterable, Iterator, List, Sequence, Set, Tuple
 
 from shsa_core.analysis.finding import Finding
 from shsa_core.analysis.takeover import Takeovers
 from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
-from shsa_core.healing.host_events import HostSeen
-from shsa_core.healing.hosts import Hosts
+from shsa_core.healing.events import HostSeen
+from shsa_core.healing.hosts import Computers
 from shsa_core.healing.placement import OWN, Placement
 from shsa_core.healing.settings import Settings
 from shsa_core.model.cost import Cost, cost, idle_cost
@@ -22,10 +22,10 @@ from shsa_core.model.som import Som
 def check_placements(
     ontology: Ontology, som: Som, settings: Settings = Settings(), own: str = ""
 ) -> Iterator[Finding]:
-    """The needed services whose substitutes do not fit where they would be, with the sums.
+    """Report the needed services whose substitutes do not fit where they would be, with the sums.
 
     For each node that fails: the substitutes of all that it provides, beside what stands by. `own`:
-    the host on which the reconfigurator runs, empty: none of the SOM's.
+    the host of the reconfigurator, empty: none of the SOM's.
     """
     if not som.hosts:
         return
@@ -36,7 +36,7 @@ def check_placements(
 
 
 class _Schedule:
-    """Where the substitutes of a SOM would run, and what they take there."""
+    """The places where substitutes would run, and what they take there."""
 
     def __init__(self, som: Som, takeovers: Takeovers, settings: Settings, own: str) -> None:
         self._som, self._settings = som, settings
@@ -44,11 +44,11 @@ class _Schedule:
         for service in som.needed():
             if service.policy.substitutes:
                 try:
-                    reads = takeovers.of(service).reads
+                    reads = takeovers.of(service).inputs
                 except (NoSubstitute, GenerationError):
                     continue  # `check` says why
                 self._reads[service.name] = list(dict.fromkeys(each.service for each in reads))
-        self._hosts = Hosts(settings, own)
+        self._hosts = Computers(settings, own)
         for host in som.hosts.values():
             self._hosts.seen(HostSeen(0.0, host.name, 0.0, host.cores or 0.0))
         self._placed: Dict[str, List[Cost]] = {}
@@ -74,7 +74,7 @@ class _Schedule:
             self._placed.setdefault(host, []).extend([idle] * self._settings.pool)
 
     def after(self, services: Sequence[Service]) -> Iterator[Finding]:
-        """What does not fit once some services have failed together."""
+        """Report what does not fit once some services have failed together."""
         before = {host: list(costs) for host, costs in self._placed.items()}
         for service in services:
             if service.name not in self._reads:
@@ -91,7 +91,7 @@ class _Schedule:
         return [s for s in self._som.needed() if s.standby is standby and s.name in self._reads]
 
     def _place(self, service: Service) -> Iterator[str]:
-        """Place a substitute; why it is not where it should be, if it is not."""
+        """Place a substitute; yield why it is not where it should be."""
         inputs = self._reads[service.name]
         try:
             place = self._placement.beside(0.0, service, inputs)
@@ -104,12 +104,12 @@ class _Schedule:
             yield "; ".join([*place.passed_over, f"it would run on {place.host or OWN}"])
 
     def _names(self, host: str) -> Set[str]:
-        """What services call a host."""
+        """Return the names by which services call a host."""
         return {host, self._hosts.in_som(host)}
 
 
 def _by_node(som: Som) -> Iterable[Tuple[Service, ...]]:
-    """The needed services of each node."""
+    """Group the needed services by node."""
     nodes: Dict[str, List[Service]] = {}
     for service in som.needed():
         nodes.setdefault(service.node, []).append(service)

@@ -1,105 +1,87 @@
-"""What would take each service over if it failed: as healing plans it, for all services at once."""
-from dataclasses import dataclass
-from typing import Collection, Iterable, Optional, Sequence, Tuple
+"""Plans what would take each service over if its node failed, as healing does, for all at once."""
+from typing import Collection, Dict, Iterable, List, Optional, Sequence
 
-from shsa_core.analysis.failures import Failures
-from shsa_core.codegen.plans import check_writable, plan_service, program_of
+from shsa_core.codegen.plans import Plan, check_writable, make_plan, plan_service
 from shsa_core.codegen.prediction import predictor
-from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
-from shsa_core.model.error import Error
+from shsa_core.errors import NoSubstitute
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
-from shsa_core.search.derivation import LOST, SourceTable
+from shsa_core.search.best import BestDerivations
+from shsa_core.search.derivation import LOST, SourceTable, rate_joint
+from shsa_core.search.ratings import Ratings, dependents
 
 SLOW = 5.0  # periods of a service: an input that is slower makes it repeat old values
 
 
-@dataclass(frozen=True)
-class Takeover:
-    """What takes a service over: the quality of its best plan, and the sources that this reads.
-
-    `errors`: what is expected of each value of the service, in its unit; None: not known.
-    """
-
-    quality: float
-    reads: Tuple[Source, ...]
-    errors: Tuple[Optional[Error], ...]
-
-    def slower_than(self, service: Service) -> Optional[Source]:
-        """The slowest source that it reads, if that is slower than the service by far."""
-        return slowest(service, self.reads)
-
-
 class Takeovers:
-    """Answers as `plan_service` does, with what several services have in common worked out once.
+    """The best derivations of all properties, what failures leave of them, and plans by that.
 
-    `failures`: what is left after failures, by the relations that can be executed; `predictor`:
-    who predicts errors, None if none are known.
+    A failure rates again only what used something that is gone. `predictor` is None if no errors
+    are known.
     """
 
     def __init__(self, ontology: Ontology, sources: Collection[Source]) -> None:
         self._ontology = ontology
-        self._sources = sources
+        network = self._network = ontology.network
+        self._table = SourceTable(network, sources)
         self.predictor = predictor(ontology, sources)
-        self.failures = Failures(ontology.network, sources, self.executable)
-        self._of_all: Optional[Failures] = None
-        self._table: Optional[SourceTable] = None
-
-    def executable(self, function: int) -> bool:
-        """Whether a function can be executed."""
-        return self._ontology.network.functions[function].law is not None
-
-    def of(self, service: Service) -> Takeover:
-        """What takes a service over if its node fails.
-
-        Raises NoSubstitute, or GenerationError, as `plan_service` would.
-        """
-        check_writable(service)
-        numbers = [self._ontology.network.number(source.property) for source in service.sources]
-        failure = self.failures.of(service, numbers)
-        if any(failure.ratings[number] == LOST for number in numbers):
-            raise self._why(service, numbers)
-        if self.predictor is not None:  # the best is not the one of the highest quality
-            return self._planned(service)
-        derivations = [failure.ratings.derivation(number) for number in numbers]
-        try:
-            program_of(self._ontology, derivations, service.sources)
-        except GenerationError:  # too large: the search passes it over
-            return self._planned(service)
-        quality = 1.0
+        self._provides: Dict[str, List[int]] = {}  # the properties that go with a name
+        for source in sources:
+            for name in source.names:
+                self._provides.setdefault(name, []).append(network.number(source.property))
+        self._best = BestDerivations(network, self._table, network.executable, prune=False)
+        numbers = range(len(network.names))
         for number in numbers:
-            quality *= failure.ratings[number][4]
-        reads = dict.fromkeys(source for each in derivations for source in each.sources())
-        return Takeover(quality, tuple(reads), (None,) * len(numbers))
+            self._best.settle(number)
+        self._users = self._best.ratings.users(numbers)
+        self._all_executable = all(map(network.executable, range(len(network.functions))))
 
-    def _planned(self, service: Service) -> Takeover:
-        if self._table is None:
-            self._table = SourceTable(self._ontology.network, self._sources)
-        plan = plan_service(
-            self._ontology, service, self._table, [service.node], predictor=self.predictor
-        )
-        return Takeover(plan.quality, plan.inputs, plan.errors)
+    def after(self, failed: Iterable[str], blocked: Optional[int] = None) -> Ratings:
+        """Rate what is left once some causes have failed, and a `blocked` property with them."""
+        names = tuple(failed)
+        gone = {number for name in names for number in self._provides.get(name, ())}
+        ratings = Ratings(self._network, self._table.excluding(names), self._best.ratings)
+        affected = dependents(self._users, gone if blocked is None else gone | {blocked})
+        if blocked is not None:
+            affected.remove(blocked)
+            ratings[blocked] = LOST
+        self._best.settle_cycle(affected, ratings)
+        return ratings
 
-    def _why(self, service: Service, numbers: Sequence[int]) -> ShsaError:
-        """Why nothing does: what is missing, or the relation that cannot be executed."""
-        if self._of_all is None:
-            self._of_all = Failures(self._ontology.network, self._sources)
-        failure = self._of_all.of(service, numbers)
-        lost = [number for number in numbers if failure.ratings[number] == LOST]
-        if lost:
-            names = [self._ontology.network.names[number] for number in lost]
-            missing = {name for number in lost for name in self._of_all.missing(number, failure)}
-            return NoSubstitute(names, sorted(missing))
+    def of(self, service: Service) -> Plan:
+        """Return the best plan if the service's node fails. Raises what `plan_service` raises."""
+        check_writable(service)
+        network = self._network
+        numbers = [network.number(name) for name in service.properties]
+        ratings = self._without(service, numbers)
+        lost = [number for number in numbers if ratings[number] == LOST]
+        names = [network.names[number] for number in lost]
+        if lost and self._all_executable:
+            missing = {name for number in lost for name in self._best.missing(number, ratings)}
+            raise NoSubstitute(names, sorted(missing))
+        if not lost and self.predictor is None:  # else the best may be of another quality
+            rated = rate_joint([each for each in map(ratings.rated, numbers) if each is not None])
+            plan = make_plan(self._ontology, service.name, service.sources, rated, True, None)
+            if isinstance(plan, Plan):
+                return plan
+        question = self._ontology, service, self._table, [service.node]
         try:
-            derivations = [failure.ratings.derivation(number) for number in numbers]
-            program_of(self._ontology, derivations, service.sources)
-        except GenerationError as error:
-            return error
-        raise AssertionError("what can be executed was found before")
+            return plan_service(*question, predictor=self.predictor)
+        except NoSubstitute as none:
+            raise NoSubstitute(names, none.missing) from none
+
+    def _without(self, service: Service, numbers: Sequence[int]) -> Ratings:
+        """Rate what is left for some values of a failed service, as `plan_service` chooses."""
+        own = service.node, service.name
+        for causes in service.avoided:
+            apart = self.after([*own, *causes])
+            if all(apart[number] != LOST for number in numbers):
+                return apart
+        return self.after(own)
 
 
 def slowest(service: Service, reads: Iterable[Source]) -> Optional[Source]:
-    """The slowest of some sources, if a service comes more than SLOW times as often."""
+    """Return the slowest of some sources, if it is more than SLOW times as slow as the service."""
     periodic = [source for source in reads if source.service.period is not None]
     slow = max(periodic, key=lambda source: source.service.period or 0.0, default=None)
     if slow is None or service.period is None:

@@ -4,9 +4,10 @@ from typing import Iterator, List, Mapping, Protocol
 from shsa_core.analysis.finding import Finding
 from shsa_core.errors import ShsaError
 from shsa_core.model.field import reduces
-from shsa_core.model.field_type import WHOLE, FieldType, field_type, nearest
+from shsa_core.model.field_type import WHOLE, FieldType, field_type
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
+from shsa_core.text import nearest
 
 _PICTURES = "pictures, point clouds and maps are not computed from numbers"
 _FRAMES = "a tf frame has one parent: a second publisher would contradict the first"
@@ -28,20 +29,20 @@ _ACTION_ENDINGS = ("ActionGoal", "ActionResult", "ActionFeedback")
 
 
 class MessageTypes(Protocol):
-    """Where message types are looked up, as in shsa_core.message_types."""
+    """A place where message types are looked up, as shsa_core.message_types."""
 
     def layout(self, name: str) -> Mapping[str, str]:
-        """The fields of a message type and their types. Raises ShsaError if it is not there."""
+        """Return the fields of a message type and their types. Raises ShsaError."""
 
     def types_beside(self, name: str) -> List[str]:
-        """The message types in the same package; none if the package is not there."""
+        """Return the message types in the same package; none if the package is not there."""
 
     def is_service(self, name: str) -> bool:
-        """Whether it is the type of a ROS service."""
+        """Return True for the type of a ROS service."""
 
 
 def check_healable(som: Som) -> Iterator[Finding]:
-    """The needed services whose type or fields tell that they cannot be healed."""
+    """Report the needed services whose type or fields tell that they cannot be healed."""
     for service in (each for each in som.needed() if each.policy.plans):
         action = _ACTIONS if service.type.endswith(_ACTION_ENDINGS) else ""
         why = NOT_HEALABLE.get(service.type, action)
@@ -64,7 +65,7 @@ def check_healable(som: Som) -> Iterator[Finding]:
 
 
 def check_types(som: Som, types: MessageTypes) -> Iterator[Finding]:
-    """What is wrong with the types and the fields of a SOM, as they are installed here."""
+    """Report what is wrong with the types and fields of a SOM, as they are installed here."""
     for service in som:
         try:
             types.layout(service.type)
@@ -76,7 +77,7 @@ def check_types(som: Som, types: MessageTypes) -> Iterator[Finding]:
 
 
 def _unknown(service: Service, types: MessageTypes) -> Finding:
-    """A type that is not here: a wrong name, or a package that is not built."""
+    """Report a type that is not here: a wrong name, or a package that is not built."""
     package, name = service.type.split("/")
     if types.is_service(service.type):
         what = f"{service.type} is the type of a ROS service: only topics are watched and healed"

@@ -1,6 +1,6 @@
-"""What `shsa find` answers, as documents for programs."""
+"""The answers of `shsa find`, as documents for programs."""
 from itertools import islice
-from typing import Any, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 from shsa_core.analysis.loss import Loss, dead_branches
 from shsa_core.analysis.takeover import slowest
@@ -18,15 +18,19 @@ from shsa_core.search.derivation import Derivation, SourceTable
 from shsa_core.search.substitutes import Substitute
 
 Answer = Dict[str, Any]
-LOOKED_AT = 100  # derivations, for the alternatives of an explanation
-MOST_LINES = 200  # of a derivation that an explanation has
+Found = Tuple[Substitute, Optional[Error]]
+ALTERNATIVES = 5
+LOOKED_AT = 100
+"""Derivations, for the alternatives of an explanation."""
+MOST_LINES = 200
+"""Of a derivation in an explanation."""
 
 
 class Asked(NamedTuple):
-    """What is asked: of which models, and how.
+    """A question: the models, what they do without, and the options.
 
-    `alternatives`: how many an explanation gives, None for no explanation; `predictor`: who knows
-    errors, if anybody.
+    `explain`: with the derivation, alternatives and dead branches; `predictor`: None where no
+    errors are known.
     """
 
     ontology: Ontology
@@ -34,7 +38,7 @@ class Asked(NamedTuple):
     without: Tuple[str, ...]
     method: str
     limit: int
-    alternatives: Optional[int]
+    explain: bool
     predictor: Optional[Predictor] = None
 
     @property
@@ -44,7 +48,7 @@ class Asked(NamedTuple):
 
 
 def of_service(asked: Asked, service: Service) -> Answer:
-    """What would take a whole service over: what healing asks."""
+    """Return the substitute of a whole service, as healing would choose it."""
     answer: Answer = {"service": service.name, "properties": list(service.properties)}
     table = SourceTable(asked.ontology.network, asked.som.sources)
     excluded = [service.node, *asked.without]
@@ -67,52 +71,69 @@ def of_service(asked: Asked, service: Service) -> Answer:
 
 
 def of_property(asked: Asked, loss: Loss, whole: Optional[Answer] = None) -> Answer:
-    """What replaces a lost property; `whole` is the answer for its service, if it has one.
+    """Return the substitute of a lost property; `whole` is the answer for its service, if any.
 
-    Where the whole service cannot be healed, neither is the property: what derives it `alone` is
-    said.
+    A service is healed with all of its values: where it cannot be, nor can the property. What
+    would derive it is given as `alone`.
     """
-    healed = whole is None or "substitute" not in whole
-    if loss.source is not None and whole is not None and healed:
+    if whole is None:
+        answer = _one(asked, loss)
+    elif "substitute" in whole:
+        answer = _one(asked, loss)
+        if "substitute" not in answer:
+            kept = {key: whole[key] for key in _REFUSAL if key in whole}
+            answer = {"property": answer.pop("property"), **kept, "alone": answer}
+    else:
         loss = loss.apart(whole.get("shares", ()))
-    answer = _one(asked, loss)
-    if not healed and "substitute" not in answer:
-        assert whole is not None
-        alone = {key: value for key, value in answer.items() if key != "property"}
-        refusal = {
-            key: whole[key]
-            for key in ("service", "substitute", "missing", "refused")
-            if key in whole
-        }
-        answer = {"property": loss.name, **refusal, "alone": alone}
-    elif whole is not None and "substitute" not in answer:
-        answer.update({key: whole[key] for key in ("shares", "slow") if key in whole})
+        answer = _one(asked, loss)
+        if "substitute" not in answer:
+            answer.update({key: whole[key] for key in ("shares", "slow") if key in whole})
     if asked.method == "all":
         refusal = answer if "substitute" in answer else {"property": loss.name}
-        answer = {**refusal, **_all(asked, loss)}
-    if asked.alternatives is not None:
-        answer.update(_explanation(asked, loss, asked.alternatives))
+        found = _ranked(asked, loss)
+        several = [_described(asked.ontology, loss, *each) for each in islice(found, asked.limit)]
+        answer = {**refusal, "substitutes": several, "complete": next(found, None) is None}
+    if asked.explain:
+        answer.update(_explanation(asked, loss))
     return answer
 
 
+def described(error: Optional[Error]) -> Optional[Answer]:
+    """Return an expected error as a document."""
+    keys = ("rms", "bias", "p95", "delay", "source")
+    return None if error is None else {key: getattr(error, key) for key in keys}
+
+
+_REFUSAL = ("service", "substitute", "missing", "refused")
+
+
+def _refusal(error: Exception) -> Answer:
+    if isinstance(error, NoSubstitute):
+        return {"substitute": None, "missing": list(error.missing)}
+    return {"substitute": None, "missing": [], "refused": str(error)}
+
+
 def _one(asked: Asked, loss: Loss) -> Answer:
-    """What replaces the lost property alone."""
-    table = SourceTable(asked.ontology.network, loss.available)
-    output = loss.source or _new_source(loss.name)
+    """Return the substitute of a lost property alone."""
+    table, output = SourceTable(asked.ontology.network, loss.available), _output(loss)
     try:
-        name = output.service.name
         plan = plan_sources(
-            asked.ontology, name, [output], table, asked.first, predictor=asked.predictor
+            asked.ontology,
+            output.service.name,
+            [output],
+            table,
+            asked.first,
+            predictor=asked.predictor,
         )
     except (NoSubstitute, GenerationError) as error:
         return {"property": loss.name, **_refusal(error)}
     return {"property": loss.name, **_planned(plan), "error": described(plan.errors[0])}
 
 
-def described(error: Optional[Error]) -> Optional[Answer]:
-    """An expected error as programs read it."""
-    keys = ("rms", "bias", "p95", "delay", "source")
-    return None if error is None else {key: getattr(error, key) for key in keys}
+def _output(loss: Loss) -> Source:
+    """Return the lost source; of a property that nothing provides, one on a topic of its name."""
+    service = Service(loss.name, "/" + loss.name, "", "", None, (Provision(loss.name, "data"),))
+    return loss.source or service.sources[0]
 
 
 def _planned(plan: Plan) -> Answer:
@@ -124,14 +145,8 @@ def _planned(plan: Plan) -> Answer:
     return answer
 
 
-def _new_source(name: str) -> Source:
-    """Where a property that nothing provides would be published: on a topic of its name."""
-    service = Service(name, "/" + name, "", "", None, (Provision(name, "data"),))
-    return service.sources[0]
-
-
 def _answer(
-    quality: float, relations: Sequence[str], proven_best: bool, program: Any, outputs: List[str]
+    quality: float, relations: Iterable[str], proven_best: bool, program: Any, outputs: List[str]
 ) -> Answer:
     return {
         "quality": quality,
@@ -143,51 +158,36 @@ def _answer(
     }
 
 
-def _refusal(error: Exception) -> Answer:
-    if isinstance(error, NoSubstitute):
-        return {"substitute": None, "missing": list(error.missing)}
-    return {"substitute": None, "missing": [], "refused": str(error)}
+def _ranked(asked: Asked, loss: Loss) -> Iterator[Found]:
+    return substitutes(asked.ontology, loss.available, loss.name, asked.predictor)
 
 
-def _all(asked: Asked, loss: Loss) -> Answer:
-    found = substitutes(asked.ontology, loss.available, loss.name, asked.predictor)
-    answers = [_described(asked.ontology, loss, *each) for each in islice(found, asked.limit)]
-    return {"substitutes": answers, "complete": next(found, None) is None}
-
-
-def _described(
-    ontology: Ontology, loss: Loss, substitute: Substitute, error: Optional[Error]
-) -> Answer:
-    derivation = substitute.derivation
-    output = (loss.source or _new_source(loss.name)).path
-    refused: Answer = {}
-    program = None
+def _described(ontology: Ontology, loss: Loss, found: Substitute, error: Optional[Error]) -> Answer:
+    output, refused, program = _output(loss).path, {}, None
     try:
-        program = generate([(derivation, output)], ontology.constants)
+        program = generate([(found.derivation, output)], ontology.constants)
     except GenerationError as refusal:
-        refused = {"refused": str(refusal), "inputs": _paths(derivation)}
-    relations = derivation.relations()
-    answer = _answer(substitute.quality, relations, substitute.proven_best, program, [output])
+        paths = dict.fromkeys(source.path for source in found.derivation.sources())
+        refused = {"refused": str(refusal), "inputs": list(paths)}
+    relations = found.derivation.relations()
+    answer = _answer(found.quality, relations, found.proven_best, program, [output])
     return {"property": loss.name, **answer, "error": described(error), **refused}
 
 
-def _paths(derivation: Derivation) -> List[str]:
-    return list(dict.fromkeys(source.path for source in derivation.sources()))
+def _explanation(asked: Asked, loss: Loss) -> Answer:
+    """Return the best derivation line by line, alternatives, and what dead branches lack.
 
-
-def _explanation(asked: Asked, loss: Loss, most: int) -> Answer:
-    """The best derivation line by line, some alternatives, and what the dead branches lack."""
-    # By relations and sources: where in the tree these stand is left out.
-    alternatives: Dict[
-        Tuple[Tuple[str, ...], FrozenSet[Source]], Tuple[Substitute, Optional[Error]]
-    ] = {}
-    ranked = substitutes(asked.ontology, loss.available, loss.name, asked.predictor)
-    for each, error in islice(ranked, LOOKED_AT):
-        key = each.derivation.relations(), frozenset(each.derivation.sources())
-        alternatives.setdefault(key, (each, error))
-    found = list(alternatives.values())
+    Alternatives differ in their relations or sources; where in the tree these stand is left out.
+    """
+    distinct: Dict[Any, Found] = {}
+    for found, error in islice(_ranked(asked, loss), LOOKED_AT):
+        key = found.derivation.relations(), frozenset(found.derivation.sources())
+        distinct.setdefault(key, (found, error))
+    best, others = [*distinct.values()][:1], [*distinct.values()][1:]
     return {
-        "derivation": list(islice(_tree(found[0][0].derivation), MOST_LINES)) if found else [],
+        "derivation": [
+            line for each, _ in best for line in islice(_tree(each.derivation), MOST_LINES)
+        ],
         "alternatives": [
             {
                 "quality": each.quality,
@@ -195,15 +195,15 @@ def _explanation(asked: Asked, loss: Loss, most: int) -> Answer:
                 "inputs": [source.path for source in each.derivation.sources()],
                 "error": described(error),
             }
-            for each, error in found[1 : 1 + most]
+            for each, error in others[:ALTERNATIVES]
         ],
-        "more_alternatives": max(len(found) - 1 - most, 0),
+        "more_alternatives": max(len(others) - ALTERNATIVES, 0),
         "dead": [dead._asdict() for dead in dead_branches(asked.ontology, loss)],
     }
 
 
 def _tree(derivation: Derivation) -> Iterator[str]:
-    """The derivation, one line for each property, indented by its depth."""
+    """Yield a line for each property of a derivation, indented by its depth."""
     stack = [(derivation, 0)]
     while stack:
         part, depth = stack.pop()

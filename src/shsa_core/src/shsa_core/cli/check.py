@@ -6,8 +6,7 @@ from typing import Any
 
 from shsa_core import message_types
 from shsa_core.analysis.check import check_files
-from shsa_core.cli._files import add_namespace
-from shsa_core.cli._output import say
+from shsa_core.cli._common import add_namespace, say
 
 
 def add_parser(subparsers: Any) -> None:

@@ -1,20 +1,20 @@
-"""`shsa find`: what would replace a property, a service, or all services of a topic."""
+"""`shsa find`: the substitute of a property, a service, or all services of a topic."""
 import argparse
 import json
 from typing import Any, Iterator, List, Optional, Tuple
 
 from shsa_core.analysis.loss import lose
 from shsa_core.cli._answers import Answer, Asked, of_property, of_service
-from shsa_core.cli._files import (
-    add_options,
+from shsa_core.cli._common import (
+    add_models,
     add_without,
+    check_known,
     check_property,
-    left_out,
     read_models,
-    service_of,
-    services_of,
+    say,
+    whole_number,
+    without,
 )
-from shsa_core.cli._output import say, whole_number
 from shsa_core.codegen.plans import METHODS
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import ModelError
@@ -36,7 +36,7 @@ def add_parser(subparsers: Any) -> None:
     lost.add_argument("property", metavar="PROPERTY", nargs="?", help="the lost property")
     lost.add_argument("--topic", metavar="TOPIC", help="the lost topic: each of its services")
     lost.add_argument("--service", metavar="SERVICE", help="the lost service")
-    add_options(parser)
+    add_models(parser)
     add_without(parser)
     parser.add_argument(
         "--method",
@@ -57,13 +57,6 @@ def add_parser(subparsers: Any) -> None:
         action="store_true",
         help="show the derivation, the alternatives, and what dead branches lack",
     )
-    parser.add_argument(
-        "--alternatives",
-        type=whole_number(0),
-        default=5,
-        metavar="N",
-        help="with --explain: how many (5)",
-    )
     parser.add_argument("--json", action="store_true", help="print one JSON document")
 
 
@@ -73,21 +66,23 @@ def run(args: argparse.Namespace) -> int:
     asked = Asked(
         ontology,
         som,
-        tuple(left_out(args, som)),
+        tuple(without(args, som)),
         args.method,
         args.limit,
-        args.alternatives if args.explain else None,
+        args.explain,
         predictor(ontology, som.sources),
     )
     if args.property is None and (args.method == "all" or args.explain):
         raise ModelError("--topic and --service", "all and --explain are for a property")
     if args.topic is not None:
-        services = services_of(full_name(args.topic, args.namespace), som)
-        answers = [of_service(asked, each) for each in services]
+        topic = full_name(args.topic, args.namespace)
+        check_known(topic, "topic", som.topics())
+        answers = [of_service(asked, each) for each in som.of_topic(topic)]
         answer: Answer = {"topic": args.topic, "services": answers}
         lines = [line for each in answers for line in _text(each)]
     elif args.service is not None:
-        answer = of_service(asked, service_of(args.service, som))
+        check_known(args.service, "service", som.services)
+        answer = of_service(asked, som.services[args.service])
         answers, lines = [answer], list(_text(answer))
     else:
         check_property(args.property, ontology, som)
@@ -98,10 +93,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _property(asked: Asked, name: str) -> Tuple[Answer, List[str]]:
-    """The answer for a property, and its text: for each needed service that provides it.
+    """Return the answer for a property, and its text: of each needed service that provides it.
 
-    What is said of the property is said of the first service that cannot be healed, else of the
-    first one.
+    The answer for programs is that of the first service that cannot be healed, else of the first.
     """
     losses = lose(asked.som, name, asked.without)
     parts: List[Tuple[Service, Answer, Answer]] = []
@@ -131,7 +125,7 @@ def _property(asked: Asked, name: str) -> Tuple[Answer, List[str]]:
 
 
 def _text(answer: Answer) -> Iterator[str]:
-    """The answer in words, line by line."""
+    """Yield the answer in words, line by line."""
     name = answer.get("property", "")
     if "service" in answer:
         name = f"the service {answer['service']}"
@@ -168,7 +162,7 @@ def _text(answer: Answer) -> Iterator[str]:
         yield "alternatives"
         yield from ("    " + _summary(each) for each in answer["alternatives"])
         if answer["more_alternatives"]:
-            yield f"    and {answer['more_alternatives']} more; see --alternatives"
+            yield f"    and {answer['more_alternatives']} more; see --method all"
     if answer.get("dead"):
         yield "dead branches"
         for dead in answer["dead"]:
@@ -186,7 +180,4 @@ def _summary(each: Answer) -> str:
 
 
 def _error(error: Optional[Answer], of: str = "") -> str:
-    """An expected error in words, with a comma before it; in the property's unit."""
-    if error is None:
-        return ""
-    return f", {of}error {error['rms']:.3g} (95 %: {error['p95']:.3g})"
+    return "" if error is None else f", {of}error {error['rms']:.3g} (95 %: {error['p95']:.3g})"

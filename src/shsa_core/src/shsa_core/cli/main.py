@@ -14,11 +14,11 @@ import sys
 from typing import Any, Dict, List, Optional, Tuple
 
 from shsa_core import __version__
-from shsa_core.cli._output import say
+from shsa_core.cli._common import say
 from shsa_core.errors import NoSubstitute, ShsaError
 
 ELSEWHERE = {
-    **dict.fromkeys(("backtest", "explain", "init", "learn"), "shsa_learning"),
+    **dict.fromkeys(("backtest", "explain", "import", "init", "learn"), "shsa_learning"),
     **dict.fromkeys(("chaos", "inject"), "shsa_injection"),
     "top": "shsa_view",
 }

@@ -1,15 +1,19 @@
-"""`shsa report`: how resilient a robot is."""
+"""`shsa report`: the resilience of a robot."""
 import argparse
 import json
 from dataclasses import asdict
-from typing import Any, List, Optional, Tuple
+from pathlib import Path
+from typing import Any, List, Optional, Sequence
 
-from shsa_core.analysis.report import Report, Suggestion, Survival, ServiceReport
+from shsa_core.analysis.report import NodeReport, Report, ServiceReport, Suggestion, Survival
 from shsa_core.analysis.resilience import analyse
-from shsa_core.cli._files import add_options, read_models
-from shsa_core.cli._output import say, whole_number
-from shsa_core.cli._tables import Table, show
+from shsa_core.cli._common import Table, add_models, read_models, render, say, show, whole_number
+from shsa_core.cli.plot import CannotDraw, draw
 from shsa_core.model.error import Error
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.som import Som
+
+TEMPLATE = Path(__file__).resolve().parent / "templates" / "report.html"
 
 
 def add_parser(subparsers: Any) -> None:
@@ -20,7 +24,7 @@ def add_parser(subparsers: Any) -> None:
         description="Says what replaces each needed service, what the loss of each node costs, "
         "which nodes must not fail, alone or together, and what would help most.",
     )
-    add_options(parser)
+    add_models(parser)
     parser.add_argument(
         "--size",
         type=whole_number(1),
@@ -37,10 +41,7 @@ def run(args: argparse.Namespace) -> int:
     ontology, som = read_models(args)
     report = analyse(ontology, som, args.size)
     if args.html:
-        from shsa_core.cli._page import page  # a template engine that only this option needs
-
-        with open(args.html, "w", encoding="utf-8") as stream:
-            stream.write(page(ontology, som, summary(report), tables(report)))
+        Path(args.html).write_text(_page(ontology, som, report), encoding="utf-8")
     if args.json:
         print(json.dumps(asdict(report), indent=2))
         return 0
@@ -51,8 +52,24 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _page(ontology: Ontology, som: Som, report: Report) -> str:
+    """Return the report as one HTML page that needs nothing else, with the graph as SVG."""
+    svg, not_drawn = "", ""
+    try:
+        svg = draw(ontology, som.sources, "svg").decode()
+    except CannotDraw as error:
+        not_drawn = str(error)
+    return render(
+        TEMPLATE,
+        summary=summary(report),
+        tables=tables(report),
+        svg=svg[svg.index("<svg") :] if svg else "",  # without the XML declaration
+        not_drawn=not_drawn,
+    )
+
+
 def summary(report: Report) -> List[str]:
-    """The report in a few sentences."""
+    """Return the report in a few sentences."""
     lost = [each for each in report.services if each.quality is None]
     count = len(report.services)
     lines = [
@@ -67,7 +84,6 @@ def summary(report: Report) -> List[str]:
 
 
 def _kind(report: Report) -> str:
-    """What fails: a node, or a cause where services fail with more than nodes."""
     return "node" if all(each.node.startswith("/") for each in report.nodes) else "cause"
 
 
@@ -93,81 +109,67 @@ def _share(share: Optional[float]) -> str:
 
 
 def tables(report: Report) -> List[Table]:
-    """The report as tables."""
+    """Return the report as tables."""
+    alone = [cut for cut in report.cuts if len(cut.nodes) == 1]
+    together = [cut for cut in report.cuts if len(cut.nodes) > 1]
     return [
         Table(
             "Needed services",
-            (
-                "service",
-                "topic",
-                "node",
-                "quality",
-                "alternatives, best first",
-                "fatal with it",
-            ),
+            ("service", "topic", "node", "quality", "alternatives, best first", "fatal with it"),
             [_service(each) for each in report.services],
             "The SOM marks no service as needed.",
         ),
         Table(
             "What the loss of a node costs",
             ("node", "lost", "replaced (quality)", "best substitute lost of"),
-            [
-                (
-                    node.node,
-                    ", ".join(node.lost),
-                    ", ".join(f"{service} ({quality:.3g})" for service, quality in node.healed),
-                    ", ".join(node.leaned_on),
-                )
-                for node in report.nodes
-            ],
+            [_node(each) for each in report.nodes],
             "The SOM has no nodes.",
         ),
         Table(
             "Single points of failure",
             ("node", "services lost"),
-            [(c.nodes[0], ", ".join(c.services)) for c in report.cuts if len(c.nodes) == 1],
+            [(cut.nodes[0], ", ".join(cut.services)) for cut in alone],
             "No node alone is fatal.",
         ),
         Table(
             "Nodes that must not fail together",
             ("nodes", "services lost"),
-            [(" + ".join(c.nodes), ", ".join(c.services)) for c in report.cuts if len(c.nodes) > 1],
+            [(" + ".join(cut.nodes), ", ".join(cut.services)) for cut in together],
             "No such nodes.",
         ),
     ]
 
 
-def _service(service: ServiceReport) -> Tuple[str, ...]:
+def _node(node: NodeReport) -> Sequence[str]:
+    healed = ", ".join(f"{service} ({quality:.3g})" for service, quality in node.healed)
+    return node.node, ", ".join(node.lost), healed, ", ".join(node.leaned_on)
+
+
+def _service(service: ServiceReport) -> Sequence[str]:
     several = len(service.properties) > 1
     alternatives = [
         f"{a.property + ' ' if several else ''}by {a.by} ({a.quality:.3g}{_error(a.error)})"
         for a in service.alternatives
     ]
+    quality = "lost"
     if service.refused:
         alternatives.append(service.refused)
     elif service.quality is None:
         lacking = ", ".join(service.missing) or "any relation that yields it"
         alternatives.append(f"missing: {lacking}")
+    if service.quality is not None:
+        errors = [
+            f"{name if several else ''}{_error(error)}".lstrip(", ")
+            for name, error in zip(service.properties, service.errors)
+            if error is not None
+        ]
+        quality = "\n".join([f"{service.quality:.3g}", *errors])
     cuts = [cut for cut in service.cuts if len(cut) > 1]
-    others = (" + ".join(n for n in cut if n != service.node) for cut in cuts)
+    others = [" + ".join(name for name in cut if name != service.node) for cut in cuts]
     return (
-        service.service,
-        service.topic,
-        service.node,
-        "lost" if service.quality is None else _rated(service),
-        "\n".join(alternatives),
-        "\n".join(others),
+        *(service.service, service.topic, service.node, quality),
+        *("\n".join(alternatives), "\n".join(others)),
     )
-
-
-def _rated(service: ServiceReport) -> str:
-    """The quality of a service's substitute, and its error, of each value a line."""
-    lines = [
-        f"{name if len(service.properties) > 1 else ''}{_error(error)}".lstrip(", ")
-        for name, error in zip(service.properties, service.errors)
-        if error is not None
-    ]
-    return "\n".join([f"{service.quality:.3g}", *lines])
 
 
 def _error(error: Optional[Error]) -> str:

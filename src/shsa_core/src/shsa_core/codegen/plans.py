@@ -118,7 +118,7 @@ def plan_sources(
             listing(ontology.network, table, properties, method), most
         ):
             listed += 1
-            plan = _plan(ontology, service, outputs, rated, proven_best, predictor)
+            plan = make_plan(ontology, service, outputs, rated, proven_best, predictor)
             if isinstance(plan, GenerationError):
                 refused = refused or plan
             elif plan not in tried:
@@ -134,7 +134,7 @@ def plan_sources(
     raise _nothing(ontology, table, properties, outputs)
 
 
-def _plan(
+def make_plan(
     ontology: Ontology,
     service: str,
     outputs: Sequence[Source],
@@ -142,6 +142,7 @@ def _plan(
     proven_best: bool,
     predictor: Optional[Predictor],
 ) -> Union[Plan, GenerationError]:
+    """Return the plan by a joint derivation of `outputs`, or why no code can be generated."""
     derivations = rated.derivation.inputs
     try:
         program = program_of(ontology, derivations, outputs)
@@ -208,7 +209,7 @@ def _best_first(
 ) -> Listing:
     """The one by `method`, then all."""
     numbers = [network.number(name) for name in properties]
-    usable = partial(_executable, network)
+    usable = network.executable
     if method == "best":
         best = BestDerivations(network, table, usable)
         for number in numbers:
@@ -232,7 +233,7 @@ def _least_error_first(
 ) -> Listing:
     """By the errors that are expected, then the rest."""
     numbers = [network.number(name) for name in properties]
-    usable = partial(_executable, network)
+    usable = network.executable
     parts = [choose(network, table, usable, number, predictor) for number in numbers]
     complete = all(each.complete for each in parts)
     given = set()
@@ -251,12 +252,8 @@ def _smallest_first(
     """Those of the fewest relations first."""
     numbers = [network.number(name) for name in properties]
     small = network.smallest_first()
-    for rated in Ranking(small, table, partial(_executable, small)).joint(numbers):
+    for rated in Ranking(small, table, small.executable).joint(numbers):
         yield rated, False
-
-
-def _executable(network: Network, function: int) -> bool:
-    return network.functions[function].law is not None
 
 
 def _nothing(

@@ -1,5 +1,4 @@
 """Values from a YAML file or from the parameter server, each with the place where it stands."""
-import difflib
 import math
 import re
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ import yaml  # type: ignore[import]
 
 from shsa_core.errors import ModelError
 from shsa_core.files.regular import read_text
+from shsa_core.text import nearest
 
 MAX_DEPTH = 20
 
@@ -38,17 +38,17 @@ class Value:
     text: str = ""
 
     def error(self, what: str) -> ModelError:
-        """The error that says `what` is wrong here."""
+        """Return the error that says `what` is wrong here."""
         return ModelError(self.where, what)
 
     def mapping(self, what: str) -> Dict[str, "Value"]:
-        """The mapping that this value must be."""
+        """Return the mapping that this value must be."""
         if not isinstance(self.data, dict):
             raise self.error(f"{what} must be a mapping (name: value), not {self.describe()}")
         return self.data
 
     def entry(self, what: str, allowed: Iterable[str], required: Iterable[str] = ()) -> "Entry":
-        """The mapping that this value must be: with allowed keys alone, and all required ones."""
+        """Return the mapping that this value must be, with allowed and all required keys."""
         values = self.mapping(what)
         for error in self.wrong_keys(what, allowed, required):
             raise error
@@ -57,28 +57,25 @@ class Value:
     def wrong_keys(
         self, what: str, allowed: Iterable[str], required: Iterable[str] = ()
     ) -> Iterator[ModelError]:
-        """What is wrong with the keys of this mapping."""
+        """Yield what is wrong with the keys of this mapping."""
         values = self.mapping(what)
         allowed = list(allowed)
         for key, value in values.items():
             if key not in allowed:
-                close = difflib.get_close_matches(key, allowed, n=1)
-                hint = f" Did you mean '{close[0]}'?" if close else ""
-                yield value.error(
-                    f"{what} has no key '{key}'; allowed: {', '.join(allowed)}.{hint}"
-                )
+                known = f"{', '.join(allowed)}{nearest(key, allowed)}"
+                yield value.error(f"{what} has no key '{key}'; allowed: {known}")
         for key in required:
             if key not in values:
                 yield self.error(f"{what} lacks the key '{key}'")
 
     def sequence(self, what: str) -> List["Value"]:
-        """The list that this value must be."""
+        """Return the list that this value must be."""
         if not isinstance(self.data, list):
             raise self.error(f"{what} must be a list, not {self.describe()}")
         return self.data
 
     def number(self, what: str) -> float:
-        """The finite number that this value must be."""
+        """Return the finite number that this value must be."""
         if not isinstance(self.data, float):
             raise self.error(f"{what} must be a number, not {self.describe()}")
         if not math.isfinite(self.data):
@@ -86,7 +83,7 @@ class Value:
         return self.data
 
     def interval(self, what: str) -> Tuple[float, float]:
-        """The lowest and the highest number, in a list, that this value must be."""
+        """Return the lowest and the highest number, in a list, that this value must be."""
         items = self.sequence(f"{what}, [lowest, highest],")
         if len(items) != 2:
             raise self.error(f"{what} must be two numbers, [lowest, highest], not {len(items)}")
@@ -96,19 +93,19 @@ class Value:
         return (lowest, highest)
 
     def flag(self, what: str) -> bool:
-        """The true or false that this value must be."""
+        """Return the true or false that this value must be."""
         if not isinstance(self.data, bool):
             raise self.error(f"{what} must be true or false, not {self.describe()}")
         return self.data
 
     def string(self, what: str) -> str:
-        """The text that this value must be; a number counts as it was written."""
+        """Return the text that this value must be; a number counts as it was written."""
         if isinstance(self.data, (list, dict)) or self.data is None:
             raise self.error(f"{what} must be a text, not {self.describe()}")
         return self.text
 
     def describe(self) -> str:
-        """The value in a few words."""
+        """Return the value in a few words."""
         if self.data is None:
             return "empty"
         if isinstance(self.data, dict):
@@ -123,7 +120,7 @@ Entry = Dict[str, Value]
 
 
 def read_yaml(path: str) -> Value:
-    """The one document of a YAML file. Tags, anchors and aliases are refused.
+    """Return the one document of a YAML file. Tags, anchors and aliases are refused.
 
     Nothing in the file is run.
 
@@ -133,7 +130,7 @@ def read_yaml(path: str) -> Value:
 
 
 def parse_yaml(text: str, name: str) -> Value:
-    """The one document of a YAML text; `name` stands for the file in errors."""
+    """Return the one document of a YAML text; `name` stands for the file in errors."""
     builder = _Builder(name)
     try:
         for event in yaml.parse(text, Loader=_Loader):
@@ -149,13 +146,13 @@ def parse_yaml(text: str, name: str) -> Value:
 
 
 def _quoted(rest: str) -> str:
-    """How a word is written that begins with a character that YAML keeps for itself."""
+    # a word that begins with a character that YAML keeps for itself
     word = re.split(r"[,}\]\s]", rest)[0][:20]
     return f": put it in quotes: '{word}'" if word and "'" not in word else ""
 
 
 def from_parameters(value: object, where: str) -> Value:
-    """A value of the parameter server as a Value; `where` is the parameter's name."""
+    """Return a value of the parameter server as a Value; `where` is the parameter's name."""
     return _from_parameters(value, where, 0)
 
 
@@ -192,7 +189,7 @@ class _Builder:
         self._documents = 0
 
     def take(self, event: yaml.Event) -> None:
-        """Takes the next event of the parser."""
+        """Take the next event of the parser."""
         where = f"{self._name}:{event.start_mark.line + 1}"
         if isinstance(event, yaml.DocumentStartEvent):
             self._documents += 1
@@ -212,7 +209,7 @@ class _Builder:
             self._add(self._open.pop()[0])
 
     def result(self) -> Value:
-        """What the events made."""
+        """Return what the events made."""
         if self._root is None:
             return Value(f"{self._name}:1", None)
         return self._root

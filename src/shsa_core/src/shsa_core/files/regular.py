@@ -16,7 +16,7 @@ _OTHERS: Dict[int, str] = {
 
 
 def open_to_read(path: str) -> BinaryIO:
-    """A file, opened; it never waits. Raises ModelError if it is none, or cannot be read."""
+    """Return a file, opened; it never waits. Raises ModelError if it is none, or cannot be read."""
     try:
         _refuse_others(path, os.stat(path))  # before: opening some devices does something
         flags = os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
@@ -32,7 +32,7 @@ def open_to_read(path: str) -> BinaryIO:
 
 
 def read_text(path: str, most: int = MAX_BYTES) -> str:
-    """The text of a file of UTF-8.
+    """Return the text of a file of UTF-8.
 
     Raises ModelError, with the file and the line, if it cannot be read, has more than `most` bytes,
     is not UTF-8 or holds a zero byte.
@@ -54,9 +54,10 @@ def read_text(path: str, most: int = MAX_BYTES) -> str:
 
 
 def open_to_append(path: str) -> int:
-    """The descriptor of a file of ours, to write at its end; it is made for us alone to read.
+    """Open a file of ours to write at its end; it is made for us alone to read.
 
-    Raises OSError if it cannot be made, or if what is there is a link, no file, or not ours.
+    Returns its descriptor. Raises OSError if it cannot be made, or if what is there is a link, no
+    file, or not ours.
     """
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY
     descriptor = os.open(path, flags | os.O_CLOEXEC, 0o600)
@@ -70,7 +71,7 @@ def open_to_append(path: str) -> int:
 
 
 def read_own(path: str, most: int) -> bytes:
-    """The bytes of a file that is ours, and that nobody else could read or write; it never waits.
+    """Return the bytes of a file of ours that nobody else can read or write; it never waits.
 
     Raises OSError if it is none, is a link, or has more than `most`.
     """

@@ -1,47 +1,34 @@
 """The SOM in a file and on the parameter server, read as strictly as the ontology."""
 import dataclasses
-from typing import Collection, Container, Dict, Iterable, List, Optional, Tuple
+import re
+from typing import Any, Collection, Dict, Iterable, List, Mapping, Tuple
 
-from shsa_core.errors import ModelError, ModelErrors
-from shsa_core.files.document import Value, from_parameters, read_yaml
-from shsa_core.files.error_values import usual_quality
-from shsa_core.files.som_hosts import check_hosts, read_hosts
-from shsa_core.files.som_plain import hosts_parameters, service_parameters, som_parameters
-from shsa_core.files.som_values import PROVISION, SERVICE, read_keys
+from shsa_core.errors import ModelError, ModelErrors, listed
+from shsa_core.files.document import Entry, Value, from_parameters, read_yaml
+from shsa_core.files.keys import COUNTS, HOST, MESSAGE_CHECKS, SERVICE, SOM, VALUE, VALUE_CHECKS
+from shsa_core.files.readers import Keys, plain, plain_entry, read_entry, read_keys
 from shsa_core.language.syntax import is_name
-from shsa_core.model.checks import OFF_FOR_DISTANCES, default_checks
+from shsa_core.model.checks import LEARNED, Check, Checks, default_checks, default_limit
+from shsa_core.model.error import quality_of
 from shsa_core.model.field import tells_of_nothing
-from shsa_core.model.kinds import Kind
+from shsa_core.model.host import Host
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-
-__all__ = [
-    "FROM_FILE_ALONE",
-    "PARAMETER",
-    "load_som",
-    "merge_parameters",
-    "read_som",
-    "read_tree",
-    "service_parameters",
-    "som_parameters",
-]
 
 PARAMETER = "shsa/som"
 FROM_FILE_ALONE = (
     *("topic", "gate", "type", "node", "policy", "contain"),
     *("host", "placement", "on_partition"),
 )
-"""What decides whom healing may kill or start, and where: never taken from parameters."""
-SECTIONS = ("services", "hosts")
-HELD_AS = {"topic": "heard", "gate": "topic"}
-"""Keys by whose name the model has something else."""
+"""The keys that decide whom healing may kill or start, and where."""
 NAMES = ("topic", "gate", "node")
-"""What a SOM may name relative to the namespace in which healing runs."""
+"""The keys whose names may be relative to the namespace in which healing runs."""
+_HOST_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}\Z")  # it becomes a part of topics
 
 
 def read_som(path: str, namespace: str = "/") -> Som:
-    """The SOM in a file. Raises ModelErrors: all that is wrong, with file and line."""
+    """Return the SOM in a file. Raises ModelErrors: all that is wrong, with file and line."""
     som, errors = load_som(path, namespace)
     if errors:
         raise ModelErrors(errors)
@@ -49,7 +36,7 @@ def read_som(path: str, namespace: str = "/") -> Som:
 
 
 def load_som(path: str, namespace: str = "/") -> Tuple[Som, List[ModelError]]:
-    """The valid services of the SOM in a file, and everything that is wrong with the rest.
+    """Return the valid services of the SOM in a file, and all that is wrong with the rest.
 
     Relative names of topics and nodes are names in `namespace`.
 
@@ -59,45 +46,49 @@ def load_som(path: str, namespace: str = "/") -> Tuple[Som, List[ModelError]]:
 
 
 def read_tree(tree: Value, namespace: str = "/") -> Tuple[Som, List[ModelError]]:
-    """The valid services in a tree, and what is wrong with the rest. Raises ModelError."""
-    collector = _Collector()
-    collector.errors += tree.wrong_keys("the SOM", SECTIONS, ("services",))
-    sections = tree.mapping("the SOM")
+    """Return the valid services in a tree, and what is wrong with the rest. Raises ModelError."""
+    sections, errors = read_keys(tree, "the SOM", SOM)
     if "services" not in sections:
-        raise ModelErrors(collector.errors)
-    named = sections["services"].mapping("services")
-    computers = sections["hosts"].mapping("hosts") if "hosts" in sections else {}
-    hosts, refused = read_hosts(computers, named)
-    collector.errors += refused
+        raise ModelErrors(errors)
+    named, computers = sections["services"], sections.get("hosts", {})
+    hosts: List[Host] = []
+    services: List[Service] = []
+    claimed: Dict[str, List[Service]] = {}
+    for name, value in computers.items():
+        try:
+            hosts.append(_host(name, value, named))
+        except ModelError as error:
+            errors += error.errors
     for name, value in named.items():
         try:
-            collector.add(_service(name, value, namespace, named, computers))
+            service = _service(name, value, namespace, named, computers)
+            _claim(service, claimed)
+            services.append(service)
         except ModelError as error:
-            collector.errors += error.errors
-    return Som(collector.services, hosts), collector.errors
+            errors += error.errors
+    return Som(services, hosts), errors
 
 
 def merge_parameters(
     current: Som, value: object, where: str = PARAMETER, namespace: str = "/"
 ) -> Tuple[Som, List[ModelError]]:
-    """The SOM that a changed tree of parameters asks for, and all that is wrong with it.
+    """Return the SOM that a changed tree of parameters asks for, and all that is wrong with it.
 
     Parameters change the numbers of services that the file has. A service that is not valid, or
     that is not there, stays as it is in `current`; what FROM_FILE_ALONE names, fields and commands
     must be as there.
     """
-    given = value.get("services") if isinstance(value, dict) else None
-    if not isinstance(value, dict) or not isinstance(given, dict):
-        return current, [_no_table(value, where)]
+    if not isinstance(value, dict) or not isinstance(value.get("services"), dict):
+        return current, [_no_services(value, where)]
     keys = from_parameters(dict.fromkeys(value), where)
-    errors = list(keys.wrong_keys("the SOM", SECTIONS))
-    hosts = hosts_parameters(current)
+    errors = list(keys.wrong_keys("the SOM", SOM))
+    hosts = _plain_hosts(current)
     if value.get("hosts", hosts) != hosts:
         errors.append(ModelError(f"{where}/hosts", "hosts can be changed in the SOM file alone"))
     services = dict(current.services)
-    for name, plain in given.items():
+    for name, plain_service in value["services"].items():
         try:
-            entry = from_parameters(plain, f"{where}/services/{name}")
+            entry = from_parameters(plain_service, f"{where}/services/{name}")
             if name not in services:
                 raise entry.error("the SOM file has no such service; only the file can add one")
             service = _service(name, entry, namespace, services, current.hosts)
@@ -107,37 +98,34 @@ def merge_parameters(
     return current.with_services(services.values()), errors
 
 
-def _no_table(value: object, where: str) -> ModelError:
-    """Why there is no table of services in some parameters."""
+def _no_services(value: object, where: str) -> ModelError:
     try:
-        tree = from_parameters(value, where).entry("the SOM", SECTIONS, ("services",))
-        tree["services"].mapping("services")
+        read_entry(from_parameters(value, where), "the SOM", SOM)
     except ModelError as error:
-        return error
+        return error.errors[0]
     return ModelError(where, "there is no table of services")
+
+
+def _host(name: str, value: Value, services: Collection[str]) -> Host:
+    if not _HOST_NAME.match(name):
+        raise value.error(f"the name of a host must be written like raspberry_pi, not {name!a}")
+    if name in services:
+        raise value.error(f"{name} is a service as well: what fails with it could not be told")
+    return Host(name, **read_entry(value, f"the host {name}", HOST))
 
 
 def _service(
     name: str,
     value: Value,
     namespace: str,
-    services: Container[str],
+    services: Collection[str],
     hosts: Collection[str],
 ) -> Service:
-    """One service; `services` and `hosts`: the names of all."""
+    """Return one service; `services` and `hosts`: the names of all."""
     if not is_name(name):
         raise value.error(f"{name!a} cannot be the name of a service")
-    required = ("topic", "type", "node", "period", "provides")
-    what, entry = f"the service {name}", value.mapping(f"the service {name}")
-    errors = list(value.wrong_keys(what, (*SERVICE, "provides"), required))
-    given = read_keys(entry, SERVICE, errors)
-    if "provides" in entry:
-        try:
-            given["provides"] = _provides(entry["provides"], given.get("type", ""))
-        except ModelError as error:
-            errors += error.errors
-    if errors:
-        raise ModelErrors(errors)
+    given = read_entry(value, f"the service {name}", SERVICE)
+    entry = value.mapping(name)
     given.update({key: full_name(given[key], namespace) for key in NAMES if key in given})
     given["derived_from"] = tuple(
         each if each in services else full_name(each, namespace)
@@ -149,63 +137,49 @@ def _service(
         raise entry["gate"].error("gate must be another topic than the one that consumers hear")
     if "gate" in given:
         given["beyond_gate"], given["topic"] = given["topic"], given.pop("gate")
+    given["provides"] = _provisions(given["provides"], entry["provides"], given["type"])
     service = Service(name=name, where=value.where, **given)
-    rates = {Kind.RATE_HIGH.value, Kind.RATE_LOW.value} & set(_keys(entry.get("checks")))
-    if service.event_driven and rates:
-        raise entry["checks"].error(f"{min(rates)} needs a period, and there is none")
-    if service.event_driven and service.deadline is not None:
-        raise entry["deadline"].error("an event-driven topic (period: none) has no deadline")
-    if service.event_driven and service.bridge:
-        raise entry["bridge"].error("an event-driven topic (period: none) has no bridge")
+    if service.event_driven:
+        _check_event_driven(service, entry)
     _check_last_resort(service, entry)
-    check_hosts(service, entry, hosts)
+    _check_hosts(service, entry, hosts)
     return service
 
 
-def _keys(value: Optional[Value]) -> Iterable[str]:
-    return value.data if value is not None and isinstance(value.data, dict) else ()
-
-
-def _provides(value: Value, message_type: str) -> Tuple[Provision, ...]:
+def _provisions(
+    given: Mapping[str, Dict[str, Any]], value: Value, message_type: str
+) -> Tuple[Provision, ...]:
+    fields: Dict[str, str] = {}
     provisions: List[Provision] = []
     errors: List[ModelError] = []
-    for name, item in value.mapping("provides").items():
-        try:
-            provisions.append(_provision(name, item, provisions, message_type))
-        except ModelError as error:
-            errors += error.errors
+    for name, keys in given.items():
+        other = fields.setdefault(keys["field"], name)
+        if other != name:
+            errors.append(
+                value.mapping(name)[name].error(
+                    f"the field {keys['field']} provides {other} already; "
+                    "a field can provide one property"
+                )
+            )
+        asked, distance = keys.pop("checks", {}), tells_of_nothing(message_type, keys["field"])
+        keys.setdefault("quality", quality_of(keys.get("error")))
+        provisions.append(Provision(name, checks=default_checks(True, distance, asked), **keys))
     if errors:
         raise ModelErrors(errors)
-    if not provisions:
-        raise value.error("provides must name at least one property")
     return tuple(provisions)
 
 
-def _provision(name: str, item: Value, others: Iterable[Provision], message_type: str) -> Provision:
-    if not is_name(name):
-        raise item.error(f"{name!a} cannot be the name of a property")
-    what, entry = f"the property {name}", item.mapping(f"the property {name}")
-    errors = list(item.wrong_keys(what, PROVISION, ("field",)))
-    given = read_keys(entry, PROVISION, errors)
-    if errors:
-        raise ModelErrors(errors)
-    given.setdefault("quality", usual_quality(given.get("error")))
-    other = next((p for p in others if p.field == given["field"]), None)
-    if other is not None:
-        raise item.error(
-            f"the field {other.field} provides {other.property} already; "
-            "a field can provide one property"
-        )
-    if tells_of_nothing(message_type, given["field"]):
-        asked = set(_keys(entry.get("checks")))
-        checks = given.get("checks", default_checks(of_values=True))
-        given["checks"] = tuple(
-            c for c in checks if c.kind not in OFF_FOR_DISTANCES or c.kind.value in asked
-        )
-    return Provision(property=name, where=item.where, **given)
+def _check_event_driven(service: Service, entry: Entry) -> None:
+    checks = entry["checks"].mapping("checks") if "checks" in entry else {}
+    for name in ("rate_high", "rate_low"):
+        if name in checks:
+            raise checks[name].error(f"{name} needs a period, and there is none")
+    for key in ("deadline", "bridge"):
+        if getattr(service, key):
+            raise entry[key].error(f"an event-driven topic (period: none) has no {key}")
 
 
-def _check_last_resort(service: Service, entry: Dict[str, Value]) -> None:
+def _check_last_resort(service: Service, entry: Entry) -> None:
     for name, safe in service.last_resort.values:
         source = service.source(name)
         if source is None:
@@ -218,61 +192,120 @@ def _check_last_resort(service: Service, entry: Dict[str, Value]) -> None:
             )
 
 
+def _check_hosts(service: Service, entry: Entry, hosts: Collection[str]) -> None:
+    placed = (*service.placement.prefer, *service.placement.forbid)
+    for key, names in ("host", (service.host,)), ("placement", placed):
+        for name in names if key in entry else ():
+            if name not in hosts:
+                known = listed(sorted(hosts)) or "there are none"
+                raise entry[key].error(f"{key} names {name!a}, which is none of the hosts: {known}")
+    if hosts and set(hosts) == set(service.placement.forbid):
+        raise entry["placement"].error("it forbids every host: a substitute could run nowhere")
+
+
+def _claim(service: Service, claimed: Dict[str, List[Service]]) -> None:
+    """Note the topics of a service. Raises ModelError if others claim what it claims."""
+    for topic in service.topics:
+        for other in claimed.get(topic, ()):
+            there = f"the service {other.name} already ({other.where})"
+            if service.gated or other.gated:
+                what = (
+                    f"{topic} is that of {there}; a topic that goes through a gate has one service"
+                )
+            elif service.type != other.type:
+                what = (
+                    f"{topic} has the type {other.type} already ({other.where}); "
+                    f"a topic has one type, not {service.type} as well"
+                )
+            elif service.node == other.node:
+                what = (
+                    f"{service.node} on {topic} is {there}; "
+                    "a service is one topic of one node: put all its properties into one `provides`"
+                )
+            else:
+                continue
+            raise ModelError(service.where, what)
+    for topic in service.topics:
+        claimed.setdefault(topic, []).append(service)
+
+
 def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
-    """A service from the parameter server, with the command of its file.
+    """Return a service from the parameter server, with the command of its file.
 
     Raises ModelError if it goes too far.
     """
+    asked, meant = service_entry(service), service_entry(old)
     for key in FROM_FILE_ALONE:
-        asked, meant = (getattr(each, HELD_AS.get(key, key)) for each in (service, old))
-        if asked != meant:
-            raise entry.error(f"{key} is {meant} in the SOM file, and can be changed there alone")
+        if asked.get(key) != meant.get(key):
+            said = meant.get(key, "not said")
+            raise entry.error(f"{key} is {said} in the SOM file, and can be changed there alone")
     fields = [(p.property, p.field) for p in old.provides]
     if sorted((p.property, p.field) for p in service.provides) != sorted(fields):
         raise entry.error("properties and fields can be changed in the SOM file alone")
     if service.last_resort.command:
         raise entry.error("a command can stand in the SOM file only, not on the parameter server")
     # The parameter server does not keep the order, which the generated code follows.
-    provides = tuple(
-        next(p for p in service.provides if p.property == name) for name in old.properties
-    )
+    of_property = {each.property: each for each in service.provides}
+    provides = tuple(of_property[name] for name in old.properties)
     resort = dataclasses.replace(service.last_resort, command=old.last_resort.command)
     return dataclasses.replace(service, provides=provides, last_resort=resort)
 
 
-class _Collector:
-    """Collects services whose claims do not clash, and errors."""
+def som_parameters(som: Som) -> Dict[str, object]:
+    """Return a SOM as it lies on the parameter server: plain values, and no command."""
+    tree: Dict[str, object] = {"hosts": _plain_hosts(som)} if som.hosts else {}
+    tree["services"] = {service.name: service_parameters(service) for service in som}
+    return tree
 
-    def __init__(self) -> None:
-        self.services: List[Service] = []
-        self.errors: List[ModelError] = []
-        self._types: Dict[str, Service] = {}
-        self._publishers: Dict[Tuple[str, str], Service] = {}
-        self._topics: Dict[str, Service] = {}
 
-    def add(self, service: Service) -> None:
-        """Adds a service. Raises ModelError if it clashes with one that is there."""
-        for topic in service.topics:
-            sharer = self._topics.setdefault(topic, service)
-            if sharer is not service and (service.gated or sharer.gated):
-                raise ModelError(
-                    service.where,
-                    f"{topic} is that of the service {sharer.name} already ({sharer.where}); "
-                    "a topic that goes through a gate has one service",
-                )
-        first = self._types.setdefault(service.topic, service)
-        if service.type != first.type:
-            raise ModelError(
-                service.where,
-                f"{service.topic} has the type {first.type} already ({first.where}); "
-                f"a topic has one type, not {service.type} as well",
-            )
-        other = self._publishers.setdefault((service.topic, service.node), service)
-        if other is not service:
-            raise ModelError(
-                service.where,
-                f"{service.node} on {service.topic} is the service {other.name} already "
-                f"({other.where}); "
-                "a service is one topic of one node: put all its properties into one `provides`",
-            )
-        self.services.append(service)
+def service_parameters(service: Service) -> Dict[str, Any]:
+    """Return a service as it lies on the parameter server, without its command."""
+    safe = dataclasses.replace(service.last_resort, command=())
+    return service_entry(dataclasses.replace(service, last_resort=safe))
+
+
+def service_entry(service: Service) -> Dict[str, Any]:
+    """Return a service as it stands in a file, in plain values."""
+    entry = plain_entry(service, {k: SERVICE[k] for k in SERVICE if k not in ("gate", "provides")})
+    entry["topic"] = service.heard
+    if service.gated:
+        entry["gate"] = service.topic
+    if service.event_driven:
+        entry["period"] = "none"
+    if service.bridge == 0.0:
+        entry["bridge"] = False
+    entry["checks"] = _check_entry(service.checks.each, MESSAGE_CHECKS)
+    for name in COUNTS:
+        if getattr(service.checks, name) != getattr(Checks, name):
+            entry["checks"][name] = getattr(service.checks, name)
+    entry["last_resort"] = plain(service.last_resort)
+    if service.last_resort.values:
+        entry["last_resort"]["values"] = dict(service.last_resort.values)
+    for key in ("checks", "last_resort"):
+        if not entry[key]:
+            del entry[key]
+    entry["provides"] = {p.property: _value_entry(p, service.type) for p in service.provides}
+    return entry
+
+
+def _value_entry(provision: Provision, message_type: str) -> Dict[str, Any]:
+    entry = plain_entry(provision, VALUE)
+    if provision.error is not None and provision.quality == provision.error.quality:
+        del entry["quality"]  # the error says it
+    distance = tells_of_nothing(message_type, provision.field)
+    entry["checks"] = _check_entry(provision.checks, VALUE_CHECKS, distance)
+    if not entry["checks"]:
+        del entry["checks"]
+    return entry
+
+
+def _check_entry(checks: Iterable[Check], keys: Keys, distance: bool = False) -> Dict[str, Any]:
+    """Return what differs from the defaults; what is learned has no number."""
+    given = {check.kind.value: check.limit for check in checks}
+    differing = {n: given.get(n) for n in keys if given.get(n) != default_limit(n, distance)}
+    words = {None: False, LEARNED: True}
+    return {name: words.get(limit, limit) for name, limit in differing.items()}
+
+
+def _plain_hosts(som: Som) -> Dict[str, object]:
+    return {name: plain_entry(host, HOST) for name, host in som.hosts.items()}

@@ -1,4 +1,4 @@
-"""Who can write a file: a file that says which program is run must be out of others' reach."""
+"""Refuses files that others can write: they say which program is run."""
 import grp
 import os
 import pwd
@@ -23,7 +23,7 @@ def refuse_others_commands(som: Som, path: str) -> None:
 
 
 def written_by_others(path: str) -> str:
-    """Why somebody but us and root could change a file, or put another one there; empty: nobody."""
+    """Return why somebody but us and root can change or replace a file; empty: nobody can."""
     for place in _places(os.path.abspath(path)):
         try:
             why = _reason(place)
@@ -35,7 +35,7 @@ def written_by_others(path: str) -> str:
 
 
 def _places(path: str) -> Iterator[str]:
-    """The file, and every folder and link on the way to it."""
+    """Return the file, and every folder and link on the way to it."""
     here, rest, links = "/", path.split("/"), 0
     yield here
     while rest:
@@ -69,7 +69,7 @@ def _reason(place: str) -> str:
 
 
 def _alone(group: int, user: int) -> bool:
-    """Whether nobody but a user and root is in a group, as in one of the user's own."""
+    # as is a group of the user's own
     try:
         members: List[int] = [pwd.getpwnam(each).pw_uid for each in grp.getgrgid(group).gr_mem]
     except KeyError:

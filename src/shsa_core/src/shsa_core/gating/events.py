@@ -1,4 +1,4 @@
-"""What the gate's core hears (events) and says (commands). Times in s on one monotonic clock."""
+"""The events that a gate's core hears, and its commands. Times in s on one monotonic clock."""
 from dataclasses import dataclass
 from typing import Optional, Union
 
@@ -19,7 +19,7 @@ class Arrived:
 
     @property
     def time(self) -> float:
-        """When it came."""
+        """Return the time at which it came."""
         return self.message.time
 
 

@@ -1,24 +1,18 @@
-"""The numbers by which a gate decides; times in periods of its service unless said otherwise."""
-from dataclasses import dataclass
+"""The numbers by which a gate decides: each with its unit, and why it is so."""
 
-
-@dataclass(frozen=True)
-class Settings:
-    """`late`: so long after the last message the substitute speaks; a standby gate waits `silence`
-    for the first gate, and at least `least_silence` s, not counting those in which it was not
-    scheduled itself.
-
-    A substitute's value is `fresh` for so long. Two voices are at least `apart`. Of a publisher
-    that is too fast at most `burst` messages pass at once. `start`: in s,
-    until a standby gate is connected to the first, and misses it. `standby_for`: the gate that this
-    one stands by for; empty: it is the first.
-    """
-
-    late: float = 1.5
-    silence: float = 2.0
-    least_silence: float = 0.05
-    fresh: float = 2.0
-    apart: float = 0.5
-    burst: float = 5.0
-    start: float = 2.0
-    standby_for: str = ""
+LATE = 1.5
+"""Periods after the last message: the substitute speaks. A healthy node is rarely later."""
+OLD = 2.0
+"""Periods: a substitute's value is not heard any more, and a gate that said nothing is missed."""
+LEAST_PATIENCE_S = 0.05
+"""A gate is missed no sooner: a busy computer costs as much."""
+APART = 0.5
+"""Of the period: two voices are no closer."""
+BURST = 5.0
+"""Messages of a publisher that is too fast, which pass at once."""
+START_S = 2.0
+"""Until a second gate is connected to the first, and misses it."""
+STRANGER_S, MOST_NAMED = 1.0, 20
+"""A node that publishes for so long without a row of the table is a stranger; so many are named."""
+CLOCK_SET_NS = 10**9
+"""A stamp that goes back by more is of a clock that was set."""

@@ -1,9 +1,15 @@
-"""Whether a faulty node is killed: decided by what would be lost with it."""
+"""Decides about a faulty node by what would be lost with it."""
 from dataclasses import dataclass
-from typing import Optional, Sequence, Tuple
+from typing import Callable, List, Optional, Sequence, Set, Tuple
 
+from shsa_core.healing.health import Health
+from shsa_core.healing.indexes import Indexes
+from shsa_core.healing.naming import Names
+from shsa_core.healing.planner import Planner
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.kinds import QUIET, Contain, Kind
+from shsa_core.model.service import Service
+from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 
 @dataclass(frozen=True)
@@ -35,14 +41,14 @@ class Case:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether the node is killed, and why, in words."""
+    """Says whether a node is killed, and why, in words."""
 
     kill: bool
     why: str
 
 
 def decide(case: Case) -> Verdict:
-    """What is done about a faulty node: docs/killing.md has it as a table."""
+    """Decide about a faulty node: docs/killing.md has it as a table."""
     topic, gone = case.topic, case.kind is Kind.NODE_GONE
     killed = f"{case.node} is {'ended if it still runs' if gone else 'killed'}"
     kept = f"{case.node} is {'left alone if it still runs' if gone else 'kept'}"
@@ -80,3 +86,95 @@ def decide(case: Case) -> Verdict:
 
 def _enumerated(topics: Sequence[str]) -> str:
     return " and ".join([", ".join(topics[:-1]), topics[-1]] if len(topics) > 1 else topics)
+
+
+class Stakes:
+    """Looks what a node still does well, and who relies on it: that costs what it publishes."""
+
+    def __init__(
+        self, names: Names, health: Health, indexes: Indexes, planner: Callable[[], Planner]
+    ) -> None:
+        self._names = names
+        self._health = health
+        self._indexes = indexes
+        self._planner = planner
+
+    def case(self, failed: Service, node: str, kind: Kind, replaced: bool, restarted: bool) -> Case:
+        """Return the case of a node that failed on the topic of a service."""
+        published = self._published(node)
+        good = PublisherState.HEALTHY
+        well = [each for each, row in published if row.state is good and each.name != failed.name]
+        return Case(
+            node,
+            failed.topic,
+            kind,
+            failed.contain,
+            restarted,
+            self._never(failed, node, well),
+            self._health.protected.get(node, ""),
+            replaced,
+            tuple(sorted(self._costs(failed, node, published))),
+            tuple(sorted(each.topic for each in well)),
+            (failed.topic, node) in self._health.good,
+            failed.gated,
+        )
+
+    def _never(self, failed: Service, node: str, well: List[Service]) -> str:
+        """Return why a node is not to be killed for what is said of a service not its own."""
+        if self._names.of_healing(node, in_som=node == failed.node):
+            return "it belongs to healing or to ROS"
+        for service in well:
+            if node != failed.node and service.needed and service.node == node:
+                return f"the SOM names it for {service.topic}, which is needed and good"
+        return ""
+
+    def _costs(
+        self, failed: Service, node: str, published: List[Tuple[Service, PublisherHealth]]
+    ) -> Set[str]:
+        """Return the needed topics that would be lost with a node."""
+        others = {*self._health.dying, *self._health.excluded} - {node}
+        doomed = others | {node}
+        lost: Set[str] = set()
+        for service, row in published:
+            awake = row.kind in QUIET and row.kind is not Kind.NODE_GONE
+            may_speak = row.state is not PublisherState.FAILED or awake
+            if service.needed and service.name != failed.name and may_speak:
+                if not self._remains(service, doomed):
+                    lost.add(service.topic)
+            if row.state is PublisherState.HEALTHY:
+                lost.update(self._relying(service, doomed))
+        # What goes with a node that is being killed was to be replaced, perhaps by this one.
+        for other in sorted(others):
+            for service, row in self._published(other):
+                promised = service.needed and row.state is PublisherState.HEALTHY
+                if promised and not self._remains(service, doomed):
+                    if self._remains(service, others):
+                        lost.add(service.topic)
+        return lost
+
+    def _published(self, node: str) -> List[Tuple[Service, PublisherHealth]]:
+        """Return what a node publishes, and how that does."""
+        service_of, rows = self._planner().som.service_of, self._health.rows
+        topics = sorted(self._health.topics.get(node, ()))
+        found = ((service_of(topic, node), rows[topic][node]) for topic in topics)
+        return [(service, row) for service, row in found if service is not None]
+
+    def _remains(self, service: Service, doomed: Set[str]) -> bool:
+        """Tell that a service has good data without some nodes."""
+        for row in self._health.of(service.topic).values():
+            if row.state is PublisherState.HEALTHY and row.publisher not in doomed:
+                if row.publisher not in self._health.substitutes:
+                    return True
+        return self._planner().replaceable(service, doomed)
+
+    def _relying(self, service: Service, doomed: Set[str]) -> List[str]:
+        """Return the topics that a substitute computes from a service, and nothing else gives."""
+        found = []
+        for name in self._indexes.readers([service.name]):
+            computed = self._indexes.computed.get(name)
+            read = self._planner().som.services.get(name)
+            if read is not None and computed is not None:
+                without = doomed | {computed.faulty_node}
+                if not self._planner().replaceable(read, without, computed.tried):
+                    found.append(read.topic)
+        return found

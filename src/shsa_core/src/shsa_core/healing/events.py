@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
 from shsa_core.codegen.generator import Program
-from shsa_core.healing.host_events import HostLost, HostSeen, Where
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.records import Record
 from shsa_core.model.kinds import Kind, Word
@@ -23,6 +22,23 @@ class Level(Word):
     INFO = "info"
     WARN = "warn"
     ERROR = "error"
+
+
+class Where(Word):
+    """Where the process of a node runs, as far as can be told.
+
+    UNKNOWN: it cannot be verified which process it is. ANOTHER: it is not the one that failed.
+    UNREACHABLE: its computer was lost, so that nothing can be said of it.
+    """
+
+    HERE = "here"
+    STOPPED = "stopped"
+    DEAD = "dead"
+    ELSEWHERE = "elsewhere"
+    NOWHERE = "nowhere"
+    UNKNOWN = "unknown"
+    ANOTHER = "another"
+    UNREACHABLE = "unreachable"
 
 
 @dataclass(frozen=True)
@@ -240,15 +256,12 @@ class SubstituteRequested:
 class NodeRestarted:
     """A node was started again.
 
-    `with_us`: whoever started it first has started the reconfigurator too. `process`, `starter`: as
-    in RestartedNode.
+    `with_us`: whoever started it first has started the reconfigurator too.
     """
 
     time: float
     node: str
     with_us: bool
-    process: Tuple[int, float] = (0, 0.0)
-    starter: Tuple[int, float] = (0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -286,6 +299,30 @@ class CalibrationsHeard:
     time: float
     rows: Tuple[CalibrationRow, ...]
     removed: Tuple[Tuple[str, Program], ...] = ()
+
+
+@dataclass(frozen=True)
+class HostSeen:
+    """The agent of a computer tells that it is there, again and again.
+
+    `load`: how many of its `cores` are busy; `sent` and `received`: bytes/s on its network.
+    """
+
+    time: float
+    host: str
+    load: float
+    cores: float
+    sent: float = 0.0
+    received: float = 0.0
+
+
+@dataclass(frozen=True)
+class HostLost:
+    """The agent of a computer is not heard any more; `detail`: what was seen of that."""
+
+    time: float
+    host: str
+    detail: str
 
 
 @dataclass(frozen=True)

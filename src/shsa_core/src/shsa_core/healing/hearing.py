@@ -1,12 +1,13 @@
-"""What the monitors tell: failures and health, and what follows where one is lost.
+"""What the monitors tell: failures and health, and what follows where a monitor is lost.
 
-A monitor of one computer is lost with it. Nobody tells then of what only it watched, and nobody
-says so: the monitor is asked for its whole table, and if that does not come, those that it watched
-count as silent. When the computer is back, it is asked again: what did not change it never tells.
+A row of health that turns failed is the failure; one that somebody tells of besides is the same
+fact. A monitor of one computer is lost with it. Nobody tells then of what only it watched, and
+nobody says so: the monitor is asked for its whole table, and if that does not come, those that it
+watched count as silent. When the computer is back, it is asked again: what did not change it never
+tells.
 """
-from typing import Any, Dict, Iterable, List, Optional, Tuple
+from typing import TYPE_CHECKING, Dict, Iterable, List, Optional
 
-from shsa_core.agenda import Agenda
 from shsa_core.healing.events import (
     AskMonitor,
     Command,
@@ -15,165 +16,165 @@ from shsa_core.healing.events import (
     Level,
     Log,
 )
-from shsa_core.healing.host_events import HostLost, HostSeen
-from shsa_core.healing.reach import Reach
-from shsa_core.model.kinds import Kind
+from shsa_core.healing.records import Healthy
+from shsa_core.model.kinds import QUIET, Kind, OnPartition
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import PublisherState
+from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 
-TRIGGER_S = 0.1
-"""So long after the table a trigger may come: they travel on two connections."""
-ANSWER_S = 0.5
-"""So long a monitor may take to tell its whole table, when its computer seems lost."""
+if TYPE_CHECKING:
+    from shsa_core.healing.machine import Reconfigurator
 
 
-class Hearing(Reach):
-    """Keeps up how everybody does, and has the services decide whom that concerns."""
+def failure_seen(core: "Reconfigurator", event: FailureSeen) -> List[Command]:
+    """Heal after a failure that somebody tells, unless the table has told of it."""
+    return failed(core, event, told=False)
 
-    def __init__(self, *told: Any) -> None:
-        super().__init__(*told)
-        self._ending = self._over = False
-        self._untold: Agenda[str] = Agenda()  # failures in the table, by their service
-        self._asked: Agenda[str] = Agenda()  # computers whose monitor owes its table
 
-    def _failure_seen(self, event: FailureSeen) -> List[Command]:
-        if self._ending:
-            return []
-        service = self._service_of(event)
-        if service is None or self._is_old_substitute(event.publisher, service.name):
-            return []
-        if event.kind is Kind.NO_VALUE and event.publisher not in self._concern.by_process:
-            return []  # only a substitute of ours can tell that of itself
-        if not event.detail:
-            who = event.publisher or "nobody"
-            text = f"{event.topic}: a failure of {who} is told without saying what was seen."
-            return [Log(Level.WARN, f"{text} Nothing is healed without evidence.")]
-        if not service.needed:
-            why = event.detail.rstrip(".")
-            text = f"{event.topic} failed: {why}. It is not marked `needed`, ignored."
-            return [Log(Level.WARN, text)]
-        # Whoever is asked about does well, and so does a substitute that tells of its law.
-        if event.kind not in (Kind.REQUESTED, Kind.NO_VALUE):
-            self._doubt(service, event)
-            self._nodes.note(event)
-            self._note_health(event.topic, event.publisher)
-        self._unsettle([service.name, *self._concerned(event.topic, event.publisher)])
-        return self._ask(service.name, lambda healing, now: healing.failed(now, event))
+def failed(core: "Reconfigurator", event: FailureSeen, told: bool = True) -> List[Command]:
+    """Have a service decide about a failure; `told`: the table of health tells of it."""
+    robot = core.robot
+    service = _service_of(core, event)
+    if core.ending or service is None:
+        return []
+    name, topic, publisher = service.name, event.topic, event.publisher
+    served = robot.processes.served(publisher)
+    if publisher in robot.health.substitutes and name not in served:
+        return []  # it was a substitute, long ago
+    if event.kind is Kind.NO_VALUE and not served:
+        return []  # only a substitute of ours can tell that of itself
+    if not event.detail:
+        text = f"{topic}: a failure of {publisher or 'nobody'} is told without saying what was seen"
+        return [Log(Level.WARN, f"{text}. Nothing is healed without evidence.")]
+    if not service.needed:
+        why = event.detail.rstrip(".")
+        return [Log(Level.WARN, f"{topic} failed: {why}. It is not marked `needed`, ignored.")]
+    # A node that is asked about does well, and so does a substitute that tells of its law.
+    if event.kind not in (Kind.REQUESTED, Kind.NO_VALUE):
+        if not told and not robot.health.note(event):
+            core.services[name].note_message(event)
+            return core.ask(name, lambda each: [])
+        _doubt(core, service, event)
+        _write_health(core, (topic, publisher))
+    core.unsettle([name, *core.concerned(topic, publisher)])
+    return core.ask(name, lambda each: each.failed(event))
 
-    def _service_of(self, event: FailureSeen) -> Optional[Service]:
-        if event.service:
-            return self._som.services.get(event.service)
-        for name in self._substituted(event.topic, event.publisher)[:1]:
-            return self._som.services.get(name)
-        return self._som.service_of(event.topic, event.publisher)
 
-    def _is_old_substitute(self, publisher: str, service: str) -> bool:
-        known = publisher in self._nodes.substitutes
-        return known and service not in self._concern.served(publisher)
+def _service_of(core: "Reconfigurator", event: FailureSeen) -> Optional[Service]:
+    som = core.robot.som
+    if event.service:
+        return som.services.get(event.service)
+    for name in _substituted(core, event.topic, event.publisher)[:1]:
+        return som.services.get(name)
+    return som.service_of(event.topic, event.publisher)
 
-    def _substituted(self, topic: str, process: str) -> List[str]:
-        """The services of a topic that the substitutes in a process work for.
 
-        One that is nobody else's may have advertised other topics before it was set to work.
-        """
-        served = self._concern.served(process)
-        if len(served) == 1:
-            return list(served)
-        return [name for name in served if self._som.services[name].topic == topic]
+def _substituted(core: "Reconfigurator", topic: str, process: str) -> List[str]:
+    """Return the services of a topic that the substitutes in a process work for.
 
-    def _health_seen(self, event: HealthSeen) -> List[Command]:
-        if event.whole:
-            self._asked.set(self._hosts.name(event.host), None)
-        return self._health_changed(event.time, self._nodes.heed(event))
+    One that is nobody else's may have advertised other topics before it was set to work.
+    """
+    served, services = core.robot.processes.served(process), core.robot.som.services
+    if len(served) == 1:
+        return list(served)
+    return [name for name in served if services[name].topic == topic]
 
-    def _host_seen(self, event: HostSeen) -> List[Command]:
-        host = self._hosts.name(event.host)
-        lost = bool(self._hosts.lost(host))
-        commands = super()._host_seen(event)
-        return commands + self._ask_monitor(host) if lost else commands
 
-    def _host_lost(self, event: HostLost) -> List[Command]:
-        host = self._hosts.name(event.host)
-        lost = bool(self._hosts.lost(host))
-        commands = super()._host_lost(event)
-        if lost or not self._hosts.lost(host):
-            return commands
-        asked = self._ask_monitor(host)
-        if asked:
-            self._asked.set(host, event.time + ANSWER_S)
-        return commands + asked
+def _doubt(core: "Reconfigurator", service: Service, event: FailureSeen) -> None:
+    """Note that somebody is silent: it is not known yet whether the computer is lost."""
+    robot = core.robot
+    host = robot.host_of(event.publisher or service.node)
+    if not host or event.kind not in QUIET or event.kind is Kind.NODE_GONE:
+        return
+    computers = robot.computers
+    computers.doubt(host, event.time)
+    unheard = computers.known(host) and computers.heard(host) <= event.time
+    waits = service.on_partition is OnPartition.WAIT and service.needed
+    if unheard and waits and host == computers.name(service.host):
+        robot.doubted[service.name] = event.time
 
-    def _ask_monitor(self, host: str) -> List[Command]:
-        self._asked.set(host, None)
-        in_som = self._hosts.in_som(host)
-        return [AskMonitor(in_som)] if self._nodes.has_monitor(in_som) else []
 
-    def _monitors_lost(self, time: float) -> List[Command]:
-        """Monitors that were asked have not answered: nobody tells of what they watched."""
-        commands: List[Command] = []
-        for host in self._asked.pop_due(time):
-            why = f"{host} is lost, and its monitor: {self._hosts.lost(host).rstrip('.')}"
-            processes = self._concern.by_process
-            elsewhere = [node for node in processes if self._where.host_of(node) != host]
-            changed = self._nodes.lose_monitor(time, host, why, elsewhere)
-            commands += self._silent(time, changed)
-            for name in list(self._where.working_on(host)):  # who was heard so far is not now
-                commands += self._ask(name, lambda healing, now: healing.host_lost(now, why))
-        return commands
+def health_seen(core: "Reconfigurator", event: HealthSeen) -> List[Command]:
+    """Take over what a monitor tells, and have those decide whom it concerns."""
+    if event.whole:
+        core.asked.set(core.robot.computers.name(event.host), None)
+    return _changed(core, *core.robot.health.heed(event))
 
-    def _silent(self, time: float, keys: Iterable[Tuple[str, str]]) -> List[Command]:
-        """Some count as silent, and no trigger will come."""
-        commands = self._health_changed(time, keys)
-        for name in dict.fromkeys(name for key in keys for name in self._concerned(*key)):
-            missed = self._missed_failure(time, name)
-            commands += [] if missed is None else self._failure_seen(missed)
-        return commands
 
-    def _health_changed(self, time: float, keys: Iterable[Tuple[str, str]]) -> List[Command]:
-        """Tell whom the health of some publishers of topics concerns."""
-        commands: List[Command] = []
-        concerned: Dict[str, None] = {}
-        judged: Dict[str, None] = {}
-        for topic, publisher in keys:
-            row = self._nodes.health(topic).get(publisher)
-            self._note_health(topic, publisher)
-            if publisher in self._concern.by_process:
-                concerned.update(dict.fromkeys(self._substituted(topic, publisher)))
-            elif publisher not in self._nodes.substitutes:
-                services = self._concerned(topic, publisher)
-                concerned.update(dict.fromkeys(services))
-                self._unsettle(services)
-                blaming = self._concern.blaming(publisher)
-                judged.update(dict.fromkeys(name for name in blaming if name in self._concern.kept))
-                commands += self._acquaint(publisher, row)
-        for name in concerned:
-            self._expect_trigger(time, name)
-            commands += self._ask(name, lambda healing, now: healing.changed(now))
-        for name in judged:
-            commands += self._ask(name, lambda healing, now: healing.reconsider(now))
-        return commands
+def _changed(
+    core: "Reconfigurator", keys: Iterable[Key], failures: Iterable[FailureSeen]
+) -> List[Command]:
+    robot, commands = core.robot, []  # type: ignore[var-annotated]
+    concerned: Dict[str, None] = {}
+    judged: Dict[str, None] = {}
+    for topic, publisher in keys:
+        _write_health(core, (topic, publisher))
+        if robot.processes.served(publisher):
+            concerned.update(dict.fromkeys(_substituted(core, topic, publisher)))
+        elif publisher not in robot.health.substitutes:
+            services = core.concerned(topic, publisher)
+            concerned.update(dict.fromkeys(services))
+            core.unsettle(services)
+            accusers = robot.nodes.accusers(publisher)
+            judged.update((name, None) for name in accusers if name in robot.indexes.kept)
+            commands += acquaint(core, publisher, robot.health.row((topic, publisher)))
+    failures = list(failures)
+    if failures:
+        commands += core.settle()  # what has failed as well is no input
+    for failure in failures:
+        commands += failed(core, failure)
+    commands += core.ask_all(concerned, lambda each: each.changed())
+    return commands + core.ask_all(judged, lambda each: each.reconsider())
 
-    def _expect_trigger(self, time: float, name: str) -> None:
-        """A trigger tells more than the table, and may come a moment after it."""
-        if self._missed_failure(time, name) is None:
-            self._untold.set(name, None)
-        else:
-            self._untold.bring_forward(name, time + TRIGGER_S)
 
-    def _missed_failure(self, time: float, name: str) -> Optional[FailureSeen]:
-        """The failure that the table tells of, and no trigger, as when we start late."""
-        service = self._som.services.get(name)
-        if self._ending or service is None or not service.needed or self._open(name):
-            return None
-        rows = self._rows(service)
-        if any(row.state is PublisherState.HEALTHY for row in rows):
-            return None
-        for row in rows:
-            excluded = row.publisher in self._nodes.excluded or row.publisher in self._kills.nodes
-            if row.state is PublisherState.FAILED and not excluded:
-                kind = row.kind or Kind.OTHER
-                detail = row.detail or f"the monitor's table says {kind}"
-                return FailureSeen(
-                    time, name, row.topic, row.publisher, kind, detail, row.last_good
-                )
-        return None
+def look_again(core: "Reconfigurator") -> List[Command]:
+    """Heal what has failed before it was needed, as the SOM is another one now."""
+    robot, commands = core.robot, []  # type: ignore[var-annotated]
+    for service in robot.som.needed():
+        rows = robot.health.originals(robot.som, service)
+        well = any(row.state is PublisherState.HEALTHY for row in rows)
+        for row in () if well or core.incident(service.name) else rows:
+            known = row.publisher in robot.health.excluded or row.publisher in robot.health.dying
+            if row.state is PublisherState.FAILED and not known:
+                commands += failed(core, robot.health.failure(row))
+    return commands
+
+
+def acquaint(core: "Reconfigurator", node: str, row: Optional[PublisherHealth]) -> List[Command]:
+    """Learn which process a node is that is well; forget that of one that is gone."""
+    nodes, som = core.robot.nodes, core.robot.som
+    if row is None or (row.state is PublisherState.FAILED and row.kind is Kind.NODE_GONE):
+        nodes.went(node)
+    elif row.state is PublisherState.HEALTHY:
+        # Only the nodes that the SOM names are learned: anybody registers other names.
+        if any(each.node == node for each in som.of_topic(row.topic)):
+            return nodes.came_up(node, row.topic)
+    return []
+
+
+def _write_health(core: "Reconfigurator", key: Key) -> None:
+    row = core.robot.health.row(key)
+    well = row is not None and row.state is PublisherState.HEALTHY
+    record = Healthy(*key, row.since) if row is not None and well else None
+    core.robot.records.set(Healthy(*key, 0.0).key, record)
+
+
+def tick(core: "Reconfigurator", time: float) -> List[Command]:
+    """Act on monitors that should have told something by now, and have not."""
+    robot, commands = core.robot, []  # type: ignore[var-annotated]
+    for host in core.asked.pop_due(time):
+        why = f"{host} is lost, and its monitor: {robot.computers.lost(host).rstrip('.')}"
+        processes = robot.processes.nodes
+        elsewhere = [node for node in processes if robot.host_of(node) != host]
+        commands += _changed(core, *robot.health.lose_monitor(time, host, why, elsewhere))
+        working = robot.processes.working_on(host)  # what was heard so far is not now
+        commands += core.ask_all(working, lambda each: each.host_lost(why))
+    missed = robot.health.missed(time)
+    return commands + ([] if missed is None else health_seen(core, missed))
+
+
+def ask_monitor(core: "Reconfigurator", host: str, due: Optional[float] = None) -> List[Command]:
+    """Ask the monitor of a computer for its whole table; `due`: it is lost if it is silent then."""
+    in_som = core.robot.computers.in_som(host)
+    known = core.robot.health.has_monitor(in_som)
+    core.asked.set(host, due if known else None)
+    return [AskMonitor(in_som)] if known else []

@@ -4,15 +4,8 @@ from math import inf
 from typing import Dict, List, Optional
 
 from shsa_core.agenda import Agenda, doubled
-from shsa_core.healing.host_events import HostLost, HostSeen
-from shsa_core.healing.settings import Settings
-
-SETTLE_S = 2.0
-"""Computers come one after the other: what stands by is placed anew once they have."""
-STRAINED = 0.9
-"""Of its cores: a computer that has more of them busy makes well nodes slow."""
-MISSED_S = 1.5
-"""A computer that was not heard for so long was cut off, though nobody said so."""
+from shsa_core.healing.events import HostLost, HostSeen
+from shsa_core.healing.settings import MISSED_S, SETTLE_S, STRAINED, Settings
 
 
 @dataclass
@@ -27,8 +20,8 @@ class _Computer:
     doubted: float = -inf
 
 
-class Hosts:
-    """Which computers are there, by what their agents tell.
+class Computers:
+    """The computers that are there, by what their agents tell.
 
     One that comes back counts for placement after a hold-off, which doubles while it is lost again
     and again: a link that drops every few seconds moves nothing. `own`: the name in the SOM of the
@@ -43,40 +36,39 @@ class Hosts:
 
     @property
     def deadline(self) -> Optional[float]:
-        """When `settled` has something to tell, in s; None: never."""
+        """Return when `settled` has something to tell, in s; None: never."""
         return self._settling.next()
 
     def settled(self, time: float) -> List[str]:
-        """The computers that count from now on, and did not before."""
+        """Return the computers that count from now on, and did not before."""
         return self._settling.pop_due(time)
 
     def name(self, host: str) -> str:
-        """The name of a computer here: the reconfigurator's own has none."""
+        """Return the name of a computer here: the reconfigurator's own has none."""
         return "" if host == self._own else host
 
     def in_som(self, host: str) -> str:
-        """The name of a computer in the SOM; empty: it has none."""
+        """Return the name of a computer in the SOM; empty: it has none."""
         return host or self._own
 
     def known(self, host: str) -> bool:
-        """Whether a computer was ever heard."""
+        """Tell that a computer was ever heard."""
         return host in self._known
 
     def lost(self, host: str) -> str:
-        """Why a computer counts as lost; empty: it does not."""
+        """Return why a computer counts as lost; empty: it does not."""
         return self._known[host].detail if host in self._known else ""
 
     def reachable(self, host: str) -> bool:
-        """Whether what is said to a computer is heard there."""
+        """Tell that what is said to a computer is heard there."""
         return host == "" or (host in self._known and not self._known[host].detail)
 
     def counts(self, host: str, time: float) -> bool:
-        """Whether substitutes may be placed on a computer."""
-        if not self.reachable(host):
-            return False
+        """Tell that substitutes may be placed on a computer."""
         computer = self._known.get(host)
-        certain = computer is None or computer.word.time > computer.doubted
-        return host == "" or computer is None or (certain and time >= computer.counts)
+        if host == "" or computer is None or computer.detail:
+            return host == ""
+        return computer.word.time > computer.doubted and time >= computer.counts
 
     def doubt(self, host: str, time: float) -> None:
         """Somebody on a computer fell silent: it does not count until it is heard again."""
@@ -84,24 +76,24 @@ class Hosts:
             self._known[host].doubted = time
 
     def word(self, host: str) -> Optional[HostSeen]:
-        """What a computer has told of itself last."""
+        """Return what a computer has told of itself last."""
         return self._known[host].word if host in self._known else None
 
     def strained(self, host: str) -> bool:
-        """Whether a computer has too much to do, by what it has told last."""
+        """Tell that a computer has too much to do, by what it has told last."""
         word = self.word(host)
         return word is not None and word.load >= STRAINED * word.cores > 0.0
 
     def heard(self, host: str) -> float:
-        """When a computer was heard last, in s."""
+        """Return when a computer was heard last, in s."""
         return self._known[host].word.time if host in self._known else -inf
 
     def steady_since(self, host: str) -> float:
-        """Since when a computer is heard without a gap, in s."""
+        """Return since when a computer is heard without a gap, in s."""
         return self._known[host].steady if host in self._known else -inf
 
     def seen(self, event: HostSeen) -> bool:
-        """A computer is there. Whether it was not before, or was cut off."""
+        """Note that a computer is there. Returns that it was not before, or was cut off."""
         host, time = self.name(event.host), event.time
         computer = self._known.get(host)
         if computer is None:
@@ -109,19 +101,18 @@ class Hosts:
             self._settling.set(host, time + SETTLE_S)
             return True
         back = bool(computer.detail)
-        missed = time - computer.word.time > MISSED_S
         if back:
-            settings, times = self._settings, computer.losses - 1
-            longest = max(settings.hold_off, settings.hold_off_limit)
-            computer.counts = time + doubled(settings.hold_off, times, longest)
+            pause, longest = self._settings.hold_off, self._settings.longest_hold_off
+            computer.counts = time + doubled(pause, computer.losses - 1, longest)
             self._settling.set(host, max(computer.counts, time + SETTLE_S))
+        back = back or time - computer.word.time > MISSED_S
         computer.word, computer.detail = event, ""
-        if back or missed:
+        if back:
             computer.steady = time
-        return back or missed
+        return back
 
     def lose(self, event: HostLost) -> bool:
-        """A computer is not heard any more. Whether that is new."""
+        """Note that a computer is not heard any more. Returns that this is new."""
         host = self.name(event.host)
         if host == "":
             return False

@@ -1,24 +1,30 @@
 """The reconfigurator's decisions: events in, commands out (Section IV-C of the paper).
 
-An event is handled by those that it concerns: the services that it is about, and those whose
-substitutes read what it changes. What is known of the rest stays as it is, so that a decision costs
-the same on a large robot.
+Three machines decide: `service` (what publishes a service), `node` (what becomes of a faulty node)
+and `process` (which processes of substitutes run where). Here an event goes to those that it
+concerns, and what follows from their answers is kept up. What is known of the rest stays as it is,
+so that a decision costs the same on a large robot.
 """
 from dataclasses import replace
-from typing import Any, Callable, Collection, Dict, List, Optional, Tuple, Type
+from functools import partial
+from typing import Any, Callable, Collection, Dict, Iterable, List, Optional, Tuple, Type
 
 from shsa_core import dispatch
+from shsa_core.agenda import Agenda
 from shsa_core.codegen.plans import Plan
-from shsa_core.errors import ModelError
-from shsa_core.healing import events
-from shsa_core.healing.events import Command, Event, FailureSeen, Level, Log
-from shsa_core.healing.host_events import HostLost, HostSeen
-from shsa_core.healing.hearing import Hearing
-from shsa_core.healing.incident import Incident
-from shsa_core.healing.records import RestartedNode
+from shsa_core.errors import ModelError, ShsaError
+from shsa_core.healing import events, hearing, reach, succession
+from shsa_core.healing.events import Command, Event, FailureSeen
+from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.node import NODE_EVENTS, Said
+from shsa_core.healing.records import Counters, RestartedNode, ServiceRecord
+from shsa_core.healing.repair import STUCK, SUBSTITUTED
+from shsa_core.healing.robot import Robot
+from shsa_core.healing.service import ServiceMachine
 from shsa_core.healing.settings import Settings
-from shsa_core.healing.upkeep import is_shared
-from shsa_core.model.kinds import Kind
+from shsa_core.healing.tables import running_som
+from shsa_core.healing.indexes import Computed
+from shsa_core.model.kinds import Kind, Policy
 from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
@@ -28,8 +34,10 @@ from shsa_core.monitoring.events import PublisherState
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
 """What only tells people comes after what acts: a line of the log takes as long as a takeover."""
 
+Ask = Callable[[ServiceMachine], List[Command]]
 
-class Reconfigurator(Hearing):
+
+class Reconfigurator:
     """Heals every needed service of a SOM.
 
     Args:
@@ -53,24 +61,40 @@ class Reconfigurator(Hearing):
         restarts: bool = True,
         host: str = "",
     ) -> None:
-        super().__init__(ontology, som, settings, namespace, dry_run, restarts, host)
+        self.settings = settings
+        self.ending = self._over = False
+        self._namespace = namespace
+        self._dry_run = dry_run
+        self._restarts = restarts
+        self.robot = robot = Robot(ontology, self._as_told(som), settings, namespace, host)
+        self.names = robot.names
+        self.services: Dict[str, ServiceMachine] = {}
+        self.asked: Agenda[str] = Agenda()  # computers whose monitor owes its table
+        self._agenda: Agenda[str] = Agenda()
+        self._unsettled: Dict[str, bool] = {}  # services whose availability may have changed
+        self._states = running_som()
+        self._watched: Tuple[str, ...] = ()
+        self._ended: List[str] = []  # services whose incident has ended with the last event
+        self._nodes, self._processes = nodes, _ = robot.nodes, robot.processes
+        for service in robot.som:
+            self._add(service)
         self._handlers: Dict[Type[Event], Callable[[Any], List[Command]]] = dispatch.table(
             Event,
             {
-                events.Started: self._started,
+                events.Started: partial(succession.started, self),
                 events.Prepared: self._prepared,
                 events.ShuttingDown: self._shutting_down,
                 events.LaunchEnding: self._launch_ending,
-                events.FailureSeen: self._failure_seen,
-                events.HealthSeen: self._health_seen,
+                events.FailureSeen: partial(hearing.failure_seen, self),
+                events.HealthSeen: partial(hearing.health_seen, self),
                 events.SomChanged: self._som_changed,
                 events.ModelsReloaded: self._models_reloaded,
                 events.NodeLearned: self._node_learned,
                 events.NodeCameUp: self._node_came_up,
-                events.NodeFound: self._node_found,
-                events.NodeLeft: self._node_left,
-                events.NodeUnregistered: self._node_unregistered,
-                events.ProcessUntouchable: self._process_untouchable,
+                events.NodeFound: lambda event: self.deliver(nodes.heed(event)),
+                events.NodeLeft: lambda event: self.deliver(nodes.heed(event)),
+                events.ProcessUntouchable: lambda event: self.deliver(nodes.heed(event)),
+                events.NodeUnregistered: lambda event: self.deliver(nodes.left_in_order(event)),
                 events.SubstituteStarted: self._substitute_started,
                 events.ProcessExited: self._process_exited,
                 events.ProcessSilent: self._process_silent,
@@ -78,69 +102,74 @@ class Reconfigurator(Hearing):
                 events.ProcessHung: self._process_hung,
                 events.SubstituteRequested: self._requested,
                 events.NodeRestarted: self._node_restarted,
-                events.RestartFailed: self._restart_failed,
+                events.RestartFailed: lambda event: self.deliver(nodes.restart_failed(event)),
                 events.StarterEnded: self._starter_ended,
-                events.Released: self._released,
+                events.Released: lambda e: self.ask(e.service, lambda each: each.released()),
                 events.CalibrationsHeard: self._calibrations_heard,
-                HostSeen: self._host_seen,
-                HostLost: self._host_lost,
+                events.HostSeen: partial(reach.host_seen, self),
+                events.HostLost: partial(reach.host_lost, self),
                 events.Idle: self._idle,
                 events.Tick: self._tick,
             },
         )
 
     def handle(self, event: Event) -> List[Command]:
-        """What is to be done about `event`."""
+        """Return what is to be done about `event`."""
+        robot, processes = self.robot, self._processes
         if self._over:
             return []  # nobody would stop what is started now
-        self._time = max(self._time, event.time)  # a failure is heard after it was seen
+        robot.time = max(robot.time, event.time)  # a failure is heard after it was seen
         self._forget_ended()
         commands = self._handlers[type(event)](event)
-        commands += self._start_waiting()
-        commands += self._settle()
-        commands += [] if self._over else self._refill()
-        commands += self._watch()
-        commands = self._strays.passed(self._time, commands)
-        shown = self._substitutions.change()
-        if shown is not None:
-            commands.insert(0, shown)  # first: it decides who publishes
-        commands[:0] = self._write_down()
-        states = self._states.change()
-        if states is not None:
-            commands.append(states)
+        for name in processes.starts.due(robot.time):
+            commands += self.ask(name, lambda each: each.replan())
+        commands += self.settle()
+        if not self._over:
+            commands += processes.refill(robot.time)
+        watched = tuple(sorted(set(robot.indexes.refused.values())))
+        if watched != self._watched:
+            self._watched = watched
+            commands.append(events.WatchNodes(watched))
+        robot.records.set("counters", Counters(robot.incidents, robot.names.next))
+        # What is written down comes first; then the table, which decides who publishes.
+        first: List[Command] = [*robot.records.change(), *processes.wanted.change()]
+        commands = [*first, *commands, *self._states.change()]
         return sorted(commands, key=lambda command: isinstance(command, TELLING))
 
     @property
     def plans_ahead(self) -> bool:
-        """Whether there are plans to make before they are needed: Idle makes one."""
-        return self._planner.plans.stale
+        """Tell that there are plans to make before they are needed: Idle makes one."""
+        return self.robot.planner.plans.stale
 
     @property
     def deadline(self) -> Optional[float]:
-        """When a Tick is due, in s; None: none is."""
+        """Return when a Tick is due, in s; None: none is."""
+        robot = self.robot
         dues = (
             self._agenda.next(),
-            self._starts.earliest(self._pool.deadline),
-            self._starts.deadline,
-            self._kills.deadline,
-            self._acquaintance.deadline,
-            self._untold.next(),
-            self._asked.next(),
+            self._processes.deadline,
             self._nodes.deadline,
-            self._hosts.deadline,
+            self.asked.next(),
+            robot.health.due,
+            robot.computers.deadline,
         )
         return min((due for due in dues if due is not None), default=None)
 
+    @property
+    def substitutes(self) -> Tuple[str, ...]:
+        """Return the node names of the substitutes that run now."""
+        return self._processes.nodes
+
     def needed(self) -> Tuple[Service, ...]:
-        """The services that are healed when they fail."""
-        return self._som.needed()
+        """Return the services that are healed when they fail."""
+        return self.robot.som.needed()
 
     def find(self, name: str) -> Service:
-        """The service of a name, a topic or a property; a needed one first.
+        """Return the service of a name, a topic or a property; a needed one first.
 
         A relative topic is one in our namespace. Raises ModelError if there is none.
         """
-        som = self._som
+        som = self.robot.som
         topic = full_name(name, self._namespace)
         found = [som.services[name]] if name in som.services else list(som.of_topic(topic))
         found += [source.service for source in som.of_property(name)]
@@ -150,222 +179,352 @@ class Reconfigurator(Hearing):
         return min(found, key=lambda service: not service.needed)
 
     def explain(self, name: str, without: Collection[str] = (), method: str = "") -> Plan:
-        """What would be done if the node of a service failed. Acts on nothing. Raises ShsaError."""
-        excluded = [self._som.known_name(each, self._namespace) for each in without]
-        plan = self._planner.explain(self.find(name), excluded, method)
-        return replace(plan, errors=self._planner.errors(plan))
+        """Return what would be done if the node of a service failed. Raises ShsaError."""
+        excluded = [self.robot.som.known_name(each, self._namespace) for each in without]
+        plan = self.robot.planner.explain(self.find(name), excluded, method)
+        return replace(plan, errors=self.robot.planner.errors(plan))
 
     def incident(self, service: str) -> Optional[Incident]:
-        """The open incident of a service."""
-        healing = self._healings.get(service)
-        return healing.incident if healing else None
+        """Return the open incident of a service."""
+        machine = self.services.get(service)
+        return machine.incident if machine else None
 
-    def _started(self, event: events.Started) -> List[Command]:
-        """Take up what a former reconfigurator has left, and stop the rest.
+    # Asking services, and keeping up what follows.
 
-        Its names are not used again. A user's node may have a name that begins like that: it is
-        none of our business.
-        """
-        if event.preparing:
-            self._starts.hold(event.time)
-        commands = self._take_up(event)
-        for node in filter(self.names.avoid, event.strangers):
-            text = f"{node} is left alone: it is named as a substitute, but is not known to be one."
-            commands.append(Log(Level.WARN, f"{text} If it was left behind: rosnode kill {node}"))
-        for node in filter(self.names.avoid, event.leftovers):
-            commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-            commands += self._end_orphan(node)
+    def ask(self, name: str, ask: Ask, removed: Optional[Service] = None) -> List[Command]:
+        """Have a service decide, and keep up what follows; `removed`: what it was in the SOM."""
+        machine, robot = self.services.get(name), self.robot
+        service = removed or robot.som.services.get(name)
+        if machine is None or service is None:
+            return []
+        machine.spec = robot.spec(service)
+        before = machine.incident
+        decided = before, machine.node, machine.substitute.plan
+        commands = ask(machine)
+        incident = machine.incident
+        self._agenda.set(name, machine.deadline)
+        if (incident, machine.node, machine.substitute.plan) != decided:
+            self._follow(machine)
+        row = machine.row()
+        if row is not None:
+            self._processes.show(row)
+        record = machine.record(row)
+        if before is not None and incident is None:
+            shown = [each.incident for each in commands if isinstance(each, events.ShowIncident)]
+            record = replace(record, incident=shown[-1])  # until it is told, and logged
+            self._ended.append(name)
+            robot.calibrations.healed(name)
+        robot.records.set(record.key, None if record == ServiceRecord(name) else record)
+        if (before is None) != (incident is None):
+            self.unsettle([name])
         return commands
 
-    def _prepared(self, event: events.Prepared) -> List[Command]:
-        self._starts.release()
-        return []
+    def _follow(self, machine: ServiceMachine) -> None:
+        """Keep up the indexes of a service that has decided."""
+        name, state, indexes = machine.spec.name, machine.state, self.robot.indexes
+        incident, plan = machine.incident, machine.substitute.plan
+        reads = plan.inputs if isinstance(plan, Plan) else ()
+        indexes.follow(name, tuple(dict.fromkeys(source.service.name for source in reads)))
+        for index in (indexes.stuck, indexes.kept, indexes.computed, indexes.refused):
+            index.pop(name, None)  # type: ignore[attr-defined]
+        if incident is None:
+            return
+        if state in STUCK:
+            indexes.stuck[name] = None
+        if state is State.KEPT or incident.kept:
+            indexes.kept[name] = None
+        if state in SUBSTITUTED:
+            indexes.computed[name] = Computed(incident.faulty_node, machine.substitute.tried)
+        if machine.refuses:
+            indexes.refused[name] = incident.faulty_node
 
-    def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
-        """End every substitute, and the nodes that whoever ends us has started first."""
-        self._over = True
-        self._records.forget()
-        self._starts.forget()
-        ended: List[Command] = [events.StopSubstitute(node) for node in self.substitutes]
-        return ended + [events.StopNode(node) for node, ours in self._with_us.items() if ours]
+    def ask_all(self, names: Iterable[str], ask: Ask) -> List[Command]:
+        """Have some services decide."""
+        commands: List[Command] = []
+        for name in list(names):
+            commands += self.ask(name, ask)
+        return commands
 
-    def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
-        """What stops on purpose is not healed."""
-        self._ending = True
-        self._starts.forget()
-        return []
+    def deliver(self, said: Iterable[Said]) -> List[Command]:
+        """Carry what became of nodes to the services that accuse them; the rest are commands."""
+        commands: List[Command] = []
+        for each in said:
+            if not isinstance(each, NODE_EVENTS):
+                commands.append(each)  # type: ignore[arg-type]
+                continue
+            event = each
+            self.unsettle_node(event.node)
+            accusers = self._nodes.accusers(event.node)
+            commands += self.ask_all(accusers, lambda service: service.heed(event))
+        return commands
+
+    def settle(self) -> List[Command]:
+        """See which services come and go by what has happened, and tell those whom it concerns."""
+        commands: List[Command] = []
+        robot, indexes = self.robot, self.robot.indexes
+        while self._unsettled:
+            names, self._unsettled = self._unsettled, {}
+            looked = [(name, another, self._missing(name)) for name, another in names.items()]
+            gone, come = robot.availability.update(robot.som, looked)
+            for name in names:
+                self._states.set(name, robot.availability.states.get(name))
+            robot.planner.plans.change(gone, come)
+            others = [name for name, another in names.items() if another]
+            readers = indexes.readers([*others, *(service.name for service in gone)])
+            commands += self.ask_all(readers, lambda each: each.changed())
+            if come:
+                waiting = [*indexes.stuck, *indexes.kept]
+                commands += self.ask_all(waiting, lambda each: each.changed(service_came=True))
+        return commands
+
+    def _missing(self, name: str) -> str:
+        """Return why a service is not available whoever is well; empty: it may be."""
+        machine, service = self.services.get(name), self.robot.som.services.get(name)
+        if machine is not None and machine.incident is not None:
+            return "failed"
+        if service is None or not service.host or not service.event_driven:
+            return ""
+        lost = self.robot.lost(service.host)  # no silence tells of one that is due at no time
+        return f"{service.host} is lost: {lost}" if lost else ""
+
+    def unsettle(self, names: Iterable[str], another: bool = False) -> None:
+        """Look again whether some services are available; `another`: they are other ones now."""
+        for name in names:
+            self._unsettled[name] = another or self._unsettled.get(name, False)
+
+    def unsettle_node(self, node: str) -> None:
+        """Look again at the services that a node publishes."""
+        for topic in self.robot.health.topics.get(node, ()):
+            self.unsettle(self.concerned(topic, node))
+
+    def concerned(self, topic: str, publisher: str) -> List[str]:
+        """Return the services that a publisher of a topic may be of."""
+        som = self.robot.som
+        service = som.service_of(topic, publisher)
+        return [service.name] if service else [each.name for each in som.of_topic(topic)]
+
+    def _forget_ended(self) -> None:
+        """Forget the incidents that have ended with the event before: they are logged by now."""
+        names, self._ended = self._ended, []
+        for name in names:
+            key = ServiceRecord(name).key
+            record = self.robot.records.rows.get(key)
+            if isinstance(record, ServiceRecord) and record.incident is not None:
+                if record.incident.state is State.ENDED:
+                    record = replace(record, incident=None)
+                empty = record == ServiceRecord(name)
+                self.robot.records.set(key, None if empty else record)
+
+    # Services come and go.
+
+    def _as_told(self, som: Som) -> Som:
+        """Return a SOM as it counts: in a dry run every policy is to advise; none may restart."""
+        if self._restarts and not self._dry_run:
+            return som
+        return som.with_services(replace(each, policy=self._policy(each)) for each in som)
+
+    def _policy(self, service: Service) -> Policy:
+        if not self._dry_run and not service.policy.restarts:
+            return service.policy
+        substitutes = service.policy.substitutes and not self._dry_run
+        return Policy.SUBSTITUTE if substitutes else Policy.ADVISE
+
+    def _add(self, service: Service) -> None:
+        self.services[service.name] = ServiceMachine(service, self.robot)
+        self.unsettle([service.name], another=True)
+        self._offer(service)
+
+    def _change(self, service: Service) -> List[Command]:
+        self.unsettle([service.name], another=True)
+        self._offer(service)
+        if not service.needed:
+            return self.ask(service.name, lambda each: each.close())
+        return self.ask(service.name, lambda each: each.replan())
+
+    def _remove(self, service: Service) -> List[Command]:
+        name = service.name
+        commands = self.ask(name, lambda each: each.close(), service)
+        del self.services[name]
+        self.robot.planner.plans.forget(name)
+        self.robot.calibrations.forget(name)
+        self._processes.no_stand_by(name)
+        self._agenda.set(name, None)
+        self.unsettle([name], another=True)
+        return commands
+
+    def _offer(self, service: Service) -> None:
+        """Plan ahead for a service if it is needed, and let the pool serve it if it is warm."""
+        plans = self.robot.planner.plans
+        if service.needed:
+            plans.serve(service)
+        else:
+            plans.forget(service.name)
+        if self._processes.pool.serves(service):
+            self.robot.stand_by(service, None)
+        else:
+            self._processes.no_stand_by(service.name)
 
     def _som_changed(self, event: events.SomChanged) -> List[Command]:
-        old, self._som = self._som, self._as_told(event.som)
-        self._planner.som = som = self._som
+        robot = self.robot
+        old, robot.som = robot.som, self._as_told(event.som)
+        robot.planner.som = som = robot.som
         commands: List[Command] = []
         for name in [name for name in old.services if name not in som.services]:
             commands += self._remove(old.services[name])
         for service in som:
             before = old.services.get(service.name)
+            if before is not None and before.topic != service.topic:
+                commands += self._remove(before)
+                before = None
             if before is None:
                 self._add(service)
-            elif before.topic != service.topic:
-                commands += self._remove(before)
-                self._add(service)
-            elif before != service or is_shared(old, service) != is_shared(som, service):
+                continue
+            beside = len(old.of_topic(service.topic)) > 1, len(som.of_topic(service.topic)) > 1
+            if before != service or beside[0] is not beside[1]:
                 commands += self._change(service)
-        for name in list(self._concern.kept):
-            commands += self._ask(name, lambda healing, now: healing.reconsider(now))
-        return commands + (self._rehost() if old.hosts or som.hosts else [])
+        commands += self.ask_all(robot.indexes.kept, lambda each: each.reconsider())
+        if old.hosts or som.hosts:
+            commands += reach.rehost(self)
+        return commands + hearing.look_again(self)
 
     def _models_reloaded(self, event: events.ModelsReloaded) -> List[Command]:
-        """Plans follow the new models; what runs goes on."""
-        planner = self._planner_of(event.ontology)
-        planner.plans.change((), self._availability.services.values())
-        self._planner = planner
+        """Let plans follow the new models; what runs goes on."""
+        self.robot.planner = planner = self.robot.plan_by(event.ontology)
+        planner.plans.change((), self.robot.availability.services.values())
         return self._som_changed(events.SomChanged(event.time, event.som))
 
+    # The rest of the events.
+
+    def _prepared(self, event: events.Prepared) -> List[Command]:
+        self._processes.starts.release()
+        return []
+
+    def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
+        """End every substitute, and the nodes that whoever ends us has started first."""
+        self._over = True
+        for key in [key for key in self.robot.records.rows if key != "counters"]:
+            self.robot.records.set(key, None)
+        self._processes.starts.forget()
+        ended: List[Command] = [events.StopSubstitute(node) for node in self.substitutes]
+        return ended + [events.StopNode(n) for n, ours in self._nodes.restarted.items() if ours]
+
+    def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
+        """Heal nothing from now on: what stops does so on purpose."""
+        self.ending = True
+        self._processes.starts.forget()
+        return []
+
     def _node_learned(self, event: events.NodeLearned) -> List[Command]:
-        self._acquaintance.learned(event)
         self._nodes.learned(event)
-        self._unsettle_node(event.node)
+        self.unsettle_node(event.node)
         return []
 
     def _node_came_up(self, event: events.NodeCameUp) -> List[Command]:
-        commands: List[Command] = []
-        for name in self._concern.blaming(event.node):
-            commands += self._ask(name, lambda healing, now: healing.came_up(now))
-        return commands
+        return self.ask_all(self._nodes.accusers(event.node), lambda each: each.came_up())
 
-    def _node_found(self, event: events.NodeFound) -> List[Command]:
-        strained = self._hosts.strained(self._where.host_of(event.node))
-        commands, over = self._kills.found(event, strained)
-        return commands + self._killed([over] if over else [])
+    def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
+        if event.node not in self.robot.health.substitutes:  # none of ours is ever started again
+            self._nodes.restarted[event.node] = event.with_us
+            record = RestartedNode(event.node, event.with_us)
+            self.robot.records.set(record.key, record)
+        return []
 
-    def _node_left(self, event: events.NodeLeft) -> List[Command]:
-        commands, over = self._kills.left(event)
-        return self._killed([over] if over else []) + commands
-
-    def _node_unregistered(self, event: events.NodeUnregistered) -> List[Command]:
-        commands: List[Command] = []
-        for name in self._concern.blaming(event.node):
-            commands += self._ask(name, lambda healing, now: healing.left_in_order())
-        return commands
-
-    def _process_untouchable(self, event: events.ProcessUntouchable) -> List[Command]:
-        over = self._kills.untouchable(event)
-        return self._killed([over] if over else [])
+    def _starter_ended(self, event: events.StarterEnded) -> List[Command]:
+        """End a node that was started again with whoever started it first."""
+        ours = self._nodes.forget_restarted(event.node)
+        return [events.StopNode(event.node)] if ours else []
 
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
-        return self._ask_of(event.node, lambda healing, now: healing.started(event))
+        return self.ask_all(self._processes.served(event.node), lambda each: each.started(event))
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
-        self._starts.over(event.node)
-        if event.node in self._pool.nodes:
-            commands = self._pool.died(event.time, event.node, event.detail)
-            self._substitutions.set(event.node, None)
-        else:
-            commands = self._ask_of(event.node, lambda h, now: h.exited(now, event.detail))
-        if self._strays.host(event.node):  # nobody there needs to be told to end it
-            commands = [each for each in commands if each != events.StopSubstitute(event.node)]
-        self._strays.ended(event.node)
-        return commands
+        served, commands = self._processes.exited(event)
+        return commands + self.ask_all(served, lambda each: each.exited(event.detail))
 
     def _process_silent(self, event: events.ProcessSilent) -> List[Command]:
-        """Who gives no sign of life is not set to work, and is replaced if it was just now."""
-        if event.node in self._pool.nodes:
-            self._pool.silent(event.node)
-            return []
-        return self._ask_of(event.node, lambda healing, now: healing.process_silent(now))
+        self._processes.silent(event.node)
+        return self.ask_all(self._processes.served(event.node), lambda each: each.process_silent())
 
     def _process_heard(self, event: events.ProcessHeard) -> List[Command]:
-        self._pool.heard(event.node)
-        self._starts.over(event.node)
+        self._processes.heard(event.node)
         return []
 
     def _process_hung(self, event: events.ProcessHung) -> List[Command]:
-        if event.node in self._pool.nodes:
-            self._substitutions.set(event.node, None)
-            return self._pool.hung(event.time, event.node)
-        return self._ask_of(event.node, lambda healing, now: healing.process_hung(now))
+        served, commands = self._processes.served(event.node), self._processes.hung(event.node)
+        return commands + self.ask_all(served, lambda each: each.process_hung())
 
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
-        incident = self.incident(event.service)
+        incident, service = self.incident(event.service), self.robot.som.services.get(event.service)
         if incident is not None:
             return [events.ShowIncident(incident)]
-        service = self._som.services.get(event.service)
         if service is None:
             return []
-        originals = self._availability.originals(self._som, service)
+        originals = self.robot.health.originals(self.robot.som, service)
         healthy = [row for row in originals if row.state is PublisherState.HEALTHY]
         node = healthy[0].publisher if healthy else service.node
         last_good = healthy[0].last_good if healthy else None
-        why = "somebody asked for a substitute"
-        failure = FailureSeen(
-            event.time,
-            service.name,
-            service.topic,
-            node,
-            Kind.REQUESTED,
-            why,
-            last_good,
-            event.last_message,
-        )
-        return self._failure_seen(failure)
-
-    def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
-        if event.node in self._nodes.substitutes:
-            return []  # none of ours is ever started again
-        self._with_us[event.node] = event.with_us
-        told = event.node, event.with_us, event.process, event.starter
-        self._records.put(RestartedNode(*told))
-        return []
-
-    def _restart_failed(self, event: events.RestartFailed) -> List[Command]:
-        self._nodes.end_restart(event.node)
-        commands: List[Command] = []
-        for name in self._concern.blaming(event.node):
-            commands += self._ask(
-                name, lambda healing, now: healing.restart_failed(now, event.node, event.detail)
-            )
-        return commands
-
-    def _starter_ended(self, event: events.StarterEnded) -> List[Command]:
-        """A node that was started again lives no longer than whoever started it first."""
-        return [events.StopNode(event.node)] if self._forget_restarted(event.node) else []
-
-    def _released(self, event: events.Released) -> List[Command]:
-        return self._ask(event.service, lambda healing, now: healing.released(now))
+        what = service.name, service.topic, node, Kind.REQUESTED, "somebody asked for a substitute"
+        failure = FailureSeen(event.time, *what, last_good, event.last_message)
+        return hearing.failed(self, failure)
 
     def _calibrations_heard(self, event: events.CalibrationsHeard) -> List[Command]:
-        """Note what the substitutes start with; who computes already, as hot ones do, follows."""
-        for service, program in event.removed:
-            self._calibrations.leave(service, program)
-        taken = [row.service for row in event.rows if self._calibrations.take(row)]
-        commands: List[Command] = []
-        for name in dict.fromkeys(taken):
-            if name in self._healings and self._healings[name].node:
-                commands += self._ask(name, lambda healing, now: [])
-        return commands
+        """Note what the substitutes start with; one that computes already, as hot, follows."""
+        known, services = self.robot.calibrations, self.services
+        for name, program in event.removed:
+            if self.incident(name) is None:
+                known.leave(name, program)
+        healing = {row.service: self.incident(row.service) is not None for row in event.rows}
+        counts = [row.service for row in event.rows if known.add(row, healing[row.service])]
+        names = [n for n in dict.fromkeys(counts) if n in services and services[n].node]
+        return self.ask_all(names, lambda each: [])
 
     def _idle(self, event: events.Idle) -> List[Command]:
-        """Make one plan ahead; who follows it follows the new one."""
-        name = self._planner.plans.step()
+        """Make one plan ahead; what follows it follows the new one."""
+        plans = self.robot.planner.plans
+        name = plans.step()
         if name is None:
             return []
-        service = self._som.services[name]
-        if self._pool.serves(service):
-            self._stand_by(service, self._planner.plans.plan(name))
-        return self._ask(name, lambda healing, now: healing.replan(now))
+        service = self.robot.som.services[name]
+        if self._processes.pool.serves(service):
+            self.robot.stand_by(service, plans.plan(name))
+        return self.ask(name, lambda each: each.replan())
 
     def _tick(self, event: events.Tick) -> List[Command]:
-        commands, over = self._kills.tick(event.time)
-        commands += self._killed(over)
-        for node in self._kills.again(event.time):
-            commands += self._kill_again(node)
-        commands += self._acquaintance.tick(event.time) + self._hosts_settled(event.time)
-        for name in self._untold.pop_due(event.time):
-            missed = self._missed_failure(event.time, name)
-            commands += [] if missed is None else self._failure_seen(missed)
-        commands += self._monitors_lost(event.time)
-        unheard = self._nodes.unheard(event.time)
-        commands += self._health_seen(unheard) if unheard else []
-        for name in self._agenda.pop_due(event.time):
-            commands += self._ask(name, lambda healing, now: healing.tick(now))
-        return commands
+        commands = self.deliver(self._nodes.tick(event.time))
+        if self.robot.computers.settled(event.time):  # what stands by goes where it belongs
+            commands += reach.rehost(self)
+        commands += hearing.tick(self, event.time)
+        return commands + self.ask_all(self._agenda.pop_due(event.time), lambda each: each.tick())
+
+    def validate(self) -> None:
+        """Raise ShsaError if an invariant is broken.
+
+        These are: one publisher a service, no process without an owner, none that stands by where
+        it cannot be told, and something that will happen next in each incident.
+        """
+        robot, processes = self.robot, self._processes
+        owners: Dict[str, str] = {node: "the pool" for node in processes.pool.processes}
+        for name, machine in self.services.items():
+            machine.validate()
+            node, incident, state = machine.node, machine.incident, machine.state
+            shares = machine.substitute.shared and len(processes.served(node)) > 1
+            if node and node in owners and not shares:
+                raise ShsaError(f"{node} works for {name} and for {owners[node]}")
+            if node:
+                owners[node] = name
+            waits = incident and state is State.HEALING and machine.deadline is None
+            if waits and incident and not self._nodes.busy(incident.faulty_node):
+                raise ShsaError(f"{name} is being healed, and nothing will ever happen")
+            if state is not State.WELL and robot.availability.states[name].available:
+                raise ShsaError(f"{name} is {state} and available at the same time")
+            host = machine.substitute.host
+            if node and robot.computers.lost(host) and not machine.publishes:
+                raise ShsaError(f"{node} stands by for {name} on {host}, which is lost")
+        for row in processes.wanted.rows.values():
+            if row.node and row.node not in owners:
+                raise ShsaError(f"{row.node} is in the table of substitutions, but has no owner")
+            if row.publishing and self.services[row.service].state is State.WELL:
+                raise ShsaError(f"{row.node} publishes for {row.service}, which is well")
+        for idle in processes.pool.processes.values():
+            if robot.computers.lost(idle.host):
+                raise ShsaError(f"{idle.node} stands by on a computer that is lost")

@@ -7,7 +7,7 @@ from typing import Callable, Collection, Dict, Iterable, List, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
-from shsa_core.healing.hosts import Hosts
+from shsa_core.healing.hosts import Computers
 from shsa_core.healing.planner import AnyPlan
 from shsa_core.model.cost import Cost, cost, traffic
 from shsa_core.model.host import Host
@@ -30,7 +30,7 @@ class Place:
 
     @property
     def words(self) -> str:
-        """Where a substitute runs and why not elsewhere; empty: there is nothing to be said."""
+        """Return where a substitute runs and why not elsewhere; empty: nothing is to be said."""
         said = f" It runs on {self.host}." if self.host else ""
         if self.passed_over:
             said = said or f" It runs on {OWN}."
@@ -56,9 +56,12 @@ class Placement:
     """
 
     def __init__(
-        self, hosts: Hosts, lately: Callable[[str, float], Iterable[Cost]], som: Callable[[], Som]
+        self,
+        computers: Computers,
+        lately: Callable[[str, float], Iterable[Cost]],
+        som: Callable[[], Som],
     ) -> None:
-        self._hosts = hosts
+        self._computers = computers
         self._lately = lately
         self._som = som
 
@@ -70,12 +73,14 @@ class Placement:
         ready: str = "",
         idle: Collection[str] = (),
     ) -> Place:
-        """The computer for a plan: rather one of those where an idle process can be set to work.
+        """Return the computer for a plan: rather one where an idle process can be set to work.
 
         `idle` are those, and `ready` is the one on which they have prepared for this service. They
         need not have room now: any other process has to start first. Raises NoRoom if there is no
         computer.
         """
+        if not self._som().hosts:
+            return HERE
         return self.beside(time, service, self._inputs(plan), ready, idle)
 
     def beside(
@@ -86,7 +91,7 @@ class Placement:
         ready: str = "",
         idle: Collection[str] = (),
     ) -> Place:
-        """The same for a substitute that reads `inputs`, services that differ."""
+        """Do the same for a substitute that reads `inputs`, services that differ."""
         if not self._som().hosts:
             return HERE
         passed_over: List[str] = []
@@ -107,7 +112,7 @@ class Placement:
         raise NoRoom(f"no computer can run the substitute: {reasons}")
 
     def stands_by(self, time: float, service: Service, plan: AnyPlan) -> str:
-        """The computer where a process is to stand by for a plan; empty: the reconfigurator's own.
+        """Return the computer where a process is to stand by for a plan; empty: our own.
 
         The first that the limits of the SOM allow: what is busy for a while moves no process.
         """
@@ -118,88 +123,80 @@ class Placement:
         return ""
 
     def allowed(self, service: Service, host: str) -> bool:
-        """Whether a substitute of a service may be on a computer, as the SOM is now."""
-        hosts = [self._hosts.name(each) for each in self._som().hosts]
-        forbidden = [self._hosts.name(each) for each in service.placement.forbid]
+        """Tell that a substitute of a service may be on a computer, as the SOM is now."""
+        hosts = [self._computers.name(each) for each in self._som().hosts]
+        forbidden = [self._computers.name(each) for each in service.placement.forbid]
         return host not in forbidden and (host == "" or host in hosts)
 
     def _order(self, time: float, service: Service, inputs: List[Service]) -> List[str]:
-        """The computers that may be used, best first."""
-        names = dict.fromkeys(("", *map(self._hosts.name, self._som().hosts)))
-        there = [
-            host for host in names if self._hosts.counts(host, time) and self.allowed(service, host)
-        ]
-        preferred = [self._hosts.name(each) for each in service.placement.prefer]
+        """Return the computers that may be used, best first."""
+        computers = self._computers
+        names = dict.fromkeys(("", *map(computers.name, self._som().hosts)))
+        there = [each for each in names if computers.counts(each, time)]
+        preferred = [computers.name(each) for each in service.placement.prefer]
         near: Dict[str, float] = {}
-        for each in inputs:
-            host = self._hosts.name(each.host)
-            near[host] = near.get(host, 0.0) + traffic(each)
+        for source in inputs:
+            host = computers.name(source.host)
+            near[host] = near.get(host, 0.0) + traffic(source)
 
         def rank(host: str) -> Tuple[int, float, bool, float, str]:
             place = preferred.index(host) if host in preferred else len(preferred)
             beside = near.get(host, 0.0)
             return place, -beside, host != "" and not beside, self._busy(host), host
 
-        return sorted(there, key=rank)
+        return sorted((each for each in there if self.allowed(service, each)), key=rank)
 
     def _inputs(self, plan: AnyPlan) -> List[Service]:
-        """The services that a plan reads, each once, where they are as the SOM is now."""
+        """Return the services that a plan reads, each once, where they are as the SOM is now."""
         services = self._som().services
         read = plan.inputs if isinstance(plan, Plan) else ()
         named = {each.service.name: each.service for each in read}
         return [services.get(name, each) for name, each in named.items()]
 
     def _cost(self, inputs: List[Service], service: Service, host: str) -> Cost:
-        return cost(inputs, service, {host, self._hosts.in_som(host)})
+        return cost(inputs, service, {host, self._computers.in_som(host)})
 
     def _said(self, host: str) -> Host:
-        """The limits of a computer that the SOM says."""
-        return self._som().hosts.get(self._hosts.in_som(host), Host(host))
+        """Return the limits of a computer that the SOM says."""
+        return self._som().hosts.get(self._computers.in_som(host), Host(host))
 
     def _limits(self, host: str) -> Host:
-        """The computer's cores, as the SOM says or else it itself, and its link."""
+        """Return the computer's cores, as the SOM says or else it itself, and its link."""
         known = self._said(host)
-        word = self._hosts.word(host)
+        word = self._computers.word(host)
         told = word.cores if word is not None and word.cores > 0.0 else None
         return Host(host, told if known.cores is None else known.cores, known.link)
 
     def _busy(self, host: str) -> float:
-        """The share of a computer's cores that is busy; 0: not known."""
-        word, cores = self._hosts.word(host), self._limits(host).cores
+        """Return the share of a computer's cores that is busy; 0: not known."""
+        word, cores = self._computers.word(host), self._limits(host).cores
         return 0.0 if word is None or cores is None else word.load / cores
 
     def _no_room(self, host: str, takes: Cost, limits: Host) -> str:
-        """Why a substitute does not fit; empty: it does, or nothing is known against it."""
-        word = self._hosts.word(host)
+        """Return why a substitute does not fit; empty: it does, or nothing is known against it."""
+        word = self._computers.word(host)
         if word is None:
             return ""
         lately = list(self._lately(host, word.time))
+        cores, link = sum(each.cores for each in lately), sum(each.link for each in lately)
         for what, limit, busy, more, needed in (
-            ("cores", limits.cores, word.load, [each.cores for each in lately], takes.cores),
-            (
-                "bytes/s",
-                limits.link,
-                word.sent + word.received,
-                [each.link for each in lately],
-                takes.link,
-            ),
+            ("cores", limits.cores, word.load, cores, takes.cores),
+            ("bytes/s", limits.link, word.sent + word.received, link, takes.link),
         ):
-            total = busy + sum(more) + needed
+            total = busy + more + needed
             if limit is not None and needed > 0.0 and total > limit:
-                placed = f" + {sum(more):.4g} placed lately" if more else ""
-                return (
-                    f"{busy:.4g} busy{placed} + {needed:.4g} for it = {total:.4g} {what}"
-                    f" of {limit:.4g}"
-                )
+                placed = f" + {more:.4g} placed lately" if lately else ""
+                sums = f"{busy:.4g} busy{placed} + {needed:.4g} for it = {total:.4g} {what}"
+                return f"{sums} of {limit:.4g}"
         return ""
 
     def _none_there(self, time: float, service: Service) -> str:
-        """Why no computer may be used at all."""
+        """Return why no computer may be used at all."""
         reasons = []
         for name in self._som().hosts:
-            host = self._hosts.name(name)
+            host = self._computers.name(name)
             if not self.allowed(service, host):
                 reasons.append(f"{name} is forbidden")
-            elif not self._hosts.counts(host, time):
-                reasons.append(f"{name} is {self._hosts.lost(host) or 'not heard'}")
+            elif not self._computers.counts(host, time):
+                reasons.append(f"{name} is {self._computers.lost(host) or 'not heard'}")
         return "; ".join(reasons)

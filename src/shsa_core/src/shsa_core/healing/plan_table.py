@@ -53,7 +53,7 @@ class PlanTable:
         self._users: Dict[int, List[int]] = {}  # the properties that are derived from a property
         network = ontology.network
         for function, output in enumerate(network.outputs):
-            for input_ in network.inputs_of(function):
+            for input_ in network.inputs[function]:
                 self._users.setdefault(input_, []).append(output)
         for service in needed:
             self.serve(service)

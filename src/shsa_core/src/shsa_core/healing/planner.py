@@ -1,26 +1,73 @@
 """What could take a service over now: questions that change nothing."""
 from dataclasses import replace
-from typing import Collection, List, Optional, Tuple, Union
+from typing import Collection, Dict, List, Optional, Sequence, Tuple, Union
 
 from shsa_core.codegen.generator import Program
-from shsa_core.codegen.prediction import Predictor, predictor
 from shsa_core.codegen.plans import Plan, SafeValues, plan_service, safe_values
+from shsa_core.codegen.prediction import Predictor, predictor
 from shsa_core.errors import ShsaError
-from shsa_core.healing.availability import Availability
-from shsa_core.healing.calibrations import Calibrated, Calibrations
-from shsa_core.healing.kills import Kills
-from shsa_core.healing.nodes import Nodes
+from shsa_core.healing.health import Availability, Health
 from shsa_core.healing.plan_table import PlanTable
-from shsa_core.healing.settings import Settings
+from shsa_core.healing.settings import ENOUGH, RECALLED, Settings
+from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Signal, Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.events import CalibrationRow
 
 AnyPlan = Union[Plan, SafeValues]
-RECALLED = 20
-"""A plan that is not among so many of the best is not known again."""
+Calibrated = Tuple[Calibration, ...]
+
+
+class Calibrations:
+    """The newest calibration of every program that may substitute a service.
+
+    While a service is being healed its calibrations stay as they were at the failure.
+    """
+
+    def __init__(self) -> None:
+        self._known: Dict[str, Dict[Program, Calibrated]] = {}
+        self._later: Dict[str, Dict[Program, Calibrated]] = {}
+
+    def of(self, service: str, program: Program) -> Calibrated:
+        """Return the calibration of each output of a program; empty: none is known."""
+        return self._known.get(service, {}).get(program, ())
+
+    def add(self, row: CalibrationRow, healing: bool) -> bool:
+        """Note what the monitor tells; `healing`: of a service that is healed. True: it counts."""
+        if len(row.calibrations) != len(row.program.outputs):
+            return False
+        if _samples(row.calibrations) < min(ENOUGH, _samples(self.of(row.service, row.program))):
+            return False
+        table = self._later if healing else self._known
+        table.setdefault(row.service, {})[row.program] = row.calibrations
+        return not healing
+
+    def leave(self, service: str, program: Program) -> None:
+        """The monitor follows a program no more."""
+        self._known.get(service, {}).pop(program, None)
+
+    def recall(self, service: str, program: Program, outputs: Sequence[Signal]) -> None:
+        """Note how a former reconfigurator has calibrated a program."""
+        found = tuple(Calibration(each.gain, each.offset, each.error) for each in outputs)
+        self._known.setdefault(service, {})[program] = found
+
+    def healed(self, service: str) -> None:
+        """Let count what was told while the service was healed."""
+        self._known.setdefault(service, {}).update(self._later.pop(service, {}))
+
+    def forget(self, service: str) -> None:
+        """There is no such service any more."""
+        self._known.pop(service, None)
+        self._later.pop(service, None)
+
+
+def _samples(calibrations: Calibrated) -> int:
+    """Return how much is known at least of what is calibrated."""
+    errors = (each.error for each in calibrations if each != UNCALIBRATED)
+    return min((error.n or 0 for error in errors if error is not None), default=0)
 
 
 class Planner:
@@ -31,19 +78,18 @@ class Planner:
         ontology: Ontology,
         som: Som,
         settings: Settings,
-        nodes: Nodes,
+        health: Health,
         availability: Availability,
-        kills: Kills,
         calibrations: Calibrations,
     ) -> None:
         self.ontology = ontology
         self.som = som
         self.calibrations = calibrations
         self.plans = PlanTable(ontology, som.needed(), settings.method, lambda: self.predictor)
-        self._settings = settings
-        self._nodes = nodes
+        self._method = settings.method
+        self._deadlines = settings.deadlines
+        self._health = health
         self._availability = availability
-        self._kills = kills
         self._predictor: Optional[Predictor] = None
         self._predicts_for: Optional[Som] = None
         self._answered: Tuple[object, ...] = (None,) * 3
@@ -51,26 +97,26 @@ class Planner:
 
     @property
     def predictor(self) -> Optional[Predictor]:
-        """Who predicts errors by the models as they are now; None if no errors are known."""
+        """Return who predicts errors by the models as they are now; None: no errors are known."""
         if self._predicts_for is not self.som:
             self._predicts_for = self.som
             self._predictor = predictor(self.ontology, self.som.sources)
         return self._predictor
 
     def plan(self, service: Service, tried: Collection[Plan], faulty: str) -> Plan:
-        """The best plan for a service whose node `faulty` has failed, other than those tried.
+        """Return the best plan for a service whose node `faulty` has failed, but for those tried.
 
         Raises ShsaError.
         """
-        return self._without(service, self._nodes.excluded | self._kills.nodes | {faulty}, tried)
+        excluded = {*self._health.excluded, *self._health.dying, faulty}
+        return self._without(service, excluded, tried)
 
     def recall(self, service: Service, row: Substitution) -> Optional[AnyPlan]:
-        """The plan that a row of the table carries out, by the models as they are now.
+        """Return the plan that a row of the table carries out, by the models as they are now.
 
         None: it is none of the best, or none at all.
         """
-        inputs, outputs = ([each.path for each in signals] for signals in (row.inputs, row.outputs))
-        program = Program(tuple(inputs), row.code, tuple(outputs))
+        program = program_of(row)
         safe = safe_values(service)
         if safe is not None and safe.program == program:
             return safe
@@ -88,7 +134,7 @@ class Planner:
     def replaceable(
         self, service: Service, excluded: Collection[str], tried: Collection[Plan] = ()
     ) -> bool:
-        """Whether a substitute could take a service over without some nodes."""
+        """Tell that a substitute could take a service over without some nodes."""
         if not service.policy.substitutes or self.plans.hopeless(service.name, excluded):
             return False
         try:
@@ -103,18 +149,17 @@ class Planner:
         ready = self.plans.plan(service.name)
         if ready is not None and ready not in tried and self.usable(ready, excluded):
             return ready
-        return self._search(service, excluded, self._settings.method, tried)
+        return self._search(service, excluded, self._method, tried)
 
     def ahead(self, service: Service) -> Plan:
-        """The best plan for the case that the node of a service fails. Raises ShsaError."""
+        """Return the best plan for the case that a service's node fails. Raises ShsaError."""
         return self.plans.plan(service.name) or self.explain(service)
 
     def explain(self, service: Service, without: Collection[str] = (), method: str = "") -> Plan:
-        """The same, also without some services, nodes and topics, by a search. Raises ShsaError."""
-        publishers = {row.publisher for row in self._availability.originals(self.som, service)}
-        excluded = {service.node, *publishers, *self._nodes.excluded, *without}
-        method = method or self._settings.method
-        return self._search(service, excluded, method)
+        """Search it, also without some services, nodes and topics. Raises ShsaError."""
+        publishers = {row.publisher for row in self._health.originals(self.som, service)}
+        excluded = {service.node, *publishers, *self._health.excluded, *without}
+        return self._search(service, excluded, method or self._method)
 
     def _search(
         self,
@@ -129,24 +174,24 @@ class Planner:
         )
 
     def usable(self, plan: Plan, excluded: Collection[str] = ()) -> bool:
-        """Whether all that a plan reads is available, from the nodes that it was made for."""
-        services = self._availability.services
+        """Tell that all that a plan reads is available, from the nodes that it was made for."""
+        services, excluded = self._availability.services, set(excluded)
         return all(
             source.service.name in services
-            and set(excluded).isdisjoint(services[source.service.name].causes)
+            and excluded.isdisjoint(services[source.service.name].causes)
             for source in plan.inputs
         )
 
     def unavailable(self, service: str) -> Tuple[str, ...]:
-        """The services other than `service` that nothing can be derived from now, in order."""
+        """Return the services other than `service` that nothing can be derived from now."""
         return tuple(sorted(self._availability.unavailable - {service}))
 
     def inputs(self, plan: AnyPlan) -> Tuple[Signal, ...]:
-        """What the program of a plan reads."""
+        """Return what the program of a plan reads."""
         return self._signals(plan.inputs) if isinstance(plan, Plan) else ()
 
     def outputs(self, plan: AnyPlan) -> Tuple[Signal, ...]:
-        """What the program of a plan gives; a takeover asks it of one plan several times."""
+        """Return what the program of a plan gives; a takeover asks it of one plan several times."""
         known = self.calibrations.of(plan.service, plan.program)
         asked = (plan, self.som, known)
         if any(each is not former for each, former in zip(asked, self._answered)):
@@ -154,36 +199,38 @@ class Planner:
         return self._answer
 
     def _outputs(self, plan: AnyPlan, known: Calibrated) -> Tuple[Signal, ...]:
+        """Return it with gain, offset and error as the living sensor has shown."""
         signals = self._signals(plan.outputs, written=True)
         if not isinstance(plan, Plan):
             return signals
-        found = (replace(signal, error=error) for signal, error in zip(signals, plan.errors))
-        return self._calibrated(plan, tuple(found), known)
-
-    def errors(self, plan: AnyPlan) -> Tuple[Optional[Error], ...]:
-        """The errors that are expected of what a plan gives: those of its outputs."""
-        return tuple(signal.error for signal in self.outputs(plan))
-
-    @staticmethod
-    def _calibrated(
-        plan: Plan, signals: Tuple[Signal, ...], known: Calibrated
-    ) -> Tuple[Signal, ...]:
-        """What a plan gives, with gain, offset and error as the living sensor has shown."""
-        found = list(signals)
+        found = [replace(signal, error=error) for signal, error in zip(signals, plan.errors)]
         for i, (source, calibration) in enumerate(zip(plan.outputs, known)):
             if source.provision.calibrate:
                 gain, offset, error = calibration.gain, calibration.offset, calibration.error
-                shown = error if error is not None and error.rms > 0.0 else signals[i].error
-                found[i] = replace(signals[i], gain=gain, offset=offset, error=shown)
+                shown = error if error is not None and error.rms > 0.0 else found[i].error
+                found[i] = replace(found[i], gain=gain, offset=offset, error=shown)
         return tuple(found)
 
+    def errors(self, plan: AnyPlan) -> Tuple[Optional[Error], ...]:
+        """Return the errors that are expected of what a plan gives: those of its outputs."""
+        return tuple(signal.error for signal in self.outputs(plan))
+
+    def signals_of(self, service: Service) -> Tuple[Signal, ...]:
+        """Return what any substitute of a service gives."""
+        return tuple(self._signal(source, True) for source in service.sources)
+
     def _signals(self, sources: Tuple[Source, ...], written: bool = False) -> Tuple[Signal, ...]:
-        """As the SOM says now: a period may have changed since the plan was made."""
+        """Return them as the SOM says now: a period may have changed since the plan was made."""
         return tuple(self._signal(source, written) for source in sources)
 
     def _signal(self, source: Source, written: bool) -> Signal:
-        deadlines = self._settings.deadlines
         current = self.som.services.get(source.service.name)
         if current is None:  # what the SOM has no more does not follow who else is on its topic
-            return replace(self.som.signal(source, deadlines, written), node=source.node)
-        return self.som.signal(Source(current, source.provision), deadlines, written)
+            return replace(self.som.signal(source, self._deadlines, written), node=source.node)
+        return self.som.signal(Source(current, source.provision), self._deadlines, written)
+
+
+def program_of(row: Substitution) -> Program:
+    """Return the program that a row of the table of substitutions has."""
+    inputs, outputs = ([each.path for each in signals] for signals in (row.inputs, row.outputs))
+    return Program(tuple(inputs), row.code, tuple(outputs))

@@ -1,36 +1,34 @@
-"""The pool of idle processes that the warm services share."""
+"""What stands by: the idle processes that the warm services share, and the pace of starts."""
 from dataclasses import dataclass
 from math import inf
 from typing import Counter, Dict, List, Optional, Set
 
 from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
-from shsa_core.healing.events import Command, Level, Log, StartSubstitute, StopSubstitute
 from shsa_core.healing.planner import Planner
 from shsa_core.healing.records import IdleProcess
-from shsa_core.healing.settings import Settings
+from shsa_core.healing.settings import (
+    AT_ONCE,
+    LIVED_S,
+    PATIENCE_S,
+    PAUSE_S,
+    PREPARING_S,
+    Settings,
+)
 from shsa_core.model.kinds import Standby
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
 
-REFILL_DELAY_S = 1.0
-"""The next process is not started beside a takeover: it would take its processor time."""
-LIVED_S = 20.0
-"""A process that has lived for so long did not die of what keeps the next from starting."""
-START_PAUSE_S = 1.0
-"""Nor beside another one: each connects to whatever the warm services read and give."""
 
+@dataclass
+class Idle:
+    """An idle process: the computer that it runs on, when it was started, in s, and its life."""
 
-@dataclass(frozen=True)
-class Spare:
-    """An idle process to set to work: when it was started, in s, and whether it was heard.
-
-    Empty: there is none.
-    """
-
-    node: str = ""
-    started: float = -inf
-    heard: bool = False
+    node: str
+    host: str
+    started: float
+    heard: bool = False  # it has given a sign of life
+    silent: bool = False  # it gives none now
 
 
 class Pool:
@@ -41,81 +39,69 @@ class Pool:
     """
 
     def __init__(self, settings: Settings) -> None:
-        self.nodes: List[str] = []
+        self.processes: Dict[str, Idle] = {}
         self.plans: Dict[str, Substitution] = {}
-        self._heard: Set[str] = set()  # those that have given a sign of life
-        self._silent: Set[str] = set()  # those that gave one, and give none now
         self._settings = settings
-        self._started: Dict[str, float] = {}
-        self._hosts: Dict[str, str] = {}  # where each process runs
         self._wanted: Counter[str] = Counter()  # how many plans each computer has
         self._refill_at: Dict[str, float] = {}  # by computer
         self._deaths: Dict[str, int] = {}  # one after the other, soon after their starts
 
     @staticmethod
     def serves(service: Service) -> bool:
-        """Whether a service is warm."""
+        """Tell that a service is warm."""
         return service.needed and service.standby is Standby.WARM and service.policy.substitutes
 
     @property
     def deadline(self) -> Optional[float]:
-        """When one more process is due, in s; None: none is."""
+        """Return when one more process is due, in s; None: none is."""
         return min((self._refill_at.get(host, -inf) for host in self._lacking()), default=None)
 
     def due(self, time: float) -> Optional[str]:
-        """A computer on which one more process is due; None: on none."""
+        """Return a computer on which one more process is due; None: on none."""
         lacking = self._lacking()
         return next((host for host in lacking if self._refill_at.get(host, -inf) <= time), None)
 
     def _lacking(self) -> List[str]:
-        """The computers that warm services are placed on, and that have too few processes."""
-        running = list(self._hosts.values())
+        """Return the computers that warm services are placed on, and that have too few."""
+        running = [each.host for each in self.processes.values()]
         return [host for host in sorted(self._wanted) if running.count(host) < self._settings.pool]
 
     def surplus(self) -> List[str]:
-        """The processes on computers that no warm service is placed on any more."""
-        wanted = self._wanted
-        return [node for node, host in self._hosts.items() if wanted and host not in wanted]
+        """Return the processes on computers that no warm service is placed on any more."""
+        wanted, idle = self._wanted, self.processes.values()
+        return [each.node for each in idle if wanted and each.host not in wanted]
 
     def on(self, host: str) -> List[str]:
-        """The processes on a computer."""
-        return [node for node, of in self._hosts.items() if of == host]
+        """Return the processes on a computer."""
+        return [each.node for each in self.processes.values() if each.host == host]
 
     def hosts(self) -> Set[str]:
-        """The computers that have a process to set to work."""
-        return {host for node, host in self._hosts.items() if node not in self._silent}
+        """Return the computers that have a process to set to work."""
+        return {each.host for each in self.processes.values() if not each.silent}
 
-    def spare(self, host: str) -> Spare:
-        """A process on a computer to set to work, rather one that was heard already."""
-        ready = [node for node in self.on(host) if node not in self._silent]
-        if not ready:
-            return Spare()
-        node = next((node for node in ready if node in self._heard), ready[0])
-        return Spare(node, self._started[node], node in self._heard)
+    def spare(self, host: str) -> Optional[Idle]:
+        """Return a process on a computer to set to work, rather one that was heard already."""
+        ready = [e for e in self.processes.values() if e.host == host and not e.silent]
+        return next((each for each in ready if each.heard), ready[0] if ready else None)
 
     def serve(
         self, service: Service, planner: Planner, plan: Optional[Plan], host: str = ""
-    ) -> None:
+    ) -> Substitution:
         """Be ready on a computer for a warm service, as far as its plan is known."""
         self.forget(service.name)
         self._wanted[host] += 1
-        outputs = tuple(
-            planner.som.signal(source, self._settings.deadlines, written=True)
-            for source in service.sources
-        )
-        if plan is None:
-            self.plans[service.name] = Substitution("", service.name, (), "", outputs, host=host)
-            return
-        self.plans[service.name] = Substitution(
+        row = Substitution(
             "",
             service.name,
-            planner.inputs(plan),
-            plan.program.code,
-            planner.outputs(plan),
-            plan.relations,
-            plan.quality,
+            planner.inputs(plan) if plan else (),
+            plan.program.code if plan else "",
+            planner.outputs(plan) if plan else planner.signals_of(service),
+            plan.relations if plan else (),
+            plan.quality if plan else 0.0,
             host=host,
         )
+        self.plans[service.name] = row
+        return row
 
     def forget(self, name: str) -> None:
         """A service is not warm any more."""
@@ -124,63 +110,103 @@ class Pool:
             self._wanted[former.host] -= 1
             self._wanted = +self._wanted  # without those that have none left
 
-    def start(self, time: float, name: str, host: str) -> List[Command]:
-        """Start the process `name` on a computer."""
-        self.take_up(name, time, host)
-        self._refill_at[host] = time + START_PAUSE_S
-        return [StartSubstitute(name, None, host=host)]
+    def add(self, node: str, started: float, host: str) -> None:
+        """An idle process runs on a computer."""
+        self.processes[node] = Idle(node, host, started)
+        self._refill_at[host] = max(self._refill_at.get(host, -inf), started + PAUSE_S)
 
-    def take_up(self, node: str, started: float, host: str) -> None:
-        """An idle process of a former reconfigurator is still there."""
-        self.nodes.append(node)
-        self._started[node] = started
-        self._hosts[node] = host
-
-    def take(self, time: float, node: str) -> None:
-        """An idle process has been set to work."""
-        host = self._hosts[node]
-        self._refill_at[host] = time + REFILL_DELAY_S
+    def remove(self, time: float, node: str) -> None:
+        """An idle process is set to work, or ended; the next one follows after a pause."""
+        host = self.processes.pop(node).host
+        self._refill_at[host] = time + PAUSE_S
         self._deaths[host] = 0
-        self._remove(node)
 
-    def died(self, time: float, node: str, detail: str) -> List[Command]:
+    def died(self, time: float, node: str) -> None:
         """An idle process has ended by itself; it is replaced after a pause, which doubles."""
-        host = self._hosts[node]
-        early = time - self._started[node] <= LIVED_S
-        self._deaths[host] = deaths = self._deaths.get(host, 0) + 1 if early else 0
-        self._remove(node)
-        settings = self._settings
-        longest = max(settings.retry, settings.retry_limit)
-        self._refill_at[host] = time + doubled(settings.retry, max(0, deaths - 1), longest)
-        return [Log(Level.WARN, f"An idle substitute's process died ({detail}).")]
+        idle = self.processes.pop(node)
+        early = time - idle.started <= LIVED_S
+        self._deaths[idle.host] = deaths = self._deaths.get(idle.host, 0) + 1 if early else 0
+        longest = max(self._settings.retry, self._settings.retry_limit)
+        pause = doubled(self._settings.retry, max(0, deaths - 1), longest)
+        self._refill_at[idle.host] = time + pause
 
-    def heard(self, node: str) -> None:
-        """A process gives a sign of life."""
-        self._silent.discard(node)
-        if node in self.nodes:
-            self._heard.add(node)
-
-    def silent(self, node: str) -> None:
-        """An idle process gives no sign of life just now."""
-        self._silent.add(node)
-
-    def hung(self, time: float, node: str) -> List[Command]:
-        """An idle process hangs: it is ended and replaced."""
-        host = self._hosts[node]
-        self._refill_at[host] = min(self._refill_at.get(host, -inf), time)
-        return [*self.drop(node), Log(Level.WARN, f"{node} hangs. It is ended and replaced.")]
-
-    def drop(self, node: str) -> List[Command]:
-        """End an idle process."""
-        self._remove(node)
-        return [StopSubstitute(node)]
+    def drop(self, node: str) -> None:
+        """An idle process is ended: another one is due at once where it is wanted."""
+        host = self.processes.pop(node).host
+        self._refill_at.pop(host, None)
 
     def record(self, node: str) -> IdleProcess:
-        """What is to be known of an idle process after a death."""
-        return IdleProcess(node, self._started[node], self._hosts[node])
+        """Return what is to be known of an idle process after a death."""
+        idle = self.processes[node]
+        return IdleProcess(node, idle.started, idle.host)
 
-    def _remove(self, node: str) -> None:
-        self.nodes.remove(node)
-        self._silent.discard(node)
-        self._heard.discard(node)
-        del self._started[node], self._hosts[node]
+
+class Starts:
+    """The pace of starts, so that the robot's own nodes are not starved by what stands by.
+
+    A failure never waits: only what is prepared asks for room.
+    """
+
+    def __init__(self) -> None:
+        self._began: Dict[str, float] = {}  # processes that come up
+        self._waiting: Dict[str, None] = {}  # services that wait for a hot substitute
+        self._held = -inf
+
+    @property
+    def deadline(self) -> Optional[float]:
+        """Return when the next one may be started at the latest, in s; None: nobody waits."""
+        if not self._waiting:
+            return None
+        ends = sorted(began + PATIENCE_S for began in self._began.values())
+        room = ends[-AT_ONCE] if len(ends) >= AT_ONCE else -inf
+        return max(room, self._held)
+
+    def hold(self, time: float) -> None:
+        """Start nothing that stands by: it can soon be forked."""
+        self._held = time + PREPARING_S
+
+    def release(self) -> None:
+        """Start what stands by: it can be forked."""
+        self._held = -inf
+
+    def held(self, time: float) -> bool:
+        """Tell that what stands by waits until it can be forked."""
+        return time < self._held
+
+    def earliest(self, due: Optional[float]) -> Optional[float]:
+        """Return when something that stands by, and is due at a moment, may be started; in s."""
+        return None if due is None else max(due, self._held)
+
+    def began(self, time: float, node: str) -> None:
+        """Note that a process is started; forget those that were awaited for long enough."""
+        self._began = {n: b for n, b in self._began.items() if time < b + PATIENCE_S}
+        self._began[node] = time
+
+    def over(self, node: str) -> None:
+        """Note that a process was heard, or has ended."""
+        self._began.pop(node, None)
+
+    def may(self, time: float, service: str) -> bool:
+        """Tell that a service may have a hot substitute started now; else it waits for its turn."""
+        if self._room(time):
+            return True
+        self._waiting[service] = None
+        return False
+
+    def forget(self) -> None:
+        """Let nobody wait any more: we are about to end."""
+        self._waiting.clear()
+
+    def due(self, time: float) -> List[str]:
+        """Return the services whose turn it is now: no more than have room."""
+        if not self._waiting:
+            return []
+        names = list(self._waiting)[: self._room(time)]
+        for name in names:
+            del self._waiting[name]
+        return names
+
+    def _room(self, time: float) -> int:
+        """Return how many may be started now."""
+        coming_up = sum(time < began + PATIENCE_S for began in self._began.values())
+        return 0 if self.held(time) else max(0, AT_ONCE - coming_up)

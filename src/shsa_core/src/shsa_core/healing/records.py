@@ -3,11 +3,41 @@
 Each record has a key; the newest of a key counts. Times in s of the monotonic clock.
 """
 from dataclasses import dataclass
-from typing import Dict, Iterable, Optional, Tuple, Union
+from typing import Iterable, Optional, Tuple, Union
 
 from shsa_core.healing.incident import Incident
 from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.substitution import Substitution
+
+
+class Fate(Word):
+    """What becomes of a node for one accusation."""
+
+    NONE = "none"  # nothing more: it is gone, or can be neither reached nor verified
+    OPEN = "open"  # it is to be judged
+    WAITS = "waits"  # it is killed once its service is taken over
+    KILLED = "killed"
+    KEPT = "kept"  # it is judged again when the world changes
+
+
+@dataclass(frozen=True)
+class Trust:
+    """How far a node is trusted, and what brings it back.
+
+    `relapses` in a row; `doubtful`: those that may be its link's. `returned`: when it was well
+    again last; `soon`: its last relapse came after its hold-off. `start_at`: when it is started
+    again; `awaited_by`: when it should have come up.
+    """
+
+    restarts: int = 0
+    exhausted: bool = False
+    relapses: int = 0
+    doubtful: int = 0
+    soon: bool = False
+    returned: Optional[float] = None
+    well_since: Optional[float] = None
+    start_at: Optional[float] = None
+    awaited_by: Optional[float] = None
 
 
 @dataclass(frozen=True)
@@ -19,63 +49,41 @@ class Counters:
 
     @property
     def key(self) -> str:
-        """There is one such record."""
+        """Return the key: there is one such record."""
         return "counters"
 
 
 @dataclass(frozen=True)
-class Trust:
-    """How far the node of a service is trusted: see NodeReturn."""
+class NodeRecord:
+    """How far a node is trusted."""
 
-    restarts: int = 0
-    exhausted: bool = False
-    relapses: int = 0
-    returned: Optional[float] = None
-    soon: bool = False
-    well_since: Optional[float] = None
-    start_at: Optional[float] = None
-    awaited_by: Optional[float] = None
-    doubtful: int = 0
-
-
-class Fate(Word):
-    """What becomes of a faulty node."""
-
-    NONE = "none"
-    """It is gone, or there is none."""
-    OPEN = "open"
-    """It is to be judged."""
-    WAITS = "waits"
-    """It is killed once it is taken over."""
-    KILLED = "killed"
-    KEPT = "kept"
-    """It is not killed; it is judged again when the world changes."""
-
-
-@dataclass(frozen=True)
-class Blame:
-    """What was decided about a faulty node: see FaultyNode."""
-
-    kind: Kind
-    fate: Fate = Fate.OPEN
-    heard: bool = False
-
-
-@dataclass(frozen=True)
-class HealingRecord:
-    """How the healing of a service stands: its incident, its substitute's row, its limits."""
-
-    service: str
-    incident: Optional[Incident] = None
-    blame: Optional[Blame] = None
-    substitution: Optional[Substitution] = None
-    trust: Trust = Trust()
-    healings: Tuple[float, ...] = ()
+    node: str
+    trust: Trust
 
     @property
     def key(self) -> str:
-        """One for each service."""
-        return service_key(self.service)
+        """Return the key: one for each node."""
+        return f"node {self.node}"
+
+
+@dataclass(frozen=True)
+class ServiceRecord:
+    """How a service stands: its incident, what is decided about its node, its substitute's row.
+
+    `heard`: the node may still publish. Its `kind` of failure may be another than the incident's.
+    """
+
+    service: str
+    incident: Optional[Incident] = None
+    kind: Kind = Kind.OTHER
+    fate: Fate = Fate.NONE
+    heard: bool = False
+    substitution: Optional[Substitution] = None
+
+    @property
+    def key(self) -> str:
+        """Return the key: one for each service."""
+        return f"service {self.service}"
 
 
 @dataclass(frozen=True)
@@ -88,7 +96,7 @@ class IdleProcess:
 
     @property
     def key(self) -> str:
-        """One for each process."""
+        """Return the key: one for each process."""
         return f"idle {self.node}"
 
 
@@ -102,110 +110,38 @@ class Healthy:
 
     @property
     def key(self) -> str:
-        """One for each publisher of a topic."""
-        return healthy_key(self.topic, self.publisher)
+        """Return the key: one for each publisher of a topic."""
+        return f"healthy {self.topic} {self.publisher}"
 
 
 @dataclass(frozen=True)
 class RestartedNode:
-    """A node that was started again: its process, and that of whoever started it first.
-
-    Each by number and start time, (0, 0): nobody. `with_us` as in NodeRestarted.
-    """
+    """A node that was started again; `with_us` as in NodeRestarted."""
 
     node: str
     with_us: bool
-    process: Tuple[int, float] = (0, 0.0)
-    starter: Tuple[int, float] = (0, 0.0)
 
     @property
     def key(self) -> str:
-        """One for each node."""
+        """Return the key: one for each node."""
         return f"restarted {self.node}"
 
 
-@dataclass(frozen=True)
-class Stray:
-    """A substitute that must not run any more, on a computer that may not have been told so."""
-
-    node: str
-    host: str
-
-    @property
-    def key(self) -> str:
-        """One for each process."""
-        return stray_key(self.node)
-
-
-Record = Union[Counters, HealingRecord, IdleProcess, Healthy, RestartedNode, Stray]
-
-
-def service_key(service: str) -> str:
-    """The key of the record of a service's healing."""
-    return f"service {service}"
-
-
-def stray_key(node: str) -> str:
-    """The key of the record of a substitute that must not run any more."""
-    return f"stray {node}"
-
-
-def healthy_key(topic: str, publisher: str) -> str:
-    """The key of the record that a publisher does well."""
-    return f"healthy {topic} {publisher}"
-
-
-class Records:
-    """The records as they are to be, and which of them have changed since `change` was called."""
-
-    def __init__(self) -> None:
-        self._kept: Dict[str, Record] = {}
-        self._changed: Dict[str, Optional[Record]] = {}
-
-    def put(self, record: Record) -> None:
-        """Keep a record; one that says nothing is none."""
-        empty = isinstance(record, HealingRecord) and record == HealingRecord(record.service)
-        self.set(record.key, None if empty else record)
-
-    def get(self, key: str) -> Optional[Record]:
-        """The record of a key; None: it has none."""
-        return self._kept.get(key)
-
-    def set(self, key: str, record: Optional[Record]) -> None:
-        """The record of a key; None: it has none."""
-        if self._kept.get(key) == record:
-            return
-        self._changed[key] = record
-        if record is None:
-            del self._kept[key]
-        else:
-            self._kept[key] = record
-
-    def change(self) -> Tuple[Tuple[Record, ...], Tuple[str, ...]]:
-        """The records that are new or changed, and the keys of those that are gone."""
-        changed, self._changed = self._changed, {}
-        new = tuple(record for record in changed.values() if record is not None)
-        return new, tuple(key for key, record in changed.items() if record is None)
-
-    def forget(self) -> None:
-        """Keep nothing but the counters."""
-        for key, record in list(self._kept.items()):
-            if not isinstance(record, Counters):
-                self.set(key, None)
+Record = Union[Counters, NodeRecord, ServiceRecord, IdleProcess, Healthy, RestartedNode]
 
 
 def of_this_robot(
     records: Iterable[Record], same_run: bool, running: Iterable[str]
 ) -> Tuple[Record, ...]:
-    """What of some records still tells of the robot.
+    """Return the records that still tell of the robot.
 
-    That is all of them if the ROS master's run is the same, or one of the substitutes still runs;
-    else only the counters: the robot was started anew meanwhile.
+    All of them if the ROS master's run is the same, or one of the substitutes still runs; else only
+    the counters: the robot was started anew meanwhile.
     """
-    records, running = tuple(records), set(running)
+    records = tuple(records)
     named = {each.node for each in records if isinstance(each, IdleProcess)}
-    rows = (each.substitution for each in records if isinstance(each, HealingRecord))
+    rows = (each.substitution for each in records if isinstance(each, ServiceRecord))
     named.update(row.node for row in rows if row is not None)
-    if same_run or named & running:
+    if same_run or not named.isdisjoint(running):
         return records
     return tuple(each for each in records if isinstance(each, Counters))

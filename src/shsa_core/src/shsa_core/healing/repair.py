@@ -1,9 +1,15 @@
-"""What is done when the state of a service changes: the actions of the table in `transitions`."""
-from typing import List, Optional
+"""The states of a service as a table, and what is done when they change.
 
+The diagram in docs/architecture.md is this table.
+"""
+from typing import TYPE_CHECKING, Callable, Dict, FrozenSet, Iterable, List, Optional, Tuple
+
+from shsa_core.agenda import doubled
+from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import NoSubstitute, ShsaError
 from shsa_core.healing.events import (
+    Command,
     FailureSeen,
     Level,
     Log,
@@ -11,335 +17,536 @@ from shsa_core.healing.events import (
     ShowIncident,
     StartSubstitute,
 )
-from shsa_core.healing.faulty_node import FaultyNode
 from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.judgement import NOTHING, WAITING, Judgement, told
-from shsa_core.healing.snapshot import Request, Snapshot
-from shsa_core.healing.transitions import Trigger
-from shsa_core.model.kinds import Kind, Standby
-from shsa_core.monitoring.events import PublisherState
+from shsa_core.healing.placement import NoRoom
+from shsa_core.healing.records import Fate
+from shsa_core.healing.substitute import is_hot
+from shsa_core.model.kinds import Kind, Policy, Standby, Word
 
-SAME_S = 0.05
-"""Moments within this may be one: they come through the clocks of two processes. So a failure that
-is told twice is one, and what a substitute said at that moment was said in its place."""
+if TYPE_CHECKING:
+    from shsa_core.healing.service import ServiceMachine
+
+SUBSTITUTED = (State.HEALING, State.HEALED)
+STUCK = (State.UNHEALED, State.SAFE)
+WAITING = (*STUCK, State.KEPT)
+NOTHING = Program((), "", ())
+NOT_MISSED = ShsaError("nothing is missing")
+
+Failure = Optional[FailureSeen]
+Action = Callable[["ServiceMachine", Failure], List[Command]]
 
 
-class Repair(Judgement):
-    """A method for each row of the table.
+class Trigger(Word):
+    """What may change the state of a service."""
 
-    Each method is told how things stand, and says what is to be done.
+    FAILED = "its node failed"
+    SUBSTITUTE_FAILED = "substitute failed"
+    FIRST_MESSAGE = "first message of the substitute"
+    SILENT = "silent while its program changes"
+    LATE = "first message is late"
+    INPUT_LOST = "an input was lost"
+    NO_VALUE = "its law does not hold"
+    RETURNED = "its node is back"
+    STEADY = "healthy for the hold-off"
+    RETRY = "a pause is over"
+    SERVICE_CAME = "a service appeared"
+    EXHAUSTED = "restarts are used up"
+    RELEASED = "released"
+    NODE_CHANGED = "its node is judged again"
+    PREPARE = "another plan is best"
+    WITHDRAWN = "no longer in the SOM"
+
+
+def begin(service: "ServiceMachine", failure: Failure) -> List[Command]:
+    """Open an incident, and heal."""
+    assert failure is not None
+    spec, robot, node = service.spec, service.robot, failure.publisher
+    service.timers.clear()
+    service.substitute.forget()
+    service.substitute.working_since = failure.time
+    service.pauses = 0
+    service.accusation = robot.nodes.accuse(spec.name, node, failure.kind)
+    if failure.kind is not Kind.REQUESTED:
+        own = not robot.by_link(spec, failure.kind)
+        robot.nodes.failed(failure.time, node, own, soon=False)
+    robot.incidents += 1
+    service.incident = Incident(
+        id=robot.incidents,
+        service=spec.name,
+        topic=spec.topic,
+        properties=spec.properties,
+        faulty_node=node,
+        kind=failure.kind,
+        evidence=failure.detail,
+        detail=failure.detail,
+        detected=failure.time,
+        last_good=failure.last_good,
+    )
+    text = f"{spec.topic} failed: {failure.detail.rstrip('.')}."
+    commands: List[Command] = [Log(Level.WARN, text), ShowIncident(service.incident)]
+    commands += heal(service)
+    if failure.kind is Kind.REQUESTED and service.accusation.kept:
+        commands += close(service, service.incident.detail)  # it goes on as it was
+    return commands
+
+
+def still_failing(service: "ServiceMachine", failure: Failure) -> List[Command]:
+    """Judge a node that failed once more, or another one beside it."""
+    assert failure is not None and service.incident is not None
+    nodes, name, node = service.robot.nodes, service.spec.name, failure.publisher
+    text = f"{service.spec.topic}: {node} failed again: {failure.detail}."
+    commands: List[Command] = [Log(Level.WARN, text)]
+    former = service.incident.faulty_node
+    accusation = nodes.accuse(name, node, failure.kind)
+    if node != former:
+        commands += service.judge(accusation, search(service)[0] is not None)
+        if not accusation.babbles:  # it is killed, or silent
+            nodes.acquit(service.spec, node)
+            return commands
+        blame(service, node, failure.kind)
+    return commands + judge_again(service)
+
+
+def blame(service: "ServiceMachine", node: str, kind: Kind) -> None:
+    """Blame a node, in place of the one that the incident blames."""
+    assert service.incident is not None
+    nodes, former = service.robot.nodes, service.incident.faulty_node
+    if node != former:
+        nodes.acquit(service.spec, former)
+        service.accusation = nodes.accuse(service.spec.name, node, kind)
+        service.step(faulty_node=node)
+
+
+def judge_again(service: "ServiceMachine", _: Failure = None) -> List[Command]:
+    """Decide about the node anew: what it costs may have changed."""
+    assert service.incident is not None and service.accusation is not None
+    if service.incident.state is State.KEPT:
+        return heal(service)
+    plan, none = search(service)
+    commands = service.judge(service.accusation, plan is not None)
+    if service.accusation.babbles or idle(service):
+        return commands + keep(service, plan, none)
+    return commands + service.step() if commands else []
+
+
+def failed_again(service: "ServiceMachine", failure: Failure) -> List[Command]:
+    """Go on after the node failed within its hold-off."""
+    assert failure is not None and service.incident is not None
+    spec, robot, node = service.spec, service.robot, failure.publisher
+    blame(service, node, failure.kind)
+    service.accusation = accusation = robot.nodes.accuse(spec.name, node, failure.kind)
+    robot.nodes.failed(failure.time, node, not robot.by_link(spec, failure.kind), soon=True)
+    service.timers.clear()
+    plan, none = search(service)
+    text = f"{spec.topic}: {node} failed again: {failure.detail}."
+    commands: List[Command] = [Log(Level.WARN, text), *service.judge(accusation, plan is not None)]
+    detail = f"{node} failed again: {failure.detail}"
+    if robot.nodes.kept_out(node) and not accusation.kept:
+        detail = f"{node} keeps failing. It is kept out until it is released."
+        commands.append(Log(Level.ERROR, f"{spec.topic}: {detail}"))
+    healed = service.substitute.computes
+    awaited = healed and accusation.fate is Fate.WAITS
+    if awaited:
+        service.timers[Trigger.LATE] = robot.time + service.substitute.patience
+    if awaited or not healed:
+        service.substitute.working_since = failure.time
+    commands += service.step(
+        state=State.HEALED if healed and not awaited else State.HEALING,
+        killed=None,
+        returned=None,
+        detail=detail,
+    )
+    if accusation.babbles or idle(service):
+        return commands + keep(service, plan, none)
+    return commands if healed else commands + heal(service)
+
+
+def await_again(service: "ServiceMachine", failure: Failure) -> List[Command]:
+    """Wait for a message: what it has published since counts, though it may be heard late."""
+    assert failure is not None
+    service.timers[Trigger.LATE] = service.robot.time + service.substitute.patience
+    service.substitute.working_since = failure.time
+    return service.step(state=State.HEALING, first_message=None)
+
+
+def replace_substitute(service: "ServiceMachine", _: Failure) -> List[Command]:
+    """Set another process to work."""
+    service.timers.clear()
+    return heal(service)
+
+
+def replace_late(service: "ServiceMachine", _: Failure) -> List[Command]:
+    """Replace a process whose first message has not come.
+
+    The next best plan is taken if the plan is to blame.
     """
+    robot, spec, substitute = service.robot, service.spec, service.substitute
+    unseen = robot.health.row((spec.topic, service.node)) is None
+    spare = robot.processes.spare(spec, substitute.host)
+    starting = unseen and substitute.starting and not (spare is not None and spare.heard)
+    if starting or not robot.health.watched(spec.topic, away=not robot.heard(spec)):
+        # It is not up yet: a new process would only make the machine busier. Or nobody can say.
+        service.timers[Trigger.LATE] = robot.time + substitute.patience
+        return []
+    text = f"{spec.topic}: the substitute failed: no message within {substitute.patience:.1f} s."
+    blamed = substitute.plan_to_blame
+    return [*substitute.failed(blamed), Log(Level.WARN, text), *heal(service)]
 
-    def _open(self, now: Snapshot, event: FailureSeen) -> List[Request]:
-        self._timers.clear()
-        self.substitute.forget()
-        self.substitute.begin(event.time)
-        self._pauses = 0
-        if event.kind is not Kind.REQUESTED:
-            self._return.failed(event.time, not now.by_link(event.kind))
-        self._faulty.failed(event.publisher, event.kind)
-        self.incident = Incident(
-            id=now.incident,
-            service=self.service,
-            topic=now.service.topic,
-            properties=now.service.properties,
-            faulty_node=event.publisher,
-            kind=event.kind,
-            evidence=event.detail,
-            detail=event.detail,
-            detected=event.time,
-            last_good=event.last_good,
-        )
-        text = f"{now.service.topic} failed: {event.detail.rstrip('.')}."
-        requests: List[Request] = [Log(Level.WARN, text), ShowIncident(self.incident)]
-        requests += self._heal(now)
-        if event.kind is Kind.REQUESTED and self._faulty.kept:
-            requests += self._close(now, self.incident.detail)  # it goes on as it was
-        return requests
 
-    def _still_failing(self, now: Snapshot, event: FailureSeen) -> List[Request]:
-        text = f"{now.service.topic}: {event.publisher} failed again: {event.detail}."
-        assert self.incident is not None
-        if event.publisher == self.incident.faulty_node:
-            self._faulty.failed(event.publisher, event.kind)
-            return [Log(Level.WARN, text), *self._judge_again(now)]
-        blamed, self._faulty = self._faulty, FaultyNode()
-        self._faulty.failed(event.publisher, event.kind)
-        requests = [Log(Level.WARN, text), *self._judge(now, self._search(now)[0] is not None)]
-        if self._faulty.babbles:
-            return requests + self._judge_again(now)
-        self._faulty = blamed  # the other one is killed, or silent
-        return requests
+def change_inputs(service: "ServiceMachine", _: Failure) -> List[Command]:
+    """Follow another plan."""
+    text = f"{service.spec.topic}: the substitute lost an input."
+    return [Log(Level.WARN, text), *heal(service)]
 
-    def _judge_again(self, now: Snapshot) -> List[Request]:
-        """Decide about the node anew: what it costs may have changed."""
-        assert self.incident is not None
-        if self.incident.state is State.KEPT:
-            return self._heal(now)
-        plan, none = self._search(now)
-        requests = self._judge(now, plan is not None)
-        if self._faulty.babbles or self._idle(now):
-            return requests + self._keep(now, plan, none)
-        return requests + self._step(faulty_node=self._faulty.name) if requests else []
 
-    def _failed_again(self, now: Snapshot, event: FailureSeen) -> List[Request]:
-        text = f"{now.service.topic}: {event.publisher} failed again: {event.detail}."
-        self._faulty.failed(event.publisher, event.kind)
-        self._timers.clear()
-        self._return.relapsed(event.time, not now.by_link(event.kind))
-        plan, none = self._search(now)
-        requests = [Log(Level.WARN, text), *self._judge(now, plan is not None)]
-        detail = f"{event.publisher} failed again: {event.detail}"
-        if self._return.kept_out and not self._faulty.kept:
-            detail = f"{event.publisher} keeps failing. It is kept out until it is released."
-            requests.append(Log(Level.ERROR, f"{now.service.topic}: {detail}"))
-        healed = self.substitute.computes
-        awaited = healed and self._faulty.waits
-        if awaited:
-            self._timers[Trigger.LATE] = now.time + self.substitute.patience
-            self.substitute.begin(event.time)
-        requests += self._step(
-            state=State.HEALED if healed and not awaited else State.HEALING,
-            faulty_node=event.publisher,
-            killed=None,
-            returned=None,
-            detail=detail,
-        )
-        if self._faulty.babbles or self._idle(now):
-            return requests + self._keep(now, plan, none)
-        if healed:
-            return requests
-        self.substitute.begin(event.time)
-        return requests + self._heal(now)
+def change_law(service: "ServiceMachine", _: Failure) -> List[Command]:
+    """Follow the next plan, if there is one, as the substitute says that its law does not hold.
 
-    def _await_again(self, now: Snapshot, event: FailureSeen) -> List[Request]:
-        """What it has published since it fell silent counts, though that may be heard late."""
-        self._timers[Trigger.LATE] = now.time + self.substitute.patience
-        self.substitute.begin(event.time)
-        return self._step(state=State.HEALING, first_message=None)
+    Before an incident, the better law is looked at again after a while.
+    """
+    spec, substitute, robot = service.spec, service.substitute, service.robot
+    faulty = service.incident.faulty_node if service.incident else spec.node
+    another = substitute.another(spec, faulty)
+    text = f"{spec.topic}: the substitute's law does not hold now"
+    if another is None:
+        return [Log(Level.WARN, f"{text}, and there is no other.")]
+    said = Log(Level.WARN, f"{text}. The next best takes its place.")
+    if service.incident is not None:
+        substitute.leave_plan()
+        return [said, *heal(service)]
+    service.timers[Trigger.RETRY] = robot.time + robot.settings.retry_limit
+    return [*substitute.use(spec, another), said]
 
-    def _replace(self, now: Snapshot) -> List[Request]:
-        self._timers.clear()
-        return self._heal(now)
 
-    def _replace_late(self, now: Snapshot) -> List[Request]:
-        """Its first message has not come: the process is replaced.
+def retry(service: "ServiceMachine", _: Failure) -> List[Command]:
+    """Try again, also the plans that were tried in vain."""
+    service.substitute.forget()
+    return heal(service)
 
-        The next best plan is taken if the plan is to blame.
-        """
-        starting = self.node not in now.publishers and self.substitute.starting(now.time)
-        starting = starting and not now.spare(self.substitute.host).heard
-        if starting or not now.watched:
-            # It is not up yet: a new process would only make the machine busier. Or nobody can say.
-            self._timers[Trigger.LATE] = now.time + self.substitute.patience
-            return []
-        why = f"no message within {self.substitute.patience:.1f} s"
-        text = f"{now.service.topic}: the substitute failed: {why}."
-        blamed = self.substitute.plan_to_blame
-        return [*self.substitute.failed(now, blamed), Log(Level.WARN, text), *self._heal(now)]
 
-    def _change_inputs(self, now: Snapshot) -> List[Request]:
-        text = f"{now.service.topic}: the substitute lost an input."
-        return [Log(Level.WARN, text), *self._heal(now)]
+def heal(service: "ServiceMachine", _: Failure = None) -> List[Command]:
+    """Search, decide about the node, and set a process to work: the one at hand, or another."""
+    assert service.accusation is not None
+    plan, none = search(service)
+    commands = service.judge(service.accusation, plan is not None)
+    if service.accusation.babbles or idle(service):
+        return commands + keep(service, plan, none)
+    if not service.spec.policy.substitutes:
+        return commands + wait_for_node(service)
+    if plan is None:
+        return commands + give_up(service, none)
+    return commands + follow(service, plan)
 
-    def _change_law(self, now: Snapshot) -> List[Request]:
-        """The substitute says that its law does not hold now: follow the next one, if there is one.
 
-        Before an incident, the better law is looked at again after a while.
-        """
-        faulty = self.incident.faulty_node if self.incident else now.service.node
-        another = self.substitute.another(now, faulty)
-        text = f"{now.service.topic}: the substitute's law does not hold now"
-        if another is None:
-            return [Log(Level.WARN, f"{text}, and there is no other.")]
-        said = Log(Level.WARN, f"{text}. The next best takes its place.")
-        if self.incident is not None:
-            self.substitute.leave_plan()
-            return [said, *self._heal(now)]
-        self._timers[Trigger.RETRY] = now.time + self._settings.retry_limit
-        return [*self.substitute.use(now, another), said]
+def search(service: "ServiceMachine") -> Tuple[Optional[Plan], ShsaError]:
+    """Return the plan to follow now; None: there is none, and why."""
+    assert service.incident is not None
+    spec, policy = service.spec, service.spec.policy
+    service.lacks_room = False
+    try:
+        if not policy.plans:
+            raise ShsaError(f"its policy is {policy}")
+        plan = service.substitute.find(spec, service.incident.faulty_node)
+        if policy.substitutes:
+            service.substitute.place(spec, plan)  # is there a computer for it?
+        return plan, NOT_MISSED
+    except ShsaError as none:
+        service.lacks_room = isinstance(none, NoRoom)
+        return None, none
 
-    def _retry(self, now: Snapshot) -> List[Request]:
-        self.substitute.forget()
-        return self._heal(now)
 
-    def _heal(self, now: Snapshot) -> List[Request]:
-        """Search, decide about the node, and set a process to work: the one at hand, or another."""
-        assert self.incident is not None
-        plan, none = self._search(now)
-        requests = self._judge(now, plan is not None)
-        if self._faulty.babbles or self._idle(now):
-            return requests + self._keep(now, plan, none)
-        if not now.service.policy.substitutes:
-            return requests + self._wait_for_node(now)
-        if plan is None:
-            self._limit.exceeded = self._limit.reached(now.time)
-            return requests + self._give_up(now, none)
-        return requests + self._follow(now, plan)
+def idle(service: "ServiceMachine") -> bool:
+    """Tell that nothing is done: by its policy, or as a kept node is not to be replaced."""
+    policy, accusation = service.spec.policy, service.accusation
+    kept = accusation is not None and accusation.kept
+    return policy is Policy.ADVISE or (kept and not policy.substitutes)
 
-    def _follow(self, now: Snapshot, plan: Plan) -> List[Request]:
-        """Set a process to work on a plan."""
-        assert self.incident is not None
-        if not now.by_link(self._faulty.kind):
-            self._limit.healed(now.time)
-        if self.incident.state is State.KEPT:
-            self.substitute.begin(now.time)
-        publishes = bool(self.node) and self.incident.state in (State.HEALED, State.SAFE)
-        text = f"{now.service.topic}: found a substitute of {told(plan)}."
-        place = self.substitute.place(now, plan)
-        requests: List[Request] = [*self.substitute.use(now, plan, publishes)]
-        if now.service.standby is Standby.WARM and isinstance(requests[0], StartSubstitute):
-            text += " No idle process is left: this is a cold start."
+
+def follow(service: "ServiceMachine", plan: Plan) -> List[Command]:
+    """Set a process to work on a plan."""
+    assert service.incident is not None
+    spec, robot, substitute = service.spec, service.robot, service.substitute
+    state, first_message = service.incident.state, service.incident.first_message
+    if state is State.KEPT:
+        substitute.working_since = robot.time
+    publishes = bool(service.node) and state in (State.HEALED, State.SAFE)
+    text = f"{spec.topic}: found a substitute of {told(plan)}."
+    place = substitute.place(spec, plan)
+    commands = substitute.use(spec, plan, publishes)
+    if spec.standby is Standby.WARM and isinstance(commands[0], StartSubstitute):
+        text += " No idle process is left: this is a cold start."
+    if robot.som.hosts:
         text += place.words
-        requests.append(Log(Level.INFO, text))
-        self._timers.clear()
-        state, first_message = State.HEALED, self.incident.first_message
-        if not publishes:
-            self._timers[Trigger.LATE] = now.time + self.substitute.patience
-            state, first_message = State.HEALING, None
-        calibrated = now.planner.outputs(plan)
-        return requests + self._step(
-            state=state,
-            first_message=first_message,
-            detail=text,
-            substitute=self.node,
-            inputs=plan.program.inputs,
-            code=plan.program.code,
-            outputs=plan.program.outputs,
-            relations=plan.relations,
-            gains=tuple(each.gain for each in calibrated),
-            offsets=tuple(each.offset for each in calibrated),
-            quality=plan.quality,
-            errors=tuple(each.error for each in calibrated),
-            missing=(),
-            unavailable=now.planner.unavailable(self.service),
-        )
+    commands.append(Log(Level.INFO, text))
+    service.timers.clear()
+    state = State.HEALED
+    if not publishes:
+        service.timers[Trigger.LATE] = robot.time + substitute.patience
+        state, first_message = State.HEALING, None
+    calibrated = robot.planner.outputs(plan)
+    return commands + service.step(
+        state=state,
+        first_message=first_message,
+        detail=text,
+        substitute=service.node,
+        inputs=plan.program.inputs,
+        code=plan.program.code,
+        outputs=plan.program.outputs,
+        relations=plan.relations,
+        gains=tuple(each.gain for each in calibrated),
+        offsets=tuple(each.offset for each in calibrated),
+        quality=plan.quality,
+        errors=tuple(each.error for each in calibrated),
+        missing=(),
+        unavailable=robot.planner.unavailable(spec.name),
+    )
 
-    def _prepare(self, now: Snapshot) -> List[Request]:
-        """Without an incident: keep the substitute of a hot service on the best plan."""
-        return [*(self.substitute.prepare(now) if now.hot else self.substitute.drop())]
 
-    def _pause_standby(self, now: Snapshot) -> List[Request]:
-        self._timers[Trigger.RETRY] = now.time + self._pause()
-        return []
+def keep(service: "ServiceMachine", plan: Optional[Plan], none: ShsaError) -> List[Command]:
+    """Say what could be done: the node is kept, and nobody publishes beside it."""
+    assert service.incident is not None and service.accusation is not None
+    spec, robot, incident = service.spec, service.robot, service.incident
+    waits = incident.state in WAITING
+    due = service.timers.get(Trigger.RETRY) if waits else None
+    commands = [] if is_hot(spec) else service.substitute.drop()
+    service.timers.clear()
+    service.timers[Trigger.RETRY] = robot.time + pause(service) if due is None else due
+    words = spec.last_resort.command
+    acts = spec.policy is not Policy.ADVISE and incident.kind is not Kind.REQUESTED
+    if words and acts and not waits:
+        commands.append(RunCommand(spec.name, words))
+    could = f"It cannot be replaced: {none}"
+    if plan is not None:
+        could = f"It could be replaced: {told(plan)}"
+    detail = f"{spec.topic}: {service.accusation.decision}. {could}."
+    if incident.state is State.KEPT and incident.detail == detail:
+        return commands
+    program = plan.program if plan else NOTHING
+    return commands + service.step(
+        state=State.KEPT,
+        killed=None if service.accusation.kept else incident.killed,
+        detail=detail,
+        missing=none.missing if isinstance(none, NoSubstitute) else (),
+        unavailable=robot.planner.unavailable(spec.name),
+        substitute="",
+        inputs=program.inputs,
+        code=program.code,
+        outputs=program.outputs,
+        relations=plan.relations if plan else (),
+        quality=plan.quality if plan else None,
+        errors=robot.planner.errors(plan) if plan else (),
+    )
 
-    def _lose_standby(self, now: Snapshot) -> List[Request]:
-        return self._step(substitute="")
 
-    def _record(self, now: Snapshot) -> List[Request]:
-        return self._step()
+def give_up(service: "ServiceMachine", none: ShsaError) -> List[Command]:
+    """Say what is missing, and try again later: nothing can substitute."""
+    assert service.incident is not None and service.accusation is not None
+    spec, robot, incident = service.spec, service.robot, service.incident
+    stuck = incident.state in WAITING
+    due = service.timers.get(Trigger.RETRY) if stuck else None
+    commands = service.substitute.use_safe_values(spec)
+    service.timers.clear()
+    service.timers[Trigger.RETRY] = robot.time + pause(service) if due is None else due
+    robot.nodes.trust(incident.faulty_node)  # a node that keeps failing is better than none
+    missing = none.missing if isinstance(none, NoSubstitute) else ()
+    words, plan = spec.last_resort.command, service.substitute.plan
+    state = State.SAFE if plan or words else State.UNHEALED
+    before = (incident.state, incident.missing, incident.substitute, incident.decision)
+    if before == (state, missing, service.node, service.accusation.decision):
+        return commands
+    text = f"{spec.topic} cannot be healed now: {none}."
+    if plan:
+        text += " Its safe values are published."
+    if words and not stuck:
+        commands.append(RunCommand(spec.name, words))
+    program = plan.program if plan else NOTHING
+    commands.append(Log(Level.ERROR, text))
+    return commands + service.step(
+        state=state,
+        detail=text,
+        missing=missing,
+        unavailable=robot.planner.unavailable(spec.name),
+        substitute=service.node,
+        inputs=(),
+        code=program.code,
+        outputs=program.outputs,
+        relations=(),
+        gains=(),
+        offsets=(),
+        quality=None,
+        errors=(),
+    )
 
-    def _give_up(self, now: Snapshot, none: ShsaError) -> List[Request]:
-        """Nothing can substitute: say what is missing, and try again later."""
-        assert self.incident is not None
-        stuck = self.incident.state in WAITING
-        due = self._timers.get(Trigger.RETRY) if stuck else None
-        requests: List[Request] = [*self.substitute.use_safe_values(now)]
-        self._timers.clear()
-        self._timers[Trigger.RETRY] = now.time + self._pause() if due is None else due
-        self._return.trust()  # a node that keeps failing is better than none
-        missing = none.missing if isinstance(none, NoSubstitute) else ()
-        words = now.service.last_resort.command
-        plan = self.substitute.plan
-        state = State.SAFE if plan or words else State.UNHEALED
-        decision = self.incident.decision
-        before = (self.incident.state, self.incident.missing, self.incident.substitute, decision)
-        if before == (state, missing, self.node, self._faulty.decision):
-            return requests
-        text = f"{now.service.topic} cannot be healed now: {none}."
-        if plan:
-            text += " Its safe values are published."
-        if words and not stuck:
-            requests.append(RunCommand(self.service, words))
-        program = plan.program if plan else NOTHING
-        requests.append(Log(Level.ERROR, text))
-        return requests + self._step(
-            state=state,
-            detail=text,
-            missing=missing,
-            unavailable=now.planner.unavailable(self.service),
-            substitute=self.node,
-            inputs=(),
-            code=program.code,
-            outputs=program.outputs,
-            relations=(),
-            gains=(),
-            offsets=(),
-            quality=None,
-            errors=(),
-        )
 
-    def _wait_for_node(self, now: Snapshot) -> List[Request]:
-        """The node's start is all that can heal the service: give up if it was tried in vain."""
-        assert self.incident is not None
-        if self.incident.killed is not None and self._return.deadline is None:
-            self._return.gone(now)  # the policy may have been another one when it was killed
-        if self._return.exhausted:
-            return self._exhausted(now)
-        if self.incident.substitute and not self.node:
-            return self._step(state=State.HEALING, substitute="")
-        if self.state in WAITING:
-            self._timers.setdefault(Trigger.RETRY, now.time + self._pause())
-        return []
+def wait_for_node(service: "ServiceMachine") -> List[Command]:
+    """Wait for the node's start, which is all that can heal the service; give up in the end."""
+    assert service.incident is not None
+    incident, robot = service.incident, service.robot
+    if incident.killed is not None and not robot.nodes.awaited(incident.faulty_node):
+        service.start_node()  # the policy may have been another one when it was killed
+    if service.exhausted:
+        return exhausted(service)
+    if incident.substitute and not service.node:
+        return service.step(state=State.HEALING, substitute="")
+    if service.state in WAITING:
+        service.timers.setdefault(Trigger.RETRY, robot.time + pause(service))
+    return []
 
-    def _exhausted(self, now: Snapshot) -> List[Request]:
-        assert self.incident is not None
-        node, count = self.incident.faulty_node, self._return.restarts
-        return self._give_up(now, ShsaError(f"{node} was started again {count} times in vain"))
 
-    def _first_message(self, now: Snapshot) -> Optional[float]:
-        """When the substitute published first in this takeover, or had recovered."""
-        row = now.publishers[self.node]
-        moments = (row.first_message, row.since)
-        least = self.substitute.working_since - SAME_S
-        return next((moment for moment in moments if moment is not None and moment >= least), None)
+def exhausted(service: "ServiceMachine", _: Failure = None) -> List[Command]:
+    """Give up: the node was started again too often."""
+    assert service.incident is not None
+    node = service.incident.faulty_node
+    count = service.robot.nodes.restarts(node)
+    return give_up(service, ShsaError(f"{node} was started again {count} times in vain"))
 
-    def _publishes(self, now: Snapshot) -> List[Request]:
-        assert self.incident is not None
-        self._timers.clear()
-        requests = self._step(state=State.HEALED, first_message=self._first_message(now))
-        outage = self.incident.outage
-        lasted = "" if outage is None else f" The outage lasted {outage:.3f} s."
-        text = f"{now.service.topic}: {self.node} publishes it now.{lasted}"
-        requests.append(Log(Level.INFO, text))
-        if self._faulty.waits:
-            requests += self._judge(now, replaced=True) + self._step()
-        return requests
 
-    def _hold_off(self, now: Snapshot) -> List[Request]:
-        assert self.incident is not None
-        incident = self.incident
-        failed_at = incident.detected if incident.killed is None else incident.killed
-        row = next(
-            row
-            for row in now.originals
-            if row.state is PublisherState.HEALTHY and row.since > failed_at
-        )
-        self._return.cancel()
-        self._return.returned(row.since)
-        hold_off = self._return.hold_off
-        self._timers.clear()
-        self._timers[Trigger.STEADY] = now.time + hold_off
-        text = f"{incident.topic}: {row.publisher} is back."
-        said = Log(Level.INFO, f"{text} It must stay healthy for {hold_off:g} s.")
-        return [said, *self._step(state=State.RETURNING, returned=row.since, detail=text)]
+def prepare(service: "ServiceMachine", _: Failure = None) -> List[Command]:
+    """Keep the substitute of a hot service on the best plan; without an incident."""
+    hot = is_hot(service.spec)
+    return service.substitute.prepare(service.spec) if hot else service.substitute.drop()
 
-    def _end(self, now: Snapshot) -> List[Request]:
-        assert self.incident is not None
-        stopped = " The substitute has stopped." if self.node and not now.hot else ""
-        requests: List[Request] = [] if now.hot else [*self.substitute.drop()]
-        return requests + self._close(now, self.incident.detail + stopped) + self._prepare(now)
 
-    def _withdraw(self, now: Snapshot) -> List[Request]:
-        why = f"{self.service} is not in the SOM any more."
-        return [*self.substitute.drop(), *self._close(now, why)]
+def pause_standby(service: "ServiceMachine", _: Failure) -> List[Command]:
+    """Prepare again after a pause."""
+    service.timers[Trigger.RETRY] = service.robot.time + pause(service)
+    return []
 
-    def _close(self, now: Snapshot, why: str) -> List[Request]:
-        requests = self._step(state=State.ENDED, ended=now.time, detail=why)
-        self.incident = None
-        self.last_message = b""
-        self._timers.clear()
-        self._pauses = 0
-        self._return.cancel()
-        self._return.well(now.time)
-        return [*requests, Log(Level.INFO, why)]
+
+def lose_standby(service: "ServiceMachine", _: Failure) -> List[Command]:
+    """Note that nobody stands by."""
+    return service.step(substitute="")
+
+
+def show(service: "ServiceMachine", _: Failure) -> List[Command]:
+    """Show the incident."""
+    return service.step()
+
+
+def publish(service: "ServiceMachine", _: Failure) -> List[Command]:
+    """Note that the substitute publishes; what was silent can be killed now."""
+    assert service.incident is not None and service.accusation is not None
+    service.timers.clear()
+    commands = service.step(state=State.HEALED, first_message=service.first_message())
+    outage = service.incident.outage
+    lasted = "" if outage is None else f" The outage lasted {outage:.3f} s."
+    text = f"{service.spec.topic}: {service.node} publishes it now.{lasted}"
+    commands.append(Log(Level.INFO, text))
+    if service.accusation.fate is Fate.WAITS:
+        commands += service.judge(service.accusation, replaced=True) + service.step()
+    return commands
+
+
+def hold_off(service: "ServiceMachine", _: Failure) -> List[Command]:
+    """Wait whether an original that is back stays healthy."""
+    incident, row, robot = service.incident, service.returned(), service.robot
+    assert incident is not None and row is not None
+    robot.nodes.returned(robot.time, service.spec.name, incident.faulty_node, row.since)
+    length = robot.nodes.hold_off(incident.faulty_node)
+    service.timers.clear()
+    service.timers[Trigger.STEADY] = robot.time + length
+    text = f"{incident.topic}: {row.publisher} is back."
+    said = Log(Level.INFO, f"{text} It must stay healthy for {length:g} s.")
+    return [said, *service.step(state=State.RETURNING, returned=row.since, detail=text)]
+
+
+def end(service: "ServiceMachine", _: Failure) -> List[Command]:
+    """End the incident: the original is well again."""
+    assert service.incident is not None
+    hot = is_hot(service.spec)
+    stopped = " The substitute has stopped." if service.node and not hot else ""
+    commands = [] if hot else service.substitute.drop()
+    return commands + close(service, service.incident.detail + stopped) + prepare(service)
+
+
+def withdraw(service: "ServiceMachine", _: Failure) -> List[Command]:
+    """End the incident: the service is healed no longer."""
+    why = f"{service.spec.name} is not in the SOM any more."
+    return [*service.substitute.drop(), *close(service, why)]
+
+
+def close(service: "ServiceMachine", why: str) -> List[Command]:
+    """Close the incident."""
+    assert service.incident is not None
+    node, time = service.incident.faulty_node, service.robot.time
+    commands = service.step(state=State.ENDED, ended=time, detail=why)
+    service.incident = service.accusation = None
+    service.last_message = b""
+    service.timers.clear()
+    service.pauses = 0
+    service.robot.nodes.acquit(service.spec, node, well_at=time)
+    return [*commands, Log(Level.INFO, why)]
+
+
+def pause(service: "ServiceMachine") -> float:
+    """Return how long to wait before the next try, in s."""
+    service.pauses += 1
+    settings = service.robot.settings
+    return doubled(settings.retry, service.pauses - 1, settings.retry_limit)
+
+
+def told(plan: Plan) -> str:
+    """Return a plan in words."""
+    using = ", ".join(plan.relations) or "the same property elsewhere"
+    inputs = ", ".join(plan.program.inputs) or "constants"
+    return f"quality {plan.quality:.2g} by {using} from {inputs}"
+
+
+_STUCK_OR_HEALING = (State.HEALING, State.UNHEALED, State.SAFE, State.KEPT)
+
+
+def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
+    """Yield a state, a trigger, what is done, and the states that it may lead to."""
+    well, healing, healed = State.WELL, State.HEALING, State.HEALED
+    returning, unhealed, safe, kept = State.RETURNING, State.UNHEALED, State.SAFE, State.KEPT
+
+    yield well, Trigger.FAILED, begin, (*_STUCK_OR_HEALING, well)
+    yield well, Trigger.SUBSTITUTE_FAILED, pause_standby, (well,)
+    yield well, Trigger.PREPARE, prepare, (well,)
+    yield well, Trigger.RETRY, prepare, (well,)
+    yield well, Trigger.NO_VALUE, change_law, (well,)
+
+    yield healing, Trigger.FIRST_MESSAGE, publish, (healed,)
+    yield healing, Trigger.LATE, replace_late, _STUCK_OR_HEALING
+    yield healing, Trigger.EXHAUSTED, exhausted, (unhealed, safe)
+    yield healing, Trigger.PREPARE, heal, _STUCK_OR_HEALING
+    yield healed, Trigger.INPUT_LOST, change_inputs, (healed, unhealed, safe, kept)
+    yield healing, Trigger.INPUT_LOST, change_inputs, _STUCK_OR_HEALING
+    for state in SUBSTITUTED:
+        yield state, Trigger.SILENT, await_again, (healing,)
+        yield state, Trigger.NO_VALUE, change_law, (state,)
+    for state in (healing, healed, safe):
+        yield state, Trigger.SUBSTITUTE_FAILED, replace_substitute, _STUCK_OR_HEALING
+
+    for stuck, more in ((unhealed, ()), (safe, (healed,))):
+        yield stuck, Trigger.RETRY, retry, (*_STUCK_OR_HEALING, *more)
+        yield stuck, Trigger.SERVICE_CAME, heal, (*_STUCK_OR_HEALING, *more)
+        yield stuck, Trigger.RELEASED, heal, (*_STUCK_OR_HEALING, *more)
+        yield stuck, Trigger.EXHAUSTED, exhausted, (unhealed, safe)
+
+    judged: Tuple[Tuple[Trigger, Action], ...] = (
+        (Trigger.FAILED, still_failing),
+        (Trigger.NODE_CHANGED, judge_again),
+    )
+    for trigger, act in judged:
+        for state in (healing, healed, unhealed, safe):
+            yield state, trigger, act, (state, kept)
+        yield kept, trigger, act, _STUCK_OR_HEALING
+    for trigger in (Trigger.RETRY, Trigger.RELEASED, Trigger.PREPARE):
+        yield kept, trigger, heal, _STUCK_OR_HEALING
+    yield kept, Trigger.SUBSTITUTE_FAILED, lose_standby, (kept,)
+    for state in (healing, healed, unhealed, safe, kept):
+        yield state, Trigger.RETURNED, hold_off, (returning,)
+    for state in (healing, healed, returning):
+        yield state, Trigger.RELEASED, show, (state,)
+
+    yield returning, Trigger.FAILED, failed_again, (healed, *_STUCK_OR_HEALING)
+    yield returning, Trigger.SUBSTITUTE_FAILED, lose_standby, (returning,)
+    yield returning, Trigger.STEADY, end, (well,)
+    for state in (healing, healed, returning, unhealed, safe, kept):
+        yield state, Trigger.WITHDRAWN, withdraw, (well,)
+
+
+TRANSITIONS: Dict[Tuple[State, Trigger], Tuple[Action, FrozenSet[State]]] = {
+    (state, trigger): (act, frozenset(to)) for state, trigger, act, to in _rows()
+}

@@ -1,4 +1,4 @@
-"""The reconfigurator's settings: times and limits."""
+"""The reconfigurator's times and limits: each with its unit and its reason."""
 from dataclasses import dataclass, field
 
 from shsa_core.codegen.plans import METHODS
@@ -7,55 +7,89 @@ from shsa_core.model.service import Deadlines
 
 @dataclass(frozen=True)
 class Settings:
-    """The reconfigurator's settings; times in s.
+    """The reconfigurator's settings; times in s."""
 
-    `hold_off`: how long a returned original must stay healthy before the substitute is stopped.
-    `hold_off_limit`: what `hold_off` doubles up to while an original keeps failing. `relapse`: an
-    original that fails within so many times `hold_off` of its return, or within its own hold-off,
-    has relapsed. `switches`: after how many relapses in a row it is kept out; 0: never. `healings`:
-    how often a service may be healed in a minute before it is given up; 0: any number will do.
-    `start_timeout`: how long a substitute may take from its start to its first message.
-    `takeover_timeout`: the same for a process that runs already; then another one gets its work.
-    `restarts`: how often a substitute that died is started again with the same plan.
-    `node_restarts`, `restart_pause`: how often a node is started again, and the first pause, which
-    doubles. `restart_timeout`: how long a node that was started again may take to its first
-    message. `stable`: how long a node must be well until its restarts are forgotten. `retry`: after
-    how long a service that could not be healed is tried anew. `retry_limit`: what that doubles to.
-    `method`: the search, `best` or `depth_first` (the paper's `orr`). `pool`: how many idle
-    processes the warm services share. `kill_patience`: how long a node that may still publish may
-    take to leave before its process is ended. `hot_hosts`: so many hot substitutes have a process
-    each; those beyond share processes of so many at most; 0: each has its own, however many they
-    are. `takeover_cold`, `takeover_warm`, `takeover_hot`:
-    what a takeover is taken to last where a service's `fault_tolerant_time` is checked; by default
-    the 95th percentile of 50 takeovers at a roscpp consumer (docs/experiments.md). `deadline`,
-    `minimum_deadline`: as the monitor's: periods, and s, after which values are stale.
-    """
-
-    hold_off: float = 2.0
-    hold_off_limit: float = 60.0
-    relapse: float = 5.0
-    switches: int = 3
-    healings: int = 0
-    start_timeout: float = 5.0
-    takeover_timeout: float = 2.0
-    restarts: int = 2
-    node_restarts: int = 3
-    restart_pause: float = 0.5
-    restart_timeout: float = 10.0
-    stable: float = 60.0
-    retry: float = 2.0
-    retry_limit: float = 60.0
-    method: str = field(default="best", metadata={"one_of": METHODS})
-    pool: int = field(default=2, metadata={"most": 100})
+    # What a user sets.
+    hold_off: float = (
+        2.0  # that a node that is back must stay healthy; it doubles with each relapse
+    )
+    switches: int = 3  # relapses in a row after which a node is kept out; 0: never
+    node_restarts: int = 3  # times that a node is started again
+    method: str = field(default="best", metadata={"one_of": METHODS})  # of the search
+    pool: int = field(default=2, metadata={"most": 100})  # idle processes for the warm services
+    # Hot substitutes that have a process each; those beyond share some of so many; 0: none shares.
     hot_hosts: int = field(default=20, metadata={"most": 1000})
-    kill_patience: float = 0.1
+    minimum_deadline: float = Deadlines.minimum  # as the monitor's: after it a value is stale
+
+    # What tests and benches set.
+    deadline: float = Deadlines.periods  # in periods, as the monitor's
+    hold_off_limit: float = 60.0  # that `hold_off` doubles up to
+    relapse: float = 5.0  # times `hold_off`: a node that fails so soon after its return relapses
+    start_timeout: float = 5.0  # that a new process may take to its first message
+    restarts: int = 2  # times that a substitute that died is started again with the same plan
+    restart_pause: float = 0.5  # before a node is started again; it doubles
+    restart_timeout: float = (
+        10.0  # that a node that was started again may take to its first message
+    )
+    stable: float = 60.0  # that a node must be well until its restarts are forgotten
+    retry: float = 2.0  # after which a service that could not be healed is tried again; it doubles
+    retry_limit: float = 60.0  # that `retry` doubles up to
+    kill_patience: float = 0.1  # that a node that may still publish has to leave when asked
+    # How long a takeover lasts for `fault_tolerant_time`: the 95th percentile of 50 by roscpp.
     takeover_cold: float = 0.83
     takeover_warm: float = 0.03
     takeover_hot: float = 0.03
-    deadline: float = Deadlines.periods
-    minimum_deadline: float = Deadlines.minimum
 
     @property
     def deadlines(self) -> Deadlines:
-        """When values are stale."""
+        """Return when values are stale."""
         return Deadlines(self.deadline, self.minimum_deadline)
+
+    @property
+    def longest_hold_off(self) -> float:
+        """Return what `hold_off` doubles up to, in s."""
+        return max(self.hold_off, self.hold_off_limit)
+
+
+SAME_S = 0.05  # moments within this may be one: they come through the clocks of two processes
+
+# What the monitors tell.
+ANSWER_S = 0.5  # that a monitor has to send its table when its computer seems lost
+MONITOR_START_S = 5.0  # that a new monitor may take to hear those who were well before
+
+# How a node is ended.
+FIND_TIMEOUT_S = 2.0  # that the search for a node's process may take
+EXIT_TIMEOUT_S = 1.0  # that a process may take to end
+AGAIN_S = 2.0  # before a kill that failed here is tried again; it doubles
+LONGEST_AGAIN_S = 60.0  # that this doubles up to
+ORPHAN_KILLS = 5  # tries to end what was left behind: a busy computer may not find it in time
+LEARN_PAUSES_S = (0.5, 2.0, 10.0)  # before each further look which process a node is; last repeats
+LISTEN_S, LISTEN_PERIODS = (
+    0.5,
+    3.0,
+)  # that a node is counted on its own computer, the longer of both
+CERTAIN_S = 2.0  # that a computer is heard beside a node's silence before that is the node's own
+STEADY_S = 4.0  # that a node is slow at each look on its computer until it is slow by itself
+FORGET_S = 10.0  # looks farther apart than this tell nothing of the time between them
+
+# Computers.
+SETTLE_S = 2.0  # computers come one after the other: then what stands by is placed anew
+MISSED_S = 1.5  # a computer that was not heard for so long was cut off, though nobody said so
+STRAINED = 0.9  # of its cores busy: more makes well nodes slow
+ROOM_S = 0.5  # between two looks for a computer that has room now
+
+# Processes of substitutes.
+AT_ONCE = 2  # come up at a time: each costs most of a core until it is heard
+PATIENCE_S = 5.0  # that one that comes up is awaited, so that it holds nobody up for good
+PREPARING_S = 5.0  # that what stands by waits until it can be forked
+PAUSE_S = (
+    1.0  # between two idle processes, and after a takeover, whose processor time they would take
+)
+LIVED_S = 20.0  # a process that lived so long did not die of what keeps the next from starting
+TAKEOVER_S = 2.0  # that a process that runs already may take to its first message
+CHANGEOVER_S = 1.0  # after a change of program silence is no failure yet
+LONGEST_START_S = 20.0  # a process that nobody is connected to by then comes up no more
+LOOK_AROUND_S = 5.0  # nothing is late that a former reconfigurator began: the monitor may start too
+
+RECALLED = 20  # plans, best first, among which one of a former reconfigurator is looked for
+ENOUGH = 60  # samples until a new monitor knows more of a calibration than the one before

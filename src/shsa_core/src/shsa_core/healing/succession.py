@@ -1,152 +1,139 @@
-"""What a reconfigurator writes down before it acts, and what the next one takes up of it."""
-from dataclasses import replace
-from typing import Dict, List
+"""How a reconfigurator goes on with what a former one has left.
 
-from shsa_core.codegen.generator import Program
-from shsa_core.healing import events
+Nothing in its records is believed that does not fit: a process counts if it is known to run, a
+program if it is a plan of the models as they are now, a health until the monitor tells another.
+"""
+from dataclasses import replace
+from typing import TYPE_CHECKING, List
+
+from shsa_core.healing import events, hearing
 from shsa_core.healing.events import Command, Level, Log
 from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.planner import program_of
 from shsa_core.healing.records import (
     Counters,
-    HealingRecord,
     Healthy,
     IdleProcess,
+    NodeRecord,
     RestartedNode,
-    Stray,
-    healthy_key,
+    ServiceRecord,
 )
-from shsa_core.healing.upkeep import Upkeep
+from shsa_core.healing.substitute import is_hot
 from shsa_core.model.kinds import QUIET, Kind
-from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
+if TYPE_CHECKING:
+    from shsa_core.healing.machine import Reconfigurator
 
-class Succession(Upkeep):
-    """Keeps the records, and begins with those of a former reconfigurator.
 
-    Nothing in them is believed that does not fit: a process counts if it is known to run, a program
-    if it is a plan of the models as they are now, a health until the monitor tells another.
+def started(core: "Reconfigurator", event: events.Started) -> List[Command]:
+    """Take up what a former reconfigurator has left, and end the rest.
+
+    Its names are not used again. A user's node may have a name that begins like that: it is none of
+    our business.
     """
-
-    def _take_up(self, event: events.Started) -> List[Command]:
-        running = dict.fromkeys(event.running)
-        found = [self.names.avoid(node) for node in running]
-        for node in (node for node, ours in zip(running, found) if ours):
-            self._nodes.substitutes.add(node, running)
-        for record in event.records:
-            if isinstance(record, Counters):
-                self._incidents = max(self._incidents, record.incidents)
-                self.names.go_on(record.names)
-            elif isinstance(record, HealingRecord) and record.substitution is not None:
-                row = record.substitution
-                self._nodes.substitutes.add(row.node)
-                service = self._som.services.get(record.service)
-                if service is not None and row.shared:  # before any of them can end the process
-                    self._sharing.follow(service, row.node, True)
-                self._strays.runs_on(row.node, row.host)
-            elif isinstance(record, Stray):
-                self._strays.take_up(record)
-            elif isinstance(record, IdleProcess) and record.host:
-                self._strays.take_up(Stray(record.node, record.host))
-            elif isinstance(record, RestartedNode) and record.node in running:
-                self._with_us[record.node] = record.with_us
-                self._records.put(record)
-        healthy = [each for each in event.records if isinstance(each, Healthy)]
-        commands = self._recall(event.time, healthy) + self._settle()
-        for record in event.records:
-            if isinstance(record, IdleProcess) and record.node in running and not record.host:
-                self._take_up_idle(record)
-        for record in event.records:
-            if isinstance(record, HealingRecord):
-                commands += self._take_up_healing(event.time, record, running)
-        stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
-        strays = {each.node for each in event.records if isinstance(each, Stray)}
-        ours = {*self.substitutes, *self._with_us, *stopped, *strays}
-        for node in running:
-            if node not in ours:
-                commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-                commands.append(events.StopSubstitute(node))
-        if event.records:
-            commands.append(self._told())
-        return commands
-
-    def _recall(self, time: float, healthy: List[Healthy]) -> List[Command]:
-        commands: List[Command] = []
-        state = PublisherState.HEALTHY
-        for each in healthy:
-            former = self.names.avoid(each.publisher)
-            if former and each.publisher not in self._nodes.substitutes:
-                continue  # a substitute that has ended
-            since = each.since
-            row = PublisherHealth(each.topic, each.publisher, state, since, since, since)
-            self._nodes.recall(time, (row,))
-            self._records.put(each)
-            if each.publisher not in self._nodes.substitutes:
-                self._unsettle(self._concerned(each.topic, each.publisher))
-                commands += self._acquaint(each.publisher, row)
-        return commands
-
-    def _take_up_idle(self, record: IdleProcess) -> None:
-        if self._pool.deadline is not None:  # it lacks one
-            self._nodes.substitutes.add(record.node)
-            self._pool.take_up(record.node, record.started, "")
-            self._substitutions.set(record.node, Substitution(record.node, "", (), "", ()))
-
-    def _take_up_healing(
-        self, time: float, record: HealingRecord, running: Dict[str, None]
-    ) -> List[Command]:
-        if record.service in self._som.services:
-            if record.incident is not None and record.incident.last_good is not None:
-                self._nodes.note_good(record.incident.topic, record.incident.faulty_node)
-            if record.incident is not None and record.incident.killed is None:
-                self._doubt_silent(record.incident)
-            row = record.substitution
-            if row is not None:
-                paths = [tuple(each.path for each in s) for s in (row.inputs, row.outputs)]
-                program = Program(paths[0], row.code, paths[1])
-                self._calibrations.recall(record.service, program, row.outputs)
-            runs = row is not None and row.node in running
-            return self._ask(
-                record.service, lambda healing, now: healing.take_up(now, record, runs)
-            )
-        incident = record.incident
-        if incident is None:
-            return []
-        why = f"{record.service} is not in the SOM any more."
-        ended = incident.ended is not None
-        last = incident if ended else replace(incident, state=State.ENDED, ended=time, detail=why)
-        return [events.ShowIncident(last)]
-
-    def _doubt_silent(self, incident: Incident) -> None:
-        """Who was silent on another computer may have been cut off, and be back by now."""
-        silent = incident.kind in QUIET and incident.kind is not Kind.NODE_GONE
-        if silent and self._where.host_of(incident.faulty_node):
-            self._nodes.doubt(incident.topic, incident.faulty_node)
-
-    def _told(self) -> Command:
-        incidents = sum(healing.incident is not None for healing in self._healings.values())
-        working, idle = len(self._concern.substituted), len(self._pool.nodes)
+    robot, names = core.robot, core.names
+    if event.preparing:
+        robot.processes.starts.hold(event.time)
+    for node in event.running:
+        if names.avoid(node):
+            robot.health.substitutes.add(node, event.running)
+    commands = _take_up(core, event)
+    kept = {*core.substitutes, *robot.nodes.restarted}
+    stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
+    for node in event.running:
+        if node not in kept | stopped:
+            commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
+            commands.append(events.StopSubstitute(node))
+    if event.records:
+        incidents = sum(each.incident is not None for each in core.services.values())
+        working, idle = len(robot.processes.substituted), len(robot.processes.pool.processes)
         text = f"{incidents} incidents, {working} substitutes, {idle} idle processes"
-        return Log(Level.INFO, f"Taking up what was left behind: {text}.")
+        commands.append(Log(Level.INFO, f"Taking up what was left behind: {text}."))
+    for node in filter(names.avoid, event.strangers):
+        text = f"{node} is left alone: it is named as a substitute, but is not known to be one."
+        commands.append(Log(Level.WARN, f"{text} If it was left behind: rosnode kill {node}"))
+    for node in filter(names.avoid, event.leftovers):
+        commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
+        commands += robot.nodes.end_orphan(event.time, node)
+    return commands
 
-    def _note_health(self, topic: str, publisher: str) -> None:
-        row = self._nodes.healthy(topic, publisher)
-        record = None if row is None else Healthy(topic, publisher, row.since)
-        self._records.set(healthy_key(topic, publisher), record)
 
-    def _forget_restarted(self, node: str) -> bool:
-        """A node that was started again is gone, or is ended; whether there was one."""
-        self._records.set(f"restarted {node}", None)
-        return self._with_us.pop(node, None) is not None
+def _take_up(core: "Reconfigurator", event: events.Started) -> List[Command]:
+    """Go on with the records."""
+    robot, services = core.robot, core.robot.som.services
+    health, processes = robot.health, robot.processes
+    stand = [each for each in event.records if isinstance(each, ServiceRecord)]
+    for record in event.records:
+        if isinstance(record, Counters):
+            robot.incidents = max(robot.incidents, record.incidents)
+            robot.names.go_on(record.names)
+        elif isinstance(record, NodeRecord):
+            robot.nodes.recall(record)
+        elif isinstance(record, RestartedNode) and record.node in event.running:
+            robot.nodes.restarted[record.node] = record.with_us
+            robot.records.set(record.key, record)
+    for each in stand:  # all of them, before any can end a process that it shares
+        row = each.substitution
+        if row is not None:
+            health.substitutes.add(row.node)
+            service = services.get(each.service)
+            if service is not None:
+                processes.take_up(service, row.node, row.host, row.shared, is_hot(service))
+    commands: List[Command] = []
+    for record in event.records:
+        if isinstance(record, Healthy):
+            commands += _recall(core, event.time, record)
+    commands += core.settle()
+    for record in event.records:
+        if isinstance(record, IdleProcess) and record.node in event.running:
+            if not record.host and processes.pool.deadline is not None:  # it lacks one
+                health.substitutes.add(record.node)
+                processes.add_idle(record)
+    for each in stand:
+        commands += _take_up_service(core, event, each)
+    return commands
 
-    def _write_down(self) -> List[Command]:
-        """What has changed in the records."""
-        self._records.put(Counters(self._incidents, self.names.next))
-        idle = set(self._pool.nodes)
-        for node in self._idle_written - idle:
-            self._records.set(f"idle {node}", None)
-        for node in idle - self._idle_written:
-            self._records.put(self._pool.record(node))
-        self._idle_written = idle
-        records, removed = self._records.change()
-        return [events.WriteDown(records, removed)] if records or removed else []
+
+def _recall(core: "Reconfigurator", time: float, record: Healthy) -> List[Command]:
+    """Count a publisher as well that was so; not a substitute that has ended."""
+    robot, node = core.robot, record.publisher
+    ours = node in robot.health.substitutes
+    if core.names.avoid(node) and not ours:
+        return []
+    since = record.since
+    state = PublisherState.HEALTHY
+    row = PublisherHealth(record.topic, node, state, since, since, since)
+    robot.health.recall(time, row)
+    robot.records.set(record.key, record)
+    if ours:
+        return []
+    core.unsettle(core.concerned(record.topic, node))
+    return hearing.acquaint(core, node, row)
+
+
+def _take_up_service(
+    core: "Reconfigurator", event: events.Started, record: ServiceRecord
+) -> List[Command]:
+    incident, row = record.incident, record.substitution
+    if record.service not in core.robot.som.services:
+        return [] if incident is None else [_withdrawn(incident, event.time)]
+    robot = core.robot
+    if incident is not None and incident.last_good is not None:
+        robot.health.good.add((incident.topic, incident.faulty_node))
+    if incident is not None and incident.killed is None:
+        silent = incident.kind in QUIET and incident.kind is not Kind.NODE_GONE
+        if silent and robot.host_of(incident.faulty_node):  # it may have been cut off, and be back
+            robot.health.doubt((incident.topic, incident.faulty_node))
+    if row is not None:
+        robot.calibrations.recall(record.service, program_of(row), row.outputs)
+    runs = row is not None and row.node in event.running
+    return core.ask(record.service, lambda service: service.take_up(record, runs))
+
+
+def _withdrawn(incident: Incident, time: float) -> Command:
+    """End the incident of a service that is not in the SOM any more."""
+    if incident.ended is None:
+        why = f"{incident.service} is not in the SOM any more."
+        incident = replace(incident, state=State.ENDED, ended=time, detail=why)
+    return events.ShowIncident(incident)

@@ -1,53 +1,52 @@
-"""The tables that the reconfigurator shows, as changes."""
+"""What the reconfigurator shows and writes down, as changes."""
 from typing import Callable, Dict, Generic, List, Optional, Tuple, TypeVar
 
-from shsa_core.healing.events import ServiceState, ShowSom, ShowSubstitutions
+from shsa_core.healing.events import ServiceState, ShowSom, ShowSubstitutions, WriteDown
+from shsa_core.healing.records import Record
 from shsa_core.model.substitution import Substitution
 
 Row = TypeVar("Row")
 Shown = TypeVar("Shown")
 
 
-class _Table(Generic[Row, Shown]):
-    """Rows by key, and which of them differ from what was shown."""
+class Table(Generic[Row, Shown]):
+    """Rows by key, and which of them differ from what `show` was made of last."""
 
-    show: Callable[[Tuple[Row, ...], Tuple[str, ...]], Shown]
-
-    def __init__(self) -> None:
-        self._shown: Dict[str, Row] = {}
-        self._new: Dict[str, Optional[Row]] = {}
+    def __init__(self, show: Callable[[Tuple[Row, ...], Tuple[str, ...]], Shown]) -> None:
+        self.rows: Dict[str, Row] = {}
+        self._show = show
+        self._before: Dict[str, Optional[Row]] = {}  # of those that were set
 
     def set(self, key: str, row: Optional[Row]) -> None:
-        """The row of a key; None: it has none."""
-        self._new[key] = row
+        """Put the row of a key; None: it has none."""
+        before = self.rows.get(key)
+        if row == before:
+            return
+        self._before.setdefault(key, before)
+        if row is None:
+            del self.rows[key]
+        else:
+            self.rows[key] = row
 
-    def change(self) -> Optional[Shown]:
-        """What is to be shown now; None: nothing has changed."""
-        changed: List[Row] = []
-        removed: List[str] = []
-        for key, row in self._new.items():
-            if row is None:
-                if key in self._shown:
-                    del self._shown[key]
-                    removed.append(key)
-            elif self._shown.get(key) != row:
-                self._shown[key] = row
-                changed.append(row)
-        self._new.clear()
-        return self.show(tuple(changed), tuple(removed)) if changed or removed else None
-
-    def rows(self) -> Tuple[Row, ...]:
-        """All rows, as they were shown."""
-        return tuple(self._shown.values())
+    def change(self) -> List[Shown]:
+        """Return what is to be shown now: one change, or none."""
+        set_, self._before = self._before, {}
+        keys = [key for key, before in set_.items() if self.rows.get(key) != before]
+        changed = tuple(self.rows[key] for key in keys if key in self.rows)
+        removed = tuple(key for key in keys if key not in self.rows)
+        return [self._show(changed, removed)] if keys else []
 
 
-class SubstitutionTable(_Table[Substitution, ShowSubstitutions]):
-    """The table of substitutions; rows without a node go by their service."""
+def substitutions() -> "Table[Substitution, ShowSubstitutions]":
+    """Return the table of substitutions; rows without a node go by their service."""
+    return Table(ShowSubstitutions)
 
-    show = ShowSubstitutions
+
+def running_som() -> "Table[ServiceState, ShowSom]":
+    """Return the running SOM."""
+    return Table(ShowSom)
 
 
-class SomTable(_Table[ServiceState, ShowSom]):
-    """The running SOM."""
-
-    show = ShowSom
+def records() -> "Table[Record, WriteDown]":
+    """Return the records for the next reconfigurator."""
+    return Table(WriteDown)

@@ -1,7 +1,6 @@
 """Checks that a text is within the language: nothing is ever run as free Python."""
 import ast
 import builtins
-import difflib
 import keyword
 import math
 import re
@@ -11,6 +10,7 @@ from shsa_core.errors import ExpressionError
 from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED, RESERVED, STATEFUL, Fixed
 from shsa_core.language.range_check import interval_of
 from shsa_core.language.trees import is_condition, literal, name_nodes, row
+from shsa_core.text import nearest
 
 MAX_LENGTH = 40_000
 MAX_NODES = 10_000
@@ -191,8 +191,7 @@ class _Checker:
         name = node.func.id
         function = CALLS.get(name)
         if function is None:
-            close = difflib.get_close_matches(name, CALLS, n=1)
-            hint = f"; did you mean {close[0]}?" if close else ""
+            hint = nearest(name, CALLS)
             raise ExpressionError(f"there is no function '{name}'{hint}; allowed: {_LANGUAGE}")
         if function.stateful and not always:
             raise ExpressionError(

@@ -1,1 +1,1 @@
-"""What is known of the robot: properties, relations, and which topics provide what."""
+"""The model of the robot: properties, relations, and which topics provide them."""

@@ -7,7 +7,7 @@ from shsa_core.model.error import Error
 
 @dataclass(frozen=True)
 class Calibration:
-    """What is published is `gain` * derived + `offset`; `error`: what that erred by lately.
+    """A substitute publishes `gain` * derived + `offset`; `error`: what that erred by lately.
 
     The offset is in the unit of the property. None: the error is not known.
     """
@@ -17,12 +17,12 @@ class Calibration:
     error: Optional[Error] = None
 
     def __call__(self, derived: float) -> float:
-        """The calibrated value."""
+        """Return the calibrated value."""
         return self.gain * derived + self.offset
 
     @property
     def is_none(self) -> bool:
-        """Whether it changes nothing."""
+        """It changes nothing."""
         return self.gain == 1.0 and self.offset == 0.0
 
 

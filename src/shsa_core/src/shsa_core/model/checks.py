@@ -1,11 +1,12 @@
 """The checks that a service's messages must pass: one class a kind of failure.
 
-A new kind is one more class here, a constant in shsa_msgs/Failure, a word in `kinds`, and a row in
-docs/som.md; a test holds the four together.
+A new kind is one more class here, a constant in shsa_msgs/Failure and a word in `kinds`; a test
+holds the three together.
 """
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, ClassVar, Dict, NamedTuple, Optional, Tuple, Type, Union
+from types import MappingProxyType
+from typing import Any, ClassVar, Dict, Mapping, NamedTuple, Optional, Tuple, Type, Union
 
 from shsa_core.model.kinds import Kind
 
@@ -90,7 +91,7 @@ class WitnessSample:
 
 Sample = Union[ValueSample, RateSample, StampSample, IntruderSample, WitnessSample]
 OF_VALUE = (ValueSample, WitnessSample)
-"""What is about one value: such checks stand with the property in the SOM."""
+"""Samples of one value: their checks stand with the property in the SOM."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ class Check:
     limit: Limit
 
     def judge(self, sample: Any) -> Optional[str]:
-        """What was seen and what is allowed, in words, if `sample` is bad."""
+        """Return what was seen and what is allowed, in words, if `sample` is bad."""
         raise NotImplementedError
 
 
@@ -292,21 +293,25 @@ BY_VALUE = tuple(
 """The failures that single messages show: by what they say, not by when they come."""
 
 
-def default_checks(of_values: bool, tells_of_nothing: bool = False) -> Tuple[Check, ...]:
-    """The checks of a value, or of a message, where the SOM says nothing.
+def default_checks(
+    of_values: bool,
+    tells_of_nothing: bool = False,
+    asked: Mapping[str, Optional[Limit]] = MappingProxyType({}),
+) -> Tuple[Check, ...]:
+    """Return the checks of a value, or of a message, by default and as `asked`; None: off.
 
     `tells_of_nothing`: the value need not be a number, see `field.tells_of_nothing`.
     """
     limits = [
-        (each, default_limit(each.kind, tells_of_nothing))
-        for each in REGISTRY.values()
+        (each, asked.get(name, default_limit(name, tells_of_nothing)))
+        for name, each in REGISTRY.items()
         if (each.sample in OF_VALUE) is of_values
     ]
     return tuple(each(limit) for each, limit in limits if limit is not None)
 
 
 def default_limit(kind: str, tells_of_nothing: bool = False) -> Optional[Limit]:
-    """The limit of a check where the SOM says nothing; None: it is off."""
+    """Return the limit of a check where the SOM says nothing; None: it is off."""
     if tells_of_nothing and kind in OFF_FOR_DISTANCES:
         return None
     return REGISTRY[str(kind)].default
@@ -320,17 +325,16 @@ class Checks:
     """The checks of a service's messages as a whole; those of one value stand with its property.
 
     `bad` bad messages among the last `of` make a failure: noise does not, a fault that comes and
-    goes does. So do `intermittent` among ten times as many, None: twice `bad`. `recovery` good
-    messages in a row end it.
+    goes does. So do `seldom` among ten times as many. `recovery` good ones in a row end it.
     """
 
     each: Tuple[Check, ...] = default_checks(of_values=False)
     bad: int = 3
     of: int = 10
-    recovery: int = 5
-    intermittent: Optional[int] = None
+
+    recovery: ClassVar[int] = 5
 
     @property
     def seldom(self) -> int:
         """So many bad messages among the last LONG_WINDOW times `of` make a failure."""
-        return 2 * self.bad if self.intermittent is None else self.intermittent
+        return 2 * self.bad

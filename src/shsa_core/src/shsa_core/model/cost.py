@@ -1,4 +1,4 @@
-"""What a substitute costs: its share of a core, and the bytes that its messages are on a link.
+"""The cost of a substitute: its share of a core, and the bytes of its messages on a link.
 
 Estimates by measured figures, which docs/experiments.md has with their measurement.
 """
@@ -16,7 +16,7 @@ WRITE_CORE_S = 0.00035
 EVENT_RATE_HZ = 10.0
 """An event-driven topic is taken to publish so often."""
 FRAME_BYTES = 70
-"""What a link carries beside a message: its length, and headers of TCP, IP and Ethernet."""
+"""A message has these beside it: its length, and headers of TCP, IP and Ethernet."""
 MESSAGE_BYTES: Dict[str, int] = {
     "std_msgs/Float64": 8,
     "std_msgs/Float32": 4,
@@ -38,29 +38,29 @@ OTHER_BYTES = 256
 
 @dataclass(frozen=True)
 class Cost:
-    """What something takes: `cores` of a computer, `link` bytes/s of its network."""
+    """`cores` of a computer, and bytes/s of its network `link`."""
 
     cores: float
     link: float = 0.0
 
 
 def rate(service: Service) -> float:
-    """How often a service publishes, in Hz."""
+    """Return the rate at which a service publishes, in Hz."""
     return 1.0 / service.period if service.period else EVENT_RATE_HZ
 
 
 def traffic(service: Service) -> float:
-    """What a service is on a link, in bytes/s, each time that it crosses it."""
+    """Return the bytes/s of a service on a link, each time that it crosses it."""
     return rate(service) * (MESSAGE_BYTES.get(service.type, OTHER_BYTES) + FRAME_BYTES)
 
 
 def cores(inputs: Iterable[Service], output: Service) -> float:
-    """The share of a core that a substitute takes which computes `output` from `inputs`."""
+    """Return the share of a core that a substitute takes which computes `output` from `inputs`."""
     return PROCESS_CORES + READ_CORE_S * sum(map(rate, inputs)) + WRITE_CORE_S * rate(output)
 
 
 def cost(inputs: Iterable[Service], output: Service, here: Collection[str]) -> Cost:
-    """What a substitute takes of a computer, which services call one of `here`.
+    """Return the cost of a substitute on a computer, which services call one of `here`.
 
     Inputs of other computers cross its link, and so does the output, as its consumers may be
     anywhere. A service counts once, however many of its values are read.
@@ -71,7 +71,7 @@ def cost(inputs: Iterable[Service], output: Service, here: Collection[str]) -> C
 
 
 def idle_cost(inputs: Iterable[Service], here: Collection[str]) -> Cost:
-    """What an idle process takes that is prepared for plans which read `inputs`."""
+    """Return the cost of an idle process for plans that read `inputs`."""
     read = {each.name: each for each in inputs}.values()
     crossing = sum(traffic(each) for each in read if each.host not in here)
     return Cost(PROCESS_CORES + READ_CORE_S * sum(map(rate, read)), crossing)

@@ -1,4 +1,4 @@
-"""How far a value is from the truth: measured, in the unit of its property."""
+"""The error of a value: its distance from the truth, in the unit of its property."""
 from dataclasses import dataclass
 from typing import Optional
 
@@ -26,3 +26,8 @@ class Error:
         if not self.baseline:
             return None
         return min(1.0, max(1e-4, 1.0 - self.rms / self.baseline))
+
+
+def quality_of(error: Optional[Error]) -> float:
+    """Return the quality of what says none itself: by the figures of its error, else 1."""
+    return 1.0 if error is None else error.quality or 1.0

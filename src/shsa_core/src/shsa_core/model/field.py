@@ -100,7 +100,7 @@ class FieldText:
 
 @functools.lru_cache(maxsize=1024)
 def parse_field(text: str, separator: str = ".") -> FieldText:
-    """The field that a text names, with dots as in the SOM, or slashes as in the three strings.
+    """Return the field that a text names, with dots as in the SOM or slashes as in the strings.
 
     Raises ShsaError if it names none.
     """
@@ -134,7 +134,6 @@ def _part(match: "re.Match[str]") -> Selector:
 
 
 def _checked(text: str, steps: List[Step], function: str) -> Tuple[Step, ...]:
-    """The steps, where slices stand only in the place for them; all of an array needs none."""
     before = steps[:-1] if function in REDUCTIONS else steps
     if any(isinstance(step.part, Span) for step in before):
         raise ShsaError(
@@ -161,22 +160,22 @@ def _refused(text: str) -> ShsaError:
 
 
 def reduces(field: str) -> bool:
-    """Whether a field is one number of many, so that it can be read alone."""
+    """Return true if a field is one number of many, so that it cannot be written."""
     return parse_field(field).function in REDUCTIONS
 
 
 def is_angle(field: str) -> bool:
-    """Whether a field is an angle of a quaternion."""
+    """Return true if a field is an angle of a quaternion."""
     return parse_field(field).function in ANGLES
 
 
 def to_path(field: str) -> str:
-    """The text of a field in the SOM, as it stands in one of the three strings."""
+    """Return the text of a field in the SOM, as it stands in one of the three strings."""
     return re.sub(r"\.(?![^\[]*\])", "/", field)
 
 
 def tells_of_nothing(message_type: str, field: str) -> bool:
-    """Whether NaN and infinite values of a field tell what is seen, not that a node is faulty.
+    """Return true if NaN and infinite values of a field tell what a sensor sees.
 
     REP 117: of distances, +inf says that nothing is in reach, -inf that something is too close, and
     NaN that one reading is of no use.

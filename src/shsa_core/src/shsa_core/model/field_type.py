@@ -1,11 +1,11 @@
-"""What a field is in its message type: a number of which kind, and what it can hold."""
-import difflib
+"""The type of a field: which kind of number it is, and what it can hold."""
 import math
 from dataclasses import dataclass
-from typing import Callable, Dict, Iterable, Mapping, Optional, Tuple
+from typing import Callable, Dict, Mapping, Optional, Tuple
 
 from shsa_core.errors import ShsaError, listed
 from shsa_core.model.field import ANGLES, REDUCTIONS, Index, Key, Span, Step, parse_field
+from shsa_core.text import nearest
 
 Layout = Callable[[str], Mapping[str, str]]
 """The fields of a message type and their types, as in its .msg file; raises ShsaError."""
@@ -33,7 +33,7 @@ class FieldType:
     writable: bool = True
 
     def fit(self, value: float) -> float:
-        """The value as the field holds it; a whole number is rounded to.
+        """Return the value as the field holds it; a whole number is rounded to.
 
         Raises ShsaError if it does not fit.
         """
@@ -45,7 +45,7 @@ class FieldType:
 
 
 def field_type(message_type: str, field: str, layout: Layout) -> FieldType:
-    """What a field is in a message type.
+    """Return the type of a field of a message type.
 
     Raises ShsaError if the type has no such field, or if it is not a number.
     """
@@ -78,7 +78,7 @@ class _NoField(ShsaError):
 
 
 def _enter(kind: str, step: Step, reduces: bool, layout: Layout) -> str:
-    """The type that a step leads to."""
+    """Return the type that a step leads to."""
     if "/" not in kind:
         raise _NoField(f"a {kind} has no fields")
     fields = layout(kind)
@@ -100,15 +100,9 @@ def _enter(kind: str, step: Step, reduces: bool, layout: Layout) -> str:
 
 
 def _highest(step: Step) -> Optional[int]:
-    """The highest place of an array that a step names; None if it names none."""
+    """Return the highest place of an array that a step names; None if it names none."""
     if isinstance(step.part, Index):
         return step.part.place
     if isinstance(step.part, Span) and step.part.stop is not None:
         return step.part.stop - 1
     return None
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The name that may have been meant, in words; empty if none is like it."""
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return f"; did you mean {near[0]}?" if near else ""

@@ -5,11 +5,7 @@ from typing import Optional, Tuple
 
 @dataclass(frozen=True)
 class Host:
-    """One computer of the robot.
-
-    `cores`: how many CPUs it has; `link`: what its network carries, in bytes/s. None: not known, so
-    that nothing is refused for it.
-    """
+    """One computer of the robot: its CPUs, and what its link carries in bytes/s; None: any."""
 
     name: str
     cores: Optional[float] = None

@@ -13,7 +13,7 @@ class Word(str, Enum):
 
 
 class Kind(Word):
-    """What was wrong with a publisher; see shsa_msgs/Failure.
+    """A kind of failure of a publisher; see shsa_msgs/Failure.
 
     Those with a class in `checks` can be tuned.
     """
@@ -44,14 +44,14 @@ BY_LINK = (Kind.SILENT, Kind.NEVER_PUBLISHED, Kind.RATE_LOW, Kind.RATE_HIGH)
 
 
 class Contain(Word):
-    """Whether the node of a failed service is killed, where the SOM decides that."""
+    """The node of a failed service is killed, or never, where the SOM decides that."""
 
     NODE = "node"
     NONE = "none"
 
 
 class Standby(Word):
-    """What is ready before a service fails."""
+    """The substitute that is ready before a service fails."""
 
     COLD = "cold"
     WARM = "warm"
@@ -59,7 +59,7 @@ class Standby(Word):
 
 
 class Policy(Word):
-    """What is done about the node of a failed service."""
+    """The reaction to the failure of a service."""
 
     SUBSTITUTE = "substitute"
     RESTART = "restart"
@@ -68,22 +68,22 @@ class Policy(Word):
 
     @property
     def substitutes(self) -> bool:
-        """Whether a substitute takes the service over."""
+        """A substitute takes the service over."""
         return self in (Policy.SUBSTITUTE, Policy.RESTART_AND_SUBSTITUTE)
 
     @property
     def plans(self) -> bool:
-        """Whether a substitute is looked for: to take the service over, or to be advised of."""
+        """A substitute is looked for: to take the service over, or to be advised of."""
         return self is not Policy.RESTART
 
     @property
     def restarts(self) -> bool:
-        """Whether the node is started again."""
+        """The node is started again."""
         return self in (Policy.RESTART, Policy.RESTART_AND_SUBSTITUTE)
 
 
 class OnPartition(Word):
-    """What is done for a service while it is its computer that cannot be reached.
+    """The reaction while it is the computer of a service that cannot be reached.
 
     WAIT: nothing, until that is back: the node may still serve those on its side.
     """
@@ -93,7 +93,7 @@ class OnPartition(Word):
 
 
 class Others(Word):
-    """What a substitute writes into the fields of a message that it does not compute.
+    """The values of the fields of a message that a substitute does not compute.
 
     Names, sizes and settings are always as in the last good message. What was measured is marked as
     unknown as its type defines it, or is as it was in that message, or is zero.

@@ -4,14 +4,14 @@ from typing import Collection, Dict
 
 
 def full_name(name: str, namespace: str) -> str:
-    """A name from the root of the graph: `odom` in `/robot1` is `/robot1/odom`."""
+    """Return a name from the root of the graph: `odom` in `/robot1` is `/robot1/odom`."""
     if name.startswith("/"):
         return name
     return "/".join(("", *filter(None, namespace.split("/")), name))
 
 
 def file_name(path: str, namespace: str) -> str:
-    """A file of the robot in a namespace: `log/robot1-a.jsonl` for `log/a.jsonl` in `/robot1`.
+    """Map `log/a.jsonl` to `log/robot1-a.jsonl` in the namespace `/robot1`.
 
     roslaunch names its logs so.
     """

@@ -1,53 +1,50 @@
-"""The ontology's properties and functions by number: a compact form for the search."""
+"""The ontology's graph by numbers: a compact form for the search."""
 import copy
-from array import array
-from typing import Dict, Iterable, List, Sequence, Tuple
+from typing import Dict, List, Tuple
+
+import networkx as nx
 
 from shsa_core.model.quality import UNIT, cost
 from shsa_core.model.relation import TransferFunction
-
 
 RELATION = 64 * UNIT  # dearer than a quality of e**-64
 
 
 class Network:
-    """Functions and properties as numbers, counted from 0; made once for an ontology.
+    """Functions and properties by numbers, counted from 0.
 
-    `functions` are grouped by output, within it in the order of their relations' names: those of
-    property p are `first[p]` to `first[p + 1]`. The inputs of function f are the numbers
-    `inputs[start[f]:start[f + 1]]`, its output `outputs[f]`, its quality `qualities[f]`, which
-    costs `costs[f]`.
+    Function f yields the property `outputs[f]` from the properties `inputs[f]` with the quality
+    `qualities[f]`, which costs `costs[f]`. The functions of property p are `functions_of[p]`, in
+    the order of their relations' names.
     """
 
-    def __init__(self, names: Iterable[str], functions: Sequence[TransferFunction]) -> None:
-        self.names: List[str] = []
+    def __init__(self, graph: nx.DiGraph) -> None:
+        kinds = graph.nodes(data="kind")
+        self.names: List[str] = [node for node, kind in kinds if kind == "property"]
         self.functions: List[TransferFunction] = []
         self.costs: List[int] = []
-        self.qualities = array("d")
-        self.first = array("l", [0])
-        self.outputs = array("l")
-        self.start = array("l", [0])
-        self.inputs = array("l")
-        self._numbers: Dict[str, int] = {}
-        for name in names:
-            self._add(name)
-        of_output: Dict[str, List[TransferFunction]] = {}
-        for function in functions:
-            of_output.setdefault(function.output, []).append(function)
-            for name in (function.output, *function.inputs):
-                self._add(name)
+        self.qualities: List[float] = []
+        self.outputs: List[int] = []
+        self.inputs: List[Tuple[int, ...]] = []
+        self.functions_of: List[range] = []
+        self._numbers: Dict[str, int] = {name: number for number, name in enumerate(self.names)}
         for number, name in enumerate(self.names):
-            for function in sorted(of_output.get(name, ()), key=lambda f: f.relation):
+            first = len(self.functions)
+            for node in sorted(graph.predecessors(name)):
+                function = graph.nodes[node]["function"]
                 self.functions.append(function)
-                self.outputs.append(number)
                 self.costs.append(cost(function.quality))
                 self.qualities.append(function.quality)
-                self.inputs.extend([self._numbers[input_] for input_ in function.inputs])
-                self.start.append(len(self.inputs))
-            self.first.append(len(self.functions))
+                self.outputs.append(number)
+                self.inputs.append(tuple(self._numbers[each] for each in graph.predecessors(node)))
+            self.functions_of.append(range(first, len(self.functions)))
+
+    def executable(self, function: int) -> bool:
+        """Return True if a function has a law."""
+        return self.functions[function].law is not None
 
     def smallest_first(self) -> "Network":
-        """The same, with each relation so dear that the fewest relations are the best.
+        """Return a network with relations so dear that the fewest relations are the best.
 
         Of as many the best is still the one of the highest quality.
         """
@@ -56,28 +53,9 @@ class Network:
         return other
 
     def number(self, name: str) -> int:
-        """The number of a property. A name that no function has gets a new number."""
-        number = self._numbers.get(name)
-        if number is None:
-            number = self._add(name)
-            self.first.append(len(self.functions))
-        return number
-
-    def _add(self, name: str) -> int:
+        """Return the number of a property; a new number for a name that the graph does not have."""
         number = self._numbers.setdefault(name, len(self.names))
         if number == len(self.names):
             self.names.append(name)
+            self.functions_of.append(range(0))
         return number
-
-    def functions_for(self, name: str) -> Tuple[TransferFunction, ...]:
-        """The functions that yield the property `name`, by the name of their relation."""
-        number = self._numbers.get(name)
-        return () if number is None else tuple(self.functions[f] for f in self.functions_of(number))
-
-    def functions_of(self, number: int) -> range:
-        """The numbers of the functions that yield a property."""
-        return range(self.first[number], self.first[number + 1])
-
-    def inputs_of(self, function: int) -> "array[int]":
-        """The numbers of a function's inputs."""
-        return self.inputs[self.start[function] : self.start[function + 1]]

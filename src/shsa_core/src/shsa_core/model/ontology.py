@@ -1,12 +1,11 @@
 """The ontology: properties and the relations between them (Section III-B of the paper)."""
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Mapping, Optional, Sequence, Tuple
+from typing import Mapping, Optional, Sequence, Tuple
+
+import networkx as nx
 
 from shsa_core.model.network import Network
 from shsa_core.model.relation import TransferFunction
-
-if TYPE_CHECKING:
-    import networkx as nx
 
 
 @dataclass(frozen=True)
@@ -36,33 +35,33 @@ class Constant:
 
 @dataclass(frozen=True)
 class Ontology:
-    """Properties, constants and relations; immutable once made."""
+    """Properties, constants and relations; immutable once made.
+
+    `graph` is the bipartite graph of properties and functions. The node of a property is its name
+    (`kind="property"`), that of a function the pair of its relation and its output
+    (`kind="relation"`, `function`). Edges lead from inputs to functions to outputs. `network` is
+    the form of it that the search uses.
+    """
 
     properties: Mapping[str, Property]
     constants: Mapping[str, Constant]
     functions: Sequence[TransferFunction]
+    graph: nx.DiGraph = field(init=False, repr=False, compare=False)
     network: Network = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "network", Network(self.properties, self.functions))
-
-    def functions_for(self, name: str) -> Tuple[TransferFunction, ...]:
-        """The transfer functions that yield the property `name`, by the name of their relation."""
-        return self.network.functions_for(name)
-
-    def graph(self) -> "nx.DiGraph":
-        """The bipartite graph of properties (`kind="property"`) and functions (`kind="relation"`).
-
-        A property's node is its name; a function's node is the pair (relation, output).
-        Edges follow the data: input property -> function -> output property.
-        """
-        import networkx as nx  # takes a third of a second: only who draws or analyses pays for it
-
         graph = nx.DiGraph()
         graph.add_nodes_from(self.properties, kind="property")
         for function in self.functions:
             node = (function.relation, function.output)
-            graph.add_node(node, kind="relation", quality=function.quality)
+            graph.add_nodes_from((function.output, *function.inputs), kind="property")
+            graph.add_node(node, kind="relation", function=function, quality=function.quality)
             graph.add_edges_from((name, node) for name in function.inputs)
             graph.add_edge(node, function.output)
-        return graph
+        object.__setattr__(self, "graph", graph)
+        object.__setattr__(self, "network", Network(graph))
+
+    def functions_for(self, name: str) -> Tuple[TransferFunction, ...]:
+        """Return the functions that yield the property `name`, in order of their relations."""
+        nodes = sorted(self.graph.predecessors(name)) if name in self.graph else ()
+        return tuple(self.graph.nodes[node]["function"] for node in nodes)

@@ -11,7 +11,7 @@ DECIMALS = 10**4
 
 @lru_cache(maxsize=None)
 def cost(quality: float) -> int:
-    """The cost of a quality in (0, 1]: -ln(quality) in whole numbers of 1/UNIT.
+    """Return the cost of a quality in (0, 1]: -ln(quality) in whole numbers of 1/UNIT.
 
     It is 0 for the quality 1.
 
@@ -25,7 +25,7 @@ def cost(quality: float) -> int:
 
 
 def _log(number: int) -> int:
-    """ln(number) * UNIT, rounded for each prime factor alone: _log(a * b) == _log(a) + _log(b)."""
+    """Return ln(number) * UNIT, rounded by prime factors: _log(a * b) == _log(a) + _log(b)."""
     total = 0
     factor = 2
     while factor * factor <= number:

@@ -17,10 +17,8 @@ USUAL_BRIDGE = 2.5
 class Provision:
     """One value of a service: the property, and the field of the message that holds it.
 
-    `range` (lowest, highest) in the property's unit, None for no limit; `quality` in (0, 1];
-    `checks` are those of this value; `error`: how far it is from the truth, None: not known;
-    `unreadable`: why it cannot be read on this computer, or empty; `calibrate`: whether what
-    derives it is calibrated while it lives; `where`: file and line, or parameter.
+    The keys of the SOM (`files/keys.py`), and `unreadable`: why it cannot be read on this computer,
+    or empty; `where`: file and line, or parameter.
     """
 
     property: str
@@ -36,12 +34,9 @@ class Provision:
 
 @dataclass(frozen=True)
 class LastResort:
-    """What is done when nothing can substitute: publish `values`, run `command`.
+    """Publish `values`, by property, and run `command` when nothing can substitute.
 
-    A value is a property and a number in its unit.
-
-    With neither, the topic is silent. `command` is a program and its arguments; it goes through no
-    shell.
+    With neither, the topic is silent.
     """
 
     values: Tuple[Tuple[str, float], ...] = ()
@@ -50,10 +45,7 @@ class LastResort:
 
 @dataclass(frozen=True)
 class AdaptiveDeadline:
-    """A deadline that is learned from the gaps of the healthy stream.
-
-    `false_alarms`: how often an hour of the topic it may be exceeded though nothing is wrong.
-    """
+    """A deadline that is learned from healthy gaps; `false_alarms`: at most so many an hour."""
 
     false_alarms: float
 
@@ -63,22 +55,13 @@ class AdaptiveDeadline:
 
 @dataclass(frozen=True)
 class Service:
-    """One topic of one node.
+    """One topic of one node, by the keys of the SOM (`files/keys.py`).
 
-    `period` in s, None: an event-driven topic; `deadline`: periods without a message after which
-    its publisher is silent, None: as usual; `needed`: somebody relies on it, so that it is healed;
-    `latched`: who subscribes late gets the newest message; `provides`: the values in it, in the
-    order of the SOM; `fails_with`: what else makes it fail with others that name it too; `contain`:
-    whether its node is killed when it fails, None: what would be lost decides; `others`: what a
-    substitute writes into the rest of its messages; `unwritable`: why its messages cannot be
-    written on this computer, so that nothing can take it over, or empty; `fault_tolerant_time`: s
-    without good data that its users tolerate, None: not known; `derived_from`: the services and
-    topics that its values are computed from; `upstream`: the same, and what those are computed from
-    (the SOM sees to that); `beyond_gate`: where a gate publishes what it finds good of `topic`,
-    empty: there is no gate; `host`: the computer that its node runs on, empty: not said;
-    `placement`: where a substitute of it may run; `on_partition`: what is done while that computer
-    cannot be reached; `bridge`: periods after which a substitute that stands by fills in for a late
-    message, 0: never, None: as usual; `where`: file and line, or parameter.
+    With a gate, `topic` is where the node publishes and `beyond_gate` what consumers hear; empty:
+    there is no gate. None stands for what is not said. `unwritable`: why its messages cannot be
+    written on this computer, so that nothing can take it over, or empty; `upstream`: what its
+    values are computed from by however many steps (the SOM sees to that); `where`: file and line,
+    or parameter.
     """
 
     name: str
@@ -118,7 +101,7 @@ class Service:
 
     @property
     def gated(self) -> bool:
-        """Whether a gate stands between its node and its consumers."""
+        """A gate stands between its node and its consumers."""
         return bool(self.beyond_gate)
 
     @property
@@ -143,7 +126,7 @@ class Service:
 
     @property
     def shared(self) -> Tuple[str, ...]:
-        """What it may fail with together with other services: the last one is its computer."""
+        """The causes that it shares with other services: the last one is its computer."""
         if not self.host or self.host in self.fails_with:
             return self.fails_with
         return (*self.fails_with, self.host)
@@ -155,7 +138,7 @@ class Service:
 
     @property
     def wrong_with(self) -> Tuple[str, ...]:
-        """What may make its values wrong: not its computer, with which they are lost at most."""
+        """The causes of wrong values: not its computer, with which they are lost at most."""
         return tuple(dict.fromkeys((self.node, *self.fails_with)))
 
     @property
@@ -168,7 +151,7 @@ class Service:
 
     @property
     def event_driven(self) -> bool:
-        """Whether it publishes when something happens, and not periodically."""
+        """It publishes when something happens, and not periodically."""
         return self.period is None
 
     @property
@@ -183,7 +166,7 @@ class Service:
         return (usual if self.bridge is None else self.bridge) or None
 
     def source(self, property: str) -> Optional["Source"]:
-        """The value that provides `property`; None if none does."""
+        """Return the value that provides `property`; None if none does."""
         return next((s for s in self.sources if s.property == property), None)
 
 
@@ -214,7 +197,7 @@ class Source:
 
     @property
     def names(self) -> Tuple[str, ...]:
-        """What it can be left out by: its service, topic, node and common causes, as its host.
+        """The names it can be left out by: its service, topic, node and common causes.
 
         And the services that it is computed from: where one is lost, its own loss would come back.
         """
@@ -239,7 +222,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Signal:
-    """What a substitute must know of a value that it reads or writes.
+    """A value that a substitute reads or writes.
 
     `period` in s, None: event-driven; `deadline`: s after which a value is stale, None: it never
     is. `node`: whose messages count, where several services share the topic; empty: anybody's.
@@ -267,7 +250,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Deadlines:
-    """How long a service may be silent, if it has no deadline of its own.
+    """The silence that a service is allowed, if it has no deadline of its own.
 
     That is `periods`, but at least `minimum` s.
 
@@ -281,7 +264,7 @@ class Deadlines:
     """A deadline that is learned is so many times that of others at most."""
 
     def of(self, service: Service) -> Optional[float]:
-        """The silence in s after which a service has failed and its values are stale; None:
+        """Return the silence in s after which a service has failed and its values are stale; None:
         neither ever.
 
         One whose deadline is learned is as one that has none: so long its values are fresh, and so
@@ -294,12 +277,12 @@ class Deadlines:
         return service.deadline * service.period
 
     def longest(self, service: Service) -> Optional[float]:
-        """The longest silence in s until it has failed, whatever is learned; None: any."""
+        """Return the longest silence in s until it has failed, whatever is learned; None: any."""
         usual = self.of(service)
         learned = isinstance(service.deadline, AdaptiveDeadline)
         return self.ADAPTIVE * usual if learned and usual is not None else usual
 
 
 def signal_path(topic: str, field: str) -> str:
-    """Topic and field as in the three strings; a plain one as `rostopic echo` takes it."""
+    """Return topic and field as one of the three strings has them, and `rostopic echo`."""
     return topic + "/" + to_path(field)

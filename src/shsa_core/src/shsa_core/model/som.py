@@ -61,11 +61,11 @@ class Som:
 
     @property
     def parts(self) -> Tuple[Tuple[Service, ...], Tuple[Host, ...]]:
-        """What it is made of."""
+        """Its services and hosts."""
         return tuple(self), tuple(self.hosts.values())
 
     def with_services(self, services: Iterable[Service]) -> "Som":
-        """Other services on the same hosts."""
+        """Return other services on the same hosts."""
         return Som(services, self.hosts.values())
 
     @property
@@ -74,20 +74,20 @@ class Som:
         return tuple(source for service in self for source in service.sources)
 
     def of_property(self, name: str) -> Tuple[Source, ...]:
-        """The sources of the property `name`."""
+        """Return the sources of the property `name`."""
         return tuple(self._of_property.get(name, ()))
 
     def of_topic(self, topic: str) -> Tuple[Service, ...]:
-        """The services that share `topic`, or the one that a gate passes on there."""
+        """Return the services that share `topic`, or the one that a gate passes on there."""
         beyond = self._beyond_gate.get(topic)
         return tuple(self._of_topic.get(topic, ())) if beyond is None else (beyond,)
 
     def topics(self) -> Tuple[str, ...]:
-        """The topics that nodes publish on, each once, in the order of the SOM."""
+        """Return the topics that nodes publish on, each once, in the order of the SOM."""
         return tuple(self._of_topic)
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
-        """The service that `publisher` provides on `topic`; None if that cannot be told.
+        """Return the service that `publisher` provides on `topic`; None if that cannot be told.
 
         A publisher that no service names stands for the topic's service if there is only one.
         """
@@ -96,16 +96,16 @@ class Som:
         return services[0] if named is None and len(services) == 1 else named
 
     def known_name(self, name: str, namespace: str) -> str:
-        """What a user means by a name: a service, host or cause, or a topic or node in full."""
+        """Return a name in full: of a service, host or cause as it is, else of a topic or node."""
         known = name in self.hosts or any(name in (each.name, *each.shared) for each in self)
         return name if known else full_name(name, namespace)
 
     def needed(self) -> Tuple[Service, ...]:
-        """The services that are healed when they fail."""
+        """Return the services that are healed when they fail."""
         return tuple(service for service in self if service.needed)
 
     def signal(self, source: Source, deadlines: Deadlines, written: bool = False) -> Signal:
-        """What a substitute must know of a source that it reads, or of one that it writes."""
+        """Return what a substitute must know of a source that it reads or writes."""
         service = source.service
         shared = len(self._of_topic.get(service.topic, ())) > 1
         return Signal(

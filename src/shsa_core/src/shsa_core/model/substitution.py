@@ -42,7 +42,7 @@ class Substitution:
 
     @property
     def idle(self) -> bool:
-        """Whether it has no program yet."""
+        """It has no program yet."""
         return not self.code
 
     @cached_property
@@ -52,7 +52,7 @@ class Substitution:
 
 
 def row_key(row: Any) -> str:
-    """What a row of the table goes by, as a Substitution or a message of one.
+    """Return the key of a row of the table, a Substitution or a message of one.
 
     Its node; the service, where it is a plan without one; both, where several share the node.
     """
@@ -60,5 +60,5 @@ def row_key(row: Any) -> str:
 
 
 def shared_key(node: str, service: str) -> str:
-    """What the row of a service goes by in a node that several share."""
+    """Return the key of a service's row in a node that several share."""
     return f"{node} {service}"

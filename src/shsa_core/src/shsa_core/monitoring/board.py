@@ -188,6 +188,13 @@ class Board:
         self._failures.append(FailureDetected(time, *whom, kind, detail, publisher.last_good))
         self.touch(topic, publisher.name)
 
+    def excuse(self, topic: WatchedTopic, publisher: Publisher, why: str) -> None:
+        """Tell why a publisher is not blamed though it is late; empty: it is not late any more."""
+        detail = f"not blamed: {why}" if why else ""
+        if publisher.detail != detail:
+            publisher.detail = detail
+            self.touch(topic, publisher.name)
+
     def decide(self, change: Union[ChangeAdopted, ChangeRefused]) -> None:
         """A change of the SOM counts, or does not."""
         self._changes.append(change)

@@ -15,36 +15,23 @@ from typing import Deque, List, Optional, Tuple
 
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
+from shsa_core.monitoring.settings import (
+    DRIFTS,
+    DRIFT_S,
+    ERRORS,
+    EXCITED,
+    FEWEST_ERRORS,
+    GAINS,
+    GAIN_STEP,
+    GUARD_S,
+    LARGEST,
+    MEMORY_S,
+    PRIOR_GAIN,
+    SAMPLE_COUNTS_S,
+    SAMPLE_S,
+    SETTLING_S,
+)
 
-SAMPLE_S = 0.2
-"""Between two samples: those in between cost time and tell nothing new."""
-LONGEST_S = 1.0
-"""A sample tells of the time since the one before, but of no more than this."""
-MEMORY_S = 200.0
-"""What is older counts less than 1/e."""
-LARGEST = 1e100
-"""The square of a value beyond could be infinite, and its table of calibrations refused."""
-GUARD_S = 5.0
-SETTLING_S = 60.0
-"""Of data, before which gain and offset are free; the gain needs as much that tells of it."""
-PRIOR_GAIN = 0.3
-"""The standard deviation of a relation's gain from 1 that is expected."""
-EXCITED = 2.0
-"""A gain is believed once the variance of what is derived is so many times the residual's."""
-GAINS = 0.5, 2.0
-DRIFT_S = 300.0
-"""In it a settled offset moves by the relation's rms error at most, a gain by GAIN_STEP."""
-GAIN_STEP = 0.05
-DRIFTS = 3.0
-"""So many times that is as far as they ever move."""
-WINDOW = 300
-"""The error is that of so many samples, taken ERROR_S apart; FEWEST are needed.
-
-None are taken in the first FIRST_S, in which nothing is known yet.
-"""
-FIRST_S = 5.0
-ERROR_S = 1.0
-FEWEST = 5
 SOURCE = "compared with the sensor while it lived"
 
 
@@ -65,7 +52,7 @@ class Calibrator:
         self._gain = _Limited()
         self._shift = _Limited()  # calibrated minus derived, at a fixed derived value
         self._at = 0.0
-        self._errors: Deque[Tuple[float, float]] = deque(maxlen=WINDOW)
+        self._errors: Deque[Tuple[float, float]] = deque(maxlen=ERRORS)
         self._noted: Optional[float] = None
         self._whole = True
 
@@ -96,7 +83,7 @@ class Calibrator:
         Gain 1 and offset 0 where others would not be better, and for what has only been whole
         numbers: they may be states. The error is None until it is known.
         """
-        if len(self._errors) < FEWEST:
+        if len(self._errors) < FEWEST_ERRORS:
             return UNCALIBRATED
         calibrated = _error([each for each, _ in self._errors])
         plain = _error([each for _, each in self._errors])
@@ -110,7 +97,7 @@ class Calibrator:
         return gain, self._shift.value - self._gain.value * self._at
 
     def _learn(self, time: float, measured: float, derived: float) -> None:
-        passed = SAMPLE_S if self._learned is None else min(time - self._learned, LONGEST_S)
+        passed = SAMPLE_S if self._learned is None else min(time - self._learned, SAMPLE_COUNTS_S)
         self._learned = time
         residual = measured - derived
         self._note(time, derived, residual)
@@ -126,8 +113,8 @@ class Calibrator:
 
     def _note(self, time: float, derived: float, residual: float) -> None:
         """Note what would have been published, less what was measured: before it is learned."""
-        known = self._shift.seen >= FIRST_S
-        if known and (self._noted is None or time - self._noted >= ERROR_S):
+        known = self._shift.seen >= GUARD_S
+        if known and (self._noted is None or time - self._noted >= SAMPLE_COUNTS_S):
             self._noted = time
             gain, offset = self._applied
             self._errors.append(((gain - 1.0) * derived + offset - residual, -residual))
@@ -185,7 +172,7 @@ class _Slope:
         """1 while too little is known of it."""
         if not self._excited:
             return 1.0
-        expected = self._residual / max(self._seen, LONGEST_S) / PRIOR_GAIN**2
+        expected = self._residual / max(self._seen, SAMPLE_COUNTS_S) / PRIOR_GAIN**2
         return 1.0 + self._product / (self._derived + expected)
 
 

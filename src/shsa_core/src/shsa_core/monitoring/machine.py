@@ -1,6 +1,6 @@
 """The monitor's core: judges each publisher of a service by its messages and connections."""
 from math import inf
-from typing import Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
+from typing import Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core import dispatch
 from shsa_core.model.checks import Checks, IntruderSample
@@ -8,8 +8,8 @@ from shsa_core.model.kinds import Kind
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.arrivals import Arrivals
-from shsa_core.monitoring.calibrations import Calibrations
+from shsa_core.monitoring.alibis import decide
+from shsa_core.monitoring.comparisons import Comparisons
 from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board, Due, Grace, Silence, Trial
 from shsa_core.monitoring.events import (
     ClockTicked,
@@ -30,22 +30,14 @@ from shsa_core.monitoring.events import (
     Tick,
 )
 from shsa_core.monitoring.evidence import Finding, judge
-from shsa_core.monitoring.lessons import Lessons
 from shsa_core.monitoring.overview import ServiceHealth, overview
 from shsa_core.monitoring.pace import Pace
 from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedTopic
-from shsa_core.monitoring.settings import Settings
-from shsa_core.monitoring.silence import EVERYBODY, LEAST_GRANT_S, Excuses, late_nodes
+from shsa_core.monitoring.settings import RECONNECT_S, Settings
+from shsa_core.monitoring.start_up import StartUp
 from shsa_core.monitoring.substitutes import publishes, topics_of
+from shsa_core.monitoring.surroundings import Surroundings
 from shsa_core.monitoring.trials import Trials
-from shsa_core.monitoring.witness import Witnesses
-
-
-class _Own(NamedTuple):
-    """What the own node of a service says: values by property, None where there is none."""
-
-    service: Service
-    values: List[Tuple[str, Optional[float]]]
 
 
 class Monitor:
@@ -55,15 +47,12 @@ class Monitor:
         self, settings: Settings = Settings(), ontology: Optional[Ontology] = None
     ) -> None:
         self._settings = settings
-        self._witnesses = Witnesses(ontology, settings.deadlines)
-        self._calibrations = Calibrations(ontology, settings.deadlines)
+        self._comparisons = Comparisons(ontology, settings.deadlines) if ontology else None
         self._som = Som()
         self._board = Board()
         self._trials = Trials(self._board, settings.deadlines, self._watch)
-        self._excuses = Excuses()
-        self._lessons = Lessons(self._excuses)
-        self._arrivals = Arrivals(self._board)
-        self._late_nodes: Dict[float, int] = {}
+        self._around = Surroundings(lambda: (each for _, each in self._board.all()))
+        self._start_up = StartUp(self._board, settings.startup_grace)
         self._now = Tick(-inf)
         self._pace = Pace()
         self._ending_nodes: Set[str] = set()
@@ -114,8 +103,9 @@ class Monitor:
             return []
         seen = self._pace.judged(event)
         self._handlers[type(event)](seen)
-        commands = [*self._board.commands(seen.time), *self._arrivals.awaited(seen.time)]
-        commands += self._calibrations.changed(seen.time)
+        commands = [*self._board.commands(seen.time), *self._start_up.awaited(seen.time)]
+        if self._comparisons is not None:
+            commands += self._comparisons.changed(seen.time)
         return self._pace.ours(commands)
 
     def table(self) -> Tuple[PublisherHealth, ...]:
@@ -124,7 +114,7 @@ class Monitor:
 
     def overview(self) -> Tuple[ServiceHealth, ...]:
         """How every service is doing, as of the last event."""
-        return overview(self._som, self._board, self.muted(), self._witnesses.doubts())
+        return overview(self._som, self._board, self.muted())
 
     def messages(self) -> Dict[Key, int]:
         """How many messages came from each publisher so far."""
@@ -162,8 +152,10 @@ class Monitor:
 
     def _som_changed(self, event: SomChanged) -> None:
         before, self._som = self._som, event.som
-        self._witnesses.watch(event.som)
-        self._calibrations.watch(event.som)
+        if self._comparisons is not None:
+            self._comparisons.watch(event.som)
+        for _, publisher in self._board.all():
+            publisher.suspicions.clear()
         for name in before.topics():
             if not event.som.of_topic(name):
                 self._board.drop_topic(name)
@@ -179,7 +171,7 @@ class Monitor:
     def _subscribed(self, event: Subscribed) -> None:
         topic = self._board.topics.get(event.topic)
         if topic is not None and not topic.subscribed:
-            self._arrivals.subscribed(topic, event.time, self._settings.startup_grace)
+            self._start_up.subscribed(topic, event.time)
 
     def _watch(self, topic: WatchedTopic, time: float) -> None:
         """Watch a topic for the services that it has now."""
@@ -223,19 +215,19 @@ class Monitor:
                         board.mute(topic, publisher, event.time)
 
     def _formerly_healthy(self, event: FormerlyHealthy) -> None:
-        self._arrivals.expect(event)
+        self._start_up.expect(event)
 
     # What publishers do
 
     def _connected(self, event: Connected) -> None:
         if not self._board.substitutes.may_be_silent(event.topic, event.publisher):
-            self._arrivals.came(event.time, self._settings.startup_grace)
+            self._start_up.came(event.time)
         topic = self._board.topics.get(event.topic)
         if topic is None:
             return
         self._ending_nodes.discard(event.publisher)
         ours = self._board.substitutes.is_known(event.topic, event.publisher)
-        self._excuses.connected(EVERYBODY if ours else event.publisher, event.time)
+        self._around.connected(event.publisher, event.time, ours)
         known = topic.publishers.get(event.publisher)
         if known is None or not known.connected:
             self._board.meet(topic, event.publisher, event.time)
@@ -247,7 +239,7 @@ class Monitor:
         """Nobody is heard who is not connected."""
         found = self._board.find(event.topic, event.publisher)
         if found is not None:
-            found[1].interrupt(event.time + self._settings.reconnect)
+            found[1].interrupt(event.time + RECONNECT_S)
 
     def _disconnected(self, event: Disconnected) -> None:
         board, found = self._board, self._board.find(event.topic, event.publisher)
@@ -268,7 +260,7 @@ class Monitor:
         board.forget_gone(topic)
         if not topic.publishers:
             board.expect(topic, event.time)
-            self._await_again(topic, event.time)
+            self._start_up.left(topic, event.time)
         if publisher.name in self._ending_nodes and publisher.watched is not None:
             publisher.watched.overdue = True  # nobody is awaited: who comes is welcome
 
@@ -276,18 +268,6 @@ class Monitor:
         """Whether nobody is to blame if a publisher stops: it need not publish, or may leave."""
         on_purpose = publisher.name in self._ending_nodes
         return on_purpose or self._board.may_be_silent(topic, publisher)
-
-    def _await_again(self, topic: WatchedTopic, time: float) -> None:
-        """Nobody is left, and nobody is blamed: as at the start, somebody should come.
-
-        So it is where substitutes end whose original died before this monitor started.
-        """
-        due = time + self._settings.startup_grace
-        for name, watched in topic.services.items():
-            if watched.published or watched.appeared:
-                watched.due = due
-                watched.published = watched.appeared = watched.overdue = False
-                self._board.agenda.bring_forward(Grace(topic.name, name), due)
 
     def _message(self, event: Message) -> None:
         topic = self._board.topics.get(event.topic)
@@ -303,10 +283,10 @@ class Monitor:
         if self._board.substitutes.is_kept_back(topic.name, publisher.name):
             return  # no consumer hears it
         previous = publisher.last_message
-        granted = publisher.granted
-        teaches = publisher.is_healthy and not granted and not publisher.interrupted
+        excused = publisher.excused_until > -inf
+        teaches = publisher.is_healthy and not (excused or publisher.interrupted)
         publisher.note_message(event.time)
-        if previous is None or granted:
+        if previous is None or excused:
             self._board.agenda.bring_forward(
                 Silence(topic.name, publisher.name), publisher.deadline
             )
@@ -318,7 +298,7 @@ class Monitor:
         if self._is_good(topic, publisher, event):
             self._heard_good(topic, publisher, event.time, previous)
             if teaches and previous is not None:
-                self._look_anew(self._lessons.heard(topic.name, publisher, previous, event.time))
+                self._look_anew(self._around.heard(topic.name, publisher, previous, event.time))
         else:
             publisher.good_in_a_row = 0
 
@@ -329,40 +309,43 @@ class Monitor:
         seen = probation.for_kept(event) if probation else event
         if publisher.evidence is not None:
             good, failure = publisher.evidence.weigh(seen, publisher.state is FAILED)
-            if failure is not None and self._is_excused(publisher, failure, event.time):
+            alibi = self._alibi(publisher, failure, event.time) if failure is not None else ""
+            if alibi:
                 good, failure = True, None
+            if alibi or (good and publisher.detail and publisher.kind is None):
+                self._board.excuse(topic, publisher, alibi)
         if probation is not None:
             good = self._trials.weigh(topic, publisher, probation, event, good)
-        own, time = _own_values(publisher, seen), event.time
-        trusted = good and publisher.is_healthy
-        witnessed = self._witnessed(own, time, trusted) if own else None
-        if good and witnessed is not None:
-            good, failure = False, witnessed
+        comparisons, time, compared = self._comparisons, event.time, None
+        if comparisons is not None:
+            compared = comparisons.compare(publisher, seen, good)
+            if compared is not None and compared.finding is not None and good:
+                good, failure = False, compared.finding
         intrusion = self._intrusion(topic, publisher, time)
         if intrusion is not None:
             good, failure = False, intrusion
         quiet = publisher.kind in (Kind.SILENT, Kind.NEVER_PUBLISHED)
         if failure is not None and (publisher.state is not FAILED or quiet):
             self._board.fail(topic, publisher, time, failure.kind, failure.detail)
-        if own:
-            self._calibrate(own, time, good and publisher.is_healthy)
+        if comparisons is not None and compared is not None:
+            comparisons.learn(publisher, compared, time, good)
         return good
 
-    def _is_excused(self, publisher: Publisher, failure: Finding, time: float) -> bool:
-        """Whether a publisher is slow, and not by its own doing."""
+    def _alibi(self, publisher: Publisher, failure: Finding, time: float) -> str:
+        """Return why a publisher is not blamed for being slow; empty: it is."""
         if failure.kind is not Kind.RATE_LOW or not publisher.is_healthy:
-            return False
-        return self._excuses.slows(publisher, (each for _, each in self._board.all()), time)
+            return ""
+        alibi = decide(self._around.rate(publisher, time))
+        return alibi.why if alibi else ""
 
-    def _calibrate(self, own: _Own, time: float, trusted: bool) -> None:
-        """Learn from the values of a service's own node, as long as nothing is held against it."""
-        trusted = trusted and not self._witnesses.is_disputed(own.service)
-        self._calibrations.take(own.service, own.values, time, trusted)
-
-    def _witnessed(self, own: _Own, time: float, trusted: bool) -> Optional[Finding]:
-        """What other nodes say of the values of a service's own node; who fails is no witness."""
-        self._witnesses.take(own.service, own.values, time, trusted)
-        return self._witnesses.finding(own.service, time)
+    def _healthy_services(self) -> List[str]:
+        """Return the services whose own nodes are healthy, and have told something."""
+        found = []
+        for service in self._som:
+            node = self._board.topics[service.topic].publishers.get(service.node)
+            if node is not None and node.is_healthy and node.last_good is not None:
+                found.append(service.name)
+        return found
 
     def _heard_good(
         self, topic: WatchedTopic, publisher: Publisher, time: float, previous: Optional[float]
@@ -395,68 +378,43 @@ class Monitor:
     # Judgement
 
     def _tick(self, event: Tick) -> None:
-        self._now, self._late_nodes = event, {}
-        self._look_anew(self._lessons.learn(event, self._board.all()))
+        self._now = event
+        self._around.look(event.time, event.late)
+        self._look_anew(self._around.learn())
         for due in self._board.agenda.pop_due(event.time):
             self._judges[type(due)](due)
-        self._calibrations.tick(event.time)
+        if self._comparisons is not None:
+            self._comparisons.tick(event.time, self._healthy_services)
 
     def _judge_start(self, due: Grace) -> None:
-        """Blame somebody if a service has never been there, once its grace is over."""
-        board, time, grace = self._board, self._now.time, self._settings.startup_grace
-        topic = board.topics.get(due.topic)
-        watched = topic.services.get(due.service) if topic else None
-        if topic is None or watched is None or watched.published or watched.overdue:
-            return
-        if not topic.subscribed or (watched.service.event_driven and watched.appeared):
-            return
-        if time >= watched.due:
-            watched.due = self._arrivals.due(watched, time, grace)
-        if time < watched.due:
-            board.agenda.bring_forward(due, watched.due)
-            return
-        watched.overdue = True
-        node = watched.service.node
-        connected = [p for p in topic.publishers.values() if p.watched is watched]
-        guilty = [p for p in connected if p.connected and not board.may_be_silent(topic, p)]
-        blamed = min(guilty, key=lambda p: p.name != node, default=None)
-        formerly, told = watched.formerly
-        if blamed is None:
-            blamed = board.miss(topic, formerly, time) if formerly else board.expect(topic, time)
-            blamed.provide(watched)
-        what = "publisher" if watched.service.event_driven else "message"
-        detail = f"no {what} in the first {grace:g} s"
-        if formerly:
-            detail = f"no {what} for {time - told:.3f} s, since this monitor listens"
-        board.fail(topic, blamed, time, Kind.NEVER_PUBLISHED, detail)
+        self._start_up.judge(due, self._now.time)
 
     def _judge_silence(self, due: Silence) -> None:
-        """Look at a publisher; what is done about its silence, if that lasts for too long."""
-        found = self._board.find(due.topic, due.publisher)
+        """Mute who is silent for too long if it may be, excuse or blame it."""
+        found, time = self._board.find(due.topic, due.publisher), self._now.time
         if found is None:
             return
-        if found[1].deadline <= self._now.time:
-            self._take_silence(*found)
-        self._board.agenda.bring_forward(due, found[1].deadline)
-
-    def _take_silence(self, topic: WatchedTopic, publisher: Publisher) -> None:
-        """Mute who may be silent, grant time where there is another reason, or blame."""
-        time = self._now.time
-        if self._may_stop(topic, publisher):
+        topic, publisher = found
+        if publisher.deadline > time:
+            self._board.agenda.bring_forward(due, publisher.deadline)
+        elif self._may_stop(topic, publisher):
             self._board.mute(topic, publisher, time)
+        else:
+            self._take_silence(due, topic, publisher, time)
+
+    def _take_silence(
+        self, due: Silence, topic: WatchedTopic, publisher: Publisher, time: float
+    ) -> None:
+        alibi = decide(self._around.silence(publisher))
+        if alibi is not None:
+            publisher.excused_until = alibi.until
+            self._board.excuse(topic, publisher, alibi.why)
+            self._board.agenda.bring_forward(due, alibi.until)
             return
-        allowed, silence, learned = publisher.allowed, publisher.silence(time), publisher.learned
-        longest = inf if learned is None else allowed
-        if longest not in self._late_nodes:
-            everybody = (each for _, each in self._board.all())
-            self._late_nodes[longest] = late_nodes(everybody, time, longest)
-        more = self._excuses.grant(publisher, self._now, self._late_nodes[longest])
-        if more > LEAST_GRANT_S:
-            publisher.granted = silence + more - allowed
-            return
-        detail = f"no message for {silence:.3f} s, {allowed:.3f} s are allowed"
-        if learned is not None:
-            detail = f"{detail}, {learned.told()}"
+        silence = time - (publisher.last_message or 0.0)
+        detail = f"no message for {silence:.3f} s, {publisher.allowed:.3f} s are allowed"
+        if publisher.learned is not None:
+            detail = f"{detail}, {publisher.learned.told()}"
         self._board.fail(topic, publisher, time, Kind.SILENT, detail)
         publisher.begin_anew()
 
@@ -468,7 +426,7 @@ class Monitor:
                 self._board.agenda.bring_forward(Silence(*key), found[1].deadline)
 
     def _judge_probation(self, due: Trial) -> None:
-        self._trials.look(due, self._now)
+        self._trials.look(due, self._around.watch)
 
     def _intrusion(
         self, topic: WatchedTopic, publisher: Publisher, time: float
@@ -487,13 +445,3 @@ class Monitor:
             publisher.intruding_since = time
         sample = IntruderSample(time - publisher.intruding_since, rightful)
         return judge(topic.intruder_checks, sample)
-
-
-def _own_values(publisher: Publisher, message: Message) -> Optional[_Own]:
-    """None: the message is of another node than the service's own, or nobody has read it."""
-    service, evidence = publisher.service, publisher.evidence
-    if service is None or evidence is None or message.values is None:
-        return None
-    if service.node != publisher.name:
-        return None
-    return _Own(service, list(zip(evidence.properties, message.values)))

@@ -1,6 +1,6 @@
 """How each service is doing, by all who publish for it: what people are shown."""
 from dataclasses import dataclass
-from typing import Collection, List, Mapping, Tuple
+from typing import Collection, List, Tuple
 
 from shsa_core.model.kinds import Word
 from shsa_core.model.service import Service
@@ -41,13 +41,10 @@ class ServiceHealth:
     bridged: int = 0
 
 
-def overview(
-    som: Som, board: Board, muted: Collection[Key], doubts: Mapping[str, str]
-) -> Tuple[ServiceHealth, ...]:
-    """Every service of a SOM; the publishers that stand by, `muted`, are left out.
-
-    `doubts`: by service, why it may be wrong though nobody can be blamed.
-    """
+def overview(som: Som, board: Board, muted: Collection[Key]) -> Tuple[ServiceHealth, ...]:
+    """Return every service of a SOM; the publishers that stand by, `muted`, are left out."""
+    suspicions = (s for _, p in board.all() if p.is_healthy for s in p.suspicions.values())
+    doubts = {name: text for each in suspicions for name, text in each.doubts.items()}
     return tuple(_health(service, board, muted, doubts.get(service.name, "")) for service in som)
 
 

@@ -10,6 +10,7 @@ from shsa_core.monitoring.backlog import Backlog
 from shsa_core.monitoring.deadline import LearnedDeadline
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import Evidence, Learned
+from shsa_core.monitoring.witness import Suspicion
 
 if TYPE_CHECKING:
     from shsa_core.monitoring.probation import Probation
@@ -73,8 +74,12 @@ class WatchedService:
 class Publisher:
     """What is known of one publisher of one topic. Times in s.
 
-    `granted`: extra time until it counts as silent. `interrupted`: its connection was lost since
-    its last message, while its node lived. `steady`: a message came within its deadline once.
+    `silent_since`: since its last message, or since it could be heard again after that.
+    `excused_until`: until then its silence has an alibi. `interrupted`: its connection was lost
+    since its last message, while its node lived; it is given anew by `reconnects_until`. `steady`:
+    a message came within its deadline once.
+
+    `suspicions`: what others hold against its values, by property.
 
     `watched` is the service that it provides, None: nobody can tell, so that only its connection is
     watched.
@@ -93,11 +98,14 @@ class Publisher:
     last_good: Optional[float] = None
     messages: int = 0
     good_in_a_row: int = 0
-    granted: float = 0.0
+    silent_since: Optional[float] = None
+    excused_until: float = -inf
     interrupted: bool = False
+    reconnects_until: float = -inf
     steady: bool = False
     intruding_since: Optional[float] = None
     backlog: Backlog = field(default_factory=Backlog)
+    suspicions: Dict[str, Suspicion] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.begin_anew()
@@ -131,29 +139,25 @@ class Publisher:
     @property
     def deadline(self) -> float:
         """When silence becomes a failure; inf: it does not."""
-        if self.last_message is None or self.state is PublisherState.FAILED:
+        if self.silent_since is None or self.state is PublisherState.FAILED:
             return inf
-        return self.last_message + self.allowed + self.granted
+        return max(self.silent_since + self.allowed, self.excused_until)
 
     @property
     def is_healthy(self) -> bool:
         """Whether it does as it should."""
         return self.state is PublisherState.HEALTHY
 
-    def silence(self, time: float) -> float:
-        """For how long it has been silent, in s."""
-        return time - (self.last_message or 0.0)
-
-    def interrupt(self, end: float) -> None:
-        """Its connection was lost: until `end` it cannot be heard; once until its next message."""
+    def interrupt(self, until: float) -> None:
+        """Lose its connection, which is given anew by then; once until its next message."""
         if self.last_message is not None and not self.interrupted:
-            self.interrupted = True
-            self.granted = max(self.granted, end - self.last_message)
+            self.interrupted, self.reconnects_until = True, until
 
     def resume(self, time: float) -> None:
-        """It is connected again."""
-        if self.last_message is not None and self.interrupted:
-            self.granted = min(self.granted, time - self.last_message)
+        """Be connected again, and silent from then on."""
+        if time < self.reconnects_until:
+            self.silent_since, self.reconnects_until = time, -inf
+            self.excused_until = -inf
 
     def provide(self, watched: Optional[WatchedService], anew: bool = True) -> None:
         """Provide a service from now on; `anew`: what was seen before does not count for it."""
@@ -164,6 +168,7 @@ class Publisher:
     def begin_anew(self) -> None:
         """Forget the evidence; but what was held up during a silence is as old as it is."""
         watched, before = self.watched, self.evidence
+        self.suspicions.clear()
         if watched is None:
             self.evidence = None
             return
@@ -182,20 +187,21 @@ class Publisher:
     ) -> None:
         """Enter a state."""
         self.state, self.since, self.kind, self.detail = state, time, kind, detail
-        self.good_in_a_row = 0
+        self.good_in_a_row, self.excused_until = 0, -inf
 
     def mute(self, time: float) -> None:
         """Begin anew once it publishes again."""
         self.become(time, PublisherState.UNKNOWN)
         self.begin_anew()
-        self.first_message = self.last_message = None
+        self.first_message = self.last_message = self.silent_since = None
 
     def note_message(self, time: float) -> None:
         """Count a message."""
         self.messages += 1
         if self.last_message is not None and time - self.last_message <= self.allowed:
             self.steady = True
-        self.last_message, self.granted, self.interrupted = time, 0.0, False
+        self.last_message = self.silent_since = time
+        self.interrupted, self.excused_until, self.reconnects_until = False, -inf, -inf
         if self.first_message is None:
             self.first_message = time
 

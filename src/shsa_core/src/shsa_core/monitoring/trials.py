@@ -3,10 +3,11 @@ from typing import Callable, List, Optional, Sequence
 
 from shsa_core.model.service import Deadlines, Service
 from shsa_core.monitoring.board import HEALTHY, UNKNOWN, Board, Trial
-from shsa_core.monitoring.events import ChangeAdopted, ChangeRefused, Message, Tick
+from shsa_core.monitoring.events import ChangeAdopted, ChangeRefused, Message
 from shsa_core.monitoring.evidence import Finding
 from shsa_core.monitoring.probation import Probation, as_judged, changes, only_loosens
 from shsa_core.monitoring.publishers import Publisher, WatchedService, WatchedTopic
+from shsa_core.watch import Watch
 
 
 class Trials:
@@ -77,22 +78,23 @@ class Trials:
                 self._adopt(topic, probation, event.time)
         return good
 
-    def look(self, due: Trial, now: Tick) -> None:
+    def look(self, due: Trial, watch: Watch) -> None:
         """Refuse a change by which a healthy publisher is silent."""
         topic = self._board.topics.get(due.topic)
         watched = topic.services.get(due.service) if topic else None
         probation = self.of(topic, watched) if topic else None
         if topic is None or probation is None:
             return
-        time, allowed = now.time, probation.allowed
+        allowed = probation.allowed
         for publisher in topic.healthy():
             if publisher.watched is not watched:
                 continue
             last = max(probation.began, publisher.last_message or probation.began)
-            if now.late < allowed / 10 and last + allowed <= time:
-                self._refuse(publisher, probation, probation.silence(time - last), time)
+            if watch.has_passed(last, allowed):
+                finding = probation.silence(watch.now - last)
+                self._refuse(publisher, probation, finding, watch.now)
                 return
-            self._board.agenda.bring_forward(due, max(last, time - allowed / 2) + allowed)
+            self._board.agenda.bring_forward(due, watch.when(last, allowed))
 
     def _adopt(self, topic: WatchedTopic, probation: Probation, time: float) -> None:
         service = probation.service

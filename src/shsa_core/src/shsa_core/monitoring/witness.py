@@ -1,255 +1,272 @@
-"""What other services say of a value: derived from them by the ontology's relations.
+"""Compares values with what others tell of them: derived from other services by the relations.
 
 Disagreement alone does not tell who is wrong. Of a sensor and two derivations that share no node,
 the two that agree are believed. What is not healthy is no witness.
 """
+from collections import deque
 from dataclasses import dataclass, field
-from math import isfinite
-from typing import Dict, Iterable, List, Optional, Set, Tuple
+from math import hypot
+from typing import Deque, Dict, List, Mapping, Optional, Tuple
 
-from shsa_core.codegen.plans import Plan, plan_sources
-from shsa_core.codegen.prediction import Predictor, predictor
-from shsa_core.codegen.program import compile_program
+from shsa_core.codegen.plans import plan_sources
+from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import ShsaError
 from shsa_core.model.checks import LEARNED, Check, WitnessSample
+from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.service import Deadlines, Service, Source
+from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
-from shsa_core.monitoring.calibration import Calibrator
+from shsa_core.monitoring.derivations import Derivations, FollowedPlan, Output
 from shsa_core.monitoring.evidence import Finding, judge
-from shsa_core.monitoring.gaps import LOOKS, Gap, apart_at_most, spread
-from shsa_core.monitoring.testimony import Testimony
+from shsa_core.monitoring.settings import (
+    SPREAD_P95,
+    SPREAD_RMS,
+    WITNESS_LOOKS,
+    WITNESS_MEMORY_S,
+    WITNESS_SAMPLES,
+)
 from shsa_core.search.derivation import SourceTable
 
-PERIOD_S = 0.2
-"""Between two looks: a witness costs the same however fast its topic is."""
-INDEPENDENT = 2
 
-Key = Tuple[str, str]
-"""A service and a property."""
+@dataclass
+class _Witness:
+    """One derivation of a value. `calibrated`: by the gain and offset that the sensor had while
+    nobody doubted it.
+
+    `stated`: how far it may be from what is measured by the known errors, None: not known. `seen`:
+    what was left of the difference, and when.
+    """
+
+    plan: FollowedPlan
+    calibrated: bool
+    stated: Optional[float]
+    seen: Deque[Tuple[float, Error]] = field(default_factory=deque)
+
+    @property
+    def output(self) -> Output:
+        return self.plan.outputs[0]
+
+    @property
+    def nodes(self) -> Tuple[str, ...]:
+        """The nodes that it reads."""
+        return tuple(dict.fromkeys(each.node for each in self.plan.inputs))
+
+    @property
+    def names(self) -> str:
+        """Those nodes, in words."""
+        return ", ".join(self.nodes)
+
+    @property
+    def derived(self) -> Optional[float]:
+        """What it tells now; None: it cannot."""
+        raw = self.output.derived
+        return self.output.calibration(raw) if self.calibrated and raw is not None else raw
+
+    @property
+    def knows(self) -> bool:
+        """True once it has compared for long enough to tell what is wrong."""
+        return not self.calibrated or self.output.calibration.error is not None
+
+    def allowed(self, time: float) -> Optional[float]:
+        """Return how far it may be: as stated, or as seen a while ago if less; None: not known.
+
+        What is seen now may be widened by what shall be found, a sensor that drifts.
+        """
+        error, seen = self.output.calibration.error, self.seen
+        enough = error is not None and (error.n or 0) >= WITNESS_SAMPLES
+        if error is not None and enough and (not seen or seen[-1][1] is not error):
+            seen.append((time, error))
+        while len(seen) > 1 and seen[1][0] <= time - WITNESS_MEMORY_S:
+            seen.popleft()
+        known = [] if self.stated is None else [self.stated]
+        if seen and seen[0][0] <= time - WITNESS_MEMORY_S:
+            known.append(_spread(seen[0][1]) or 0.0)
+        return min(known, default=None)
 
 
 @dataclass
 class _Suspect:
-    """One value that is compared with what others say; `disputed`: for so many looks in a row.
-
-    `between`: how far two witnesses are from each other.
-    `doubts`: what is shown of services that may be wrong, though nobody is blamed.
-    """
+    """A value that the SOM wants compared; `by_errors`: by the known errors."""
 
     source: Source
     checks: Tuple[Check, ...]
-    witnesses: List[Testimony]
-    between: Gap = field(default_factory=Gap)
-    looked: Optional[float] = None
-    disputed: int = 0
-    doubtful: int = 0
-    finding: Optional[Finding] = None
-    doubts: Dict[str, str] = field(default_factory=dict)
+    by_errors: bool
+    witnesses: List[_Witness]
+
+
+class _Gap:
+    """The differences of two values at the last looks in a row at which both were there."""
+
+    def __init__(self) -> None:
+        self._differences: Deque[float] = deque(maxlen=WITNESS_LOOKS)
+
+    def add(self, one: Optional[float], other: Optional[float]) -> None:
+        """Take a look; a value that is missing makes it begin anew."""
+        if one is None or other is None:
+            self._differences.clear()
+        else:
+            self._differences.append(abs(one - other))
 
     @property
-    def by_errors(self) -> bool:
-        """Whether one witness alone blames nobody."""
-        return by_errors(self.checks)
+    def mean(self) -> Optional[float]:
+        """The mean of the magnitudes; None: there were too few looks."""
+        count = len(self._differences)
+        return sum(self._differences) / count if count == WITNESS_LOOKS else None
 
 
-def by_errors(checks: Iterable[Check]) -> bool:
-    """Whether the limit is that of the known errors."""
-    return all(each.limit == LEARNED for each in checks)
+class Suspicion:
+    """What others hold against one value in one life of its node.
+
+    `disputed`: at so many looks in a row it was wrong by all who tell; `doubtful`: by any.
+    `doubts`: by service, what people are told of it though nobody is blamed.
+    """
+
+    def __init__(self, suspect: _Suspect) -> None:
+        self.suspect = suspect
+        self.gaps = [_Gap() for _ in suspect.witnesses]
+        self.between = _Gap()
+        self.disputed = self.doubtful = 0
+        self.finding: Optional[Finding] = None
+        self.doubts: Dict[str, str] = {}
+
+    def told(self, measured: Optional[float], time: float) -> List[Tuple[_Witness, WitnessSample]]:
+        """Compare with each witness; return what is to be judged of those who know enough."""
+        found, name = [], self.suspect.source.property
+        witnesses = self.suspect.witnesses
+        self.between.add(witnesses[0].derived, witnesses[-1].derived)
+        for gap, each in zip(self.gaps, witnesses):
+            derived, allowed = each.derived, each.allowed(time)
+            gap.add(measured, derived)
+            if measured is None or derived is None or gap.mean is None or not each.knows:
+                continue
+            sample = WitnessSample(name, measured, derived, gap.mean, each.nodes, allowed)
+            found.append((each, sample))
+        return found
 
 
 class Witnesses:
     """The values that the SOM wants compared. Times in s."""
 
-    def __init__(self, ontology: Optional[Ontology], deadlines: Deadlines) -> None:
-        self._ontology, self._deadlines = ontology, deadlines
-        self._suspects: Dict[str, List[_Suspect]] = {}
-        self._wanted: Set[Key] = set()
-        self._own: Dict[Key, Tuple[float, float]] = {}
-        self._trusted: Dict[Key, Tuple[float, float]] = {}
+    def __init__(self, ontology: Ontology, derivations: Derivations) -> None:
+        self._ontology, self._derivations = ontology, derivations
         self._predictor: Optional[Predictor] = None
+        self._suspects: Dict[str, List[_Suspect]] = {}
 
-    def watch(self, som: Som) -> None:
-        """The services are those of `som` now; what was learned of differences begins anew."""
-        self._suspects.clear()
-        self._wanted.clear()
-        self._own.clear()
-        self._trusted.clear()
-        if self._ontology is None:
-            return
-        self._predictor = predictor(self._ontology, som.sources)
+    def watch(self, som: Som, predictor: Optional[Predictor]) -> None:
+        """Compare what `som` wants compared; what was learned of differences begins anew."""
+        self._predictor = predictor
         known = self._ontology.properties
-        table = SourceTable(
-            self._ontology.network,
-            (source for source in som.sources if source.property in known),
-        )
+        sources = [source for source in som.sources if source.property in known]
+        table = SourceTable(self._ontology.network, sources)
+        self._suspects = {service.name: [] for service in som}
         for service in som:
-            found = [self._suspect(source, table) for source in service.readable]
-            self._suspects[service.name] = [each for each in found if each]
-            for suspect in self._suspects[service.name]:
-                sources = [each for witness in suspect.witnesses for each in witness.inputs]
-                self._wanted.update(_key(each) for each in [suspect.source, *sources])
+            for source in service.readable:
+                checks = tuple(c for c in source.provision.checks if c.sample is WitnessSample)
+                if checks and source.property in known:
+                    by_errors = all(each.limit == LEARNED for each in checks)
+                    witnesses = self._witnesses(source, table, by_errors)
+                    if witnesses:
+                        suspect = _Suspect(source, checks, by_errors, witnesses)
+                        self._suspects[service.name].append(suspect)
 
-    def _suspect(self, source: Source, table: SourceTable) -> Optional[_Suspect]:
-        checks = tuple(c for c in source.provision.checks if c.sample is WitnessSample)
-        if not checks or self._ontology is None or source.property not in self._ontology.properties:
-            return None
-        own = spread(source.provision.error)
-        witnesses: List[Testimony] = []
+    def _witnesses(self, source: Source, table: SourceTable, by_errors: bool) -> List[_Witness]:
+        """Return up to two derivations that share no cause with the source or each other."""
+        found: List[_Witness] = []
         excluded = {source.service.name, *source.service.wrong_with}
-        while len(witnesses) < INDEPENDENT:
+        while len(found) < 2:
+            question = self._ontology, source.service.name, (source,)
             try:
-                plan = self._plan(source, table.excluding(sorted(excluded)))
-                step = compile_program(plan.program.code, len(plan.inputs), 1).step
+                others = table.excluding(sorted(excluded))
+                plan = plan_sources(*question, others, predictor=self._predictor)
+                followed = self._derivations.made(plan)
             except ShsaError:
                 break  # nobody else can tell
-            error = self._predictor.of(plan.derivations)[0] if self._predictor else None
-            witness = Testimony(plan.inputs, step, apart_at_most(own, spread(error)))
-            if by_errors(checks):
-                witness.calibrator = Calibrator(error.rms if error else None)
-            witnesses.append(witness)
+            followed.witness = True
+            self._derivations.follow(followed)
+            if by_errors:
+                followed.outputs[0].calibrate()
+            spreads = _spread(source.provision.error), _spread(followed.outputs[0].stated)
+            found.append(_Witness(followed, by_errors, _apart(*spreads)))
             excluded.update(cause for each in plan.inputs for cause in each.service.wrong_with)
-        return _Suspect(source, checks, witnesses) if witnesses else None
+        return found
 
-    def _plan(self, source: Source, table: SourceTable) -> Plan:
-        assert self._ontology is not None
-        question = self._ontology, source.service.name, (source,), table
-        return plan_sources(*question, predictor=self._predictor)
-
-    def take(
+    def look(
         self,
         service: Service,
-        values: Iterable[Tuple[str, Optional[float]]],
+        suspicions: Dict[str, Suspicion],
+        measured: Mapping[str, float],
         time: float,
-        trusted: bool,
     ) -> None:
-        """What the node of a service says of its properties; `trusted`: it may be a witness."""
-        for name, value in values:
-            key = service.name, name
-            if key in self._wanted and value is not None and isfinite(value):
-                self._own[key] = time, value
-                if trusted:
-                    self._trusted[key] = time, value
+        """Compare what the node of a service measured, once its derivations were evaluated.
 
-    def finding(self, service: Service, time: float) -> Optional[Finding]:
-        """What is held against the node of a service, if its values differ from what is derived."""
-        for suspect in self._suspects.get(service.name, ()):
-            if suspect.looked is None or time - suspect.looked >= PERIOD_S:
-                suspect.looked = time
-                suspect.finding = self._look(suspect, time)
-            if suspect.finding is not None:
-                return suspect.finding
-        return None
+        `suspicions`: what is held against this life of the node, by property; this is kept up.
+        """
+        for suspect in self._suspects[service.name]:
+            name = suspect.source.property
+            suspicion = suspicions.get(name)
+            if suspicion is None or suspicion.suspect is not suspect:
+                suspicion = suspicions[name] = Suspicion(suspect)
+            self._compare(suspicion, measured.get(name), time)
+            self._derivations.dispute(suspect.source, suspicion.disputed > 0)
 
-    def is_disputed(self, service: Service) -> bool:
-        """Whether others differ from a value of a service, for however short a time."""
-        return any(each.doubtful for each in self._suspects.get(service.name, ()))
+    def _compare(self, suspicion: Suspicion, measured: Optional[float], time: float) -> None:
+        suspect = suspicion.suspect
+        told = suspicion.told(measured, time)
+        findings = [judge(suspect.checks, sample) for _, sample in told]
+        wrong = [each for (each, _), finding in zip(told, findings) if finding is not None]
+        all_differ = bool(wrong) and len(wrong) == len(told)
+        disputed = all_differ and _agree(suspicion, [sample for _, sample in told])
+        suspicion.disputed = suspicion.disputed + 1 if disputed else 0
+        suspicion.doubtful = suspicion.doubtful + 1 if wrong else 0
+        suspicion.finding, suspicion.doubts = None, {}
+        alone = len(told) == 1 and (suspect.by_errors or self._in_dispute(told[0][0]))
+        if suspicion.disputed > WITNESS_LOOKS and findings[0] is not None and not alone:
+            more = (f"; by {each.names} it is {sample.derived:g}" for each, sample in told[1:])
+            suspicion.finding = Finding(findings[0].kind, findings[0].detail + "".join(more))
+        elif suspicion.doubtful > WITNESS_LOOKS:
+            suspicion.doubts = _doubts(suspect, wrong, all_differ)
 
-    def doubts(self) -> Dict[str, str]:
-        """By service: why it may be wrong, in words, though nobody can be blamed."""
-        every = (suspect for each in self._suspects.values() for suspect in each)
-        return {name: text for suspect in every for name, text in suspect.doubts.items()}
-
-    def _look(self, suspect: _Suspect, time: float) -> Optional[Finding]:
-        measured = self._value(self._own, suspect.source, time)
-        for witness in suspect.witnesses:
-            inputs = [self._value(self._trusted, each, time) for each in witness.inputs]
-            witness.say(inputs, time)
-            witness.gap.add(measured, witness.derived)
-        first, last = suspect.witnesses[0], suspect.witnesses[-1]
-        suspect.between.add(first.derived, last.derived)
-        found = [each for each in suspect.witnesses if each.judges]
-        finding = self._compare(suspect, found, measured)
-        for witness in suspect.witnesses:
-            trusted = self._value(self._trusted, suspect.source, time)
-            witness.learn(trusted, time, suspect.doubtful > 0)
-        return finding
-
-    def _compare(
-        self, suspect: _Suspect, found: List[Testimony], measured: Optional[float]
-    ) -> Optional[Finding]:
-        """What follows of a measured value and of what the witnesses `found` say."""
-        if measured is None or not found:
-            suspect.disputed = suspect.doubtful = 0
-            suspect.doubts.clear()
-            return None
-        samples = [_sample(suspect.source, each, measured) for each in found]
-        findings = [judge(suspect.checks, sample) for sample in samples]
-        finding = None
-        if findings[0] is not None and all(findings) and _agree(suspect, found):
-            others = "".join(
-                f"; by {', '.join(each.nodes)} it is {each.derived:g}" for each in found[1:]
-            )
-            finding = Finding(findings[0].kind, findings[0].detail + others)
-        suspect.disputed = suspect.disputed + 1 if finding else 0
-        suspect.doubtful = suspect.doubtful + 1 if any(findings) else 0
-        alone = len(found) == 1
-        nobody_knows = alone and (suspect.by_errors or self._in_dispute(found[0]))
-        blamed = suspect.disputed > LOOKS and not nobody_knows
-        suspect.doubts.clear()
-        if suspect.doubtful > LOOKS and not blamed:
-            wrong = [each for each, bad in zip(found, findings) if bad]
-            suspect.doubts.update(_doubts(suspect, wrong, len(wrong) == len(found)))
-        return finding if blamed else None
-
-    def _in_dispute(self, witness: Testimony) -> bool:
-        """Whether a witness stands on a value that may as well be the wrong one."""
-        return any(
-            suspect.source == source and suspect.disputed
-            for source in witness.inputs
-            for suspect in self._suspects.get(source.service.name, ())
-        )
-
-    def _value(
-        self, values: Dict[Key, Tuple[float, float]], source: Source, time: float
-    ) -> Optional[float]:
-        """The newest value of a source; None if it is stale."""
-        found = values.get(_key(source))
-        deadline = self._deadlines.of(source.service)
-        if found is None or deadline is not None and time - found[0] > deadline:
-            return None
-        return found[1]
+    def _in_dispute(self, witness: _Witness) -> bool:
+        """Tell if a witness stands on a value that may as well be the wrong one."""
+        return any(map(self._derivations.is_disputed, witness.plan.inputs))
 
 
-def _agree(suspect: _Suspect, found: List[Testimony]) -> bool:
-    """Whether the witnesses agree with each other, and better than with what is measured."""
-    apart = suspect.between.mean
-    if len(found) == 1 or apart is None:
+def _agree(suspicion: Suspicion, samples: List[WitnessSample]) -> bool:
+    """Tell if the witnesses agree with each other, and better than with what is measured."""
+    apart = suspicion.between.mean
+    if len(samples) == 1 or apart is None:
         return True
-    if suspect.by_errors:
-        most = apart_at_most(found[0].allowed, found[-1].allowed)
+    if suspicion.suspect.by_errors:
+        most = _apart(samples[0].allowed, samples[-1].allowed)
         if most is None or apart > most:
             return False
-    return all(each.gap.mean is not None and apart < each.gap.mean for each in found)
+    return all(apart < sample.mean for sample in samples)
 
 
-def _doubts(suspect: _Suspect, wrong: List[Testimony], all_differ: bool) -> Dict[str, str]:
-    """What is shown of the services of which one may be wrong.
+def _doubts(suspect: _Suspect, wrong: List[_Witness], all_differ: bool) -> Dict[str, str]:
+    """Return what is shown of the services of which one may be wrong.
 
     A derivation that the sensor and the other derivation contradict brings its own inputs in doubt.
     """
     source = suspect.source
-    told = [f"by {', '.join(each.nodes)} {each.derived:g}" for each in wrong]
+    told = [f"by {each.names} {each.derived:g}" for each in wrong]
     text = f"{source.property} is {' and '.join(told)}, which {source.node} "
     if all_differ:
-        text += "contradicts: nobody can tell which is wrong"
-        return {source.service.name: text}
-    others = [each for each in suspect.witnesses if each not in wrong]
-    text += f"and {', '.join(node for each in others for node in each.nodes)} contradict"
-    return {each.service.name: text for witness in wrong for each in witness.inputs}
+        return {source.service.name: f"{text}contradicts: nobody can tell which is wrong"}
+    text += f"and {', '.join(each.names for each in suspect.witnesses if each not in wrong)} "
+    return {each.service.name: f"{text}contradict" for one in wrong for each in one.plan.inputs}
 
 
-def _sample(source: Source, witness: Testimony, measured: float) -> WitnessSample:
-    assert witness.gap.mean is not None and witness.derived is not None
-    return WitnessSample(
-        source.property,
-        measured,
-        witness.derived,
-        witness.gap.mean,
-        witness.nodes,
-        witness.allowed,
-    )
+def _spread(error: Optional[Error]) -> Optional[float]:
+    """Return how far a value with this error may be from the truth, in its unit.
+
+    Errors last for as long as a look back and do not average out; p95 is of single moments.
+    """
+    if error is None:
+        return None
+    return max(SPREAD_RMS * error.rms, SPREAD_P95 * (error.p95 or 0.0))
 
 
-def _key(source: Source) -> Key:
-    return source.service.name, source.property
+def _apart(one: Optional[float], other: Optional[float]) -> Optional[float]:
+    """Return how far two values may be apart whose errors know nothing of each other."""
+    return None if one is None or other is None else hypot(one, other)

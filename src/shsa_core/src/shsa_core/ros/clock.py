@@ -1,32 +1,22 @@
 """Two clocks: decisions use the monotonic one, messages carry ROS time."""
-import os
 import threading
 import time
 from typing import NamedTuple, Optional, Tuple
 
 import rospy
-import rospy.impl.simtime
 
-WALL_TIME = "SHSA_WALL_TIME"
-"""The environment variable by which a launch says `true`: nobody's parameter stops our time."""
-LOOKS, TOGETHER_S = 3, 1e-3
+LOOKS, TOGETHER_S = 3, 1e-3  # looks at two clocks, which took s at most
 LEAP_S, LEAP = 1.0, 20.0
 """ROS time that advances by more, and so many times faster than ours, has been set."""
 
 
-def heed_launch() -> None:
-    """To be called before the node is initialised: whether /use_sim_time counts."""
-    if os.environ.get(WALL_TIME) == "true":
-        rospy.impl.simtime._is_use_simtime = lambda: False
-
-
 def now() -> float:
-    """The monotonic clock in s: it neither jumps nor stalls."""
+    """Return the monotonic clock in s: it neither jumps nor stalls."""
     return time.monotonic()
 
 
 def offset() -> float:
-    """How far ROS time is ahead of the monotonic clock, in s.
+    """Return by how many s ROS time is ahead of the monotonic clock.
 
     Taken once for moments that are compared: a thread may have to wait between the two looks.
     """
@@ -34,12 +24,12 @@ def offset() -> float:
 
 
 def is_simulated() -> bool:
-    """Whether ROS time comes from /clock."""
+    """Return whether ROS time comes from /clock."""
     return not rospy.rostime.is_wallclock()
 
 
 def both() -> Tuple[float, float]:
-    """The monotonic clock and ROS time in s, looked at together, as far as we were scheduled."""
+    """Return the monotonic clock and ROS time in s, looked at together."""
     found = []
     for _ in range(LOOKS):
         before, ros = now(), ros_ns() / 1e9
@@ -62,7 +52,7 @@ class RobotClock:
         self._now = self._before[0]
 
     def now(self) -> float:
-        """Its time in s."""
+        """Return its time in s."""
         if not is_simulated():
             return now()
         with self._lock:
@@ -74,7 +64,7 @@ class RobotClock:
 
 
 def to_stamp(moment: Optional[float], ahead: Optional[float] = None) -> rospy.Time:
-    """The ROS time of a monotonic moment, `ahead`: the offset; zero for None."""
+    """Return the ROS time of a monotonic moment, `ahead`: the offset; zero for None."""
     if moment is None:
         return rospy.Time()
     return rospy.Time.from_sec(max(0.0, moment + (offset() if ahead is None else ahead)))
@@ -90,7 +80,7 @@ class Stamps(NamedTuple):
     moment: float
 
     def at(self, stamp: rospy.Time) -> Optional[float]:
-        """The moment of a stamp on our monotonic clock in s; None for zero.
+        """Return the moment of a stamp on our monotonic clock in s; None for zero.
 
         What is stamped ahead of now would count for good: it has happened by now.
         """
@@ -100,7 +90,7 @@ class Stamps(NamedTuple):
 
 
 def stamps(told: rospy.Time, sent_here: int) -> Stamps:
-    """The stamps of a message that was sent at `told`, by its sender's wall clock.
+    """Return the stamps of a message that was sent at `told`, by its sender's wall clock.
 
     `sent_here`: by our monotonic clock in ns; 0: not known, and the sender's clock counts as ours.
     """
@@ -111,7 +101,7 @@ def stamps(told: rospy.Time, sent_here: int) -> Stamps:
 
 
 def from_stamp(stamp: rospy.Time) -> Optional[float]:
-    """The moment of a stamp by the clock of this computer, in s; None for zero."""
+    """Return the moment of a stamp by the clock of this computer, in s; None for zero."""
     return stamps(rospy.Time(), 0).at(stamp)
 
 
@@ -121,5 +111,5 @@ def ros_ns() -> int:
 
 
 def from_ns(stamp: int) -> rospy.Time:
-    """A stamp in ns; 0: now."""
+    """Return a stamp in ns; 0: now."""
     return rospy.Time(0, stamp) if stamp else rospy.Time.now()

@@ -17,15 +17,14 @@ from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.overview import Condition, ServiceHealth
-from shsa_core.ros import clock
-from shsa_core.ros.processes.companion import Companion
+from shsa_core.ros import clock, settings
+from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.trust.computers import Seen
 from shsa_core.ros.master.master_watch import Told
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.agent.remote import Told as HostTold
 from shsa_core.text import shown
 
-PERIOD_S = 1.0
 BRIDGED = "times bridged"
 """Under this key a service's row has how often a substitute filled in for a late message."""
 CLOCK_OFF_S = 0.1
@@ -109,7 +108,7 @@ def every_period(call: Callable[[], object]) -> None:
 
     def work() -> None:
         while not rospy.is_shutdown():
-            rospy.rostime.wallsleep(PERIOD_S)
+            rospy.rostime.wallsleep(settings.DIAGNOSTICS_PERIOD_S)
             call()
 
     threading.Thread(target=work, name="remind", daemon=True).start()

@@ -1,4 +1,4 @@
-"""How a monitor of your own tells healing of a failure, so that it is believed."""
+"""Tells healing of a failure for a monitor of your own, so that it is believed."""
 from typing import Optional
 
 import rospy
@@ -45,5 +45,5 @@ class FailurePublisher:
         self._publisher.publish(self._sign(failure))
 
     def get_num_connections(self) -> int:
-        """How many reconfigurators, and others, listen."""
+        """Return how many reconfigurators, and others, listen."""
         return int(self._publisher.get_num_connections())

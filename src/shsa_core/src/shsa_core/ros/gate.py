@@ -5,9 +5,8 @@ import argparse
 import struct
 import sys
 from dataclasses import replace
-from typing import Any, Callable, Dict, List, Type
+from typing import Callable, Dict
 
-import genpy
 import rospy
 from shsa_msgs import msg
 
@@ -16,33 +15,19 @@ from shsa_core.errors import ModelError
 from shsa_core.files.som_file import read_som
 from shsa_core.gating import events
 from shsa_core.gating.machine import Gate
-from shsa_core.gating.settings import Settings
 from shsa_core.message_types import message_class
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
-from shsa_core.ros import clock
-from shsa_core.ros.sockets.connections import (
-    Arrived,
-    Closed,
-    Connections,
-    Happening,
-    Lost,
-    Made,
-)
-from shsa_core.ros.sockets.identities import Identified
-from shsa_core.ros.sockets.inbox import Inbox
-from shsa_core.ros.sockets.reader import ALL, Reader
-from shsa_core.ros.sockets.reconnection import Answered
+from shsa_core.ros import clock, settings
+from shsa_core.ros.messages.fields import stamp
+from shsa_core.ros.rospy_patches.publishing import as_written
+from shsa_core.ros.reader import ALL, Reader
+from shsa_core.ros.sockets.subscriptions import Arrived, Gone, Looked, Subscriptions
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.node import run
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
-
-LONGEST_WAIT_S = 0.1
-RECONNECT_S = 1.0
-QUEUE = 10
-"""Messages that wait for a consumer that does not read; the others do not wait for it."""
 
 
 class GateNode:
@@ -57,25 +42,25 @@ class GateNode:
         first = arguments.standby and full_name(arguments.standby, rospy.get_namespace())
         signing = Signing(arguments.secret)
         self._kind = message_class(self._service.type)
-        self._core = Gate(self._service, Settings(standby_for=first), clock.now())
-        self._inbox = Inbox()
-        self._connections = Connections(self._inbox, RECONNECT_S, signing.refusals.note)
+        self._core = Gate(self._service, first, clock.now())
+        self._subscriptions = Subscriptions(clock.now, signing.refusals.note)
+        self._inbox = self._subscriptions.inbox
         self._reader = Reader(ALL)
-        self._looked = clock.now()
-        self._bytes = _bytes_of(self._kind)
+        self._fed = clock.now()
+        self._written = as_written(self._kind)
         self._publisher = rospy.Publisher(
             self._service.heard,
             self._kind,
-            queue_size=QUEUE,
+            queue_size=settings.CONSUMER_QUEUE,
             tcp_nodelay=True,
             latch=self._service.latched,
         )
         self._carry_out: dispatch.Table[None] = dispatch.table(
             events.Command, {events.Pass: self._pass, events.Log: self._log}
         )
-        self._connections.subscribe(self._service.topic)
+        self._subscriptions.subscribe(self._service.topic)
         if first:
-            self._connections.subscribe(self._service.heard)
+            self._subscriptions.subscribe(self._service.heard)
         TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, self._inbox.put, signing)
 
     def spin(self) -> None:
@@ -89,44 +74,37 @@ class GateNode:
                     rospy.logerr_throttle_identical(10.0, text)
 
     def _turn(self) -> None:
-        """Wait for something to do, read everything that has come, then let time pass."""
+        """Wait for something to do, and feed everything that has come."""
         now = clock.now()
-        self._inbox.wait(min(self._core.next_deadline, now + LONGEST_WAIT_S) - now)
-        before, self._looked = self._looked, clock.now()
-        ready = self._inbox.ready()
-        happenings: List[Happening] = []
+        self._inbox.wait(min(self._core.next_deadline, now + settings.TURN_S) - now)
         for item in self._inbox.take():
-            if isinstance(item, (Made, Closed, Answered, Identified)):
-                happenings += self._connections.heed(item)
-            else:
-                self._feed(wire.substitutions_changed(item))
-        happenings += self._connections.read(ready)
+            self._feed(wire.substitutions_changed(item))
+        happenings = self._subscriptions.read(self._fed)
         newest = {each.connection: each.data for each in happenings if isinstance(each, Arrived)}
         for happening in happenings:
             if isinstance(happening, Arrived):
-                last = newest[happening.connection] is happening.data
-                self._arrived(happening, before, last)
-            elif isinstance(happening, Lost) and happening.topic == self._service.heard:
-                self._feed(events.GateLeft(clock.now(), happening.publisher))
-        self._feed(events.Tick(self._looked))
+                self._arrived(happening, newest[happening.connection] is happening.data)
+            elif isinstance(happening, Gone) and happening.topic == self._service.heard:
+                self._feed(events.GateLeft(happening.time, happening.publisher))
+            elif isinstance(happening, Looked):
+                self._feed(events.Tick(happening.time))
 
-    def _arrived(self, arrived: Arrived, before: float, newest: bool) -> None:
-        connection, data, whole, _ = arrived
-        now, ros_time = clock.both()
-        stamp = _stamp(data) if self._kind._has_header else 0
+    def _arrived(self, arrived: Arrived, newest: bool) -> None:
+        time, connection, data, _, _ = arrived
+        stamped = stamp(data) if self._kind._has_header else 0
         if connection.topic == self._service.heard:
-            self._feed(events.Overheard(now, connection.publisher, stamp))
+            self._feed(events.Overheard(time, connection.publisher, stamped))
             return
         judged = self._core.service_of(connection.publisher)
-        ahead = ros_time - now
-        message = self._reader.event(now, now - before, connection, data, whole, judged, ahead)
+        message = self._reader.event(arrived, self._subscriptions.waited(time), judged)
         sent = connection.header
         if (sent["type"], sent["md5sum"]) != (self._kind._type, self._kind._md5sum):
             text = f"it is a {sent['type']} of another version or type than {self._kind._type} here"
             message = replace(message, error=text)
-        self._feed(events.Arrived(message, data, stamp, newest))
+        self._feed(events.Arrived(message, data, stamped, newest))
 
     def _feed(self, event: events.Event) -> None:
+        self._fed = event.time
         for command in self._core.handle(event):
             self._carry_out[type(command)](command)
 
@@ -136,38 +114,11 @@ class GateNode:
             written = bytearray(data)
             struct.pack_into("<II", written, 4, *divmod(command.stamp, 10**9))
             data = bytes(written)
-        self._publisher.publish(self._bytes(data))
+        self._publisher.publish(self._written(data))
 
     def _log(self, command: events.Log) -> None:
         say: Callable[..., None] = rospy.logwarn if command.bad else rospy.loginfo
         say("%s.", command.text)
-
-
-def _bytes_of(kind: Type[genpy.Message]) -> Callable[[bytes], genpy.Message]:
-    """Makes messages that are serialized already: rospy neither encodes nor numbers them."""
-
-    class Bytes(kind):  # type: ignore[misc,valid-type]
-        """A message as it came."""
-
-        __slots__ = ("serialized_",)
-        _has_header = False
-
-        def __init__(self, data: bytes) -> None:
-            self.serialized_ = data
-
-        def serialize(self, buff: Any) -> None:
-            """Write it as it is."""
-            buff.write(self.serialized_)
-
-    return Bytes
-
-
-def _stamp(data: bytes) -> int:
-    """The stamp in ns in the std_msgs/Header that a message begins with; 0: none."""
-    if len(data) < 12:
-        return 0
-    seconds, nanoseconds = struct.unpack_from("<4xII", data)
-    return int(seconds * 10**9 + nanoseconds)
 
 
 def _service(arguments: argparse.Namespace) -> Service:

@@ -11,7 +11,7 @@ from shsa_msgs import msg
 from shsa_core.files.regular import open_to_append
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.names import file_name
-from shsa_core.ros.master.greeter import Greeter, Tell
+from shsa_core.ros.node import Greeter, Tell
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
@@ -20,7 +20,7 @@ SETTLED = (State.HEALED, State.UNHEALED, State.SAFE, State.KEPT, State.ENDED)
 
 
 def log_path(log_file: str) -> str:
-    """Where the incident log is; a relative path is in ROS's log folder.
+    """Return the path of the incident log; a relative one is in ROS's log folder.
 
     Empty: `shsa_incidents.jsonl` there, behind the namespace, as roslaunch names its logs:
     `robot1-shsa_incidents.jsonl`.
@@ -66,7 +66,7 @@ class Incidents:
                 tell(self._message(incident))
 
     def open(self) -> Dict[str, Incident]:
-        """The incidents that have not ended, by service."""
+        """Return the incidents that have not ended, by service."""
         with self._changed:
             return dict(self._open)
 
@@ -78,9 +78,7 @@ class Incidents:
     def await_settled(
         self, service: str, changed: Callable[[Incident], None], cancelled: Callable[[], bool]
     ) -> Optional[Incident]:
-        """The incident of a service once it is healed or cannot be.
-
-        None if it was cancelled before.
+        """Return the incident of a service once it is healed or cannot be; None: cancelled before.
 
         `changed` is called at each step.
         """

@@ -2,7 +2,6 @@
 
 roslaunch runs this as the command of a <param> while it reads shsa.launch, before any node starts.
 """
-import difflib
 import glob
 import os
 import re
@@ -11,6 +10,8 @@ import sys
 from subprocess import DEVNULL, PIPE
 from typing import Dict, Iterator, List, Tuple
 from xml.etree import ElementTree
+
+from shsa_core.text import nearest
 
 _ANY = "*"
 """Stands for the arguments of an included file whose path cannot be told."""
@@ -67,12 +68,14 @@ def _resource(package: str, name: str) -> List[str]:
 
 def main() -> None:
     """Exit with an error if the roslaunch that runs this has an unknown argument."""
-    with open(f"/proc/{os.getppid()}/cmdline", encoding="utf-8", errors="replace") as file:
-        command = file.read().split("\0")[:-1]
+    try:
+        with open(f"/proc/{os.getppid()}/cmdline", encoding="utf-8", errors="replace") as file:
+            command = file.read().split("\0")[:-1]
+    except OSError:
+        command = []  # of another user: nobody knows its arguments
     refused = unknown(command)
     for name, taken in refused:
-        close = difflib.get_close_matches(name, taken, n=1)
-        hint = f" Did you mean {close[0]}?" if close else ""
-        print(f"There is no argument {name}.{hint} There are: {', '.join(taken)}", file=sys.stderr)
+        known = f"{', '.join(taken)}{nearest(name, taken)}"
+        print(f"There is no argument {name}; there are {known}", file=sys.stderr)
     print(" ".join(word for word in command if _ARGUMENT.match(word)))
     sys.exit(1 if refused else 0)

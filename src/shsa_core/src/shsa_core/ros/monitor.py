@@ -8,10 +8,9 @@ that had come: what comes while it is read is of later.
 """
 import argparse
 import sys
-from bisect import bisect_right
 from collections import deque
 from functools import partial
-from typing import Any, Callable, Deque, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Set
 
 import rospy
 from shsa_msgs import msg
@@ -30,44 +29,28 @@ from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
 from shsa_core.monitoring.share import watched_at, watched_beside
-from shsa_core.ros import diagnostics
-from shsa_core.ros import clock
+from shsa_core.ros import clock, diagnostics, settings
 from shsa_core.ros.processes.handover import await_turn
-from shsa_core.ros.sockets.arrival_times import ArrivalTimes
-from shsa_core.ros.sockets.connections import (
+from shsa_core.ros.node import Greeter, Tell, run
+from shsa_core.ros.processes.watching import Companion
+from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
+from shsa_core.ros.processes.launch import Launch, Launches
+from shsa_core.ros.reader import Reader
+from shsa_core.ros.sockets.subscriptions import (
     Arrived,
-    Closed,
-    Connections,
+    Connected,
+    Gone,
     Happening,
     Interrupted,
-    Lost,
-    Made,
+    Looked,
+    Subscriptions,
 )
-from shsa_core.ros.master.greeter import Greeter, Tell
-from shsa_core.ros.sockets.identities import Identified
-from shsa_core.ros.processes.companion import Companion
-from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
-from shsa_core.ros.sockets.inbox import Inbox
-from shsa_core.ros.processes.launch import Launch, Launches
-from shsa_core.ros.sockets.reader import Reader
-from shsa_core.ros.sockets.reconnection import Answered
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import SomWatch, get_som_parameter, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.workers import Workers
-from shsa_core.ros.node import run
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
-
-LONGEST_WAIT_S = 0.1
-"""How long a message has waited is known to this at worst, as long as the monitor is scheduled."""
-COALESCE_S = 0.002
-"""What comes within this time is handled together, as of when it came; a connection that is lost
-waits for nothing."""
-CLOCK_CHANGE_S = 0.002
-"""A change of ROS time beside ours that the core is told of at once, and else now and then."""
-SUBSCRIBE_S = 0.005
-"""Topics are subscribed no faster: each new connection costs a publisher time."""
 
 
 class _Report:
@@ -103,22 +86,21 @@ class MonitorNode:
     def __init__(self, arguments: argparse.Namespace) -> None:
         som, self._share = _read(arguments), partial(_share, arguments)
         signing = Signing(arguments.secret)
-        settings, errors = read_settings(Settings, rospy.get_param("~", {}), rospy.get_name())
+        parameters, errors = read_settings(Settings, rospy.get_param("~", {}), rospy.get_name())
         for error in errors:
             rospy.logerr("Refused: %s. The default is used.", error)
         ontology = _read_ontology(arguments.ontology)
-        self._core = Monitor(settings, ontology)
+        self._core = Monitor(parameters, ontology)
         self._journal: Optional[JournalWriter] = None
         if arguments.journal:
             path = file_name(arguments.journal, rospy.get_namespace())
-            setup = {"settings": settings, "ontology": ontology}
+            setup = {"settings": parameters, "ontology": ontology}
             self._journal = JournalWriter(path, "monitoring", setup, rospy.logwarn)
         self._launch, self._launches = Launch(), Launches()
-        self._inbox = Inbox()
-        refused = signing.refusals.note
+        self._subscriptions = Subscriptions(clock.now, signing.refusals.note)
+        self._inbox = self._subscriptions.inbox
         # Only the monitor that the reconfigurator watches may hear, and so end, it in turn.
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
-        self._connections = Connections(self._inbox, settings.reconnect, refused)
         self._parameters = Workers("parameters")
         self._reader = Reader()
         self._sign = signing.signer(names.FAILURES, msg.Failure)
@@ -126,7 +108,6 @@ class MonitorNode:
         self._watched: Set[str] = set()
         self._to_watch: Deque[str] = deque()
         self._subscribe_at = 0.0
-        self._times = ArrivalTimes(clock.now)
         self._looked = self._told_clock = self._fed = clock.now()
         self._ahead = 0.0
         self._ends = False
@@ -166,10 +147,6 @@ class MonitorNode:
             },
         )
         self._hear: Dict[type, Callable[[Any], object]] = {
-            Made: self._connection_changed,
-            Closed: self._connection_changed,
-            Answered: self._connection_changed,
-            Identified: self._connection_changed,
             Som: self._som_changed,
             _Substitutions: self._substitutions_changed,
             _SomState: lambda heard: self._feed(wire.formerly_healthy(heard.table)),
@@ -196,12 +173,12 @@ class MonitorNode:
     def _turn(self) -> None:
         """Wait for something to do, read everything that has come, then let time pass."""
         self._companion.beat()
-        wanted = min(self._core.next_deadline, clock.now() + LONGEST_WAIT_S)
+        wanted = min(self._core.next_deadline, clock.now() + settings.TURN_S)
         if self._to_watch:
             wanted = min(wanted, self._subscribe_at)
         self._inbox.wait(wanted - clock.now())
         woke = clock.now()
-        rest = min(self._looked + COALESCE_S, wanted) - woke
+        rest = min(self._looked + settings.REST_S, wanted) - woke
         if rest > 0.0:
             self._inbox.rest(rest)
         items = self._inbox.take()
@@ -209,22 +186,17 @@ class MonitorNode:
         for item in items:
             self._guarded(self._handle, item)
         self._tell_clock()
-        self._looked = looked = self._times.look()
-        happenings = self._connections.read(self._inbox.ready())
+        happenings = self._subscriptions.read(self._fed)
         self._heed_launch()
-        timed = map(partial(self._timed, clock.now()), happenings)
-        came = sorted(timed, key=lambda each: each[0])
-        later = bisect_right([time for time, _ in came], looked)
-        self._hear_all(came[:later])
-        self._feed(events.Tick(looked, wanted, woke))
-        self._hear_all(came[later:])
+        for happening in happenings:
+            self._companion.beat()  # who has much to catch up with does not hang
+            if isinstance(happening, Looked):
+                self._looked = happening.time
+                self._feed(events.Tick(happening.time, wanted, woke))
+            else:
+                self._guarded(self._happened, happening)
         self._show_health()
         self._subscribe_next()
-
-    def _hear_all(self, came: Iterable[Tuple[float, Happening]]) -> None:
-        for time, happening in came:
-            self._companion.beat()  # who has much to catch up with does not hang
-            self._guarded(self._happened, time, happening)
 
     def _heed_launch(self) -> None:
         """Look whether the launch is ending, after something was read and before it is fed.
@@ -245,7 +217,10 @@ class MonitorNode:
         """Look at ROS time before messages are read: their age is told by this look."""
         now, ros_time = clock.both()
         before, self._ahead = self._ahead, ros_time - now
-        if abs(self._ahead - before) > CLOCK_CHANGE_S or now - self._told_clock > LONGEST_WAIT_S:
+        if (
+            abs(self._ahead - before) > settings.CLOCK_CHANGE_S
+            or now - self._told_clock > settings.TURN_S
+        ):
             self._told_clock = now
             self._feed(events.ClockTicked(now, ros_time, clock.is_simulated()))
 
@@ -260,36 +235,29 @@ class MonitorNode:
     def _handle(self, item: Any) -> None:
         self._hear[type(item)](item)
 
-    def _connection_changed(self, item: Any) -> None:
-        for happening in self._connections.heed(item):
-            self._happened(clock.now(), happening)
-
-    def _timed(self, read: float, happening: Happening) -> Tuple[float, Happening]:
-        """What was `read` by then, with when it happened; time does not go back for the core."""
-        time = self._times.of(happening.noted, read)[0] if isinstance(happening, Arrived) else read
-        return max(self._fed, time), happening
-
-    def _happened(self, now: float, happening: Happening) -> None:
+    def _happened(self, happening: Happening) -> None:
         """Feed what happened at a connection."""
         if isinstance(happening, Arrived):
-            connection, data, whole, _ = happening
-            service = self._core.service_of(connection.topic, connection.publisher)
-            if service is not None and service.needed and whole:
-                if connection.header["type"] == service.type:
-                    self._last_messages.keep(now, connection.topic, connection.publisher, data)
-            waited, ahead = self._times.waited(now), self._ahead
-            event = self._reader.event(now, waited, connection, data, whole, service, ahead)
-            self._values[event.topic, event.publisher] = event.values
-            self._feed(event)
-        elif isinstance(happening, Lost):
-            self._feed(events.Disconnected(now, *happening))
+            self._arrived(happening)
+        elif isinstance(happening, Gone):
+            self._feed(events.Disconnected(*happening))
         elif isinstance(happening, Interrupted):
-            self._feed(events.Interrupted(now, *happening))
-        else:
-            self._feed(events.Connected(now, *happening))
-            service = self._core.service_of(*happening)
+            self._feed(events.Interrupted(*happening))
+        elif isinstance(happening, Connected):
+            self._feed(events.Connected(*happening))
+            service = self._core.service_of(happening.topic, happening.publisher)
             if service is not None and service.node == happening.publisher:
                 self._launches.learn(happening.publisher)
+
+    def _arrived(self, arrived: Arrived) -> None:
+        time, connection, data, whole, _ = arrived
+        service = self._core.service_of(connection.topic, connection.publisher)
+        if service is not None and service.needed and whole:
+            if connection.header["type"] == service.type:
+                self._last_messages.keep(time, connection.topic, connection.publisher, data)
+        event = self._reader.event(arrived, self._subscriptions.waited(time), service)
+        self._values[event.topic, event.publisher] = event.values
+        self._feed(event)
 
     def _feed(self, event: events.Event) -> None:
         if self._journal is not None:
@@ -357,7 +325,7 @@ class MonitorNode:
         self._feed(events.SomChanged(clock.now(), som, unheard))
         self._reader.forget()
         for topic in self._watched - set(topics):
-            self._connections.unsubscribe(topic)
+            self._subscriptions.unsubscribe(topic)
             rospy.loginfo("%s is no longer watched.", topic)
         self._watched &= set(topics)
         self._to_watch = deque(unheard)
@@ -366,10 +334,10 @@ class MonitorNode:
         if self._to_watch and clock.now() >= self._subscribe_at:
             topic = self._to_watch.popleft()
             self._watched.add(topic)
-            self._connections.subscribe(topic)
+            self._subscriptions.subscribe(topic)
             self._feed(events.Subscribed(clock.now(), topic))
             rospy.loginfo("%s is watched.", topic)
-            self._subscribe_at = clock.now() + SUBSCRIBE_S
+            self._subscribe_at = clock.now() + settings.SUBSCRIBE_S
 
     def _put_back(self, refusal: events.ChangeRefused) -> None:
         """Say what is refused, and put the numbers that count back, for all who read them."""

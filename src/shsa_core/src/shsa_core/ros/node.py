@@ -3,21 +3,22 @@ import gc
 import logging
 import sys
 import threading
-from typing import Callable
+from typing import Any, Callable
 
 import genpy
 import rospy
 
 from shsa_core.errors import ModelError, ShsaError
-from shsa_core.ros import clock
+from shsa_core.ros import settings
 from shsa_core.ros.rospy_patches.inbound import serve_each_by_itself
 from shsa_core.ros.rospy_patches.log_queue import LogQueue, ask_once_for_rosout, say_failures_once
 from shsa_core.ros.processes.priority import SWITCH_INTERVAL_S
 from shsa_core.ros.rospy_patches.standing import keep_rospys_threads
+from shsa_core.ros.rospy_patches.wall_time import heed_launch
 from shsa_core.text import LONGEST_LINE, shown
 
-POLL_S = 0.05
-JOIN_TIMEOUT_S = 5.0
+Tell = Callable[[Any], None]
+"""Publishes a message to one subscriber alone."""
 
 
 def run(name: str, work: Callable[[], None]) -> None:
@@ -32,7 +33,7 @@ def run(name: str, work: Callable[[], None]) -> None:
     say_failures_once()
     keep_rospys_threads()
     serve_each_by_itself()
-    clock.heed_launch()
+    heed_launch()
     rospy.init_node(name)
     _log_plainly()
     log = LogQueue()
@@ -56,11 +57,11 @@ def run(name: str, work: Callable[[], None]) -> None:
     thread = threading.Thread(target=guarded, name="work", daemon=True)
     thread.start()
     while thread.is_alive() and not rospy.is_shutdown():
-        rospy.rostime.wallsleep(POLL_S)
+        rospy.rostime.wallsleep(settings.TURN_S)
     rospy.signal_shutdown("the work is done")
     with rospy.core._shutdown_lock:
         pass  # whoever shuts down, in whichever thread, has unregistered the node by now
-    thread.join(JOIN_TIMEOUT_S)
+    thread.join(settings.LOOP_ANSWER_S)
     log.close()
     if not done.is_set():
         sys.exit(1)
@@ -85,3 +86,15 @@ def publish(publisher: rospy.Publisher, message: genpy.Message) -> None:
     except rospy.ROSException:
         if not rospy.core.is_shutdown_requested():
             raise
+
+
+class Greeter(rospy.SubscribeListener):
+    """Calls `greet` with what tells each new subscriber alone, in a thread of rospy."""
+
+    def __init__(self, greet: Callable[[Tell], None]) -> None:
+        super().__init__()
+        self._greet = greet
+
+    def peer_subscribe(self, topic_name: str, topic_publish: object, peer_publish: Tell) -> None:
+        """Called by rospy once a subscriber has connected."""
+        self._greet(peer_publish)

@@ -30,45 +30,39 @@ from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import row_key
-from shsa_core.ros import diagnostics
-from shsa_core.ros import clock
+from shsa_core.ros import clock, diagnostics, settings
 from shsa_core.ros.processes.handover import Handover, await_turn
-from shsa_core.ros.processes.companion import Companion
+from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch
 from shsa_core.ros.master.master_watch import MasterWatch
-from shsa_core.ros.processes.starting import run_command
+from shsa_core.ros.processes.starting import Setup, run_command
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
-from shsa_core.ros.messages.usable import Problem, mark_unusable
+from shsa_core.ros.messages.fields import Problem, mark_unusable
 from shsa_core.ros.workers import Workers
 from shsa_core.ros.agent.agents import Agents
 from shsa_core.ros.processes.host import HostCommand
-from shsa_core.ros.agent.routing import Hosts
-from shsa_core.ros.processes.starting import Forks
+from shsa_core.ros.agent.routing import Router
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import run
 from shsa_core.ros.services import Services
+from shsa_core.ros.settings import MOST_CALLS
 from shsa_core.ros.succession import take_over
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
-from shsa_core.ros.wire.rows import OwnRows, substitution_message
+from shsa_core.ros.wire.rows import own_rows, substitution_message
 
 LOG: Dict[Level, Callable[..., None]] = {
     Level.INFO: rospy.loginfo,
     Level.WARN: rospy.logwarn,
     Level.ERROR: rospy.logerr,
 }
-LONGEST_WAIT_S = 0.2
-STOP_S = 5.0
-"""So long at most the end of ROS waits until agents have heard what is to be stopped."""
 MOST_WAITING = 10_000
 """With more to do than this, failures that nobody signed are dropped."""
-MOST_COMMANDS = 32
-"""Of the user's, that run at the same time."""
 
 
 class ReconfiguratorNode:
@@ -115,12 +109,11 @@ class ReconfiguratorNode:
         journals = _substitute_journals(journal)
         types = sorted({service.type for service in som if service.type})
         ready = lambda: self._put(events.Prepared(clock.now()))
-        forks = Forks(prefix.rsplit("/", 1)[0], types, ready)
-        self._local = LocalHost(
-            self._told, signs, prefix, journals, signing.path, arguments.sandbox, "", forks
-        )
+        given = signing.path, journals, arguments.sandbox
+        how = Setup(prefix, *given, forks=True, types=types, ready=ready)
+        self._local = LocalHost(self._told, signs, how)
         self._agents = Agents(signing, self._told, arguments.host)
-        self._hosts = Hosts(self._local, self._agents, self._told, arguments.host)
+        self._hosts = Router(self._local, self._agents, self._told, arguments.host)
         self._asked: Dict[str, float] = {}
         self._spins, self._stopped = False, threading.Event()
         rospy.core.add_preshutdown_hook(self._stop_elsewhere)
@@ -132,13 +125,13 @@ class ReconfiguratorNode:
             row_key,
             signing,
             opened=False,
-            addressing=OwnRows(prefix),
+            concerning=own_rows(prefix),
         )
         self._som_state = TablePublisher(
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False
         )
         self._records: Optional[RecordFile] = None
-        self._commands = Workers("command", MOST_COMMANDS)
+        self._commands = Workers("command", MOST_CALLS)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {
@@ -219,7 +212,7 @@ class ReconfiguratorNode:
         """Agents are told while our topics are open; with one computer nobody is waited for."""
         if self._spins and self._agents.names and not self._handover.followed:
             self._queue.put(self._stop_all)
-            self._stopped.wait(STOP_S)
+            self._stopped.wait(settings.LOOP_ANSWER_S)
 
     def _stop_all(self) -> None:
         if self._stopped.is_set():
@@ -259,9 +252,9 @@ class ReconfiguratorNode:
             if self._core.plans_ahead:
                 return lambda: self._handle(events.Idle(clock.now()))
         deadline = self._core.deadline
-        wait = LONGEST_WAIT_S if deadline is None else deadline - clock.now()
+        wait = settings.TURN_S if deadline is None else deadline - clock.now()
         try:
-            return self._queue.get(timeout=min(LONGEST_WAIT_S, max(0.0, wait)))
+            return self._queue.get(timeout=min(settings.TURN_S, max(0.0, wait)))
         except queue.Empty:
             return lambda: self._handle(events.Tick(clock.now()))
 

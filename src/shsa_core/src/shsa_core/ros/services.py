@@ -1,4 +1,5 @@
-"""What people and programs may ask of the reconfigurator: its ROS services and its action."""
+"""The reconfigurator's ROS services and its action, for people and programs."""
+import queue
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as Late
 from typing import Any, Callable
@@ -12,17 +13,14 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.model.service import Service
-from shsa_core.ros import clock
-from shsa_core.ros.messages.messages import one_message
+from shsa_core.ros import clock, settings
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 
-ANSWER_TIMEOUT_S = 5.0
 NO_OPERATOR = (
     "refused: this reconfigurator was started with operator:=false, and does nothing on request"
 )
-LAST_MESSAGE_TIMEOUT_S = 0.5
 
 
 class Services:
@@ -55,7 +53,7 @@ class Services:
         self._action.start()
 
     def _ask(self, question: Callable[[], Any]) -> Any:
-        """The core's answer. Raises ShsaError."""
+        """Return the core's answer. Raises ShsaError."""
         answer: "Future[Any]" = Future()
 
         def work() -> None:
@@ -66,12 +64,12 @@ class Services:
 
         self._enqueue(work)
         try:
-            return answer.result(timeout=ANSWER_TIMEOUT_S)
+            return answer.result(timeout=settings.LOOP_ANSWER_S)
         except Late as error:
-            raise ShsaError(f"no answer within {ANSWER_TIMEOUT_S:g} s") from error
+            raise ShsaError(f"no answer within {settings.LOOP_ANSWER_S:g} s") from error
 
     def _needed(self, name: str) -> Service:
-        """The needed service of a name or topic. Raises ShsaError."""
+        """Return the needed service of a name or topic. Raises ShsaError."""
         service: Service = self._ask(lambda: self._core.find(name))
         if not service.needed:
             known = ", ".join(each.topic for each in self._core.needed())
@@ -121,7 +119,7 @@ class Services:
             self._action.set_aborted(text=str(error))
             return
         # The monitor sends the last message of what has failed, and this has not.
-        message = one_message(service.topic, service.type, service.node, LAST_MESSAGE_TIMEOUT_S)
+        message = _one_message(service.topic, service.type, service.node, settings.CALL_S)
         last = wire.last_message(message)
         self._put(events.SubstituteRequested(clock.now(), service.name, last))
         incident = self._incidents.await_settled(
@@ -137,3 +135,21 @@ class Services:
     def _feedback(self, incident: Incident) -> None:
         state, detail = incident.state.value, incident.detail
         self._action.publish_feedback(msg.SubstituteFeedback(state=state, detail=detail))
+
+
+def _one_message(topic: str, kind: str, publisher: str, seconds: float) -> bytes:
+    """The next message of a publisher, serialized; empty if none comes in time."""
+    heard: "queue.Queue[bytes]" = queue.Queue()
+
+    def take(message: rospy.AnyMsg) -> None:
+        header = message._connection_header
+        if (header["callerid"], header["type"]) == (publisher, kind):
+            heard.put(message._buff)
+
+    subscriber = rospy.Subscriber(topic, rospy.AnyMsg, take, tcp_nodelay=True)
+    try:
+        return heard.get(timeout=seconds)
+    except queue.Empty:
+        return b""
+    finally:
+        subscriber.unregister()

@@ -7,6 +7,15 @@ Modules name them as `settings.NAME`, so that a test can set one for all its use
 TURN_S = 0.1
 """No longer between two looks at the clock: it bounds how late a message is known to have come."""
 
+REST_S = 0.002
+"""Between two looks at least: what comes within this is handled together, as of when it came."""
+CLOCK_CHANGE_S = 0.002
+"""A change of ROS time beside ours that the monitor is told of at once, and else now and then."""
+LOOP_ANSWER_S = 5.0
+"""So long the thread that does a node's work is given to answer, or to end."""
+DIAGNOSTICS_PERIOD_S = 1.0
+"""As an aggregator of /diagnostics expects."""
+
 # Threads for calls that wait for others.
 STANDING_WORKERS = 2
 """Always there: a call is made even where no thread can be started any more."""
@@ -14,3 +23,142 @@ IDLE_WORKER_S = 10.0
 """A thread beyond these ends when it has had nothing to do for so long."""
 SAY_AGAIN_S = 10.0
 """Between two lines of the log on the same trouble."""
+
+# Reading connections.
+TRIES = 3
+"""So often a node is asked for a connection in place of one that ended."""
+REFUSAL_S = 0.002
+"""A node on this computer has refused, or dropped the call, by then; any other is asked."""
+LISTENED_S = 0.1
+"""A node that has just listened is asked without another look."""
+UNREAD_S = 0.02
+"""What wakes nobody while a substitute waits for other things is read by then."""
+LARGEST_MESSAGE_B = 1 << 28
+"""What is larger is not kept, and its publisher counts as silent."""
+READ_B = 1 << 16
+"""Of one read. A smaller rest is copied: that costs less than another read."""
+SHORT_READ_B = 512
+"""Of the read after a message that was dropped: the next one is probably as large."""
+LARGEST_DROP_B = 1 << 20
+"""Dropped by one read at most."""
+EXPECTED_B = 1 << 22
+"""Of large messages that come before anybody need look. Linux waits for half of what a socket may
+hold at most: of 6 MB, unless it was told so."""
+READS_A_TURN = 16
+"""Of one connection: a babbling publisher must not keep the others waiting."""
+
+CONSUMER_QUEUE = 10
+"""Messages that wait for a consumer that does not read; the others do not wait for it."""
+SUBSCRIBE_S = 0.005
+"""Between two topics that the monitor subscribes: each new connection costs a publisher time."""
+PREPARE_PAUSE_S, SHARED_PAUSE_S = 0.01, 0.1
+"""Between two registrations of a substitute that is in no hurry: each costs other nodes a
+connection. Of those that share a process ten come up together, with a program each."""
+ALONE_S = 60.0
+"""So long a substitute goes on without a reconfigurator, which a launch starts again within 2 s."""
+
+# Who is at the other end of a connection.
+MOST_ASKING_MASTER = 4
+"""Threads that ask the master, and no more, however many connections there are."""
+ASK_MASTER_AGAIN_S = (0.5, 1.0, 2.0, 5.0, 10.0)
+"""Pauses before it is asked again who is at an address that it does not list."""
+MOST_KNOWN_NODES = 10_000
+"""Nodes and addresses that are remembered: what strangers claim must not fill the memory."""
+LARGEST_HEADER_B = 1 << 20
+"""A connection header holds the message's definition."""
+MOST_CALLS = 32
+"""Calls of one kind at the same time: so many hung nodes hold up no other."""
+
+# Tables.
+QUEUE = 200
+"""Messages that wait for a slow subscriber. It misses those beyond, and then subscribes again."""
+RESUBSCRIBE_S = 0.5
+"""At least between two subscriptions of one table."""
+
+# What rospy is held to.
+HEADER_S = 2.0
+"""So long the header of a connection to us may take, whole."""
+MOST_WAITING = 100
+"""Connections to us without a header at the same time; an honest one takes milliseconds."""
+MOST_API_CONNECTIONS = 200
+"""Connections to our XML-RPC interface at the same time."""
+LARGEST_CALL_B = 32 << 20
+"""Of a call to it: the SOM of a large robot, as the master tells it, has a tenth."""
+LOG_LINES = 1000
+"""So many lines wait at most; what is said beyond is lost."""
+CLOSE_LOG_S = 1.0
+"""At its end a node waits no longer for its last lines."""
+
+# Signs of life.
+TICK_S = 0.05
+"""Between two looks at who is silent, here and on other computers."""
+HEARTBEAT_S = 0.1
+"""Between two signs of life, of a process and of an agent."""
+SILENT_S = 0.3
+"""Three heartbeats: a takeover does not wait for a process that is silent for longer."""
+HUNG_S = 1.5
+"""A substitute that is silent for so long is ended."""
+STARVED_S = 15.0
+"""A process that waits for a processor may be silent for so long: then another one is needed."""
+HUNG_HEALER_S = {"monitor": 3.0, "reconfigurator": 5.0}
+"""A healer that is silent for so long is ended by the other; they differ: one of both stays."""
+AT_WORK_S = 0.4
+"""A healer's loop turns more often than this, or is not at work."""
+ANSWER_HOLDS_S = 0.5
+"""So long an answer holds that a heartbeat got; without one nobody is cut off."""
+
+# Processes.
+EXIT_LOOK_S = 0.01
+"""Between two looks whether a process has ended or come up: a hundredth of what starting takes."""
+PROCESS_END_S = 2.0
+"""So long a process is given to end, once it was asked or killed."""
+EXIT_STATUS_S = 0.1
+"""So long after the end of a fork its exit status may come."""
+FORK_S = 1.0
+"""So long a fork is waited for, which takes 10 ms; then a process is started by rosrun."""
+LOOK_S = 1.0
+"""Between two looks at what changes seldom: who has started a node, how busy a computer is."""
+LEARN_PAUSE_S = 0.02
+"""After each node that is learned: all of a large robot become healthy in the same moment."""
+GATHER_S = 0.5
+"""So long it is waited for more nodes that have come before their launches are looked for."""
+LISTING_AGE_S = 0.4
+"""What the master has listed may be so old when a node is learned, as many are together."""
+MASTER_AGE_S = 10.0
+"""So old may be which process the master is: to look through all connections takes long."""
+
+# Calls, and tries again.
+CALL_S = 0.5
+"""So long a node is given to answer, and to give another connection in place of a lost one."""
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 60.0
+"""Between two tries of what fails: the pause doubles each time."""
+
+# Agents on other computers.
+RESEND_S = 0.2
+"""Without an answer for so long, all that is not answered is said again."""
+LOST_S = 1.0
+"""An agent that is silent for so long cannot be reached, and its computer is lost."""
+RETURN_S = 4.0
+"""An agent that has ended is started again within this time: its computer is there."""
+STOP_S = 3.0
+"""So long at most the end of ROS waits until agents have heard what is to be stopped."""
+START_S = 1.5
+"""So long an agent that is registered is given to tell what runs there."""
+
+# The master.
+MASTER_LOOK_S = 0.25
+"""Between two looks which process the master is: a new one is told all within a second."""
+MASTER_PAUSE_S, LONGEST_MASTER_PAUSE_S = 2.0, 10.0
+"""Between two looks at where everybody is, and at the parameters: at least, and at most."""
+LOOKING_SHARE = 0.02
+"""Of the time at most this much goes into looking: it takes long on a large robot."""
+MASTER_CALL_S = 2.0
+"""So long the master is given to answer, as it may be a while on a large robot."""
+BUSY_S = 5.0
+"""So long nodes may only be busy that do not answer a new master: they are asked at every look."""
+HUNG_NODE_S = 600.0
+"""So long a node that does not answer is asked what it had registered at the former master."""
+INTRODUCTION_LOOKS_S = (0.3, 1.0, 3.0)
+"""After a publisher has come; the master takes 0.1 s, and a connection a moment."""
+SOM_LOOK_S = 0.4
+"""Between two looks at shsa/som: a change counts within a second."""

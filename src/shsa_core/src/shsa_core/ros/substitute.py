@@ -1,52 +1,33 @@
 """The substitute: a node made of three strings that takes over a topic (Section V-A3)."""
 import functools
 import os
-import sys
 import threading
 from dataclasses import replace
-from typing import TYPE_CHECKING, Callable, Iterable, Iterator, Optional, Set, Tuple, Union
+from typing import TYPE_CHECKING, Callable, Optional, Union
 
 import rospy
 from shsa_msgs import msg
 
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
-from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.ros import clock
+from shsa_core.model.substitution import Substitution
+from shsa_core.ros import clock, settings
+from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.master import announce
-from shsa_core.ros.processes import priority
-from shsa_core.message_types import message_class
-from shsa_core.ros.messages.composing import read_message
-from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
-from shsa_core.ros.messages.fields import Field, problem
+from shsa_core.ros.master.bus import Originals
 from shsa_core.ros.master.node_api import FAILURES
-from shsa_core.ros.master.original import Originals
-from shsa_core.ros.messages.outputs import Outputs
-from shsa_core.ros.sockets.arrivals import Arrivals
+from shsa_core.ros.messages.tables import TableSubscriber
+from shsa_core.ros.outputs import Outputs
+from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
+from shsa_core.ros.row_reader import RowReader, unusable
 from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import names
-from shsa_core.ros.wire.rows import substitution_row
-from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.workers import Workers
-from shsa_core.ros.node import run
 from shsa_core.substitution import events, machine, sharing
-from shsa_core.substitution.signals import JOURNAL, SHARED, VARIABLE, decode
 
 if TYPE_CHECKING:
     from shsa_core.journal.writer import JournalWriter
-
-SIMULATED_S = 0.002
-"""At least so long between two looks at /clock, which nobody can wait for."""
-POLL_S = 0.1  # between two looks whether ROS shuts down
-ALONE_S = 60.0  # without a reconfigurator; a launch starts it again within 2 s
-PREPARE_PAUSE_S = 0.01
-"""Between two registrations that are in no hurry: each costs other nodes a connection, and a node
-that has many to make at once does not publish meanwhile."""
-SHARED_PAUSE_S = 0.1
-"""The same in a process that several share: ten of them come up together, with a program each."""
-USAGE = "usage: rosrun shsa_core substitute INPUTS CODE OUTPUT"
-Paths = Tuple[str, ...]
 
 LOG = {
     events.Level.DEBUG: rospy.logdebug,
@@ -60,27 +41,29 @@ class SubstituteNode:
     """Brings events to the core, and carries out what it says.
 
     One thread handles events in order, and publishes. What waits for the master or for another node
-    has threads of its own: a takeover needs neither. `journal`: a file for every event; empty:
-    none. Without the secret of healing, as one that was started by hand, it takes no commands. One
-    that is `shared` holds the substitutes of several services. `lowered`: its priority is, until
-    what it does matters.
+    has threads of its own: a takeover needs neither. Without the secret of healing, as one that was
+    started by hand, it takes no commands. `lowered`: its priority is, until what it does matters.
     """
 
-    def __init__(self, row: Substitution, journal: str, lowered: bool = False) -> None:
+    def __init__(
+        self,
+        row: Substitution,
+        journal: Optional["JournalWriter"] = None,
+        lowered: bool = False,
+    ) -> None:
         self._clock = clock.RobotClock()
         self._name = row.node
         self._row = row
-        self._listed: Set[str] = set()
-        self._idle = row.idle
+        self._rows = RowReader(row.node, row.idle)
         self._hurry = threading.Event()
         path = os.environ.get(secret.VARIABLE, "")
         self._signing = Signing(path, make=False) if path else None
         self._core: Union[machine.Substitute, sharing.Sharing] = (
             sharing.Sharing() if row.shared else machine.Substitute()
         )
-        self._journal = _journal(journal, row.shared) if journal else None
-        self._arrivals = Arrivals(row.node, self._clock, lowered)
-        self._arrivals.read(signal.topic for signal in row.inputs)
+        self._journal = journal
+        self._inputs = Inputs(row.node, self._clock, lowered)
+        self._inputs.read(signal.topic for signal in row.inputs)
         self._heart = Heart(hearer(os.environ.get(HOST, "")))
         self._outputs = Outputs(self._advertised, self._joined)
         self._registrations = Workers("registrations")
@@ -98,8 +81,7 @@ class SubstituteNode:
                 events.Compose: self._compose,
                 events.Publish: self._publish,
                 events.Announce: self._announce,
-                events.FindSubscribers: self._find_subscribers,
-                events.Tell: self._tell,
+                events.Remind: self._remind,
                 events.LookAtOriginal: self._look_at_original,
                 events.LookAtOthers: self._look_at_others,
                 events.TellNoValue: self._tell_no_value,
@@ -120,30 +102,28 @@ class SubstituteNode:
                 self._journal.close()
 
     def _follow(self) -> None:
-        self._feed(
-            events.Started(self._clock.now(), self._row, unusable(self._row), clock.ros_ns())
-        )
+        if not self._row.shared:
+            row, time, ros_time = self._row, self._clock.now(), clock.ros_ns()
+            self._feed(events.RowChanged(time, row, unusable(row), ros_time=ros_time))
         if self._signing is not None:
             table_of = msg.Substitutions, self._table, self._signing, self._name
             TableSubscriber(names.SUBSTITUTIONS, *table_of)
             self._telling.put(self._failures)  # known before it has something to tell
         alone = cut_off = False
         while not rospy.is_shutdown():
-            deadline = self._core.next_deadline()
-            wait = POLL_S if deadline is None else min(POLL_S, deadline - self._clock.now())
-            self._arrivals.wait(max(wait, SIMULATED_S) if clock.is_simulated() else wait)
+            wait = min(settings.TURN_S, self._core.next_deadline - self._clock.now())
+            self._inputs.wait(max(wait, settings.REST_S) if clock.is_simulated() else wait)
             self._heart.beat()
             if self._heart.cut_off is not cut_off:
                 cut_off = not cut_off
                 self._feed(events.ReachChanged(self._clock.now(), cut_off))
-            if self._heart.unheard > ALONE_S and not alone:
+            if self._heart.unheard > settings.ALONE_S and not alone:
                 self._feed(events.LeftAlone(self._clock.now()))
-            alone = self._heart.unheard > ALONE_S
-            for event in self._arrivals.take(self._clock.now() >= self._core.reads_at):
+            alone = self._heart.unheard > settings.ALONE_S
+            for event in self._inputs.take(self._clock.now() >= self._core.reads_at):
                 self._feed(event)
-            self._arrivals.hurry(self._core.hurries)
-            deadline = self._core.next_deadline()
-            if deadline is not None and self._clock.now() >= deadline:
+            self._inputs.hurry(self._core.hurries)
+            if self._clock.now() >= self._core.next_deadline:
                 self._feed(events.Tick(self._clock.now()))
 
     def _feed(self, event: events.Event) -> None:
@@ -158,62 +138,36 @@ class SubstituteNode:
     # Events, from rospy's threads.
 
     def _table(self, message: msg.Substitutions) -> None:
-        ours = [row for row in message.substitutions if row.node == self._name]
-        for row in self._rows(ours):
-            if row.code:
-                self._arrivals.read(signal.topic for signal in row.inputs)
-            self._listed.add(row_key(row))
-            self._idle = row.idle
-            if not row.idle and (row.publishing or not row.shared):
-                self._hurry.set()
-            problems_of, last = unusable(row), last_message(row)
-            now = self._clock.now(), clock.ros_ns()
-            self._arrivals.put(events.RowChanged(now[0], row, problems_of, last, now[1]))
-        told = {row_key(row) for row in ours}
-        ended = self._listed.intersection(message.removed) - told
-        for key in (self._listed - told) if message.whole else ended:
-            self._listed.discard(key)
-            service = key.partition(" ")[2]
-            self._arrivals.put(events.RowRemoved(self._clock.now(), service, key in ended))
-        if self._idle:
-            plans = tuple(self._rows([row for row in message.substitutions if not row.node]))
-            problems = tuple(problem for plan in plans for problem in unusable(plan))
-            removed = tuple(message.removed)
-            self._arrivals.put(
-                events.PlansChanged(self._clock.now(), plans, removed, message.whole, problems)
-            )
-
-    def _rows(self, messages: Iterable[msg.Substitution]) -> Iterator[Substitution]:
-        """The rows of a table, as far as they are any: one that is not costs no other."""
-        for each in messages:
-            try:
-                yield substitution_row(each)
-            except ShsaError as error:
-                text = f"A row for {each.service} is refused: {error}"
-                rospy.logwarn_throttle_identical(60.0, text)
+        for event in self._rows.read(message, self._clock.now()):
+            if isinstance(event, events.RowChanged) and not event.row.idle:
+                row = event.row
+                self._inputs.read(signal.topic for signal in row.inputs)
+                if row.publishing or not row.shared:
+                    self._hurry.set()
+            self._inputs.put(event)
 
     def _advertised(self, topic: str) -> None:
-        self._arrivals.put(events.Advertised(self._clock.now(), topic))
+        self._inputs.put(events.Advertised(self._clock.now(), topic))
 
     def _joined(self, topic: str, consumer: str) -> None:
-        self._arrivals.put(events.ConsumerJoined(self._clock.now(), topic, consumer))
+        self._inputs.put(events.ConsumerJoined(self._clock.now(), topic, consumer))
 
     # Commands.
 
     def _listen(self, command: events.Listen) -> None:
         for signal in command.inputs:
-            self._register(functools.partial(self._arrivals.listen, signal))
+            self._register(functools.partial(self._inputs.listen, signal))
 
     def _overhear(self, command: events.Overhear) -> None:
-        self._register(lambda: self._arrivals.overhear(command.topic, command.type))
+        self._register(lambda: self._inputs.overhear(command.topic, command.type))
 
     def _look_at_others(self, look: events.LookAtOthers) -> None:
-        stands = self._arrivals.stands(look.topic, look.publisher)
-        self._arrivals.put(events.OthersStand(self._clock.now(), look, stands))
+        stands = self._inputs.stands(look.topic, look.publisher)
+        self._inputs.put(events.OthersStand(self._clock.now(), look, stands))
 
     def _compose(self, command: events.Compose) -> None:
         if command.overheard:
-            command = replace(command, last_message=self._arrivals.last(command.topic))
+            command = replace(command, last_message=self._inputs.last(command.topic))
         self._outputs.compose(command)
 
     def _advertise(self, command: events.Advertise) -> None:
@@ -224,8 +178,8 @@ class SubstituteNode:
     def _register(self, call: Callable[[], None]) -> None:
         """Make a call to the master; who is in no hurry makes room for others after it."""
         self._registrations.put(call)
-        if self._idle or self._row.shared:
-            pause = SHARED_PAUSE_S if self._row.shared else PREPARE_PAUSE_S
+        if self._rows.idle or self._row.shared:
+            pause = settings.SHARED_PAUSE_S if self._row.shared else settings.PREPARE_PAUSE_S
             self._registrations.put(lambda: self._hurry.wait(pause))
 
     def _withdraw(self, command: events.Withdraw) -> None:
@@ -240,26 +194,15 @@ class SubstituteNode:
             rospy.logwarn_throttle_identical(10.0, f"{self._name}: {topic}: {error}")
 
     def _announce(self, command: events.Announce) -> None:
-        def call() -> None:
-            announce.announce(command.topic, command.type)
-
-        self._call(f"announcing {command.topic}", call)
-
-    def _find_subscribers(self, command: events.FindSubscribers) -> None:
-        def call() -> None:
-            for topic, nodes in announce.find_subscribers(command.topics).items():
-                connected = self._outputs.connected(topic)
-                self._arrivals.put(
-                    events.SubscribersFound(self._clock.now(), topic, nodes, connected)
-                )
-
-        self._call(f"looking for the subscribers of {', '.join(command.topics)}", call)
-
-    def _tell(self, command: events.Tell) -> None:
-        nodes = ", ".join(command.subscribers)
         self._call(
-            f"telling {nodes} of {command.topic}",
-            lambda: announce.tell(command.topic, command.subscribers),
+            f"announcing {command.topic}",
+            lambda: announce.announce(command.topic, command.type),
+        )
+
+    def _remind(self, command: events.Remind) -> None:
+        self._call(
+            f"telling the subscribers of {', '.join(command.topics)} who publishes them",
+            lambda: announce.remind(command.topics, self._outputs.connected),
         )
 
     def _call(self, what: str, call: Callable[[], None]) -> None:
@@ -267,7 +210,7 @@ class SubstituteNode:
             try:
                 call()
             except FAILURES as error:
-                self._arrivals.put(events.CallFailed(self._clock.now(), what, str(error)))
+                rospy.logwarn("%s: %s: %s", self._name, what, error)
 
         self._calls.put(guarded)
 
@@ -275,7 +218,7 @@ class SubstituteNode:
         def call() -> None:
             served = self._originals.served_consumers(look.topic, look.original)
             up, consumers = served is not None, served or frozenset()
-            self._arrivals.put(events.OriginalServes(self._clock.now(), look, consumers, up))
+            self._inputs.put(events.OriginalServes(self._clock.now(), look, consumers, up))
 
         self._looks.put(call)
 
@@ -294,7 +237,7 @@ class SubstituteNode:
 
     @functools.lru_cache(maxsize=None)
     def _failures(self) -> Callable[[msg.Failure], None]:
-        """How it tells of itself; made once, by the thread that may wait for the master."""
+        """Return what publishes its failures; made once, by the thread that may wait for the master."""
         assert self._signing is not None
         sign = self._signing.signer(names.FAILURES, msg.Failure)
         publisher = rospy.Publisher(names.FAILURES, msg.Failure, queue_size=10)
@@ -305,97 +248,3 @@ class SubstituteNode:
 
     def _log(self, command: events.Log) -> None:
         LOG[command.level]("%s: %s", self._name, command.text)
-
-
-def unusable(row: Substitution) -> events.Unusable:
-    """The signals of a row that cannot be read or written here, each with the reason."""
-    problems = [(each, problem(each.type, each.field, False)) for each in row.inputs]
-    problems += [(each, problem(each.type, each.field, True)) for each in row.outputs]
-    return tuple((signal, why) for signal, why in problems if why)
-
-
-def last_message(row: Substitution) -> Optional[events.LastMessage]:
-    """What the last good message of a row held; None if there is none that can be read."""
-    if not row.last_message or not row.outputs:
-        return None
-    try:
-        kind = message_class(row.outputs[0].type)
-        message = read_message(kind, row.last_message)
-        fields = (signal.field for signal in row.outputs)
-        found = ((field, Field(kind, field).get(message)) for field in fields)
-        values = tuple((field, value) for field, value in found if value is not None)
-    except ShsaError as error:
-        rospy.logwarn_throttle_identical(
-            60.0, f"{row.node}: the last message of {row.service} is not used: {error}"
-        )
-        return None
-    stamp = message.header.stamp.to_nsec() if kind._has_header else 0
-    return events.LastMessage(values, min(stamp, clock.ros_ns()))
-
-
-def _paths(text: str) -> Paths:
-    return tuple(path.strip() for path in text.split(",") if path.strip())
-
-
-def _by_hand(inputs: Paths, code: str, outputs: Paths) -> Substitution:
-    """The row of a substitute that somebody started by hand: what it must know is looked up."""
-    from shsa_core.ros.master.som_lookup import (
-        look_up,
-    )  # not for those who ask nobody: it takes long
-
-    signals = look_up((*inputs, *outputs))
-    muted = bool(rospy.get_param("~muted", False))
-    n_inputs = len(inputs)
-    return Substitution(
-        rospy.get_name(), "", signals[:n_inputs], code, signals[n_inputs:], publishing=not muted
-    )
-
-
-def _by_reconfigurator(inputs: Paths, code: str, outputs: Paths, text: str) -> Substitution:
-    """The row of a substitute whose signals came with its strings: muted at first."""
-    signals = decode(text)
-    if tuple(tuple(signal.path for signal in each) for each in signals) != (inputs, outputs):
-        raise ShsaError(f"{VARIABLE} does not hold the signals of INPUTS and OUTPUT")
-    return Substitution(rospy.get_name(), "", signals[0], code, signals[1])
-
-
-def _journal(path: str, shared: bool) -> "JournalWriter":
-    from shsa_core.journal.writer import JournalWriter  # not for those without: it takes long
-
-    return JournalWriter(path, "sharing" if shared else "substitution", {}, rospy.logwarn)
-
-
-def main() -> None:
-    """Run the node: three strings on the command line.
-
-    `~muted` starts it muted; the environment's SHSA_JOURNAL is a file for every event.
-    """
-    arguments = rospy.myargv(sys.argv)[1:]
-    if len(arguments) != 3:
-        raise SystemExit(USAGE)
-    strings = _paths(arguments[0]), arguments[1], _paths(arguments[2])
-    text = os.environ.get(VARIABLE)
-
-    def work() -> None:
-        if text is None:
-            row = _by_hand(*strings)
-        else:
-            row = _by_reconfigurator(*strings, text)
-        SubstituteNode(row, os.environ.get(JOURNAL, "")).spin()
-
-    run("substitute", work)
-
-
-def standby() -> None:
-    """Run an idle substitute, to be given its program by its row.
-
-    With `--shared`, by its rows: it holds several.
-    """
-    shared = SHARED in rospy.myargv(sys.argv)[1:]
-    lowered = priority.lower()
-
-    def work() -> None:
-        row = Substitution(rospy.get_name(), "", (), "", (), shared=shared)
-        SubstituteNode(row, os.environ.get(JOURNAL, ""), lowered).spin()
-
-    run("standby", work)

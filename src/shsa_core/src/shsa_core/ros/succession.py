@@ -1,23 +1,21 @@
-"""What a former reconfigurator has left: its records, and the processes that still run."""
+"""Takes over what a former reconfigurator has left: its records, and what still runs."""
 import os
 import re
-from typing import Any, Collection, Dict, List, NamedTuple, Optional, Set, Tuple
+from typing import Any, Collection, List, NamedTuple, Set, Tuple
 
 import rospkg
 import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.records import Record, RestartedNode, of_this_robot
+from shsa_core.healing.records import Record, of_this_robot
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import FORMS
 from shsa_core.journal.record_file import Former, RecordFile, read_records
 from shsa_core.ros import clock
-from shsa_core.ros.processes.nodes import Fence, Known
-from shsa_core.ros.processes.kernel import same_process
 from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.trust.places import boot, master_place
 from shsa_core.ros.processes.local import LocalHost
+from shsa_core.ros.trust.places import boot, master_place
 
 CODEC = Codec(Record, FORMS)
 RUN = "/run_id"
@@ -25,7 +23,7 @@ RUN = "/run_id"
 
 
 class Heritage(NamedTuple):
-    """What there is to begin with, and where the records are kept from now on."""
+    """The event to begin with, and the file for the records from now on."""
 
     started: events.Started
     file: RecordFile
@@ -36,51 +34,41 @@ def take_over(host: LocalHost, elsewhere: Collection[str] = ()) -> Heritage:
 
     `elsewhere`: what agents on other computers have told to run there.
     """
-    path, whose = record_path(), owner()
+    path = record_path()
+    owner = {"boot": boot(), "run": str(rospy.get_param(RUN, ""))}
     former = _read(path)
-    left = host.take_up_left()
+    running = [*host.take_up(), *elsewhere]
     records: Tuple[Any, ...] = former.records
-    if former.owner.get("boot") != whose["boot"]:
+    if former.owner.get("boot") != owner["boot"]:
         records = of_this_robot(records, False, ())  # its moments are of another clock
-    records = of_this_robot(records, former.owner.get("run") == whose["run"], {*left, *elsewhere})
-    running = [*left, *elsewhere]
-    for record in records:
-        if isinstance(record, RestartedNode):
-            found = same_process(record.process)
-            if found is not None:
-                host.restarts.take_up(record.node, found, record.starter)
-                running.append(record.node)
-    leftovers, strangers = _registered(host, {*left, *elsewhere})
+    records = of_this_robot(records, former.owner.get("run") == owner["run"], running)
+    leftovers, strangers = _registered(host, set(running))
     started = events.Started(clock.now(), leftovers, strangers, records, tuple(running))
-    return Heritage(started, RecordFile(path, CODEC, whose, rospy.logwarn))
+    return Heritage(started, RecordFile(path, CODEC, owner, rospy.logwarn))
 
 
 def _registered(host: LocalHost, left: Set[str]) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
-    """Who else is registered with a name that begins as a substitute's: ours or dead; others."""
+    """Return who else is registered with a substitute's name: ours or dead; others."""
     publishers, _, _ = master_api().getSystemState()
     nodes = {node for _, nodes in publishers for node in nodes}
     leftovers: List[str] = []
     strangers: List[str] = []
     for node in sorted(each for each in nodes - left if each.startswith(host.prefix)):
-        known = _look(host.fence, node)
+        try:
+            known = host.nodes.look(node)
+        except FAILURES:
+            known = None  # nobody knows it
         process = known.process if known else None
         ours = process is not None and host.processes.runs_ours(node, process)
-        dead = known is not None and known.dead
         if known is not None and ours:
-            host.fence.adopt(node, known)
+            host.nodes.adopt(node, known)
+        dead = known is not None and known.dead
         (leftovers if ours or dead else strangers).append(node)
     return tuple(leftovers), tuple(strangers)
 
 
-def _look(fence: Fence, node: str) -> Optional[Known]:
-    try:
-        return fence.look(node)
-    except FAILURES:
-        return None  # nobody knows it
-
-
 def _read(path: str) -> Former:
-    """The records; those that cannot be ours are named and put aside."""
+    """Read the records; name those that cannot be ours, and put them aside."""
     try:
         return read_records(path, CODEC)
     except ShsaError as error:
@@ -92,20 +80,12 @@ def _read(path: str) -> Former:
         return Former({}, ())
 
 
-def owner() -> Dict[str, str]:
-    """To whom records belong that are written now: this boot, and this run of the master."""
-    return {"boot": boot(), "run": str(rospy.get_param(RUN, ""))}
-
-
-def record_path(role: str = "") -> str:
-    """The file of this master, namespace and role, in a folder that is made if it is not there.
-
-    Without a role: the reconfigurator's.
-    """
+def record_path() -> str:
+    """Return the file of this master and namespace, in a folder that is made if it is not there."""
     folder = os.path.join(rospkg.get_ros_home(), "shsa")
     try:
         os.makedirs(folder, 0o700, exist_ok=True)
     except OSError as error:
         rospy.logerr("%s cannot be made: %s", folder, error)
-    name = master_place() + rospy.get_namespace() + role
+    name = master_place() + rospy.get_namespace()
     return os.path.join(folder, re.sub(r"[^A-Za-z0-9_.]+", "-", name).strip("-") + ".records")

@@ -1,7 +1,4 @@
-"""The search of the paper: depth first, the first substitute found.
-
-The method is called `depth_first`, or `orr`.
-"""
+"""The search of the paper: depth first, the first substitute found (`depth_first`, or `orr`)."""
 from typing import Iterator, List, Optional, Set
 
 from shsa_core.model.network import Network
@@ -22,7 +19,7 @@ class Branch:
 def first_found(
     network: Network, sources: SourceTable, target: int, usable: Optional[Usable] = None
 ) -> Optional[Rated]:
-    """A derivation of `target`: its source, else its first function that can be derived.
+    """Return a derivation of `target`: its source, else its first function that can be derived.
 
     Within a round, a property that failed is not tried again, though it may have failed only
     because of what was on the path then. So there are more rounds, each with what was found before,
@@ -38,7 +35,7 @@ def first_found(
 def _round(
     network: Network, sources: SourceTable, usable: Optional[Usable], target: int, found: Ratings
 ) -> bool:
-    """Searches once. Whether anything new was found."""
+    """Search once; return True if anything new was found."""
     new = False
     tried: Set[int] = set()
     path: List[Branch] = []
@@ -50,7 +47,7 @@ def _round(
                 found[next_] = sources.rating(next_)
                 new = True
             else:
-                functions = iter(network.functions_of(next_))
+                functions = iter(network.functions_of[next_])
                 if usable is not None:
                     functions = filter(usable, functions)
                 path.append(Branch(next_, functions))
@@ -60,7 +57,7 @@ def _round(
         if branch.function is None:
             path.pop()
             continue
-        inputs = network.inputs_of(branch.function)
+        inputs = network.inputs[branch.function]
         next_ = next((i for i in inputs if found[i] == UNRATED), None)
         if next_ is None:
             found[branch.number] = found.by_function(branch.function)

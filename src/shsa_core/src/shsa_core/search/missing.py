@@ -1,4 +1,4 @@
-"""What a property lacks that has no derivation."""
+"""Finds the properties that a lost property lacks."""
 from itertools import chain
 from typing import Callable, Dict, Iterable, Iterator, List, Sequence, Set, Tuple
 
@@ -9,14 +9,13 @@ DONE = 2**62  # later than any visit
 
 
 def lacking(target: int, functions: Functions) -> Set[int]:
-    """The lost properties in reach of `target` from which, supplied, all others can be derived.
+    """Return the lost properties in reach of `target` from which all others could be derived.
 
-    `functions` give the lost inputs of a property's functions, save of those that use the target:
-    these do not help it. A part is a property, or several that depend on one another; each comes
-    after those that it depends on. Named is what can still not be derived within its part, once all
-    before it can: what has no function, and what waits for itself. Not the fewest names, since
-    each way to the target counts. Linear in what is in reach (R. Tarjan: Depth-first search and
-    linear graph algorithms, SIAM J. Computing 1, 1972).
+    `functions` give the lost inputs of a property's functions, save of those that use the target. A
+    part is a property, or several that depend on one another, after all that it depends on. Named
+    is what can still not be derived within its part once all before it can: what has no function,
+    and what waits for itself. Not the fewest names, since each way to the target counts. Linear in
+    what is in reach (R. Tarjan: Depth-first search and linear graph algorithms, 1972).
     """
     named: Set[int] = set()
     order: Dict[int, int] = {target: 0}  # of the visits; DONE once the part is complete
@@ -27,9 +26,8 @@ def lacking(target: int, functions: Functions) -> Set[int]:
     left: Iterator[int] = chain.from_iterable(own)
     if not own:
         return named
-    path: List[
-        Tuple[int, Iterator[int], int]
-    ] = []  # those above, their inputs that are left, and the earliest visit that each reaches
+    # Those above, their inputs that are left, and the earliest visit that each reaches.
+    path: List[Tuple[int, Iterator[int], int]] = []
     while True:
         for input_ in left:
             seen = order.get(input_)
@@ -69,7 +67,7 @@ def lacking(target: int, functions: Functions) -> Set[int]:
 
 
 def _waiting(part: Sequence[int], functions: Functions) -> Set[int]:
-    """What cannot be derived of a part, though all that it depends on outside of it can be."""
+    """Return what cannot be derived of a part although all that it needs outside can be."""
     members = frozenset(part)
     waiting = set(part)
     users: Dict[int, List[Tuple[int, List[int]]]] = {}  # the functions that wait for a property
@@ -93,7 +91,7 @@ def _waiting(part: Sequence[int], functions: Functions) -> Set[int]:
 
 
 def _taken(pending: List[int], number: int) -> List[int]:
-    """Takes what is pending from `number` on."""
+    """Remove what is pending from `number` on, and return it."""
     place = len(pending) - 1
     while pending[place] != number:
         place -= 1

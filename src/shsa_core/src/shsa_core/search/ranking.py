@@ -1,4 +1,4 @@
-"""Every derivation of a property, best first, each found when it is asked for.
+"""Lists every derivation of a property, best first, each found on demand.
 
 A derivation is a source, or a function with one derivation of each input; the next best differs
 from one found before in one input alone, by one place (L. Huang, D. Chiang: Better k-best parsing,
@@ -19,7 +19,7 @@ EVERYWHERE: FrozenSet[int] = frozenset()
 ROOT = -1
 
 Rate = Callable[[Sequence[Rated]], Rated]
-"""Makes a derivation of derivations of its inputs."""
+"""Make a derivation of derivations of its inputs."""
 
 
 class Candidate:
@@ -53,14 +53,12 @@ class Ranked:
         self.candidates: Optional[List[Candidate]] = None  # None until a second item is asked for
         self.complete = False
         self._last: Optional[Candidate] = None
-        self._changes: List[
-            int
-        ] = []  # the inputs by which the last item's successors differ from it
+        self._changes: List[int] = []  # the inputs in which the last item's successors differ
 
     def advance(self) -> Optional[Tuple["Ranked", int]]:
-        """Finds the next item, or that there is none.
+        """Find the next item, or that there is none.
 
-        Else returns which item of which list is needed first.
+        Return the place in another list that is needed first, if there is one.
         """
         assert self.candidates is not None
         while self._changes:
@@ -84,10 +82,7 @@ class Ranked:
         return None
 
     def take(self) -> Candidate:
-        """Takes the best candidate as the last item.
-
-        Its successors become candidates when the next is asked for.
-        """
+        """Take the best candidate as the last item; its successors are made on demand."""
         assert self.candidates
         self._last = heappop(self.candidates)
         # A successor differs in an input after which all are at their first place: so each comes up
@@ -111,10 +106,7 @@ class Ranking:
         self._users: Dict[int, Mapping[int, Sequence[int]]] = {}  # by the first property of a cycle
 
     def joint(self, targets: Sequence[int]) -> Iterator[Rated]:
-        """Every way to derive all the targets, best first.
-
-        The derivation's inputs follow the targets.
-        """
+        """Yield joint derivations of all targets, best first; their inputs follow the targets."""
         for target in targets:
             self._best.settle(target)
         candidate = self._candidate(rate_joint, targets, self._best.ratings)
@@ -123,16 +115,13 @@ class Ranking:
         yield from self._from(Ranked(ROOT, EVERYWHERE, candidate.rated), candidate)
 
     def by_function(self, target: int) -> List[Iterator[Rated]]:
-        """Every way to derive the target by each of its functions, best first; no sources.
-
-        All of them share what is below the target.
-        """
+        """Return, for each function of the target, the derivations by it, best first."""
         self._best.settle(target)
         found = self._candidates(target, EVERYWHERE)
         return [self._from(Ranked(target, EVERYWHERE, each.rated), each) for each in found]
 
     def _from(self, ranked: Ranked, candidate: Candidate) -> Iterator[Rated]:
-        """The items of a list that begins with its only candidate, best first."""
+        """Yield the items of a list that begins with its only candidate, best first."""
         ranked.candidates = [candidate]
         ranked.take()
         place = 0
@@ -142,7 +131,7 @@ class Ranking:
             self._find(ranked, place)
 
     def _find(self, ranked: Ranked, place: int) -> None:
-        """Extends the list up to the item at `place`, if there is one."""
+        """Extend the list up to the item at `place`, if there is one."""
         stack = [(ranked, place)]
         while stack:
             ranked, place = stack[-1]
@@ -156,14 +145,14 @@ class Ranking:
                 stack.append(needed)
 
     def _begin(self, ranked: Ranked) -> None:
-        """Looks for the candidates of a list whose first item is known, and takes that one."""
+        """Find the candidates of a list whose first item is known, and take that one."""
         by_source = [Candidate(rate_source(each)) for each in self._sources.of(ranked.number)]
         ranked.candidates = by_source + self._candidates(ranked.number, ranked.path)
         heapify(ranked.candidates)
         ranked.take()
 
     def _candidates(self, number: int, path: FrozenSet[int]) -> List[Candidate]:
-        """The best derivation of a property by each of its functions that keeps off `path`."""
+        """Return the best derivation of a property by each function that keeps off `path`."""
         best = self._best
         ratings = best.ratings
         cycle = best.cycles.get(number)
@@ -175,7 +164,7 @@ class Ranking:
             best.settle_cycle(dependents(self._users_within(cycle), path) - path, ratings)
         candidates = []
         for f in best.functions(number):
-            inputs = self._network.inputs_of(f)
+            inputs = self._network.inputs[f]
             rate = partial(rate_function, self._network.functions[f], self._network.costs[f])
             candidate = self._candidate(rate, inputs, ratings, cycle, path)
             if candidate is not None:
@@ -183,7 +172,7 @@ class Ranking:
         return candidates
 
     def _users_within(self, cycle: Sequence[int]) -> Mapping[int, Sequence[int]]:
-        """Which properties of a cycle use which, at once, in their best derivations."""
+        """Map each property to those of a cycle whose best derivations use it at once."""
         if cycle[0] not in self._users:
             self._users[cycle[0]] = self._best.ratings.users(cycle)
         return self._users[cycle[0]]
@@ -196,7 +185,7 @@ class Ranking:
         cycle: Optional[Sequence[int]] = None,
         path: FrozenSet[int] = EVERYWHERE,
     ) -> Optional[Candidate]:
-        """What `rate` makes of the best inputs; None if one has none."""
+        """Return the derivation that `rate` makes of the best inputs; None if one has none."""
         lists = []
         for number in inputs:
             first = ratings.rated(number)

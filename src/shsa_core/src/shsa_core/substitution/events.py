@@ -1,6 +1,7 @@
-"""What a substitute's core hears (events) and says (commands).
+"""The events that a substitute's core hears, and the commands that it says.
 
-Times in s on one monotonic clock.
+Times in s on one monotonic clock. `stamp`: that of a message's header, in ns; 0: none. `ros_time`:
+the moment of an event in ns of ROS time; 0: not known.
 """
 from dataclasses import dataclass
 from typing import FrozenSet, Optional, Tuple, Union
@@ -15,31 +16,15 @@ Unusable = Tuple[Tuple[Signal, str], ...]
 
 @dataclass(frozen=True)
 class LastMessage:
-    """What the last good message of a row held: the fields that it writes, each by name.
-
-    `stamp` is that of its header, in ns; 0: it has none.
-    """
+    """The values in the last good message of a row: of the fields that it writes, each by name."""
 
     values: Tuple[Tuple[str, float], ...]
     stamp: int = 0
 
 
 @dataclass(frozen=True)
-class Started:
-    """The node has started as `row` says, which no table has named yet; idle without code.
-
-    `ros_time`, here and elsewhere: the same moment in ns of ROS time; 0: not known.
-    """
-
-    time: float
-    row: Substitution
-    unusable: Unusable = ()
-    ros_time: int = 0
-
-
-@dataclass(frozen=True)
 class RowChanged:
-    """The table of substitutions has a new row of this node.
+    """The table of substitutions has a new row of this node; the first: it was started with that.
 
     `last`: what its last good message held; None: it has none that can be read.
     """
@@ -87,10 +72,7 @@ class PlansChanged:
 
 @dataclass(frozen=True)
 class InputArrived:
-    """A message came from `publisher`; `values`: its fields that are listened to, each by name.
-
-    `stamp`: of its header, in ns; 0: it has none.
-    """
+    """A message came from `publisher`; `values`: its fields that are listened to, each by name."""
 
     time: float
     topic: str
@@ -118,30 +100,8 @@ class ConsumerJoined:
 
 
 @dataclass(frozen=True)
-class SubscribersFound:
-    """The answer to FindSubscribers: who subscribes a topic, and who of them is connected to us."""
-
-    time: float
-    topic: str
-    subscribers: Tuple[str, ...]
-    connected: FrozenSet[str]
-
-
-@dataclass(frozen=True)
-class CallFailed:
-    """The master did not answer, or refused; `what` was asked of it."""
-
-    time: float
-    what: str
-    detail: str
-
-
-@dataclass(frozen=True)
 class LookAtOriginal:
-    """Ask the node `original` to whom it publishes a topic (OriginalServes).
-
-    `asked` is the time of the question.
-    """
+    """Ask the node `original` to whom it publishes a topic (OriginalServes)."""
 
     asked: float
     topic: str
@@ -163,10 +123,7 @@ class OriginalServes:
 
 @dataclass(frozen=True)
 class OtherHeard:
-    """Somebody else, `publisher`, has published on a topic that is overheard.
-
-    `stamp`: of the message's header, in ns; 0: it has none.
-    """
+    """Somebody else, `publisher`, has published on a topic that is overheard."""
 
     time: float
     topic: str
@@ -190,8 +147,7 @@ class OtherGone:
 class LookAtOthers:
     """Look whether the connection to a publisher of an overheard topic stands (OthersStand).
 
-    What has come on it, but is not read yet, is told before that (OtherHeard). `asked` is the time
-    of the question.
+    What has come on it, but is not read yet, is told before that (OtherHeard).
     """
 
     asked: float
@@ -224,7 +180,6 @@ class Tick:
 
 
 Event = Union[
-    Started,
     RowChanged,
     RowRemoved,
     LeftAlone,
@@ -232,8 +187,6 @@ Event = Union[
     InputArrived,
     Advertised,
     ConsumerJoined,
-    SubscribersFound,
-    CallFailed,
     OriginalServes,
     OtherHeard,
     OtherGone,
@@ -242,14 +195,11 @@ Event = Union[
     Tick,
 ]
 
-OfTopic = Union[Advertised, ConsumerJoined, SubscribersFound, OtherHeard, OtherGone]
-"""Events that concern whoever publishes a topic."""
-
 LEFT_ALONE = "no reconfigurator has been there for a minute"
 
 
 class Level(Word):
-    """How much a log line matters."""
+    """The weight of a log line."""
 
     DEBUG = "debug"
     INFO = "info"
@@ -332,18 +282,10 @@ class Announce:
 
 
 @dataclass(frozen=True)
-class FindSubscribers:
-    """Look who subscribes these topics (SubscribersFound)."""
+class Remind:
+    """Tell those subscribers of these topics who have not connected who publishes them."""
 
     topics: Tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Tell:
-    """Tell these subscribers of a topic who publishes it."""
-
-    topic: str
-    subscribers: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -377,8 +319,7 @@ Command = Union[
     Compose,
     Publish,
     Announce,
-    FindSubscribers,
-    Tell,
+    Remind,
     LookAtOriginal,
     LookAtOthers,
     TellNoValue,

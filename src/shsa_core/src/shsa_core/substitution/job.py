@@ -1,32 +1,71 @@
-"""A program at work: what it computes from, and what it yielded last."""
+"""A program at work: when it is due, what it yielded last, and the stamp of that."""
 import math
-from typing import Iterable, Optional, Tuple
+from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import ShsaError
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
-from shsa_core.substitution.settings import Settings
+from shsa_core.substitution.events import Level, Log
+from shsa_core.substitution.settings import (
+    FIRST_MISSES,
+    GAP_PERIODS,
+    MADE_UP_S,
+    MISSES,
+    REST_S,
+    SHORTEST_GAP_S,
+    SHORTEST_SHARE,
+)
 
 Words = Tuple[Tuple[Tuple[str, ...], ...], str, Tuple[Tuple[str, ...], ...]]
+
+
+class Schedule:
+    """Due once a period, the first time at once; without a period, only when it is hastened.
+
+    What is due stays due until it is `done`: nothing is lost, and nothing is done twice.
+    """
+
+    def __init__(self, period: Optional[float], now: float) -> None:
+        self.period = math.inf if period is None else period
+        self.due = now
+        self._slot = now  # where `due` would be if nothing were ever late
+
+    def begin(self, moment: float) -> None:
+        """Be due at `moment`; what was due before and not done is no slot that was lost."""
+        self.due = self._slot = moment
+
+    def hasten(self, moment: float) -> None:
+        """Be due at `moment`, unless it is due sooner anyway."""
+        if moment < self.due:
+            self.begin(moment)
+
+    def done(self, now: float) -> None:
+        """Be due a period later, in phase, and never sooner than half a period from now.
+
+        The phase is lost if this one was late by more than that and than MADE_UP_S.
+        """
+        late, half = now - self._slot, SHORTEST_SHARE * self.period
+        self._slot += self.period
+        if late > max(half, MADE_UP_S):
+            self._slot = now + self.period
+        self.due = max(self._slot, now + half)
 
 
 class Job:
     """The program of one row of the table of substitutions.
 
-    `remembers`: whether it must be evaluated at every step, also if nobody wants what it yields.
-    `latest`: what it yielded last, None if nothing; `gave_out`: it has had no value for so long
-    since, or since it was taken, that another law may be better. Raises ShsaError if the program is
-    not valid, or if its outputs are not of one topic.
+    `latest`: what it yielded last, None if nothing. Raises ShsaError if the program is not valid,
+    or if its outputs are not of one topic.
     """
 
-    def __init__(self, row: Substitution, settings: Settings) -> None:
+    def __init__(self, row: Substitution, now: float) -> None:
         if len(row.topics) != 1:
             named = ", ".join(row.topics) or "none"
             raise ShsaError(f"its outputs must be fields of one topic, not of {named}")
-        self._settings = settings
         self._take(row)
-        program = compile_program(row.code, len(row.inputs), len(row.outputs), max_gap=self._gap)
+        gap = longest_gap(self.period)
+        program = compile_program(row.code, len(row.inputs), len(row.outputs), max_gap=gap)
         self._step = program.step
         self._integrals = program.integrals
         self._unstarted = {
@@ -34,54 +73,63 @@ class Job:
         }
         if not row.service and row.publishing:
             self._unstarted.clear()  # somebody started it by hand: from 0, as documented
-        self.hidden_integral = program.hidden
-        self.remembers = program.remembers
-        self._stepped = -math.inf
+        self._hidden = program.hidden
+        self._remembers = program.remembers
+        self.schedule = Schedule(self.period, now)
         self.latest: Optional[Tuple[float, ...]] = None
-        self._misses = 0
-        self._allowed = settings.first_misses
+        self._stepped = self._rests_until = -math.inf
+        self._misses, self._allowed = 0, FIRST_MISSES
+        self._complained = False
 
     def _take(self, row: Substitution) -> None:
-        self.inputs = row.inputs
-        self.outputs = row.outputs
+        self.inputs, self.outputs = row.inputs, row.outputs
         self.topic = row.topics[0]
         self.period = row.outputs[0].period
         self._calibrates = any(each.gain != 1.0 or each.offset for each in row.outputs)
         self._words = words(row)
 
-    @property
-    def _gap(self) -> float:
-        if self.period is None:
-            return math.inf
-        return max(self._settings.shortest_gap_s, self._settings.gap_periods * self.period)
+    def follow(self, row: Substitution, now: float) -> bool:
+        """Go on with the numbers of `row`, if it has the same program; return if it has.
 
-    @property
-    def gave_out(self) -> bool:
-        """Whether another law may be better now."""
-        return self._misses >= self._allowed
-
-    def follow(self, row: Substitution) -> bool:
-        """Go on with the numbers of `row`; whether that is possible: it must be the same program.
-
-        What the program remembers, filters and the like, stays.
+        What the program remembers, filters and the like, stays; so does its phase.
         """
         if words(row) != self._words:
             return False
         self._take(row)
+        self._keep_phase(self.schedule, now)
         return True
+
+    def succeed(self, old: "Job", computed: bool, now: float) -> None:
+        """Go on where an old program of the same topic was; `computed`: its values were good."""
+        if computed:
+            self.start(old.published)
+        self._keep_phase(old.schedule, now)
+
+    def _keep_phase(self, schedule: Schedule, now: float) -> None:
+        self.schedule = Schedule(self.period, min(schedule.due, now + (self.period or math.inf)))
 
     @property
     def integrates(self) -> bool:
-        """Whether it sums up, and so is as good as where it last started from."""
-        return self.hidden_integral or any(sum_ is not None for sum_ in self._integrals)
+        """Return if it sums up, and so is as good as where it last started from."""
+        return self._hidden or any(sum_ is not None for sum_ in self._integrals)
 
     @property
     def unstarted(self) -> Tuple[str, ...]:
-        """The fields of its outputs that are integrals from nobody knows where."""
+        """Return the fields of its outputs that are integrals from nobody knows where."""
         return tuple(sorted(self._unstarted))
+
+    @property
+    def written(self) -> Tuple[Tuple[str, Optional[float]], ...]:
+        """Return the fields of its outputs, each with its standard deviation; None: not known.
+
+        No message says that it is certain: an error of 0 is written as one that is not known.
+        """
+        errors = (None if each.error is None else each.error.rms for each in self.outputs)
+        return tuple((each.field, error or None) for each, error in zip(self.outputs, errors))
 
     def start(self, values: Iterable[Tuple[str, float]]) -> None:
         """Have integrals start at the last good values of the fields that they are written to."""
+        self._complained = False
         known = {field: value for field, value in values if math.isfinite(value)}
         for signal, sum_ in zip(self.outputs, self._integrals):
             if sum_ is not None and signal.field in known:
@@ -89,37 +137,67 @@ class Job:
                 self._unstarted.discard(signal.field)
                 self.latest = None
 
+    def complain(self) -> List[Log]:
+        """Say once that it integrates from nobody knows where."""
+        if self._complained:
+            return []
+        self._complained = True
+        said: List[Log] = []
+        if self._unstarted:
+            fields = ", ".join(self.unstarted)
+            text = f"no last good message says where {fields} of {self.topic} was"
+            said.append(Log(Level.ERROR, f"publishes nothing: {text}"))
+        if self._hidden:
+            text = f"{self.topic} is computed with an integral that has started at 0"
+            said.append(Log(Level.WARNING, text))
+        return said
+
     @property
     def published(self) -> Tuple[Tuple[str, float], ...]:
-        """What it yielded last, by field."""
+        """Return what it yielded last, by field."""
         fields = (signal.field for signal in self.outputs)
         return tuple(zip(fields, self.latest or ()))
 
-    def evaluate(self, values: Tuple[float, ...], now: float) -> None:
+    def due(self, hurries: bool) -> float:
+        """Return when to evaluate: once a period if it `hurries` or remembers, else seldom."""
+        rests = -math.inf if hurries or self._remembers else self._rests_until
+        return max(self.schedule.due, rests)
+
+    def evaluate(self, values: Tuple[float, ...], now: float) -> bool:
         """Set `latest` to what the program yields of its inputs' `values`.
 
-        Two evaluations in close succession would take a derivative over next to no time: the second
+        Return if it has just been without a value for so long that another law may be better. Two
+        evaluations in close succession would take a derivative over next to no time: the second
         one is left out.
         """
-        soonest = self._stepped + self._settings.shortest_step_share * (self.period or 0.0)
-        if self.latest is None or now >= soonest:
-            self.latest = self._calibrated(self._step(values, now))
-            self._stepped = now
-            if self.latest is None:
-                self._misses += 1
-            else:
-                self._misses, self._allowed = 0, self._settings.misses
+        self.schedule.done(now)
+        self._rests_until = now + REST_S
+        soonest = self._stepped + SHORTEST_SHARE * (self.period or 0.0)
+        if self.latest is not None and now < soonest:
+            return False
+        self._stepped = now
+        self.latest = self._calibrated(self._step(values, now))
+        if self.latest is not None:
+            self._misses, self._allowed = 0, MISSES
+            return False
+        self._misses += 1
+        return self._misses == self._allowed
 
     def _calibrated(self, values: Optional[Tuple[float, ...]]) -> Optional[Tuple[float, ...]]:
-        """What the program yields, by the gains and offsets of the row."""
+        """Return what the program yields, by the gains and offsets of the row."""
         if values is None or not self._calibrates:
             return values
         found = tuple(s.gain * value + s.offset for s, value in zip(self.outputs, values))
         return found if all(map(math.isfinite, found)) else None
 
 
+def longest_gap(period: Optional[float]) -> float:
+    """Return the time in s without a value after which derivatives start anew."""
+    return math.inf if period is None else max(SHORTEST_GAP_S, GAP_PERIODS * period)
+
+
 def words(row: Substitution) -> Words:
-    """What makes the program of a row: code, fields and types.
+    """Return what makes the program of a row: code, fields and types.
 
     The signals' periods, deadlines, gains and offsets are no part of it.
     """
@@ -128,3 +206,40 @@ def words(row: Substitution) -> Words:
         return tuple((each.topic, each.field, each.type, each.node) for each in signals)
 
     return names(row.inputs), row.code, names(row.outputs)
+
+
+class Stamps:
+    """The stamps of messages in ns of ROS time; 0: not known, or none.
+
+    A stamp is that of the data that it stands on, never newer than now, and on one topic none is
+    older than the one before, be that the original's. Where both cannot be, as when ROS time was
+    set back, it is not newer than now.
+    """
+
+    def __init__(self) -> None:
+        self._latest: Dict[str, int] = {}
+        self._ahead: Optional[int] = None  # ROS time less the clock of the events
+
+    def clock(self, time: float, ros_time: int) -> None:
+        """It is `ros_time` at the `time` of an event; 0: that is not known."""
+        if ros_time:
+            self._ahead = ros_time - _ns(time)
+
+    def begin(self, topic: str, stamp: int) -> None:
+        """The last good message of a topic had this stamp."""
+        self._latest[topic] = max(stamp, self._latest.get(topic, 0))
+
+    def latest(self, topic: str) -> int:
+        """Return the newest stamp on a topic; 0: none yet."""
+        return self._latest.get(topic, 0)
+
+    def of(self, topic: str, oldest: int, time: float) -> int:
+        """Return the stamp of a message that is made now of inputs of which `oldest` is one's."""
+        now = oldest if self._ahead is None else _ns(time) + self._ahead
+        stamp = min(max(oldest or now, self.latest(topic)), now)
+        self._latest[topic] = stamp
+        return stamp
+
+
+def _ns(time: float) -> int:
+    return int(round(time * 1e9))

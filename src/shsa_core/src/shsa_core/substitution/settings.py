@@ -1,35 +1,38 @@
-"""The numbers by which a substitute decides; times in s."""
-from dataclasses import dataclass
-from typing import Tuple
+"""The numbers by which a substitute decides: each with its unit, and why it is so."""
 
+# When it computes and publishes.
+SHORTEST_SHARE = 0.5
+"""Of the period: no two messages or evaluations are closer; a derivative would be a wild one."""
+MADE_UP_S = 0.02
+"""A message that is late by no more loses no slot. What is later was a stall: no burst follows."""
+REST_S = 0.25
+"""Between two evaluations of a muted program that remembers nothing: has it still a value?"""
+GAP_PERIODS, SHORTEST_GAP_S = 10.0, 1.0
+"""After so long without a value, and at least that, derivatives and the like start anew."""
+MISSES, FIRST_MISSES = 2, 10
+"""Evaluations in a row without a value that are told, after a first value and before: filters need
+a few samples."""
 
-@dataclass(frozen=True)
-class Settings:
-    """Settings of one substitute.
+# When it fills in for an original that is late.
+STEADY = 5
+"""Messages in a row, none later than what is bridged, that make a steady pace."""
+QUICK_S = 0.0125
+"""A shorter silence is over before the reconfigurator can be heard: 2.5 periods of 200 Hz."""
+LOOK_AGAIN_S = 0.05
+"""Between two looks whether the original's connection stands; by then the reconfigurator has
+spoken about one that has ended."""
 
-    shortest_step_share: of the period; a program is not evaluated again sooner, what it yielded
-    last is as good. yield_s: so long a muted substitute serves those whom the original, that is
-    back, does not serve yet. look_s: the least time between two looks at the original.
-    withdraw_delay_s: topics that are not needed any more are withdrawn so long after a program was
-    taken, and withdraw_pause_s after one another: each has others close a connection. announce_s,
-    prepare_s: when after advertising one looks who has not connected, in a hurry and without.
-    together_s: looks that are in no hurry are made with one that is due by so much sooner.
-    gap_periods, shortest_gap_s: after such a time without a value, derivatives and the
-    like start anew. misses, first_misses: evaluations in a row without a value after which a
-    program says so, once it has had one and before. rest_s: muted, a program that remembers nothing
-    is evaluated no more often than that: to see whether it still has a value.
-    """
+# When it hands consumers over to an original that is back.
+YIELD_S = 1.0
+"""So long a muted substitute serves whom the original does not serve yet: roscpp takes 0.2 s."""
+LOOK_S = 0.01
+"""The least time between two looks at whom the original serves: each is a call to its node."""
 
-    shortest_step_share: float = 0.5
-    yield_s: float = 1.0
-    look_s: float = 0.01
-    withdraw_delay_s: float = 0.2
-    withdraw_pause_s: float = 0.05
-    announce_s: Tuple[float, ...] = (0.05, 0.15, 0.35, 0.75, 1.55, 3.15)
-    prepare_s: Tuple[float, ...] = (0.5, 1.5, 3.5)
-    together_s: float = 0.5
-    gap_periods: float = 10.0
-    shortest_gap_s: float = 1.0
-    misses: int = 2
-    first_misses: int = 10
-    rest_s: float = 0.25
+# When it advertises and withdraws.
+ANNOUNCE_S = (0.05, 0.15, 0.35, 0.75, 1.55, 3.15)
+"""After advertising, those are told again who have not connected."""
+TOGETHER_S = 0.5
+"""Without a hurry no sooner, and with others that are due within this: one call to the master tells
+of all topics, and takes long where there are many."""
+WITHDRAW_DELAY_S, WITHDRAW_PAUSE_S = 0.2, 0.05
+"""After a takeover, and between two topics: each has others close a connection."""

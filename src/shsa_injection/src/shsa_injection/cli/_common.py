@@ -1,12 +1,16 @@
-"""What both commands share: the SOM, and how they end."""
+"""Options of both commands, and an end that takes faults back."""
 import argparse
+import math
+import re
 import signal
 import sys
 from typing import Any, Optional, Tuple
 
 from shsa_core.files.som_file import read_som
 from shsa_core.model.som import Som
-from shsa_injection import durations
+
+UNITS_S = {"ms": 0.001, "s": 1.0, "": 1.0, "min": 60.0, "h": 3600.0}
+_TEXT = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)(ms|s|min|h|)")
 
 
 def add_som(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +24,7 @@ def add_som(parser: argparse.ArgumentParser) -> None:
 
 
 def read_robot(args: argparse.Namespace) -> Tuple[Som, str]:
-    """The SOM and the namespace that the options name, or those of the running healing."""
+    """Return the SOM and the namespace that the options name, or those of the running healing."""
     if args.som is not None:
         namespace = args.namespace or "/"
         return read_som(args.som, namespace), namespace
@@ -32,15 +36,16 @@ def read_robot(args: argparse.Namespace) -> Tuple[Som, str]:
 
 
 def duration(text: str) -> float:
-    """A duration for argparse."""
-    try:
-        return durations.seconds(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
+    """Return a duration in s, as a type of argparse: `5s`, `200ms`; a bare number is in s."""
+    match = _TEXT.fullmatch(text.strip())
+    value = float(match.group(1)) * UNITS_S[match.group(2)] if match else math.nan
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is no duration above 0, as 5s, 200ms, 1.5min")
+    return value
 
 
 def end_in_order() -> None:
-    """From now on a request to end is like Ctrl-C: faults are taken back."""
+    """Treat a request to end like Ctrl-C from now on: faults are taken back."""
 
     def end(number: int, frame: Optional[Any]) -> None:
         sys.exit(128 + number)

@@ -1,1 +1,1 @@
-"""What runs inside the node whose messages are made to fail."""
+"""Code that runs inside the node whose messages are made to fail."""

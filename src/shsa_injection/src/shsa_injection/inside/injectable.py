@@ -72,7 +72,7 @@ class Server:
 
 
 def _fault(request: Dict[str, Any]) -> Any:
-    """The fault that is asked for. Loaded only now: a node that never fails need not wait."""
+    """Make the requested fault. Loaded only now: a node that never fails need not wait."""
     if "values" in request:
         from shsa_injection.inside.publishing import PublishingFault
 
@@ -91,7 +91,7 @@ def _wait_for_end(connection: socket.socket, end: float) -> None:
 
 
 def is_python(path: str) -> bool:
-    """Whether a file is a Python program."""
+    """Return whether a file is a Python program."""
     with open(path, "rb") as file:
         first = file.readline(200)
     return path.endswith(".py") or (first.startswith(b"#!") and b"python" in first)

@@ -78,7 +78,7 @@ class PublishingFault:
         return self._counts
 
     def _publish(self, message: genpy.Message, connection_override: Any = None) -> Any:
-        """What the node calls instead of rospy's; whoever calls holds the publisher's lock."""
+        """Replaces rospy's method; the caller holds the publisher's lock."""
         if connection_override is not None:  # a latched message, for a new subscriber
             return type(self._publisher).publish(self._publisher, message, connection_override)
         now = time.monotonic()
@@ -102,7 +102,7 @@ class PublishingFault:
         type(self._publisher).publish(self._publisher, message)
 
     def _publish_late(self) -> None:
-        """A thread: publish what is delayed, when it is due."""
+        """Publish what is delayed when it is due, in a thread of its own."""
         while True:
             with self._changed:
                 while self._on and not self._due():
@@ -129,7 +129,7 @@ class PublishingFault:
     def _changed_message(
         self, message: genpy.Message, reading: Reading, other: Reading
     ) -> genpy.Message:
-        """The message with what is other in it; the message itself if nothing is."""
+        """Return the message with what is other in it; the message itself if nothing is."""
         if other == reading:
             return message
         changed = copy.deepcopy(message)

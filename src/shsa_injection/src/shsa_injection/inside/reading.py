@@ -54,7 +54,7 @@ class ReadingFault:
         return self._counts
 
     def _read(self, port: Any, size: int) -> bytes:
-        """What the node calls instead of pyserial's: as many bytes, as long a wait."""
+        """Replaces pyserial's method: as many bytes, as long a wait."""
         end = math.inf if port.timeout is None else time.monotonic() + port.timeout
         while True:
             data: bytes = self._own_read(port, size)

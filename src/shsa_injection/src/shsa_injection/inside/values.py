@@ -18,7 +18,7 @@ class FaultyValue:
         self._steps, self._function = parsed.steps, parsed.function
 
     def get(self, message: genpy.Message) -> Optional[float]:
-        """The value; None if the message has none."""
+        """Return the value; None if the message has none."""
         return self._field.get(message)
 
     def set(self, message: genpy.Message, value: float) -> None:

@@ -38,7 +38,7 @@ HEALER_FAULTS = ("crash", "hang")
 
 @dataclass(frozen=True)
 class Extent:
-    """What chaos may touch, and how long it goes on: `seconds` and `steps`, None: no limit."""
+    """The targets of chaos, and its length: `seconds` and `steps`, None: no limit."""
 
     seconds: Optional[float] = None
     steps: Optional[int] = None
@@ -212,7 +212,7 @@ class Chaos:
         )
 
     def _concerned(self, step: Step) -> Tuple[FrozenSet[str], FrozenSet[str]]:
-        """The nodes that a step makes fail, and the topics on which it makes a stranger publish."""
+        """Return the nodes that a step makes fail, and the topics with a foreign publisher."""
         faulty, doubled = set(), set()
         for each in step.faults:
             service = self._services.get(each.target)

@@ -139,7 +139,7 @@ def _start(order: Mapping[str, Any]) -> None:
 
 
 def _running(words: Sequence[str]) -> bool:
-    """Whether a process of this user, on the same master, was started by the same words."""
+    """Return whether this user's process, on the same master, was started by the same words."""
     for process in psutil.process_iter():
         try:
             same = process.uids().real == os.getuid() and process.cmdline() == words
@@ -163,7 +163,7 @@ def _end(child: "subprocess.Popen[bytes]") -> None:
 
 
 def _process(pid: int, created: float) -> Optional[psutil.Process]:
-    """The process that has this number since then; None if it has ended."""
+    """Return the process that has this number since then; None if it has ended."""
     try:
         process = psutil.Process(pid)
         return process if process.create_time() == created and _lives(process) else None

@@ -35,17 +35,17 @@ class Healer:
 
 @functools.lru_cache(maxsize=None)
 def _files(program: str) -> FrozenSet[str]:
-    """Where the executable of a program lies."""
+    """Return the path of a program's executable."""
     return frozenset(os.path.realpath(path) for path in find_node(PACKAGE, program))
 
 
 def is_one(process: psutil.Process) -> bool:
-    """Whether a process runs one of the programs of healing."""
+    """Return whether a process runs one of the programs of healing."""
     return bool(_program(process.cmdline(), (*HEALERS, *SUBSTITUTES)))
 
 
 def running(programs: Sequence[str] = HEALERS) -> List[Healer]:
-    """The processes of this user and this master that run these programs."""
+    """Return the processes of this user and this master that run these programs."""
     return list(_running(programs))
 
 
@@ -69,7 +69,7 @@ def _running(programs: Sequence[str]) -> Iterator[Healer]:
 
 
 def only(program: str) -> Healer:
-    """The one process of a program. Raises Refused if there is none, or several."""
+    """Return the one process of a program. Raises Refused if there is none, or several."""
     found = running((program,))
     if len(found) != 1:
         raise Refused(f"{len(found)} processes of this user run {program}; one is needed")
@@ -77,7 +77,7 @@ def only(program: str) -> Healer:
 
 
 def som_file() -> Tuple[str, str]:
-    """The SOM file that healing runs with, and its namespace.
+    """Return the SOM file that healing runs with, and its namespace.
 
     Taken from the process and not from the parameter server, where anybody may write. Raises
     ShsaError if there is no such process, or several with other files.
@@ -97,7 +97,7 @@ def _option(healer: Healer) -> str:
 
 
 def substitutes(namespace: str) -> Dict[str, int]:
-    """The processes of substitutes in a namespace, by the names of their nodes."""
+    """Return the processes of substitutes in a namespace, by the names of their nodes."""
     found = running(SUBSTITUTES)
     return {each.node: each.process.pid for each in found if each.namespace == namespace}
 

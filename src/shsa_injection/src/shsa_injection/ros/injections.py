@@ -114,7 +114,7 @@ def start_again(start: Start) -> int:
 
 
 def start_order(start: Start) -> Dict[str, Any]:
-    """What a guard is told to start a program as it was started."""
+    """Return the order by which a guard starts a program as it was started."""
     return {
         "action": "start",
         "words": start.words,
@@ -183,12 +183,10 @@ class _StrangerInjection(_ServiceInjection):
     """A stranger on the topic: one that publishes, or a subscriber that is stopped."""
 
     def _make(self, target: Target) -> None:
-        if self.fault == "hung_subscriber":
-            module, words = "subscriber", [self.topic, "3.0"]
-        else:
-            module, words = "spoofer", []
+        hangs = self.fault == "hung_subscriber"
+        words = ["subscribe", self.topic, "3.0"] if hangs else ["publish"]
         child = subprocess.Popen(
-            [sys.executable, "-m", f"shsa_injection.ros.{module}", *words],
+            [sys.executable, "-m", "shsa_injection.ros.stranger", *words],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
@@ -196,7 +194,7 @@ class _StrangerInjection(_ServiceInjection):
         process = psutil.Process(child.pid)
         self._undo.callback(_end_child, child)
         assert child.stdin is not None and child.stdout is not None
-        if module == "spoofer":
+        if not hangs:
             request = request_for(self.service, "garbage", None, self.seed)
             claimed = self.node if self.fault == "spoof_name" else ""
             request.update({"type": self.service.type, "name": claimed})
@@ -207,7 +205,7 @@ class _StrangerInjection(_ServiceInjection):
         if "node" not in told:
             raise Refused(f"the stranger on {self.topic} did not come up")
         self.told.update(stranger=told["node"])
-        if module == "subscriber":
+        if hangs:
             # It ends with its standard input, once somebody lets it.
             order = {"action": "continue", "pid": child.pid, "created": process.create_time()}
             self._undo.enter_context(Guard({**order, "seconds": self.seconds}))
@@ -240,7 +238,7 @@ INJECTIONS: Dict[Place, Callable[..., Injection]] = {
 def request_for(
     service: Service, fault: str, seconds: Optional[float], seed: int
 ) -> Dict[str, Any]:
-    """What an injectable node is asked."""
+    """Return the request to an injectable node."""
     request: Dict[str, Any] = {"fault": fault, "seconds": seconds, "seed": seed}
     if FAULTS[fault].place is not Place.LINE:
         request["topic"] = service.topic
@@ -250,7 +248,7 @@ def request_for(
 
 
 def connection_to(target: Target) -> Any:
-    """A connection to what makes a node fail from inside. Raises Refused if it has none."""
+    """Return a connection to what makes a node fail from inside. Raises Refused if it has none."""
     node = target.node
     try:
         environment = target.process.environ()
@@ -278,7 +276,7 @@ def _signal(process: psutil.Process, number: int) -> bool:
 
 
 def _ask_to_leave(target: Target) -> None:
-    """What `rosnode kill` does; returns once the process has ended. Raises Refused if it stays."""
+    """End a node as `rosnode kill` does. Raises Refused if its process does not end."""
     why = "it was asked, and stays"
     try:
         node_api(target.uri).shutdown(CALLER, "an injected fault")

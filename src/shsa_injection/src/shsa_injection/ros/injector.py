@@ -35,7 +35,7 @@ class Injector:
         self._som = som
 
     def service(self, topic: str, node: str = "") -> Service:
-        """The service of a topic, and of a node where several share it. Raises ModelError."""
+        """Return the service of a topic (and node, where several share it). Raises ModelError."""
         found = [s for s in self._som.of_topic(topic) if node in ("", s.node)]
         if not found:
             known = listed(self._som.topics())
@@ -53,7 +53,7 @@ class Injector:
         seed: int = 0,
         node: str = "",
     ) -> Injection:
-        """A fault of a topic, for `seconds` or until it is left; it begins when it is entered.
+        """Inject a fault while the context is entered, for `seconds` at most.
 
         `off` and `crash`: the node is started again after `seconds`; without, it stays dead.
         Raises ModelError if the SOM does not name the topic, ShsaError if there is no such fault,
@@ -68,12 +68,12 @@ class Injector:
 
     @staticmethod
     def restart_master(seconds: float) -> Injection:
-        """The master is killed, and started again after `seconds`."""
+        """Kill the master; start it again after `seconds`."""
         return MasterInjection("master_restart", "", seconds, 0)
 
     @classmethod
     def possible(cls, service: Service) -> List[str]:
-        """The faults that can be made of a service as it runs now. Raises Refused if none can."""
+        """Return the faults that can be made of a service now. Raises Refused if there are none."""
         target = targets.find(service)
         outside = (Place.PROCESS, Place.GRAPH)
         words = [word for word, each in FAULTS.items() if each.place in outside]

@@ -15,7 +15,7 @@ BESIDE = ("rosmaster", "rosout")
 
 
 def find() -> psutil.Process:
-    """The master's process.
+    """Return the master's process.
 
     Raises Refused if it is not this user's rosmaster, or if a launch would end with it.
     """
@@ -35,7 +35,7 @@ def find() -> psutil.Process:
 
 
 def start_of(process: psutil.Process) -> Start:
-    """How the master was started; the one that is started again ends with nobody."""
+    """Return how the master was started; the new one ends with nobody."""
     start = targets.start_of(process)
     return Start(start.words, start.folder, start.environment, None)
 

@@ -26,7 +26,7 @@ KEPT_FAILURES = 2000
 
 
 def watched(som: Som, deadlines: Deadlines = Deadlines()) -> List[Topic]:
-    """The periodical topics of a SOM; event-driven ones may be silent for any time."""
+    """Return the periodical topics of a SOM; event-driven ones may be silent for any time."""
     found = []
     for name in som.topics():
         services = [each for each in som.of_topic(name) if each.period is not None]
@@ -73,7 +73,7 @@ class Observer:
         )
 
     def seen(self, nodes: bool = True) -> Seen:
-        """What there is to see now; without `nodes`, not what costs a look at every node."""
+        """Look at the system; without `nodes`, not at what costs a call to every node."""
         with self._lock:
             heard = {topic: list(each) for topic, each in self._heard.items()}
             cases = list(self._cases.values())
@@ -89,7 +89,7 @@ class Observer:
         )
 
     def failures(self, since: float) -> List[Told]:
-        """The failures that healing has told of since a moment."""
+        """Return the failures that healing has told of since a moment."""
         with self._lock:
             return [each for each in self._failures if each.at >= since]
 
@@ -102,7 +102,7 @@ class Observer:
                     heard.popleft()
 
     def _processes(self) -> Dict[str, Tuple[int, float]]:
-        """The master is asked only for who is not known to live: it may have been restarted."""
+        """Ask the master for those alone that are not known to live: it may have been restarted."""
         for node, service in self._nodes.items():
             known = self._processes_known.get(node)
             if known is not None and targets.lives(known):
@@ -160,7 +160,7 @@ class Observer:
 
 
 def last_heard(seen: Seen, topics: Sequence[Topic]) -> Dict[str, str]:
-    """Who was heard last on each topic."""
+    """Return the last publisher of each topic."""
     found = {}
     for topic in topics:
         heard = seen.heard.get(topic.name)

@@ -1,4 +1,4 @@
-"""Which process a fault is made of: the one that listens where the master says the node does."""
+"""The process of a node: the one that listens where the master says the node does."""
 import json
 import os
 import urllib.parse
@@ -18,7 +18,7 @@ from shsa_injection.ros.guard import STARTER
 
 @dataclass(frozen=True)
 class Start:
-    """How a process was started: so it can be started again.
+    """The start of a process: so it can be started again.
 
     `starter`: who did first, with which it ends, as (pid, when it was made); None: nobody.
     """
@@ -44,12 +44,12 @@ class Target:
 
     @property
     def created(self) -> float:
-        """When the process was made: numbers are used again."""
+        """The time at which the process was made: numbers are used again."""
         return float(self.process.create_time())
 
 
 def find(service: Service) -> Target:
-    """The process of a service's node.
+    """Return the process of a service's node.
 
     Raises Refused if the node is not there, does not publish the topic, or is not this user's on
     this computer.
@@ -69,7 +69,7 @@ def find(service: Service) -> Target:
 
 
 def listening_process(uri: str) -> psutil.Process:
-    """The process that listens at an address on this computer. Raises Refused if there is none."""
+    """Return the process that listens at an address on this computer. Raises Refused."""
     address = urllib.parse.urlparse(uri)
     if not rosgraph.network.is_local_address(address.hostname or ""):
         raise Refused(f"{uri} is on another computer: run the tool there")
@@ -81,7 +81,7 @@ def listening_process(uri: str) -> psutil.Process:
 
 
 def owned(process: psutil.Process, what: str) -> psutil.Process:
-    """A process, if it is this user's and not our own. Raises Refused if not."""
+    """Return a process, if it is this user's and not our own. Raises Refused if not."""
     try:
         user = process.uids().real
     except psutil.Error as error:
@@ -94,7 +94,7 @@ def owned(process: psutil.Process, what: str) -> psutil.Process:
 
 
 def start_of(process: psutil.Process) -> Start:
-    """How a process was started. Raises Refused if it cannot be told."""
+    """Return how a process was started. Raises Refused if that is not known."""
     try:
         environment = process.environ()
         starter = _starter(process, environment.pop(STARTER, ""))
@@ -114,7 +114,7 @@ def _starter(process: psutil.Process, told: str) -> Optional[Tuple[int, float]]:
 
 
 def lives(process: psutil.Process) -> bool:
-    """Whether a process runs, and is not one that has ended."""
+    """Return whether a process runs; one that has ended and waits for its parent does not."""
     try:
         return bool(process.is_running() and process.status() != psutil.STATUS_ZOMBIE)
     except psutil.NoSuchProcess:

@@ -58,7 +58,7 @@ class Trial:
 
     @property
     def rank(self) -> Tuple[float, int]:
-        """What trials are ordered by, best first."""
+        """Return the key by which trials are sorted, best first."""
         return math.inf if self.score is None else self.score.charged, self.place
 
 
@@ -92,7 +92,7 @@ class Tested:
 
     @property
     def best(self) -> Optional[Trial]:
-        """What it should take."""
+        """The trial that healing should choose."""
         return next((trial for trial in self.trials if trial.score is not None), None)
 
 
@@ -116,7 +116,7 @@ class Backtest:
         return tuple(source for source in self._som.sources if source not in self._there)
 
     def targets(self, property: Optional[str] = None) -> Tuple[Source, ...]:
-        """The measured sources whose loss is tried: of a property, or of all.
+        """Return the measured sources whose loss is tried: of a property, or of all.
 
         Those of needed services, or the first one where none is needed.
         """
@@ -128,7 +128,7 @@ class Backtest:
         return tuple(found)
 
     def test(self, target: Source, limit: int, watch: Watch = unwatched) -> Tested:
-        """Every derivation of a measured source, `limit` at most, on all recordings of it."""
+        """Try every derivation of a measured source, `limit` at most, on all recordings of it."""
         stages = self._stages(target)
         sources = self._usable(target)
         planned = self._planned(target, sources)
@@ -163,7 +163,7 @@ class Backtest:
         )
 
     def replay(self, target: Source, trial: Trial) -> List[Played]:
-        """What a trial yielded beside what was measured, one part a recording."""
+        """Return the output of a trial beside what was measured, one part a recording."""
         return [stage.play(trial.derivation, trial.program) for stage in self._stages(target)]
 
     def _stages(self, target: Source) -> List[Rehearsal]:
@@ -174,7 +174,7 @@ class Backtest:
         ]
 
     def _usable(self, target: Source) -> List[Source]:
-        """What a plan may read: as for healing, nothing that fails with the target if that can be.
+        """Return the sources that a plan may read: as in healing, none that fails with the target.
 
         The node of the target is lost with it in any case.
         """
@@ -188,7 +188,7 @@ class Backtest:
         return there
 
     def _planned(self, target: Source, sources: Sequence[Source]) -> Optional[Plan]:
-        """What healing would choose; None if nothing can be executed."""
+        """Return the trial that healing would choose; None if nothing can be executed."""
         table = SourceTable(self._ontology.network, sources)
         question = self._ontology, target.service.name, [target], table
         try:
@@ -199,7 +199,7 @@ class Backtest:
     def _derivations(
         self, target: Source, sources: Sequence[Source], limit: int
     ) -> Tuple[Dict[Program, Tuple[Derivation, float]], List[Refused], bool]:
-        """What derives the target, and its quality, best first by that; each program once."""
+        """Yield the derivations of the target with their quality, best first; each program once."""
         found: Dict[Program, Tuple[Derivation, float]] = {}
         refused: List[Refused] = []
         listing = iter_substitutes(self._ontology, sources, target.property)
@@ -214,7 +214,7 @@ class Backtest:
 
 
 def _correlations(trials: Sequence[Trial]) -> Tuple[Optional[float], Optional[float]]:
-    """The rank correlations of the real error with the predicted one, and with 1 - quality."""
+    """Return how the real error ranks with the predicted one, and with 1 - quality."""
     pairs = [(trial, trial.score.error.rms) for trial in trials if trial.score is not None]
     known = [(trial.predicted.rms, rms) for trial, rms in pairs if trial.predicted is not None]
     return _spearman(known), _spearman([(1.0 - trial.quality, rms) for trial, rms in pairs])

@@ -8,13 +8,13 @@ from shsa_core.codegen.generator import Program, inputs_of
 from shsa_core.codegen.program import compile_program
 from shsa_core.model.service import Deadlines, Source
 from shsa_core.search.derivation import Derivation
-from shsa_core.substitution.settings import Settings
-from shsa_learning.recordings.alignment import held
-from shsa_learning.recordings.recording import Recording, Series
+from shsa_core.substitution.job import longest_gap
+from shsa_core.substitution.settings import SHORTEST_SHARE
+from shsa_learning.recordings.recording import Recording, Series, held
 
 
 class Played(NamedTuple):
-    """What a program yielded beside what was measured: (n,) each, at `time` in s.
+    """The output of a program beside what was measured: (n,) each, at `time` in s.
 
     NaN in `values` where it had no output, in `measured` where nothing was.
     """
@@ -25,7 +25,7 @@ class Played(NamedTuple):
 
 
 def recorded(recording: Recording, source: Source) -> Optional[Series]:
-    """The series of a source in a recording; None if there is none."""
+    """Return the series of a source in a recording; None if there is none."""
     found = (s for s in recording.of(source.property) if s.service == source.service.name)
     return next(found, None)
 
@@ -37,15 +37,13 @@ class Rehearsal:
     count that had come by then and are not stale. `time` in s and what was `measured`: (n,) each.
     """
 
-    def __init__(self, recording: Recording, target: Source, settings: Settings = Settings()):
+    def __init__(self, recording: Recording, target: Source):
         series = recorded(recording, target)
         assert series is not None, "what was not measured cannot be compared"
         self._recording = recording
         self._period = target.service.period or series.interval
-        self._soonest = settings.shortest_step_share * self._period
-        self._gap = math.inf
-        if target.service.period is not None:
-            self._gap = max(settings.shortest_gap_s, settings.gap_periods * self._period)
+        self._soonest = SHORTEST_SHARE * self._period
+        self._gap = longest_gap(target.service.period)
         self._held: Dict[Source, np.ndarray] = {}
         self.time = _ticks(series.time, self._period)
         place = np.searchsorted(self.time, series.time)
@@ -53,11 +51,11 @@ class Rehearsal:
         self.measured[place] = np.where(np.isfinite(series.values), series.values, np.nan)
 
     def play(self, derivation: Derivation, program: Program) -> Played:
-        """What the program of a derivation yields. An integral begins where the target was."""
+        """Run the program of a derivation. An integral begins where the target was."""
         return self.run(inputs_of([derivation]), program)
 
     def run(self, sources: Sequence[Source], program: Program, place: int = 0) -> Played:
-        """What a program that reads some sources yields for the output at `place`."""
+        """Run a program that reads these sources; return its output at `place`."""
         n_outputs = len(program.outputs)
         compiled = compile_program(program.code, len(program.inputs), n_outputs, self._gap)
         columns = [self._inputs(source) for source in sources]
@@ -91,7 +89,7 @@ class Rehearsal:
 
 
 def _ticks(time: np.ndarray, period: float) -> np.ndarray:
-    """The times of a series (s), and once a period in its gaps."""
+    """Return the times of a series (s), and once a period in its gaps."""
     gaps = np.flatnonzero(np.diff(time) > 2.0 * period).tolist() if period > 0.0 else []
     more: List[np.ndarray] = [
         np.arange(time[k] + period, time[k + 1] - 0.5 * period, period) for k in gaps
@@ -101,7 +99,7 @@ def _ticks(time: np.ndarray, period: float) -> np.ndarray:
 
 
 def joined(parts: Sequence[Played]) -> Tuple[np.ndarray, np.ndarray]:
-    """What was yielded and what was measured, where it was measured, of all recordings."""
+    """Return outputs and measurements of all recordings, where something was measured."""
     values = np.concatenate([part.values[np.isfinite(part.measured)] for part in parts])
     measured = np.concatenate([part.measured[np.isfinite(part.measured)] for part in parts])
     return values, measured

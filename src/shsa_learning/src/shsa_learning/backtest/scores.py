@@ -1,4 +1,4 @@
-"""How far values are from what was measured: figures of an error."""
+"""Scores: how far values are from what was measured."""
 import math
 from typing import NamedTuple, Optional, Sequence
 
@@ -8,8 +8,7 @@ from scipy import signal
 from shsa_core.model.error import Error
 from shsa_learning.backtest.rehearsal import Played, joined
 from shsa_learning.figures import error_of, rms
-from shsa_learning.recordings.alignment import held
-from shsa_learning.recordings.recording import Series
+from shsa_learning.recordings.recording import Series, held
 
 MINUTE_S = 60.0
 LOOK_EVERY_S = 10.0
@@ -63,8 +62,8 @@ class Score(NamedTuple):
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a law can yield any finite number
-def score(parts: Sequence[Played], source: str = "") -> Optional[Score]:
-    """The figures of what was played, one part a recording; None where there was no output."""
+def score(parts: Sequence[Played]) -> Optional[Score]:
+    """Score what was played, one part a recording; None where there was no output."""
     values, measured = joined(parts)
     there = np.isfinite(values)
     if not there.any():
@@ -72,21 +71,21 @@ def score(parts: Sequence[Played], source: str = "") -> Optional[Score]:
     wrong = values[there] - measured[there]
     delay = delay_of(parts)
     late = delay.seconds if delay is not None else 0.0
-    error = error_of(wrong, float(np.std(measured)), late, source)
+    error = error_of(wrong, float(np.std(measured)), late)
     resolution = delay.resolution if delay is not None else None
     share = float(np.mean(there))
     return Score(error, share, _worst(parts), resolution, float(np.ptp(measured)))
 
 
 def covered(parts: Sequence[Played], bound: float) -> float:
-    """The share of points whose error is at most `bound`."""
+    """Return the share of points whose error is at most `bound`."""
     values, measured = joined(parts)
     there = np.isfinite(values)
     return float(np.mean(np.abs(values[there] - measured[there]) <= bound))
 
 
 def _worst(parts: Sequence[Played]) -> WorstMinute:
-    """The worst minute of those that have half of a usual minute's points; else all of it."""
+    """Return the worst minute with at least half of the usual points; else all of it."""
     found = []
     whole = []
     for number, part in enumerate(parts):
@@ -106,7 +105,7 @@ def _worst(parts: Sequence[Played]) -> WorstMinute:
 
 
 def delay_of(parts: Sequence[Played]) -> Optional[Delay]:
-    """The shift at which values correlate best with what was measured, in whole steps.
+    """Return the shift at which values correlate best with what was measured, in whole steps.
 
     Positive: they are late. None where they do not follow it, whatever the shift.
     """
@@ -160,7 +159,7 @@ def _sums(part: Played, step: float, most: int, offsets: Sequence[float]) -> np.
 
 
 def _correlated(a: np.ndarray, b: np.ndarray, most: int) -> np.ndarray:
-    """The sum of a[k + s] * b[k] for the shifts s from -most to most."""
+    """Return the sum of a[k + s] * b[k] for the shifts s from -most to most."""
     full = signal.correlate(a, b, mode="full", method="fft")
     zero = len(b) - 1
     padded = np.concatenate([np.zeros(most), full, np.zeros(most)])

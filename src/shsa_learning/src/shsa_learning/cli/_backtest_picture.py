@@ -64,7 +64,7 @@ def _against(axes: Any, tested: Tested, unit: str) -> None:
 
 
 def _ranking(axes: Any, tested: Tested, unit: str) -> None:
-    """The best derivations, and the one that healing takes."""
+    """Draw the best derivations, and the one that healing takes."""
     shown = _scored(tested)[:MOST_BARS]
     chosen = tested.chosen
     if chosen is not None and chosen.score is not None and chosen not in shown:
@@ -87,7 +87,7 @@ def _ranking(axes: Any, tested: Tested, unit: str) -> None:
 
 
 def _strip(axes: Any, backtest: Backtest, tested: Tested, unit: str) -> None:
-    """The worst minute of the best derivation, beside what was measured and the chosen one."""
+    """Draw the worst minute of the best derivation, beside the chosen one and what was measured."""
     best, chosen = tested.best, tested.chosen
     assert best is not None and best.score is not None and chosen is not None
     worst = best.score.worst

@@ -3,7 +3,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
-from shsa_core.cli._page import render
+from shsa_core.cli._common import render
 from shsa_core.errors import ShsaError
 from shsa_core.healing.incident import Incident
 from shsa_core.model.error import Error
@@ -22,7 +22,7 @@ TEMPLATES = Path(__file__).resolve().parent / "templates"
 
 
 class Record:
-    """What the pages of one record are made of; what several need is read once."""
+    """A record and its models; what several pages need is read once."""
 
     def __init__(self, path: str, told: Any, models: Optional[Tuple[Ontology, Som]]) -> None:
         self.path = path
@@ -32,7 +32,7 @@ class Record:
 
     @property
     def recording(self) -> Recording:
-        """What the services said. Raises ShsaError, with why, if that is not known."""
+        """The values of the services. Raises ShsaError, with why, if they are not known."""
         if self.heard is None:
             raise ShsaError("the incident log has no values; a rosbag of the run has")
         if self.models is None:
@@ -43,7 +43,7 @@ class Record:
 
 
 class Compared(NamedTuple):
-    """How true one value was: its figures, and the picture."""
+    """The figures and the picture of how true one value was."""
 
     property: str
     verdict: str
@@ -52,7 +52,7 @@ class Compared(NamedTuple):
 
 
 def page(record: Record, incident: Incident) -> str:
-    """The page of an incident."""
+    """Return the page of an incident."""
     compared, not_compared = _compared(record, incident)
     search, not_searched = _searched(record, incident)
     return render(
@@ -75,7 +75,7 @@ def page(record: Record, incident: Incident) -> str:
 
 
 def index(record: str, pages: Sequence[Tuple[str, Incident]]) -> str:
-    """The page that lists others, newest first."""
+    """Return the page that lists others, newest first."""
     rows = [
         (name, str(each.id), moment(each.detected), title(each), each.substitute, str(each.state))
         for name, each in reversed(pages)
@@ -84,7 +84,7 @@ def index(record: str, pages: Sequence[Tuple[str, Incident]]) -> str:
 
 
 def moment(seconds: float) -> str:
-    """A time of the wall clock, in UTC; one of a simulation in s."""
+    """Return a time of the wall clock, in UTC; one of a simulation in s."""
     try:
         return datetime.fromtimestamp(seconds, timezone.utc).strftime("%Y-%m-%d %H:%M:%S UTC")
     except (OverflowError, ValueError, OSError):

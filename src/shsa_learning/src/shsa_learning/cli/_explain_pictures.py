@@ -22,7 +22,7 @@ AROUND_S = 20.0
 
 
 def timeline(incident: Incident) -> str:
-    """The eight moments: all of them, and those of the takeover in large."""
+    """Draw the eight moments: all of them, and those of the takeover in large."""
     moments = [(name, getattr(incident, name)) for name in MOMENTS]
     known = [(name, moment) for name, moment in moments if moment is not None]
     close = [(name, moment) for name, moment in known if name in FIRST]
@@ -38,7 +38,7 @@ def timeline(incident: Incident) -> str:
 def comparison(
     incident: Incident, truth: Truth, published: Optional[Values], unit: str, now: float
 ) -> str:
-    """What the original measured, what the program yields, and what was published.
+    """Draw what the original measured, what the program yields, and what was published.
 
     `now`: when the recording ends, in s.
     """
@@ -88,7 +88,7 @@ def _line(axes: Any, time: Any, values: Any, colour: str, label: str) -> None:
 
 
 def _svg(figure: Figure) -> str:
-    """The picture as a part of a page: without the XML declaration, the same each time."""
+    """Return the picture as a part of a page: without the XML declaration, the same each time."""
     stream = io.StringIO()
     with rc_context({"svg.hashsalt": "shsa", "svg.fonttype": "path"}):
         figure.savefig(stream, format="svg", bbox_inches="tight", metadata={"Date": None})

@@ -1,26 +1,21 @@
-"""What was learned as one HTML page that needs nothing else."""
+"""A learned relation as one HTML page that needs nothing else."""
 import base64
 import io
 from pathlib import Path
 from typing import List, Sequence, Tuple
 
-import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
 
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
-from matplotlib.figure import Figure  # noqa: E402
-
-from shsa_core.cli._page import render  # noqa: E402
-from shsa_learning.figures import rms  # noqa: E402
-from shsa_learning.learn.learner import Learned  # noqa: E402
+from shsa_core.cli._common import render
+from shsa_learning.figures import rms
+from shsa_learning.learn.learner import Learned
 
 MEASURED, SAID = "#1f5fa8", "#d1592a"
 
 
 def page(learned: Learned, summary: Sequence[str]) -> str:
-    """The page: what is said of it in words, and the pictures, if anything was fitted."""
+    """Return the page: what is said of it in words, and the pictures, if anything was fitted."""
     pictures: List[Tuple[str, str]] = []
     if learned.tested is not None:
         pictures = [
@@ -41,7 +36,8 @@ def page(learned: Learned, summary: Sequence[str]) -> str:
 def _over_time(learned: Learned) -> Figure:
     columns, tested = learned.columns, learned.tested
     assert columns is not None and tested is not None
-    figure, axes = plt.subplots(figsize=(11, 4))
+    figure = Figure(figsize=(11, 4))
+    axes = figure.add_subplot()
     rows = np.arange(len(columns.target))  # recordings follow one another without the time between
     axes.plot(rows, columns.target, color=MEASURED, lw=1, label="measured")
     axes.plot(rows, tested.predicted, color=SAID, lw=1, label="predicted")
@@ -56,7 +52,8 @@ def _over_time(learned: Learned) -> Figure:
 def _scatter(learned: Learned) -> Figure:
     columns, tested = learned.columns, learned.tested
     assert columns is not None and tested is not None
-    figure, axes = plt.subplots(figsize=(5, 5))
+    figure = Figure(figsize=(5, 5))
+    axes = figure.add_subplot()
     axes.plot(columns.target, tested.predicted, ".", ms=2, color=SAID)
     ends = [float(np.min(columns.target)), float(np.max(columns.target))]
     axes.plot(ends, ends, color="#555555", lw=0.8)
@@ -69,7 +66,8 @@ def _blocks(learned: Learned) -> Figure:
     columns, tested = learned.columns, learned.tested
     assert columns is not None and tested is not None
     numbers = np.unique(tested.block)
-    figure, axes = plt.subplots(figsize=(8, 3))
+    figure = Figure(figsize=(8, 3))
+    axes = figure.add_subplot()
     for values, shift, colour, label in (
         (tested.predicted, -0.2, SAID, "model"),
         (tested.mean, 0.2, "#999999", "mean"),
@@ -88,7 +86,8 @@ def _blocks(learned: Learned) -> Figure:
 def _ladder(learned: Learned) -> Figure:
     assert learned.model is not None
     rungs = [rung for rung in learned.model.choice.rungs if np.isfinite(rung.rms)]
-    figure, axes = plt.subplots(figsize=(8, 3))
+    figure = Figure(figsize=(8, 3))
+    axes = figure.add_subplot()
     chosen = learned.model.choice.recipe
     axes.bar(
         range(len(rungs)),
@@ -103,9 +102,8 @@ def _ladder(learned: Learned) -> Figure:
 
 
 def _png(figure: Figure) -> str:
-    """A picture as text that a page can hold."""
+    """Return a picture as text that a page can hold."""
     figure.tight_layout()
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=80)
-    plt.close(figure)
     return base64.b64encode(stream.getvalue()).decode("ascii")

@@ -4,8 +4,7 @@ import json
 import math
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Tuple
 
-from shsa_core.cli._files import add_options, check_property, read_models
-from shsa_core.cli._output import say, whole_number
+from shsa_core.cli._common import add_models, check_property, read_models, say, whole_number
 from shsa_core.errors import ModelError
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
@@ -31,7 +30,7 @@ def add_parser(subparsers: Any) -> None:
     what = parser.add_mutually_exclusive_group()
     what.add_argument("property", metavar="PROPERTY", nargs="?", help="what is tried")
     what.add_argument("--all", action="store_true", help="all that was measured (the default)")
-    add_options(parser)
+    add_models(parser)
     parser.add_argument(
         "--data",
         metavar="FILE",
@@ -96,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _plain(value: Any) -> Any:
-    """A document as JSON can hold it: a number that is not finite, as an error can be, is null."""
+    """Return a document for JSON: numbers that are not finite are null."""
     if isinstance(value, dict):
         return {key: _plain(each) for key, each in value.items()}
     if isinstance(value, list):
@@ -113,7 +112,7 @@ def _watch(work: Iterable[Any], total: int, what: str) -> Iterable[Any]:
 
 
 def _document(tested: "Tested") -> Dict[str, Any]:
-    """All that was found of a property, for programs."""
+    """Return all that was found of a property, for programs."""
     target = tested.target
     return {
         "property": target.property,
@@ -132,7 +131,7 @@ def _document(tested: "Tested") -> Dict[str, Any]:
 
 
 def _place(tested: "Tested", trial: "Optional[Trial]") -> Optional[int]:
-    """Where a trial stands among the derivations, from 0."""
+    """Return the place of a trial among the derivations, from 0."""
     return tested.trials.index(trial) if trial is not None else None
 
 
@@ -167,8 +166,8 @@ def _figures(error: Optional[Error]) -> Optional[Dict[str, Any]]:
 
 
 def _print(tested: "Tested", ontology: Ontology) -> None:
-    """What was found of a property, for people."""
-    from shsa_core.cli._tables import Table, show
+    """Print the trials of a property as a table, and what follows from them."""
+    from shsa_core.cli._common import Table, show
 
     target = tested.target
     unit = _unit(target.property, ontology)

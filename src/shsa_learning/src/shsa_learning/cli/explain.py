@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any, List, Optional, Sequence, Tuple
 
 from shsa_core.analysis.incident_log import read_log
-from shsa_core.cli._files import add_namespace
-from shsa_core.cli._output import say, whole_number
+from shsa_core.cli._common import add_namespace, say, whole_number
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
@@ -119,5 +118,5 @@ def _write(
 
 
 def file_part(name: str) -> str:
-    """A name from a record as a part of a file's name."""
+    """Return a name from a record as a part of a file's name."""
     return re.sub(r"[^A-Za-z0-9_-]", "_", name)[:60] or "incident"

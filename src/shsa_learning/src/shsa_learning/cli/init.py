@@ -6,7 +6,7 @@ import os
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Dict, List, Tuple
 
-from shsa_core.cli._output import say, whole_number
+from shsa_core.cli._common import say, whole_number
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import parse_yaml
 from shsa_core.files.ontology_file import read_ontology
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_paths(paths: List[str], force: bool) -> None:
-    """Raises ModelError before anybody waits for what cannot be written."""
+    """Raise ModelError before anybody waits for what cannot be written."""
     if len({os.path.realpath(path) for path in paths}) < len(paths):
         raise ModelError(paths[0], "SOM and ontology need a file each")
     for path in paths:
@@ -90,17 +90,17 @@ def _check_paths(paths: List[str], force: bool) -> None:
 
 
 def _survey(args: argparse.Namespace) -> Tuple[Survey, str, List[str]]:
-    """What was seen, what of, and what else is to be told."""
+    """Return the survey, its source in words, and notes."""
     if args.bag is not None:
-        survey, notes = _shell("survey_bag").survey_bag(args.bag)
-        return survey, f"{survey.seconds:.3g} s of {os.path.basename(args.bag)}", notes
+        survey = _shell("survey_bag").survey_bag(args.bag)
+        return survey, f"{survey.seconds:.3g} s of {os.path.basename(args.bag)}", []
     listen = _shell("survey").survey_robot
     survey, notes = listen(float(args.seconds), lambda text: say(text, error=True))
     return survey, f"{args.seconds} s of a running robot", notes
 
 
 def _shell(name: str) -> Any:
-    """A module that needs ROS: it is loaded by who uses it. Raises ShsaError if there is none."""
+    """Load a module that needs ROS. Raises ShsaError if there is none."""
     try:
         return importlib.import_module(f"shsa_learning.ros.{name}")
     except ImportError as error:
@@ -112,9 +112,9 @@ def _learn(args: argparse.Namespace, made: Draft) -> "List[Outcome]":
     # What fits takes a second to load, which no other command should wait for.
     from tqdm import tqdm
 
-    from shsa_core.files.saving import save_ontology
     from shsa_learning.init.expressing import express, with_all
     from shsa_learning.recordings.data import read
+    from shsa_learning.saving import save_ontology
 
     som, _ = read_tree(parse_yaml(made.som, "the draft"))
     ontology = read_ontology(args.ontology)
@@ -156,7 +156,7 @@ def _document(survey: Survey, made: Draft, args: argparse.Namespace) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """What was seen as mappings and lists."""
+    """Return a survey as mappings and lists."""
     if is_dataclass(value):
         return {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
     if hasattr(value, "_asdict"):

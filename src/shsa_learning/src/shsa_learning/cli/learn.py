@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Sequence
 
 from tabulate import tabulate
 
-from shsa_core.cli._files import add_namespace
-from shsa_core.cli._output import say, whole_number
+from shsa_core.cli._common import add_namespace, say, whole_number
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.regular import read_text
@@ -115,14 +114,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _ontology(args: argparse.Namespace) -> Any:
-    """The text of the ontology file and what it says; one that is to be written need not exist."""
+    """Read the ontology file and its text; one that is to be written need not exist."""
     if not args.ontology or args.write and not os.path.exists(args.ontology):
         return "", Ontology({}, {}, ())
     return read_text(args.ontology), read_ontology(args.ontology)
 
 
 def _write(path: str, before: str, ontology: Ontology) -> None:
-    from shsa_core.files.saving import save_ontology
+    from shsa_learning.saving import save_ontology
 
     now = read_text(path) if os.path.exists(path) else ""
     if now != before:
@@ -138,7 +137,7 @@ def _provenance(args: argparse.Namespace, data: "Data") -> str:
 
 
 def document(learned: "Learned") -> Dict[str, Any]:
-    """The answer for programs."""
+    """Return the answer for programs."""
     error, model = learned.error, learned.model
     span = learned.span
     return {
@@ -161,7 +160,7 @@ def document(learned: "Learned") -> Dict[str, Any]:
 
 
 def summary(learned: "Learned", data: "Data") -> List[str]:
-    """The answer in words, line by line."""
+    """Return the answer in words, line by line."""
     lines = []
     if learned.accepted and learned.model and learned.error:
         model = learned.model

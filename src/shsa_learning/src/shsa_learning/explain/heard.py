@@ -1,4 +1,4 @@
-"""What a rosbag holds of incidents: the incidents, the failures told, and what substitutes said."""
+"""Incidents in a rosbag: the incidents, the failures told, and the values of substitutes."""
 from typing import Any, Dict, List, NamedTuple, Tuple
 
 from shsa_core.analysis.incident_log import newest, of_message
@@ -30,14 +30,14 @@ class Failure(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """What healing told in a bag, and what could not be read."""
+    """The incidents and failures in a bag, and notes on what could not be read."""
 
     incidents: Tuple[Incident, ...]
     failures: Tuple[Failure, ...]
     notes: Tuple[str, ...]
 
     def evidence(self, incident: Incident) -> Tuple[Failure, ...]:
-        """The failures that were told about the topic of an incident when it began."""
+        """Return the failures that were told about the topic of an incident when it began."""
         begin, end = incident.detected - BEFORE_S, incident.detected + AFTER_S
         return tuple(
             each
@@ -47,7 +47,7 @@ class Heard(NamedTuple):
 
 
 def read_healing(path: str) -> Heard:
-    """What healing told of incidents in a rosbag. Raises ModelError if it cannot be read."""
+    """Read the incidents and failures in a rosbag. Raises ModelError if it cannot be read."""
     told: List[Incident] = []
     failures: List[Failure] = []
     notes: List[str] = []
@@ -69,7 +69,7 @@ def read_healing(path: str) -> Heard:
 
 
 def read_published(path: str, incident: Incident) -> Dict[str, Values]:
-    """What the substitute of an incident published, by output; when it was recorded.
+    """Read the times and values that the substitute of an incident published, by output.
 
     Raises ModelError.
     """

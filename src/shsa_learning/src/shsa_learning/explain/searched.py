@@ -1,4 +1,4 @@
-"""What was searched: the derivations of a lost property, and why each could be used, or not."""
+"""The search of an incident, made again: each derivation, and why it could be used, or not."""
 from dataclasses import dataclass
 from itertools import islice
 from typing import FrozenSet, List, Optional, Set, Tuple
@@ -39,7 +39,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Searched:
-    """What was looked at for one property, best first; `complete`: there is no other derivation.
+    """The derivations of one property, best first; `complete`: there is no other one.
 
     `dead`: the relations that lack an input, and the input: the lost one, or one of no service.
     """
@@ -92,7 +92,7 @@ def search_again(ontology: Ontology, som: Som, incident: Incident) -> Search:
 
 
 class _Doubts:
-    """Why sources could not be used in an incident."""
+    """Reasons why sources could not be used in an incident."""
 
     def __init__(self, som: Som, service: Service, incident: Incident) -> None:
         self._service = service
@@ -137,7 +137,7 @@ def _found(
 
 
 def _is_part(relations: Tuple[str, ...], inputs: Tuple[str, ...], incident: Incident) -> bool:
-    """Whether it is what ran, or of several outputs a part of it."""
+    """Return whether it is what ran, or of several outputs a part of it."""
     if not incident.code:
         return False
     if len(incident.outputs) == 1:
@@ -146,7 +146,7 @@ def _is_part(relations: Tuple[str, ...], inputs: Tuple[str, ...], incident: Inci
 
 
 def _first(found: List[Found]) -> Tuple[Found, ...]:
-    """Those that are told: what ran is among them, and each way to do it counts once."""
+    """Return those that are told: what ran is among them, and each way to do it counts once."""
     seen: Set[Tuple[FrozenSet[str], FrozenSet[str]]] = set()
     told = []
     room = {True: MOST_SHOWN, False: MOST_SHOWN}
@@ -160,7 +160,7 @@ def _first(found: List[Found]) -> Tuple[Found, ...]:
 
 
 def _answer(ontology: Ontology, som: Som, service: Service, incident: Incident) -> str:
-    """What the search finds now for the whole service."""
+    """Return in words what the search finds now for the whole service."""
     excluded = [incident.faulty_node, service.node, *incident.unavailable]
     table = SourceTable(ontology.network, som.sources)
     errors = predictor(ontology, som.sources)

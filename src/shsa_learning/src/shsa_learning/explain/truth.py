@@ -1,4 +1,4 @@
-"""How true a substitute was: its program beside its original, while that was well."""
+"""The truth of a substitute: its program beside its original, while that was well."""
 import builtins
 import math
 from dataclasses import dataclass, replace
@@ -52,7 +52,7 @@ class Truth:
 
 
 def compare(som: Som, incident: Incident, recording: Recording) -> Tuple[Truth, ...]:
-    """How true the program of an incident is on a recording, by output.
+    """Compare the program of an incident with its original on a recording, output by output.
 
     The original's values count before its failure and after its return; the program is run over the
     inputs as they were recorded, as its substitute would have run. Raises ShsaError, with why, if
@@ -80,7 +80,7 @@ def compare(som: Som, incident: Incident, recording: Recording) -> Tuple[Truth, 
 
 
 def _source(som: Som, path: str, incident: Incident) -> Source:
-    """The source of an input; of several on one topic, one that was available."""
+    """Return the source of an input; of several on one topic, one that was available."""
     known = [source for source in som.sources if source.path == path]
     there = [source for source in known if source.service.name not in incident.unavailable]
     for source in there or known:

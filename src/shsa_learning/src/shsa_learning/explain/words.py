@@ -23,7 +23,7 @@ KINDS: Dict[Kind, str] = {
     Kind.REQUESTED: "somebody asked for a substitute",
     Kind.OTHER: "somebody else than the monitor reported it",
 }
-"""What was wrong, of a service."""
+"""Words for each kind of failure, of a service."""
 STATES: Dict[State, str] = {
     State.WELL: "it is well",
     State.HEALING: "a substitute was being searched or started when the record ends",
@@ -35,7 +35,7 @@ STATES: Dict[State, str] = {
     State.KEPT: "the faulty node was kept, and nothing was done beside it",
     State.ENDED: "the original publishes it again",
 }
-"""How it stands at the end of the record."""
+"""Words for the state of an incident at the end of the record."""
 STEPS: Dict[str, str] = {
     "last_good": "last good message",
     "detected": "failure detected",
@@ -50,12 +50,12 @@ STEPS: Dict[str, str] = {
 
 
 def title(incident: Incident) -> str:
-    """The incident in a few words."""
+    """Return the incident in a few words."""
     return f"{incident.topic} failed: {incident.kind}"
 
 
 def summary(incident: Incident) -> Tuple[str, ...]:
-    """What happened, sentence by sentence."""
+    """Return what happened, sentence by sentence."""
     told: List[str] = []
     who = incident.faulty_node or "The node that publishes it"
     told.append(f"{who} failed to publish {incident.topic}: {KINDS[incident.kind]}.")
@@ -77,7 +77,7 @@ def summary(incident: Incident) -> Tuple[str, ...]:
 
 
 def steps(incident: Incident) -> Tuple[Tuple[str, Optional[float]], ...]:
-    """The eight moments by name, each in s after the first one; None: it has not happened."""
+    """Return the eight moments by name, in s after the first one; None: it has not happened."""
     moments = [getattr(incident, name) for name in MOMENTS]
     first = min(each for each in moments if each is not None)
     return tuple(
@@ -87,7 +87,7 @@ def steps(incident: Incident) -> Tuple[Tuple[str, Optional[float]], ...]:
 
 
 def duration(seconds: float) -> str:
-    """A time in the unit in which it is read best."""
+    """Return a time in the unit in which it is read best."""
     if abs(seconds) < 1.0:
         return f"{1000.0 * seconds:.0f} ms"
     if abs(seconds) < 120.0:
@@ -96,7 +96,7 @@ def duration(seconds: float) -> str:
 
 
 def figure(value: Optional[float], unit: str = "") -> str:
-    """A number with three digits and its unit; a dash where it is not known."""
+    """Return a number with three digits and its unit; a dash where it is not known."""
     return "–" if value is None else f"{value:.3g} {unit}".strip()
 
 

@@ -65,7 +65,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Contents:
-    """What a message type holds."""
+    """The numbers and arrays of a message type, and what is left out."""
 
     numbers: Tuple[Number, ...]
     arrays: Tuple[Array, ...]
@@ -73,7 +73,7 @@ class Contents:
 
 
 def contents(message_type: str, layout: Layout) -> Contents:
-    """What the message type holds. Raises ShsaError if a type in it is not known here."""
+    """Return the contents of a message type. Raises ShsaError if a type in it is not known here."""
     walk = _Walk(message_type, layout)
     walk.message(message_type, "", (), ())
     return Contents(tuple(walk.numbers), tuple(walk.arrays), tuple(walk.left_out))
@@ -82,7 +82,7 @@ def contents(message_type: str, layout: Layout) -> Contents:
 def elements(
     array: Array, length: int, names: Sequence[str] = ()
 ) -> Tuple[List[Number], List[LeftOut]]:
-    """The elements of an array of `length` as numbers, by their names if they have any.
+    """Return the elements of an array of `length` as numbers, by their names if they have any.
 
     And those that no field can name.
     """
@@ -167,7 +167,7 @@ class _Walk:
 def _called(
     words: Tuple[str, ...], kind: str, name: str, fields: Mapping[str, str]
 ) -> Tuple[str, ...]:
-    """What a field of a message of type `kind` is called.
+    """Return the words by which a field of a message of type `kind` is called.
 
     Wrappers, as `twist.twist`, say nothing, and neither does `data` alone.
     """

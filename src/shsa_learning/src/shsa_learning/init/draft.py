@@ -26,7 +26,7 @@ MOST_COMMENTS = 200
 STATES = ("bool", "uint8", "int8", "byte", "char")
 """They count what state something is in: others than those that were seen may come."""
 SMALLEST, LARGEST = 1e-30, 1e30
-"""What is beyond is no measurement, and has no range."""
+"""Magnitudes beyond these are no measurement, and get no range."""
 LONGEST = 200
 """Characters that are quoted of what others say."""
 
@@ -70,7 +70,7 @@ class _Entry:
 
 
 def draft(survey: Survey, source: str, notes: Sequence[str] = ()) -> Draft:
-    """The drafts; `source`: what the survey was made from; `notes`: what else is to be told."""
+    """Draft both files; `source`: what the survey was made from; `notes`: more to be told."""
     refused = list(survey.refused)
     names = service_names([facts.publisher for facts in survey.facts])
     entries: List[_Entry] = []
@@ -100,7 +100,7 @@ def _text(lines: Sequence[str]) -> str:
 
 
 def _invalid(entry: _Entry) -> str:
-    """Why a service cannot stand in a SOM; empty if it can."""
+    """Return why a service cannot stand in a SOM; empty if it can."""
     try:
         _, errors = read_tree(parse_yaml(_text(["services:", *entry.som]), "the draft"))
     except ModelError as error:
@@ -109,7 +109,7 @@ def _invalid(entry: _Entry) -> str:
 
 
 def _numberless(facts: Facts) -> str:
-    """Why a publisher is no service, and how often it publishes."""
+    """Return why a publisher is no service, and how often it publishes."""
     parts = "; ".join(f"{each.path} is {each.why}" for each in facts.left_out[:3])
     return f"it holds no number with a field ({_rhythm(facts)}){': ' if parts else ''}{parts}"
 
@@ -161,12 +161,12 @@ def _entry(facts: Facts, name: str, used: Set[str]) -> _Entry:
 
 
 def _wrapped(text: str) -> List[str]:
-    """A comment among the values of a service."""
+    """Return a comment among the values of a service."""
     return textwrap.wrap(text, 100, initial_indent="      # ", subsequent_indent="      #   ")
 
 
 def _quoted(text: str) -> str:
-    """The text so that YAML reads it as it is."""
+    """Return the text so that YAML reads it as it is."""
     return text if _PLAIN.fullmatch(text) else json.dumps(text)
 
 
@@ -193,7 +193,7 @@ def _never_finite(field: Field) -> bool:
 
 
 def _useless(field: Field) -> str:
-    """Why a field tells nothing, as far as was seen; empty: it does, or nothing was seen of it."""
+    """Return why the values of a field tell nothing; empty: they do, or there are none."""
     spread = field.spread
     if spread is None:
         return ""
@@ -203,7 +203,7 @@ def _useless(field: Field) -> str:
 
 
 def _provision(facts: Facts, field: Field) -> str:
-    """What a SOM says of a value."""
+    """Return the entry of a value in the SOM."""
     text = field.number.field
     told = [f"field: {text if _PLAIN_FIELD.fullmatch(text) else json.dumps(text)}"]
     limits = _range(field)
@@ -217,7 +217,7 @@ def _provision(facts: Facts, field: Field) -> str:
 
 
 def _range(field: Field) -> Optional[Tuple[float, float]]:
-    """The range of a value, from what was seen; None where it may go on."""
+    """Return the range of a value, from what was seen; None where it may go on."""
     spread, number = field.spread, field.number
     if spread is None or spread.lowest is None or spread.highest is None:
         return None
@@ -240,7 +240,7 @@ def _range(field: Field) -> Optional[Tuple[float, float]]:
 
 
 def widened(lowest: float, highest: float) -> Tuple[float, float]:
-    """A range around what was seen, with two digits.
+    """Return a range around what was seen, with two digits.
 
     On either side it is as much wider as that was wide, and at least half of the largest value.
     """
@@ -251,7 +251,7 @@ def widened(lowest: float, highest: float) -> Tuple[float, float]:
 
 
 def _comment(field: Field) -> str:
-    """What was seen of a value."""
+    """Return a comment with what was seen of a value."""
     spread = field.spread
     if spread is None:
         return "  # nothing was heard of it"

@@ -1,9 +1,9 @@
-"""What ROS fixes of the fields of common message types: units (REP 103), and what has no bounds."""
+"""Meanings of the fields of common message types: units (REP 103), and what has no bounds."""
 from typing import Mapping, NamedTuple, Tuple
 
 
 class Meaning(NamedTuple):
-    """What the numbers within a field are.
+    """The meaning of the numbers within a field.
 
     `unit`: empty where nothing fixes it; `words`: what they are called, empty: as the field is;
     `bounded`: whether the robot stays about within what was seen; with places, angles and distances
@@ -93,7 +93,7 @@ SLIDES = "sensor_msgs/JointState"
 
 
 def meaning(chain: Tuple[Tuple[str, str], ...]) -> Meaning:
-    """What the number at the end of a chain of (message type, field) is; the inner ones count."""
+    """Return the meaning of a number by its chain of (message type, field); inner ones count."""
     for kind, field in reversed(chain):
         found = MEANINGS.get(kind, {}).get(field)
         if found is not None:

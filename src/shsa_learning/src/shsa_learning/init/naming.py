@@ -15,7 +15,7 @@ _LEVELS = 3
 
 
 def service_names(publishers: Sequence[Publisher]) -> Dict[Publisher, str]:
-    """A name for each: as short as the others allow, so that topics that end alike differ."""
+    """Name each as short as the others allow: topics that end alike differ."""
     levels = dict.fromkeys(publishers, 0)
     for _ in range(_LEVELS - 1):
         groups: Dict[str, List[Publisher]] = {}
@@ -29,7 +29,7 @@ def service_names(publishers: Sequence[Publisher]) -> Dict[Publisher, str]:
 
 
 def property_name(service: str, words: Iterable[str], used: Set[str]) -> str:
-    """A name for what a service says; `used` are those that are taken, and takes it too."""
+    """Return a name for what a service says; `used` are those that are taken, and takes it too."""
     name = _clean(words)
     first = name.split("_")[0]
     if first and f"_{service}".endswith(f"_{first}"):  # battery_state, state_of_charge
@@ -38,7 +38,7 @@ def property_name(service: str, words: Iterable[str], used: Set[str]) -> str:
 
 
 def unique(name: str, used: Set[str]) -> str:
-    """The name, with a number if it is taken; it is taken then."""
+    """Return the name, with a number if it is taken; it is taken then."""
     found, number = name, 1
     while found in used:
         number += 1
@@ -63,7 +63,7 @@ def _says_little(part: str) -> bool:
 
 
 def _joined(parts: Iterable[str]) -> str:
-    """A name that the language takes, of whatever texts."""
+    """Return a name that the language takes, of whatever texts."""
     name = _clean(parts)
     if name[:1].isdigit():
         name = "n" + name

@@ -1,4 +1,4 @@
-"""How values are spread, and how regularly moments follow each other: in bounded memory."""
+"""The spread of values, and the rhythm of moments, in bounded memory."""
 import math
 from array import array
 from collections import deque
@@ -28,7 +28,7 @@ class Sample:
         self._count += 1
 
     def quantiles(self, *shares: float) -> Tuple[float, ...]:
-        """The values below which these shares of all are; of none, NaN."""
+        """Return the values below which these shares of all are; of none, NaN."""
         ordered = sorted(self._kept)
         last = len(ordered) - 1
         return tuple(ordered[round(share * last)] if ordered else math.nan for share in shares)
@@ -36,7 +36,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Spread:
-    """What a field's values were; no limit where none was finite.
+    """The values of a field; no limit where none was finite.
 
     `nan`, `infinite`: shares of all; `constant`: there was one value; `one_way`: it only rose, or
     only fell, as a counter does; `trembles`: it went nowhere, as noise around one value does.
@@ -87,7 +87,7 @@ class SpreadTally:
             self._squares += deviation * (value - self._mean)
 
     def result(self) -> Spread:
-        """What came so far."""
+        """Return the spread so far."""
         finite = self._last is not None
         p5, p95 = self._sample.quantiles(0.05, 0.95)
         return Spread(
@@ -107,7 +107,7 @@ class SpreadTally:
 
 @dataclass(frozen=True)
 class Rhythm:
-    """When messages came; times in s, None where there are too few to tell.
+    """The rhythm of messages; times in s, None where there are too few to tell.
 
     `period`: the median interval; `jitter`: 95 % of the intervals are no further from it;
     `longest`: the longest pause, also before the end; `slowest`, `fastest`: rates over WINDOW
@@ -134,7 +134,7 @@ class RhythmTally:
         self._first: Optional[float] = None
 
     def add(self, time: float) -> None:
-        """A message came; one that comes before the last one counts as at the same moment."""
+        """Count a message; one from before the last one counts as at the same moment."""
         self._count += 1
         if self._first is None:
             self._first = time
@@ -151,7 +151,7 @@ class RhythmTally:
             self._longest_window = max(self._longest_window, window)
 
     def result(self, end: float) -> Rhythm:
-        """What came until `end`."""
+        """Return the rhythm until `end`."""
         if self._count < 2 or self._first is None:
             return Rhythm(self._count, None, None, None, None, None)
         period = self._intervals.quantiles(0.5)[0]

@@ -1,7 +1,9 @@
 """A survey of a robot: what each publisher of each topic says, how often, and in which ranges."""
+import re
 from dataclasses import dataclass
 from typing import Dict, Mapping, NamedTuple, Optional, Tuple
 
+from shsa_core.healing.naming import Names
 from shsa_learning.init.contents import LeftOut, Number
 from shsa_learning.init.spread import Rhythm, RhythmTally, Spread, SpreadTally
 
@@ -49,7 +51,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Facts:
-    """What was seen of a publisher.
+    """The facts of a publisher.
 
     `period`: s between two messages, None if they do not come regularly; `why`: what tells so.
     """
@@ -83,11 +85,11 @@ class Surveyor:
         self._ends: Dict[str, float] = {}
 
     def has(self, publisher: Publisher) -> bool:
-        """Whether a publisher is part of the survey already."""
+        """Return whether a publisher is part of the survey already."""
         return publisher in self._tallies
 
     def knows(self, publisher: Publisher) -> bool:
-        """Take a publisher in, heard or not; whether it is part of the survey."""
+        """Add a publisher, heard or not; return whether it is part of the survey."""
         if publisher in self._tallies:
             return True
         kind = self._types.setdefault(publisher.topic, publisher.type)
@@ -101,19 +103,19 @@ class Surveyor:
         return True
 
     def refuse(self, refused: Refused) -> None:
-        """Something is left out; each is told once, and not without end."""
+        """Note what is left out, each once, and not without end."""
         if len(self._refused) < MOST_PUBLISHERS:
             self._refused.setdefault(refused[:3], refused)
 
     def heard(self, publisher: Publisher, time: float, latched: bool) -> None:
-        """A message came at `time`, s."""
+        """Count a message at `time`, s."""
         if self.knows(publisher):
             tally = self._tallies[publisher]
             tally.rhythm.add(time)
             tally.latched = tally.latched or latched
 
     def wants(self, publisher: Publisher, size: int) -> bool:
-        """Whether the values of the last message heard, of `size` bytes, are to be read."""
+        """Return whether the values of the last message heard, of `size` bytes, are to be read."""
         tally = self._tallies.get(publisher)
         if tally is None or size > LARGEST_MESSAGE_B:
             return False
@@ -124,7 +126,7 @@ class Surveyor:
         return True
 
     def values(self, publisher: Publisher, numbers: Mapping[Number, Optional[float]]) -> None:
-        """What a message said; None of a number: it may say it, and did not."""
+        """Add the numbers of a message; None: the message has that number, but no value."""
         fields = self._tallies[publisher].fields
         for number, value in numbers.items():
             if number not in fields:
@@ -137,16 +139,16 @@ class Surveyor:
                 fields[number].add(value)
 
     def omit(self, publisher: Publisher, part: LeftOut) -> None:
-        """A part of its messages is no value."""
+        """Note a part of its messages that is no value."""
         if self.knows(publisher):
             self._tallies[publisher].left_out.setdefault(part.path, part)
 
     def stops(self, topic: str, time: float) -> None:
-        """From `time` on, s, nobody listens to a topic any more."""
+        """End a topic's part of the survey at `time`, s."""
         self._ends[topic] = time
 
     def result(self, begin: float, end: float) -> Survey:
-        """What was seen from `begin` to `end`, s."""
+        """Return the survey from `begin` to `end`, in s."""
         facts = [self._facts(each, end) for each in sorted(self._tallies)]
         return Survey(end - begin, tuple(facts), tuple(sorted(self._refused.values())))
 
@@ -167,7 +169,7 @@ class Surveyor:
 
 
 class _Tally:
-    """What has come of a publisher."""
+    """The tallies of a publisher."""
 
     def __init__(self) -> None:
         self.rhythm = RhythmTally()
@@ -178,7 +180,7 @@ class _Tally:
 
 
 def irregular(rhythm: Rhythm) -> str:
-    """Why messages do not come regularly, by what the monitor asks of a period; empty: they do."""
+    """Return why messages have no period that the monitor could use; empty: they have one."""
     if rhythm.count == 0:
         return "no message came"
     if rhythm.count < FEWEST:
@@ -196,6 +198,49 @@ def irregular(rhythm: Rhythm) -> str:
 
 
 def nice(period: float) -> float:
-    """A period as a person would write it: with two digits, or three where these are 2 % off."""
+    """Round a period as a person would: to two digits, or three where these are 2 % off."""
     two = float(f"{period:.2g}")
     return two if abs(two - period) <= 0.02 * period else float(f"{period:.3g}")
+
+
+_NAME = re.compile(r"(/[A-Za-z0-9_]+)+", re.ASCII)
+_TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*", re.ASCII)
+_LONGEST = 255
+_OF_ROS = {
+    "/rosout": "lines of the log",
+    "/rosout_agg": "lines of the log",
+    "/clock": "the simulated time: healing goes by it, and heals none",
+    "/diagnostics": "for display: no decision should read it",
+    "/diagnostics_agg": "for display: no decision should read it",
+    "/diagnostics_toplevel_state": "for display: no decision should read it",
+}
+_ACTION = ("ActionGoal", "ActionResult", "ActionFeedback")
+_PICTURES = (
+    *("sensor_msgs/Image", "sensor_msgs/CompressedImage", "stereo_msgs/DisparityImage"),
+    *("sensor_msgs/PointCloud", "sensor_msgs/PointCloud2", "nav_msgs/OccupancyGrid"),
+    *("theora_image_transport/Packet", "sensor_msgs/CameraInfo", "visualization_msgs/MarkerArray"),
+)
+"""Many a node makes them only while somebody listens: a survey must not load the robot."""
+_FRAMES = ("tf2_msgs/TFMessage", "tf/tfMessage")
+_NAMES = Names("/")
+
+
+def outside(topic: str, kind: str, node: str) -> str:
+    """Return why a publisher is no part of a survey; empty if it is. `node` may be empty."""
+    if not _NAME.fullmatch(topic) or len(topic) > _LONGEST:
+        return "that is no full name of a topic"
+    if topic in _OF_ROS:
+        return _OF_ROS[topic]
+    if "/shsa/" in topic:
+        return "healing's own"
+    if not _TYPE.fullmatch(kind) or len(kind) > _LONGEST:
+        return "that is no type of messages"
+    if kind.endswith(_ACTION) or kind.startswith("actionlib_msgs/"):
+        return "an action is a dialogue with its server, not a value"
+    if kind in _PICTURES:
+        return "pictures, clouds, maps and their settings are not computed from numbers"
+    if kind in _FRAMES:
+        return "a tf frame has one parent: nobody else can publish it"
+    if node and (not _NAME.fullmatch(node) or len(node) > _LONGEST):
+        return "that is no full name of a node"
+    return "a node of healing's" if node and _NAMES.of_healing(node, in_som=False) else ""

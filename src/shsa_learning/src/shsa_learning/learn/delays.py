@@ -5,9 +5,8 @@ import numpy as np
 
 from shsa_core.language.functions import DELAY, FILTER, STATEFUL
 from shsa_core.language.memory import MAX_GAP_S
-from shsa_learning.learn.folds import Fold, blocked
 from shsa_learning.learn.models import quick
-from shsa_learning.learn.table import Table
+from shsa_learning.learn.table import Fold, Table, blocked
 
 DELAYS_S = (0.05, 0.1, 0.2, 0.4)
 FILTERS_S = (0.03, 0.06, 0.1, 0.2, 0.4, 0.8)  # time constants
@@ -17,20 +16,20 @@ GAIN = 0.03
 
 
 class Lag(NamedTuple):
-    """What an input goes through: a delay and a filter of first order (s); 0: none."""
+    """A delay and a filter of first order for an input (s); 0: none."""
 
     delay: float = 0.0
     filter: float = 0.0
 
     def text(self, name: str) -> str:
-        """The input as it stands in an expression."""
+        """Return the input as it stands in an expression."""
         if self.delay > 0.0:
             name = f"{DELAY}({name}, {self.delay:g})"
         return f"{FILTER}({name}, {self.filter:g})" if self.filter > 0.0 else name
 
 
 def candidates() -> List[Lag]:
-    """Every lag that is tried but none at all."""
+    """Return every lag that is tried but none at all."""
     return [Lag(0.0, time) for time in FILTERS_S] + [Lag(time, 0.0) for time in DELAYS_S]
 
 
@@ -50,7 +49,7 @@ class Columns:
         return self._table.names
 
     def matrix(self, lags: Sequence[Lag]) -> np.ndarray:
-        """A column for each input behind its lag (rows, inputs)."""
+        """Return a column for each input behind its lag (rows, inputs)."""
         return np.array([self._column(*each) for each in zip(self.names, lags)]).T
 
     def _column(self, name: str, lag: Lag) -> np.ndarray:
@@ -61,7 +60,7 @@ class Columns:
 
 
 def lagged(time: np.ndarray, values: np.ndarray, lag: Lag) -> np.ndarray:
-    """The values behind a lag, sample by sample, by the functions that a substitute has."""
+    """Return the values behind a lag, sample by sample, by the functions that a substitute has."""
     for function, seconds in ((DELAY, lag.delay), (FILTER, lag.filter)):
         if seconds > 0.0:
             memory: Callable[..., float] = STATEFUL[function].call(MAX_GAP_S)
@@ -71,7 +70,7 @@ def lagged(time: np.ndarray, values: np.ndarray, lag: Lag) -> np.ndarray:
 
 
 def choose(columns: Columns, train: np.ndarray) -> Tuple[Lag, ...]:
-    """The lag of each input: one for all of them first, then input by input."""
+    """Return the lag of each input: one for all of them first, then input by input."""
     folds = blocked(columns.time[train], BLOCKS)
     lags: Tuple[Lag, ...] = (Lag(),) * len(columns.names)
     best = _error(columns, lags, train, folds)
@@ -109,7 +108,7 @@ def _count(lags: Sequence[Lag]) -> int:
 def _error(
     columns: Columns, lags: Sequence[Lag], train: np.ndarray, folds: Sequence[Fold]
 ) -> float:
-    """The mean over the folds of the RMS error of a quick fit."""
+    """Return the mean over the folds of the RMS error of a quick fit."""
     inputs, target = columns.matrix(lags)[train], columns.target[train]
     usable = np.isfinite(inputs).all(axis=1)
     errors = []

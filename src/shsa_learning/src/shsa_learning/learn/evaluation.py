@@ -16,7 +16,7 @@ from shsa_learning.learn.table import Table
 
 AGREEMENT = 1e-9  # of the largest value, or of 1
 LEARNED = "learned_"
-"""What the names of learned relations begin with."""
+"""The prefix of the names of learned relations."""
 
 
 def evaluate(
@@ -25,7 +25,7 @@ def evaluate(
     time: np.ndarray,
     inputs: Mapping[str, np.ndarray],
 ) -> np.ndarray:
-    """What the generated code of a relation gives at each `time` (s); NaN where it gives nothing.
+    """Run the generated code of a relation at each `time` (s); NaN where it has no output.
 
     `inputs` by property; others than the relation's are not looked at. Raises GenerationError if
     there is no code for it.
@@ -43,7 +43,7 @@ def evaluate_derivation(
     time: np.ndarray,
     columns: Mapping[str, np.ndarray],
 ) -> np.ndarray:
-    """What the code of a derivation gives at each `time` (s); NaN where it gives nothing.
+    """Run the generated code of a derivation at each `time` (s); NaN where it has no output.
 
     `columns` by topic and field. Raises GenerationError if there is no code for it.
     """
@@ -61,7 +61,7 @@ def check_agreement(
     table: Table,
     fitted: np.ndarray,
 ) -> float:
-    """How far the generated code is from the fitted model on these rows, at most.
+    """Return the largest difference of the generated code and the fitted model on these rows.
 
     Raises ModelError if that is more than AGREEMENT.
     """
@@ -85,7 +85,7 @@ class Known(NamedTuple):
 
 
 def laws(ontology: Ontology, table: Table) -> Mapping[str, Known]:
-    """What each relation of the ontology says that yields the target from inputs of the table.
+    """Run each relation of the ontology that yields the target from inputs of the table.
 
     Learned ones do not compete: they may have been learned from the same rows.
     """

@@ -1,4 +1,4 @@
-"""What a fit leaves behind: coefficients alone, and what they compute.
+"""Fitted models as coefficients alone, and what they compute.
 
 Each formula is computed in the same order as its text in the ontology's language.
 """
@@ -21,7 +21,7 @@ class Formula(Protocol):
         """The inputs that it reads, by number, in order."""
 
     def predict(self, inputs: np.ndarray) -> np.ndarray:
-        """The target of each row of `inputs` (rows, inputs)."""
+        """Predict the target of each row of `inputs` (rows, inputs)."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Terms:
         return tuple(sorted(numbers | ({self.divisor} if self.divisor >= 0 else set())))
 
     def predict(self, inputs: np.ndarray) -> np.ndarray:
-        """The target of each row of `inputs` (rows, inputs)."""
+        """Predict the target of each row of `inputs` (rows, inputs)."""
         total = np.full(len(inputs), self.intercept)
         columns = products(inputs, self.monomials, self.centres)
         for coefficient, column in zip(self.coefficients, columns.T):
@@ -70,7 +70,7 @@ class Network:
         return tuple(range(len(self.weights[0])))
 
     def predict(self, inputs: np.ndarray) -> np.ndarray:
-        """The target of each row of `inputs` (rows, inputs)."""
+        """Predict the target of each row of `inputs` (rows, inputs)."""
         hidden = np.tanh(inputs @ np.array(self.weights).T + np.array(self.offsets))
         return self.intercept + hidden @ np.array(self.outer)
 
@@ -93,7 +93,7 @@ class Kernels:
         return tuple(range(len(self.scales)))
 
     def predict(self, inputs: np.ndarray) -> np.ndarray:
-        """The target of each row of `inputs` (rows, inputs)."""
+        """Predict the target of each row of `inputs` (rows, inputs)."""
         scaled = inputs * np.array(self.scales)
         total = np.full(len(inputs), self.intercept)
         for weight, centre in zip(self.weights, self.centres):

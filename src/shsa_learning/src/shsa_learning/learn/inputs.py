@@ -1,4 +1,4 @@
-"""Which series may be inputs for a target, and why the others may not.
+"""The series that may be inputs for a target, and why the others may not.
 
 What knows the target by another way than the world would be right on every recording, and gone or
 wrong with the target. What the target itself is computed from is no such leak: it is measured
@@ -6,9 +6,10 @@ without the target, so a relation from it is a true one.
 """
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
+import numpy as np
+
 from shsa_core.errors import ShsaError, listed
 from shsa_core.model.som import Som
-from shsa_learning.recordings.duplicates import duplicate
 from shsa_learning.recordings.recording import Recording, Series
 
 
@@ -20,7 +21,7 @@ class LeftOut(NamedTuple):
 
 
 class Offer(NamedTuple):
-    """What a target may be learned from: `inputs`, at most one a property is needed.
+    """Series that a target may be learned from: `inputs`, one a property.
 
     `left_out`: all others of the recording; `notes`: what else should be known of the inputs.
     """
@@ -31,7 +32,7 @@ class Offer(NamedTuple):
     notes: Tuple[str, ...]
 
     def of(self, property: str) -> Series:
-        """The first input of a property. Raises ShsaError, with the reason, if there is none."""
+        """Return the first input of a property. Raises ShsaError, with why, if there is none."""
         found = next((each for each in self.inputs if each.property == property), None)
         if found is not None:
             return found
@@ -45,7 +46,7 @@ class Offer(NamedTuple):
 def offer(
     recording: Recording, target: Series, som: Optional[Som] = None, asked: Sequence[str] = ()
 ) -> Offer:
-    """What `target`, a series of the recording, may be learned from.
+    """Return the series that `target`, a series of the recording, may be learned from.
 
     `asked`: properties that somebody named, who knows that they are measured apart from the target
     though they are in its file.
@@ -74,12 +75,12 @@ def offer(
 
 
 def _one_source(series: Series, target: Series) -> bool:
-    """Whether nothing but their columns tells two series of a file apart."""
+    """Return whether nothing but their columns tells two series of a file apart."""
     return series.source == target.source and not (series.service and target.service)
 
 
 def _why_not(series: Series, target: Series, som: Som, asked: Sequence[str]) -> str:
-    """Why a series may not be an input; empty if it may."""
+    """Return why a series may not be an input; empty if it may."""
     if series.service and series.service == target.service:
         return f"it is of the same source as the target, {target.source}"
     if _one_source(series, target) and series.property not in asked:
@@ -100,3 +101,76 @@ def _why_not(series: Series, target: Series, som: Som, asked: Sequence[str]) -> 
             return f"it is derived from the target: {other.name} is computed from {own.name}"
     same = duplicate(target, series)
     return f"it is a duplicate: {same}" if same is not None else ""
+
+
+LEAST_SAMPLES = 20
+LEAST_DISTINCT = 10
+MOST_SAMPLES = 2000
+SHIFTS = (0, -1, 1, -2, 2)
+"""Samples by which one may be later than the other."""
+TOLERANCE = 1e-6  # of the spread and the mean: more than what a float32 loses
+ODD_SHARE = 0.02
+"""Of the samples may differ: where one was lost, the one before it is held."""
+
+
+class Duplicate(NamedTuple):
+    """`second` is `gain` times `first` plus `offset`."""
+
+    first: Series
+    second: Series
+    gain: float
+    offset: float
+
+    def __str__(self) -> str:
+        if abs(self.gain - 1.0) < 1e-4 and abs(self.offset) < 1e-4 * np.ptp(self.first.values):
+            return f"{self.second} has the values of {self.first}"
+        return f"{self.second} is {self.gain:.6g} * ({self.first}) + {self.offset:.6g}"
+
+
+def duplicates(series: Sequence[Series]) -> List[Duplicate]:
+    """Return all pairs of series that differ by gain and offset alone; constants are none."""
+    found = []
+    for place, first in enumerate(series):
+        for second in series[place + 1 :]:
+            same = duplicate(first, second)
+            if same is not None:
+                found.append(same)
+    return found
+
+
+def duplicate(first: Series, second: Series) -> Optional[Duplicate]:
+    """Return gain and offset that make `second` of `first`; None if there are none."""
+    if len(second) > len(first):  # the slower one can have all its values from the faster one
+        swapped = duplicate(second, first)
+        if swapped is None or not swapped.gain:
+            return None
+        return Duplicate(first, second, 1.0 / swapped.gain, -swapped.offset / swapped.gain)
+    rows = np.arange(0, len(second), max(1, len(second) // MOST_SAMPLES))
+    place = np.searchsorted(first.time, second.time[rows] + 1e-6, side="right") - 1
+    for shift in SHIFTS:
+        there = (place + shift >= 0) & (place + shift < len(first)) & (place >= 0)
+        x = first.values[(place + shift)[there]]
+        y = second.values[rows][there]
+        known = np.isfinite(x) & np.isfinite(y)
+        line = _line(x[known], y[known])
+        if line is not None:
+            return Duplicate(first, second, *line)
+    return None
+
+
+def _line(x: np.ndarray, y: np.ndarray) -> Optional[Sequence[float]]:
+    """Gain and offset, if the points lie on a line."""
+    if len(x) < LEAST_SAMPLES or min(len(np.unique(x)), len(np.unique(y))) < LEAST_DISTINCT:
+        return None
+    gain, offset = np.polyfit(x - x.mean(), y, 1)
+    for _ in range(2):  # once more without the odd ones
+        error = np.abs(gain * (x - x.mean()) + offset - y)
+        good = error <= np.quantile(error, 1.0 - ODD_SHARE)
+        if np.ptp(x[good]) == 0.0:
+            return None
+        gain, offset = np.polyfit(x[good] - x.mean(), y[good], 1)
+    error = np.abs(gain * (x - x.mean()) + offset - y)
+    bound = TOLERANCE * (float(np.std(y)) + abs(float(np.mean(y))))
+    if np.quantile(error, 1.0 - ODD_SHARE) > bound:
+        return None
+    return float(gain), float(offset - gain * x.mean())

@@ -51,7 +51,7 @@ class Model:
         return tuple(self.names[number] for number in self.formula.used)
 
     def predict(self, table: Table) -> np.ndarray:
-        """What it says of each row of the table; NaN where it says nothing.
+        """Predict the target of each row of the table; NaN where that is not possible.
 
         A law says it of the rows that it was learned from alone.
         """
@@ -91,7 +91,7 @@ class Learned:
 
     @property
     def accepted(self) -> bool:
-        """Whether there is no reason against it."""
+        """Return whether there is no reason against it."""
         return not self.reasons
 
 
@@ -126,7 +126,7 @@ def learn(
 
 
 class _Learner:
-    """What is learned from the rows of a table."""
+    """Learns from the rows of a table."""
 
     def __init__(self, table: Table, choice: str, seed: int, laws: Mapping[str, Known]) -> None:
         self._table, self._seed, self._laws = table, seed, laws
@@ -143,7 +143,7 @@ class _Learner:
         source: str,
         step: Callable[[float], object],
     ) -> Learned:
-        """The outcome, told by what was predicted without having been seen."""
+        """Return the outcome, told by what was predicted without having been seen."""
         columns, table = self._columns, self._table
         tested = test(self._candidates, step)
         choice = self._candidates.choose(np.arange(len(columns.rows)))
@@ -175,7 +175,7 @@ class _Learner:
         )
 
     def _model(self, choice: Choice, off: float, block: np.ndarray) -> Tuple[Model, List[str]]:
-        """The choice fitted to all rows, and why its coefficients should not be used."""
+        """Fit the choice to all rows; return also why its coefficients should not be used."""
         if choice.recipe.rung == LAW:
             known = self._laws[choice.recipe.law]
             return Model(choice, known.function.inputs, known.function.text, "", None, known), []
@@ -194,7 +194,7 @@ class _Learner:
         return Model(choice, names, text, constraint(seen), formula), reasons
 
     def _writable(self, recipe: Recipe) -> bool:
-        """Whether the language has room for such a model; its error plays no part."""
+        """Return whether the language has room for such a model; its error plays no part."""
         inputs = self._plain
         formula = rounded(fit(recipe, inputs, self._columns.target, self._seed), inputs, 0.0)
         longest = (Lag(DELAYS_S[-1], FILTERS_S[-1]),) * inputs.shape[1]

@@ -72,7 +72,7 @@ LEVELS: Mapping[str, int] = {
     MLP: 5,
     SVM: 6,
 }
-"""How simple a rung is: of two that are as good the lower one is taken."""
+"""Complexity of a rung: of two that are as good the lower one is taken."""
 
 SETTINGS: Mapping[str, Tuple[float, ...]] = {
     LINEAR: (0.0,),
@@ -85,7 +85,7 @@ SETTINGS: Mapping[str, Tuple[float, ...]] = {
 
 
 def ladder(choice: str, inputs: np.ndarray) -> List[Recipe]:
-    """What is tried on these columns for a `--model`, the simplest first."""
+    """Return the recipes to try on these columns for a `--model`, the simplest first."""
     recipes = []
     for rung in CHOICES[choice]:
         for setting in SETTINGS[rung]:
@@ -102,7 +102,7 @@ def ladder(choice: str, inputs: np.ndarray) -> List[Recipe]:
 
 
 def fit(recipe: Recipe, inputs: np.ndarray, target: np.ndarray, seed: int = 0) -> Formula:
-    """The model fitted to rows of `inputs` (rows, inputs) and the `target` (rows).
+    """Fit a model to rows of `inputs` (rows, inputs) and the `target` (rows).
 
     Rows that are far off the first fit are left out of a second one.
     """
@@ -117,7 +117,7 @@ def fit(recipe: Recipe, inputs: np.ndarray, target: np.ndarray, seed: int = 0) -
 
 
 def quick(inputs: np.ndarray, target: np.ndarray) -> Formula:
-    """A fit that takes no time, to compare delays by: all signed products."""
+    """Return a fit that takes no time, to compare delays by: all signed products."""
     centres = _centres(inputs)
     monomials = _pairs(range(inputs.shape[1]), _changing_sign(inputs, centres))
     return _terms(monomials, centres, inputs, target, 1e-4)
@@ -221,7 +221,7 @@ _METHODS: Dict[str, Callable[[Recipe, np.ndarray, np.ndarray, int], Formula]] = 
 
 
 def _pairs(numbers: Sequence[int], signed: Sequence[bool]) -> Tuple[Monomial, ...]:
-    """Each input, its magnitude, and the products of two of these."""
+    """Return each input, its magnitude, and the products of two of these."""
     plain: List[Factor] = [(number, PLAIN) for number in numbers]
     monomials: List[Monomial] = [(factor,) for factor in plain]
     for place, factor in enumerate(plain):
@@ -242,7 +242,7 @@ def _changing_sign(inputs: np.ndarray, centres: Sequence[float]) -> List[bool]:
 
 
 def _centres(inputs: np.ndarray) -> Tuple[float, ...]:
-    """What is subtracted from each input before it is multiplied: 0, if it is around 0 anyway."""
+    """Return what to subtract from each input before products: 0 if it is around 0 anyway."""
     means, deviations = _standard(inputs)
     return tuple(
         float(f"{mean:.4g}") if abs(mean) > CENTRED * deviation else 0.0
@@ -257,7 +257,7 @@ def _pruned(
     target: np.ndarray,
     cost: float,
 ) -> Terms:
-    """The fit without the terms that give next to nothing."""
+    """Return the fit without the terms that give next to nothing."""
     terms = _terms(monomials, centres, inputs, target, cost)
     share = np.abs(terms.coefficients) * np.std(products(inputs, monomials, centres), axis=0)
     kept = share >= SMALLEST_SHARE * np.std(target)

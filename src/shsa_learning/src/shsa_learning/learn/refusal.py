@@ -1,15 +1,14 @@
-"""What recorded data does not carry: each reason not to learn from it, with its figures"""
+"""Reasons not to learn from recorded data, with their figures."""
 from typing import Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from shsa_learning.figures import rms
-from shsa_learning.learn.folds import block_numbers
 from shsa_learning.learn.formula import Terms, products
-from shsa_learning.learn.outliers import MANY
+from shsa_learning.learn.rows import MANY
 from shsa_learning.learn.selection import OUTER
-from shsa_learning.learn.table import Table
+from shsa_learning.learn.table import Table, block_numbers
 
 SHORTEST_S = 60.0
 SKILL = 0.3
@@ -34,7 +33,7 @@ WEIGHTY = 0.1  # of the target's deviation, what a term gives in a block
 def of_data(
     table: Table, outliers: Mapping[str, int], computed_from: Sequence[str] = ()
 ) -> List[str]:
-    """Why nothing should be learned from these rows; empty: they will do.
+    """Return why nothing should be learned from these rows; empty: they will do.
 
     `computed_from`: what the target is computed from may tell all of it.
     """
@@ -76,7 +75,7 @@ class Leak(NamedTuple):
 
 
 def leaks(table: Table) -> List[Leak]:
-    """The inputs that tell the target at once, its noise included."""
+    """Return the inputs that tell the target at once, its noise included."""
     known = table.complete
     found = []
     for name in table.names:
@@ -100,7 +99,7 @@ def _leak(name: str, values: np.ndarray, target: np.ndarray) -> Optional[Leak]:
 
 
 def noise_left(left: np.ndarray, target: np.ndarray) -> float:
-    """How much of the target's noise a model leaves: about 1, or more, if it is honest.
+    """Return the share of the target's noise that a model leaves: about 1 or more if it is honest.
 
     1 where the target's quick changes are no noise.
     """
@@ -114,7 +113,7 @@ def noise_left(left: np.ndarray, target: np.ndarray) -> float:
 
 
 def _neighbours(values: np.ndarray) -> float:
-    """The correlation of each value with the next."""
+    """Return the correlation of each value with the next."""
     off = values - np.mean(values)
     squares = float(np.sum(off * off))
     return float(np.sum(off[1:] * off[:-1])) / squares if squares > 0.0 else 0.0
@@ -129,7 +128,7 @@ def _leak_text(target: str, leak: Leak) -> str:
 
 
 def duplicates(table: Table) -> Dict[str, str]:
-    """The inputs that say the same as another before them, and which."""
+    """Return the inputs that say the same as another before them, and which."""
     rows = table.complete
     found: Dict[str, str] = {}
     names = [name for name in table.names if not _constant(table.inputs[name][rows])]
@@ -155,7 +154,7 @@ def of_model(
     target: np.ndarray,
     errors: Mapping[str, float],
 ) -> List[str]:
-    """Why a model should not be used, by what it and the mean erred on rows it had not seen.
+    """Return why a model should not be used, by its error and the mean's on unseen rows.
 
     `errors` by `blocked` and `shuffled` rows.
     """
@@ -186,7 +185,7 @@ def of_model(
 
 
 def follows(off: np.ndarray, target: np.ndarray) -> float:
-    """The skill of a model for changes of the target, at the pace at which it is best.
+    """Return the skill of a model for changes of the target, at the pace at which it is best.
 
     Two random walks often seem to tell each other (C. W. J. Granger, P. Newbold, "Spurious
     regressions in econometrics", Journal of Econometrics 2, 1974); their changes never do.
@@ -207,14 +206,14 @@ def _changes(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def worst_block(off: np.ndarray, block: np.ndarray) -> float:
-    """The largest RMS error in a block."""
+    """Return the largest RMS error in a block."""
     return max(rms(off[block == number]) for number in np.unique(block))
 
 
 def too_perfect(
     property: str, inputs: Sequence[str], off: np.ndarray, target: np.ndarray
 ) -> List[str]:
-    """Whether a model errs less than the target's own noise: its inputs have seen the target.
+    """Return why a model that errs less than the target's noise must have seen the target.
 
     `off` and `target` of all rows, one after the other.
     """
@@ -237,7 +236,7 @@ def flipping(
     target: np.ndarray,
     block: np.ndarray,
 ) -> List[str]:
-    """The terms whose coefficient surely has one sign in one block, and the other in another."""
+    """Return the terms whose coefficient surely has one sign here and the other there."""
     columns = products(inputs, terms.monomials, terms.centres)
     if terms.divisor >= 0:
         target = target * inputs[:, terms.divisor]
@@ -261,7 +260,7 @@ def flipping(
 def _certain(
     columns: np.ndarray, target: np.ndarray, every: np.ndarray, all_targets: np.ndarray
 ) -> Iterator[Tuple[int, float]]:
-    """The coefficients in one block that are surely not 0 and matter: number and value."""
+    """Yield the coefficients in one block that are surely not 0 and matter: number and value."""
     varied = np.std(columns, axis=0) > EXCITED * np.std(every, axis=0)
     numbers = np.flatnonzero(varied)
     if len(numbers) == 0 or len(target) < 4 * len(numbers):
@@ -281,7 +280,7 @@ def _certain(
 
 
 def _excited(values: np.ndarray, blocks: np.ndarray) -> int:
-    """The blocks in which the values vary."""
+    """Return the blocks in which the values vary."""
     whole = float(np.std(values))
     return sum(
         float(np.std(values[blocks == number])) > EXCITED * whole for number in np.unique(blocks)

@@ -1,10 +1,9 @@
-"""What was learned as a relation of an ontology"""
+"""A learned model as a relation of an ontology."""
 from dataclasses import replace
 from typing import Dict, Optional
 
-from shsa_core.files.error_values import usual_quality
 from shsa_core.language.expression import parse_constraint, parse_law
-from shsa_core.model.error import Error
+from shsa_core.model.error import Error, quality_of
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_learning.learn.evaluation import LEARNED, check_agreement
@@ -15,7 +14,7 @@ FIGURES, DIGITS = ("rms", "bias", "p95", "delay", "baseline"), 4
 
 
 def relation_of(learned: Learned, table: Table) -> TransferFunction:
-    """The relation: as generated code it gives what was fitted, on the rows of the table.
+    """Return the relation: as generated code it gives what was fitted, on the rows of the table.
 
     A law that was the best keeps its text and gets its error. Raises ModelError if the generated
     code gives anything else, ExpressionError if the function is too long for the language.
@@ -25,13 +24,13 @@ def relation_of(learned: Learned, table: Table) -> TransferFunction:
     source = f"{error.source}; {model.choice.recipe} from {', '.join(model.inputs)}"
     known = _short(replace(error, source=source))
     if model.law is not None:
-        return replace(model.law.function, error=known, quality=usual_quality(known))
+        return replace(model.law.function, error=known, quality=quality_of(known))
     relation = TransferFunction(
         LEARNED + learned.target,
         learned.target,
         model.inputs,
         parse_law(model.function),
-        usual_quality(known),
+        quality_of(known),
         parse_constraint(model.constraint),
         model.function,
         error=known,
@@ -41,7 +40,7 @@ def relation_of(learned: Learned, table: Table) -> TransferFunction:
 
 
 def with_relation(ontology: Ontology, relation: TransferFunction) -> Ontology:
-    """The ontology with the relation, instead of one of its name.
+    """Return the ontology with the relation, instead of one of its name.
 
     A property that is not there is added; its unit is not known.
     """
@@ -59,7 +58,7 @@ def with_relation(ontology: Ontology, relation: TransferFunction) -> Ontology:
 
 
 def _short(error: Error) -> Error:
-    """The error with as many digits as mean something."""
+    """Return the error with as many digits as mean something."""
     figures = {name: _digits(getattr(error, name)) for name in FIGURES}
     return replace(error, **figures)
 

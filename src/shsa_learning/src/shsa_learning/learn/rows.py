@@ -3,22 +3,25 @@ import dataclasses
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from shsa_core.errors import ModelError, listed
 from shsa_core.model.som import Som
-from shsa_learning.learn.folds import APART_S
 from shsa_learning.learn.inputs import Offer, offer
-from shsa_learning.learn.outliers import without
-from shsa_learning.learn.table import Table
-from shsa_learning.recordings.alignment import held, largest_age
-from shsa_learning.recordings.recording import Recording, Series
+from shsa_learning.learn.table import APART_S, Table
+from shsa_learning.recordings.recording import Recording, Series, held, largest_age
 
 SHORTEST_PERIOD_S = 0.02
 COPY = "it is a duplicate"
+WINDOW = 5  # values
+NOISE = 10.0  # typical distances from the median around
+SPAN = 0.5  # of what the middle 98 % of the values span
+MANY = 0.05
+"""Of all values: who has more of them has another trouble."""
 
 
 class Data(NamedTuple):
-    """What is learned from, and what is not.
+    """The rows that are learned from, and what was left out.
 
     `left_out`: inputs by name, and why; `suspicious`: why some of them, or of those that were
     asked for, must not be ignored; `outliers`: how many were left out, by property; `notes`: what
@@ -39,7 +42,7 @@ def gather(
     wanted: Sequence[str] = (),
     som: Optional[Som] = None,
 ) -> Data:
-    """The rows of all recordings in which `property` was recorded.
+    """Return the rows of all recordings in which `property` was recorded.
 
     `wanted`: the inputs; none: whatever may be one in each of these recordings. Raises ModelError
     if the property, or an input that is wanted, was not recorded.
@@ -84,7 +87,7 @@ def gather(
 
 
 def _upstream(name: str, given: Offer, som: Optional[Som]) -> bool:
-    """Whether the SOM says that the target is computed from an input."""
+    """Return whether the SOM says that the target is computed from an input."""
     service = som.services.get(given.target.service) if som is not None else None
     return service is not None and given.of(name).service in service.upstream
 
@@ -92,7 +95,7 @@ def _upstream(name: str, given: Offer, som: Optional[Som]) -> bool:
 def _part(
     given: Offer, names: Sequence[str], som: Optional[Som], outliers: Dict[str, int]
 ) -> List[np.ndarray]:
-    """The times, the target and the inputs of one recording: a column each."""
+    """Return the times, the target and the inputs of one recording: a column each."""
     target = _clean(given.target, outliers)
     # Somewhat less than the period: stamps jitter.
     time = _thinned(target.time, 0.75 * SHORTEST_PERIOD_S)
@@ -104,9 +107,9 @@ def _part(
 
 
 def _clean(series: Series, outliers: Dict[str, int]) -> Series:
-    values, count = without(series.values)
-    outliers[series.property] = outliers.get(series.property, 0) + count
-    return dataclasses.replace(series, values=values)
+    found = outlying(series.values)
+    outliers[series.property] = outliers.get(series.property, 0) + int(np.count_nonzero(found))
+    return dataclasses.replace(series, values=np.where(found, np.nan, series.values))
 
 
 def _thinned(time: np.ndarray, period: float) -> np.ndarray:
@@ -131,3 +134,18 @@ def _joined(property: str, names: Sequence[str], parts: Sequence[List[np.ndarray
         dict(zip(names, columns[1:])),
         float(np.median(steps)) if len(steps) else 0.0,
     )
+
+
+def outlying(values: np.ndarray) -> np.ndarray:
+    """Mark the outliers: values far from the median of those around, by all that is usual."""
+    finite = np.isfinite(values)
+    found = np.zeros(len(values), dtype=bool)
+    known = values[finite]
+    if len(known) < WINDOW:
+        return found
+    low, high = np.percentile(known, (1.0, 99.0))
+    distance = np.abs(known - median_filter(known, WINDOW, mode="nearest"))
+    limit = max(NOISE * float(np.median(distance)), SPAN * float(high - low))
+    if limit > 0.0:
+        found[finite] = distance > limit
+    return found

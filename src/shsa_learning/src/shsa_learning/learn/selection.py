@@ -1,4 +1,4 @@
-"""Which model: the simplest one within one standard error of the best, chosen on blocks
+"""The choice of a model: the simplest within one standard error of the best, on blocks.
 
 Nested: each outer block is predicted by a model whose form, delays and coefficients were chosen
 without it, so its error is that of the whole procedure.
@@ -9,15 +9,15 @@ import numpy as np
 
 from shsa_learning.figures import rms
 from shsa_learning.learn.delays import Columns, Lag, choose
-from shsa_learning.learn.folds import Fold, blocked, shuffled
 from shsa_learning.learn.models import LAW, LEVELS, MEAN, Recipe, fit
+from shsa_learning.learn.table import Fold, blocked, shuffled
 
 OUTER, INNER = 6, 4
 """Blocks: of all rows for the error, and of what is left for the choice."""
 
 
 class Rung(NamedTuple):
-    """How a recipe did on the blocks of a choice: the mean of their RMS errors, and its error."""
+    """The mean of a recipe's RMS errors on the blocks of a choice, and its standard error."""
 
     recipe: Recipe
     rms: float
@@ -25,7 +25,7 @@ class Rung(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """What was chosen among some rows: the model, the lag of each input, and how all did."""
+    """A choice among some rows: the model, the lag of each input, and the errors of all."""
 
     recipe: Recipe
     lags: Tuple[Lag, ...]
@@ -33,7 +33,7 @@ class Choice(NamedTuple):
 
 
 class Tested(NamedTuple):
-    """What models say of rows that they have not seen.
+    """Predictions for rows that the models have not seen.
 
     `predicted` and `mean` (of what was learned from) by row, NaN where nothing was said; `block`
     of each row; `choices`: of each block.
@@ -46,7 +46,7 @@ class Tested(NamedTuple):
 
 
 class Candidates:
-    """What competes: recipes that are fitted, and laws whose numbers are known.
+    """The candidates: recipes that are fitted, and laws whose numbers are known.
 
     `laws`: what each law says of each row that fits look at.
     """
@@ -66,7 +66,7 @@ class Candidates:
     def predict(
         self, recipe: Recipe, lags: Tuple[Lag, ...], train: np.ndarray, test: np.ndarray
     ) -> np.ndarray:
-        """What a recipe, fitted to the rows `train`, says of the rows `test`; NaN: nothing."""
+        """Fit a recipe to the rows `train` and predict the rows `test`; NaN: no prediction."""
         if recipe.rung == LAW:
             return self.laws[recipe.law][test]
         inputs, target = self.columns.matrix(lags), self.columns.target
@@ -79,7 +79,7 @@ class Candidates:
         return result
 
     def choose(self, rows: np.ndarray) -> Choice:
-        """The simplest recipe within one standard error of the best, among some rows alone."""
+        """Choose the simplest recipe within one standard error of the best, by some rows alone."""
         lags = choose(self.columns, rows)
         folds = [_of(rows, fold) for fold in blocked(self.columns.time[rows], INNER)]
         rungs = []
@@ -103,7 +103,7 @@ class Candidates:
 
 
 def test(candidates: Candidates, step: Callable[[float], object]) -> Tested:
-    """Each block predicted by what is chosen and fitted without it.
+    """Predict each block by what is chosen and fitted without it.
 
     `step` is told the share of the work that is done after each.
     """
@@ -124,7 +124,7 @@ def test(candidates: Candidates, step: Callable[[float], object]) -> Tested:
 
 
 def errors_of(candidates: Candidates, choice: Choice, seed: int) -> Dict[str, float]:
-    """The RMS error of a choice on rows that were left out in blocks, and at random."""
+    """Return the RMS error of a choice on rows that were left out in blocks, and at random."""
     columns = candidates.columns
     ways = {
         "blocked": blocked(columns.time, OUTER),

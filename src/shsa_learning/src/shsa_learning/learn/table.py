@@ -1,11 +1,17 @@
 """The rows that are learned from: the target, and what was known of each input at that moment"""
 from dataclasses import dataclass
-from typing import Dict, Mapping, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
 MAX_ROWS = 3000
 """For fits: rows that lie nearer together tell much the same."""
+PURGE_S = 2.0
+"""Between what is learned from and what is tested: rows this near tell much the same."""
+APART_S = 1000.0
+"""Between two recordings: whatever remembers starts anew."""
+LEAST_RECORDINGS, MOST_BLOCKS = 3, 12
+PURGE_SHARE = 0.25  # of a block, at most
 
 
 @dataclass(frozen=True)
@@ -30,7 +36,7 @@ class Table:
 
     @property
     def complete(self) -> np.ndarray:
-        """Whether all of a row has a value, row by row."""
+        """Return whether all of a row has a value, row by row."""
         known = np.isfinite(self.target)
         for column in self.inputs.values():
             known &= np.isfinite(column)
@@ -42,12 +48,62 @@ class Table:
         return float(np.count_nonzero(self.complete) * self.period)
 
     def of(self, names: Tuple[str, ...]) -> "Table":
-        """The table with these inputs alone."""
+        """Return the table with these inputs alone."""
         kept: Dict[str, np.ndarray] = {name: self.inputs[name] for name in names}
         return Table(self.name, self.time, self.target, kept, self.period)
 
     def rows(self) -> np.ndarray:
-        """The complete rows that fits look at, by number: MAX_ROWS at most, evenly spread."""
+        """Return the numbers of complete rows for fits: MAX_ROWS at most, evenly spread."""
         complete = np.flatnonzero(self.complete)
         step = max(1, -(-len(complete) // MAX_ROWS))
         return complete[::step]
+
+
+class Fold(NamedTuple):
+    """Rows by number: what is learned from, and the block that it is tested on."""
+
+    train: np.ndarray
+    test: np.ndarray
+
+
+def block_numbers(time: np.ndarray, count: int) -> np.ndarray:
+    """Return the block of each row (`time` in s, increasing): `count` blocks of equal size.
+
+    Of three recordings or more each is a block, as another drive is the better test; unless one of
+    them is most of all rows.
+    """
+    rows = len(time)
+    recording = np.concatenate([[0], np.cumsum(np.diff(time) > APART_S / 2)])
+    sizes = np.bincount(recording)
+    if len(sizes) >= LEAST_RECORDINGS and 2 * np.max(sizes) <= rows:
+        return recording * min(len(sizes), MOST_BLOCKS) // len(sizes)
+    return np.arange(rows) * count // max(rows, 1)
+
+
+def blocked(time: np.ndarray, count: int) -> List[Fold]:
+    """Return a fold for each of about `count` blocks of rows (`time` in s, increasing).
+
+    Rows within the purge of the block's ends are in neither part.
+    """
+    numbers = block_numbers(time, count)
+    folds = []
+    for number in np.unique(numbers):
+        test = np.flatnonzero(numbers == number)
+        if len(test) == 0:
+            continue
+        first, last = time[test[0]], time[test[-1]]
+        purge = min(PURGE_S, PURGE_SHARE * (last - first))
+        train = np.flatnonzero((time < first - purge) | (time > last + purge))
+        if len(train) > 0:
+            folds.append(Fold(train, test))
+    return folds
+
+
+def shuffled(rows: int, count: int, seed: int) -> List[Fold]:
+    """Folds of rows drawn at random: how good a fit looks to who does not care about time."""
+    order = np.random.RandomState(seed).permutation(rows)
+    parts = np.array_split(order, count)
+    return [
+        Fold(np.sort(np.concatenate(parts[:i] + parts[i + 1 :])), np.sort(part))
+        for i, part in enumerate(parts)
+    ]

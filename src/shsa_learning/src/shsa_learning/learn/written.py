@@ -20,7 +20,7 @@ there, and what was never seen must not be guessed.
 
 
 def rounded(formula: Any, inputs: np.ndarray, rms: float) -> Any:
-    """The formula with coefficients as they will be written: what is written is what it is."""
+    """Round the coefficients as they will be written: what is tested is what is written."""
     exact = formula.predict(inputs)
     for digits in DIGITS:
         short = replace(
@@ -47,7 +47,7 @@ def _rounded(value: Any, digits: int) -> Any:
 
 
 def text_of(formula: Formula, inputs: Sequence[str]) -> str:
-    """The formula as an expression; each of `inputs` is what stands for it there."""
+    """Return the formula as an expression; each of `inputs` is what stands for it there."""
     if isinstance(formula, Terms):
         return _terms(formula, inputs)
     if isinstance(formula, Network):
@@ -57,7 +57,7 @@ def text_of(formula: Formula, inputs: Sequence[str]) -> str:
 
 
 def law_of(formula: Formula, names: Sequence[str], lags: Sequence[Lag]) -> Law:
-    """The formula as a law over properties, each behind its lag.
+    """Return the formula as a law over properties, each behind its lag.
 
     What is behind a lag is computed once, and has a name on the way. Raises ExpressionError where
     the language has no room for it.
@@ -78,7 +78,7 @@ def _free(name: str, taken: Sequence[str]) -> str:
 
 
 def constraint(seen: Mapping[str, np.ndarray]) -> str:
-    """Where the model holds: what was seen of each input, by name, and a quarter more."""
+    """Return the constraint of a model: the range seen of each input, and a quarter more."""
     parts = []
     for name, values in seen.items():
         low, high = float(np.min(values)), float(np.max(values))

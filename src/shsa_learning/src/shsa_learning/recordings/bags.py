@@ -19,8 +19,7 @@ from shsa_core.model.field_value import field_value
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_learning.recordings.recording import Recording, Series
-from shsa_learning.recordings.sampling import ordered, times_of
+from shsa_learning.recordings.recording import Recording, Series, ordered, times_of
 
 MAGIC = b"#ROSBAG V"
 SUBSTITUTIONS, INCIDENTS = "/shsa/substitutions", "/shsa/incidents"
@@ -30,13 +29,13 @@ Fields = Tuple[FieldText, ...]
 
 
 def is_bag(path: str) -> bool:
-    """Whether a file is a rosbag by what it begins with, or by its name."""
+    """Return whether a file is a rosbag by what it begins with, or by its name."""
     with open_to_read(path) as file:
         return file.read(len(MAGIC)) == MAGIC or path.endswith(".bag")
 
 
 def read_bag(path: str, som: Som) -> Recording:
-    """The recording in a rosbag: a series for each value of each service of the SOM in it.
+    """Read a rosbag: a series for each value of each service of the SOM in it.
 
     Raises ShsaError if it cannot be read, if a topic has another type than the SOM says, or if a
     type lacks a field.
@@ -47,9 +46,10 @@ def read_bag(path: str, som: Som) -> Recording:
 
 @contextlib.contextmanager
 def opened(path: str) -> Iterator[Any]:
-    """A rosbag, to be read. Raises ModelError if it cannot be, also while it is."""
+    """Open a rosbag. Raises ModelError if it cannot be read, also while it is."""
     open_to_read(path).close()  # rosbag would wait for a pipe
-    import rosbag  # ROS is loaded for a bag alone
+    import genpy  # ROS is loaded for a bag alone
+    import rosbag
 
     try:
         with rosbag.Bag(path) as bag:
@@ -59,19 +59,13 @@ def opened(path: str) -> Iterator[Any]:
         raise ModelError(path, what) from error
     except (
         *(OSError, EOFError, KeyError, IndexError, TypeError, ValueError, AttributeError),
-        *(rosbag.ROSBagException, struct.error, _message_exception()),
+        *(MemoryError, rosbag.ROSBagException, struct.error, genpy.MessageException),
     ) as error:
         raise ModelError(path, f"cannot be read as a rosbag: {error}") from error
 
 
-def _message_exception() -> Any:
-    import genpy
-
-    return genpy.MessageException
-
-
 class Incident(NamedTuple):
-    """When a service was not what it should be (s), and who stood in for it."""
+    """The time (s) in which a service had failed, and the node that stood in for it."""
 
     topic: str
     service: str
@@ -82,7 +76,7 @@ class Incident(NamedTuple):
 
 
 class _Heard:
-    """What one publisher said for one service: stamps, times of recording, values row by row."""
+    """The messages of one publisher for one service: stamps, times of recording, values."""
 
     def __init__(self) -> None:
         self.stamps: List[float] = []
@@ -105,7 +99,7 @@ class _Reader:
         self._left_out: Dict[str, int] = {}
 
     def read(self) -> Recording:
-        """All of it."""
+        """Read the whole bag."""
         self._read_healing()
         wanted = set(self._som.topics())
 
@@ -124,7 +118,7 @@ class _Reader:
         return self._bag.read_messages(connection_filter=wanted, return_connection_header=True)
 
     def _read_healing(self) -> None:
-        """Who stood in for whom, as healing told it."""
+        """Read the substitutes and incidents that healing told of."""
 
         def of_healing(topic: str, *_: object) -> bool:
             return full_name(topic, "/").endswith((SUBSTITUTIONS, INCIDENTS))
@@ -153,7 +147,7 @@ class _Reader:
         heard.rows.append([field_value(message, field) for field in fields])
 
     def _doubt(self, topic: str, publisher: str, service: Optional[Service], time: float) -> str:
-        """Why a message is not what a service measured; empty if it is."""
+        """Return why a message is not what a service measured; empty if it is."""
         name = publisher.rsplit("/", 1)[-1]
         named = name.startswith(PREFIX) or name == PREFIX.rstrip("_")
         if publisher not in self._nodes and (named or publisher in self._substitutes):
@@ -168,7 +162,7 @@ class _Reader:
         return ""
 
     def _fields_of(self, service: Service, message: Any) -> Fields:
-        """The fields of a service in the type that its messages have in this bag."""
+        """Return the fields of a service in the type that its messages have in this bag."""
         key = service.name, message._type, message._md5sum
         if key not in self._fields:
             if message._type != service.type:
@@ -195,7 +189,7 @@ class _Reader:
         return any(self._som.services[name].topic == topic for name, _ in self._heard)
 
     def _series(self) -> Tuple[List[Series], List[str]]:
-        """The series of each service, by its own node where that is in the bag."""
+        """Return the series of each service, by its own node where that is in the bag."""
         series: List[Series] = []
         notes: List[str] = []
         for name, service in self._som.services.items():
@@ -213,7 +207,7 @@ class _Reader:
 
 
 def _series_of(service: Service, parts: Sequence[_Heard]) -> Tuple[List[Series], List[str]]:
-    """The series of the values of a service, and what is to be said of them."""
+    """Return the series of the values of a service, and what is to be said of them."""
     stamps = [stamp for part in parts for stamp in part.stamps]
     recorded = [time for part in parts for time in part.recorded]
     rows = [row for part in parts for row in part.rows]
@@ -242,7 +236,7 @@ def _series_of(service: Service, parts: Sequence[_Heard]) -> Tuple[List[Series],
 
 
 def _incident(message: Any, now: float) -> Incident:
-    """An incident, from the last good message to the first good one after it."""
+    """Return an incident, from the last good message to the first good one after it."""
     known = [t.to_sec() for t in (message.last_good, message.detected) if not t.is_zero()]
     over = [t.to_sec() for t in (message.returned, message.ended) if not t.is_zero()]
     begin, end = min(known, default=now), min(over, default=math.inf)
@@ -251,13 +245,13 @@ def _incident(message: Any, now: float) -> Incident:
 
 
 def callerid(header: Mapping[str, Any]) -> str:
-    """Who published, as the connection said."""
+    """Return the publisher, as its connection names it."""
     name = header.get("callerid", b"")
     return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)
 
 
 def _layouts(message: Any) -> Dict[str, Dict[str, str]]:
-    """The fields of a message's type and of all types in it, as the bag has them."""
+    """Return the fields of a message's type and of all types in it, as the bag has them."""
     from genpy.dynamic import generate_dynamic
 
     types = generate_dynamic(message._type, message._full_text)

@@ -8,8 +8,7 @@ import numpy as np
 from shsa_core.errors import ModelError, listed
 from shsa_core.files.regular import read_text
 from shsa_core.language.syntax import is_name
-from shsa_learning.recordings.recording import Series
-from shsa_learning.recordings.sampling import ordered
+from shsa_learning.recordings.recording import Series, ordered
 
 TIME = "time"
 FARTHEST_BACK_S = 1.0
@@ -17,7 +16,7 @@ FARTHEST_BACK_S = 1.0
 
 
 def read_csv(path: str) -> Tuple[Tuple[Series, ...], Tuple[str, ...]]:
-    """The series in a file, and what is to be said of them. An empty cell: no sample.
+    """Read the series in a file, and what is to be said of them. An empty cell: no sample.
 
     Raises ModelError, with file and line, if it is no such file.
     """
@@ -79,7 +78,7 @@ def _row(
 
 
 def _number(where: str, name: str, cell: str) -> Optional[float]:
-    """The number in a cell; None if it is empty."""
+    """Return the number in a cell; None if it is empty."""
     try:
         return float(cell) if cell.strip() else None
     except ValueError:
@@ -89,7 +88,7 @@ def _number(where: str, name: str, cell: str) -> Optional[float]:
 def _series(
     path: str, columns: Sequence[str], time: np.ndarray, rows: Sequence[Sequence[Optional[float]]]
 ) -> Tuple[Tuple[Series, ...], Tuple[str, ...]]:
-    """A series for each column that has a sample."""
+    """Return a series for each column that has a sample."""
     series: List[Series] = []
     notes: Dict[str, None] = {}
     for place, name in enumerate(columns):

@@ -1,12 +1,13 @@
 """Files of recorded data, whatever their kind, as recordings."""
-import difflib
+import dataclasses
 import os
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from shsa_core.errors import ModelError
 from shsa_core.model.ontology import Ontology
+from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_learning.recordings.attribution import attributed
+from shsa_core.text import nearest
 from shsa_learning.recordings.bags import is_bag, read_bag
 from shsa_learning.recordings.csv_files import read_csv
 from shsa_learning.recordings.recording import Recording, Series
@@ -15,7 +16,7 @@ from shsa_learning.recordings.recording import Recording, Series
 def read(
     paths: Sequence[str], som: Optional[Som] = None, ontology: Optional[Ontology] = None
 ) -> Tuple[Recording, ...]:
-    """The recordings in some files: rosbags, which need a SOM, and CSV files.
+    """Read recordings from files: rosbags, which need a SOM, and CSV files.
 
     A bag is a recording. CSV files are sources of one recording, unless they cannot be: those of
     one name in several folders are a recording each folder, and so are those that do not overlap in
@@ -40,7 +41,7 @@ def read(
 
 
 class _Table(NamedTuple):
-    """What one CSV file holds."""
+    """The series of one CSV file."""
 
     path: str
     series: Tuple[Series, ...]
@@ -86,7 +87,7 @@ def _recordings(
 
 
 def _overlapping(tables: Sequence[_Table]) -> List[List[_Table]]:
-    """The tables in groups that overlap in time, earliest first."""
+    """Return the tables in groups that overlap in time, earliest first."""
     groups: List[List[_Table]] = []
     end = 0.0
     for table in sorted(tables, key=lambda each: each.begin):
@@ -100,13 +101,78 @@ def _overlapping(tables: Sequence[_Table]) -> List[List[_Table]]:
 
 
 def _unknown(series: Sequence[Series], ontology: Optional[Ontology]) -> List[str]:
-    """What is named as no property of the ontology is."""
+    """Note the series whose names are no property of the ontology."""
     if ontology is None:
         return []
     notes = []
     for each in series:
         if each.property not in ontology.properties:
-            near = difflib.get_close_matches(each.property, ontology.properties, n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
+            hint = nearest(each.property, ontology.properties)
             notes.append(f"{each.source}: {each.property} is no property of the ontology{hint}")
     return notes
+
+
+Tables = Sequence[Sequence[Series]]
+"""The series of each file."""
+
+
+def attributed(tables: Tables, som: Som) -> Tuple[List[Tuple[Series, ...]], List[str]]:
+    """Give each series the service and the node that it is of; return notes on that.
+
+    A file is of the service that it is named after, or of the only one that provides all of its
+    columns; a column, of the only service that provides it. Where several could be meant, the first
+    one counts that is not taken.
+    """
+    notes: List[str] = []
+    chosen: List[Dict[str, Service]] = [_certain(table, som) for table in tables]
+    taken = {(service.name, name) for found in chosen for name, service in found.items()}
+    for table, found in zip(tables, chosen):
+        for series in table:
+            if series.property not in found:
+                service, note = _guessed(series, som, taken)
+                notes.append(f"{series.source}: {series.property} {note}")
+                if service is not None:
+                    found[series.property] = service
+                    taken.add((service.name, series.property))
+    named = [
+        tuple(_of(series, found.get(series.property)) for series in table)
+        for table, found in zip(tables, chosen)
+    ]
+    return named, notes if len(som) else []
+
+
+def _certain(table: Sequence[Series], som: Som) -> Dict[str, Service]:
+    """Return the services of a file's columns, as far as there is no doubt."""
+    stem = os.path.splitext(os.path.basename(table[0].source))[0]
+    names = {series.property for series in table}
+    whole = [service for service in som if names <= set(service.properties)]
+    own = som.services.get(stem) or (whole[0] if len(whole) == 1 else None)
+    found = {}
+    for name in names:
+        sources = som.of_property(name)
+        if own is not None and own.source(name) is not None:
+            found[name] = own
+        elif len(sources) == 1:
+            found[name] = sources[0].service
+    return found
+
+
+def _guessed(
+    series: Series, som: Som, taken: Set[Tuple[str, str]]
+) -> Tuple[Optional[Service], str]:
+    """Return the service that a column may be of, and what is to be said of it."""
+    sources = som.of_property(series.property)
+    if not sources:
+        return None, "is provided by no service of the SOM"
+    names = ", ".join(source.service.name for source in sources)
+    for source in sources:
+        if (source.service.name, series.property) not in taken:
+            service = source.service
+            return service, f"is taken for that of {service.name}; name the file after {names}"
+    return None, f"is of none of {names}, which other files are of"
+
+
+def _of(series: Series, service: Optional[Service]) -> Series:
+    if service is None:
+        return series
+    return dataclasses.replace(series, node=service.node, service=service.name)

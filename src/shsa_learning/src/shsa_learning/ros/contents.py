@@ -1,4 +1,4 @@
-"""The numbers in messages of which only the type is known."""
+"""Reads all numbers of messages, of which only the type is known, for a survey."""
 import struct
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
@@ -8,9 +8,10 @@ from shsa_core import message_types
 from shsa_core.errors import ShsaError
 from shsa_core.ros.messages.fields import Field
 from shsa_learning.init.contents import Array, Contents, LeftOut, Number, contents, elements
+from shsa_learning.init.survey import Publisher, Refused, Surveyor, outside
 
 MOST_SHAPES = 50
-"""How many sets of lengths and names the arrays of one publisher may have."""
+"""Sets of lengths and names that the arrays of one publisher may have."""
 
 Shape = Tuple[Tuple[int, Tuple[str, ...]], ...]
 
@@ -30,7 +31,7 @@ class Reader:
         self._shapes: Dict[Shape, List[Tuple[Number, Field]]] = {}
 
     def read(self, data: bytes) -> Tuple[Mapping[Number, Optional[float]], List[LeftOut]]:
-        """The numbers in a message, and the parts that are none, as far as that is new.
+        """Return the numbers in a message, and the parts that are none, as far as that is new.
 
         Raises ShsaError if the bytes are not a message of the type.
         """
@@ -60,9 +61,60 @@ class Reader:
 
 
 def _shape(message: Any, array: Array) -> Tuple[int, Tuple[str, ...]]:
-    """How long an array is in a message, and the names of its elements."""
+    """Return the length of an array in a message, and the names of its elements."""
     owner: Any = message
     *path, last = array.path.split(".")
     for name in path:
         owner = getattr(owner, name)
     return len(getattr(owner, last)), tuple(getattr(owner, array.names)) if array.names else ()
+
+
+class Values:
+    """Reads messages for a surveyor: of each type once what it holds."""
+
+    def __init__(self, surveyor: Surveyor) -> None:
+        self._surveyor = surveyor
+        self._readers: Dict[Tuple[str, str], Optional[Reader]] = {}
+        self._why: Dict[Tuple[str, str], str] = {}
+
+    def takes(self, publisher: Publisher, md5sum: str = "") -> Optional[Reader]:
+        """Return the reader for a publisher, which is taken in; None if it is left out."""
+        why = outside(*publisher)
+        reader = None if why else self._reader(publisher.type, md5sum)
+        if reader is None:
+            why = why or self._why[publisher.type, md5sum]
+            self._surveyor.refuse(Refused(*publisher, why))
+        elif self._surveyor.knows(publisher):
+            return reader
+        return None
+
+    def unheard(self, publisher: Publisher) -> None:
+        """Take a publisher in of which nothing has come."""
+        reader = None if self._surveyor.has(publisher) else self.takes(publisher)
+        if reader is not None:
+            self._surveyor.values(publisher, dict.fromkeys(reader.contents.numbers))
+            for part in reader.contents.left_out:
+                self._surveyor.omit(publisher, part)
+
+    def read(self, publisher: Publisher, reader: Reader, size: int, data: Optional[bytes]) -> None:
+        """Read what a message says, if that is wanted."""
+        if not self._surveyor.wants(publisher, size) or data is None:
+            return
+        try:
+            numbers, omitted = reader.read(data)
+        except ShsaError as error:
+            self._surveyor.refuse(Refused(*publisher, str(error)))
+            return
+        self._surveyor.values(publisher, numbers)
+        for part in (*reader.contents.left_out, *omitted):
+            self._surveyor.omit(publisher, part)
+
+    def _reader(self, kind: str, md5sum: str) -> Optional[Reader]:
+        key = kind, md5sum
+        if key not in self._readers:
+            self._readers[key] = None
+            try:
+                self._readers[key] = Reader(kind, md5sum)
+            except ShsaError as error:
+                self._why[key] = str(error)
+        return self._readers[key]

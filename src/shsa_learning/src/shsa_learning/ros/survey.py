@@ -9,11 +9,17 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.rospy_patches.bounds import subscribe
+from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.text import shown
-from shsa_learning.init.scope import outside
-from shsa_learning.init.survey import LARGEST_MESSAGE_B, Publisher, Refused, Survey, Surveyor
-from shsa_learning.ros.contents import Reader
+from shsa_learning.init.survey import (
+    LARGEST_MESSAGE_B,
+    Publisher,
+    Refused,
+    Survey,
+    Surveyor,
+    outside,
+)
+from shsa_learning.ros.contents import Values
 
 AT_ONCE = 300
 """Topics that are listened to at the same time: each takes a thread and a descriptor or more."""
@@ -35,59 +41,8 @@ class Heard(NamedTuple):
     data: Optional[bytes]
 
 
-class Values:
-    """Reads messages for a surveyor: of each type once what it holds."""
-
-    def __init__(self, surveyor: Surveyor) -> None:
-        self._surveyor = surveyor
-        self._readers: Dict[Tuple[str, str], Optional[Reader]] = {}
-        self._why: Dict[Tuple[str, str], str] = {}
-
-    def takes(self, publisher: Publisher, md5sum: str = "") -> Optional[Reader]:
-        """The reader for a publisher, which is taken in; None if it is left out."""
-        why = outside(*publisher)
-        reader = None if why else self._reader(publisher.type, md5sum)
-        if reader is None:
-            why = why or self._why[publisher.type, md5sum]
-            self._surveyor.refuse(Refused(*publisher, why))
-        elif self._surveyor.knows(publisher):
-            return reader
-        return None
-
-    def unheard(self, publisher: Publisher) -> None:
-        """Take a publisher in of which nothing has come."""
-        reader = None if self._surveyor.has(publisher) else self.takes(publisher)
-        if reader is not None:
-            self._surveyor.values(publisher, dict.fromkeys(reader.contents.numbers))
-            for part in reader.contents.left_out:
-                self._surveyor.omit(publisher, part)
-
-    def read(self, publisher: Publisher, reader: Reader, size: int, data: Optional[bytes]) -> None:
-        """Read what a message says, if that is wanted."""
-        if not self._surveyor.wants(publisher, size) or data is None:
-            return
-        try:
-            numbers, omitted = reader.read(data)
-        except ShsaError as error:
-            self._surveyor.refuse(Refused(*publisher, str(error)))
-            return
-        self._surveyor.values(publisher, numbers)
-        for part in (*reader.contents.left_out, *omitted):
-            self._surveyor.omit(publisher, part)
-
-    def _reader(self, kind: str, md5sum: str) -> Optional[Reader]:
-        key = kind, md5sum
-        if key not in self._readers:
-            self._readers[key] = None
-            try:
-                self._readers[key] = Reader(kind, md5sum)
-            except ShsaError as error:
-                self._why[key] = str(error)
-        return self._readers[key]
-
-
 class _Inbox:
-    """What rospy's threads put, and one thread takes."""
+    """A queue that rospy's threads fill and one thread reads."""
 
     def __init__(self) -> None:
         self._queue: "queue.Queue[Heard]" = queue.Queue()
@@ -104,7 +59,7 @@ class _Inbox:
         self._queue.put(Heard(topic, now, message._connection_header, size, data))
 
     def take(self, seconds: float) -> Optional[Heard]:
-        """The next message; None if none came in time."""
+        """Return the next message; None if none came in time."""
         try:
             heard = self._queue.get(timeout=max(1e-3, seconds))
         except queue.Empty:
@@ -116,7 +71,7 @@ class _Inbox:
 
 
 class _Graph:
-    """Who publishes what, by the master's word."""
+    """The publishers of each topic, as the master lists them."""
 
     def __init__(self) -> None:
         self.types: Dict[str, str] = {}
@@ -159,7 +114,7 @@ class _Listening:
         self._inbox = _Inbox()
 
     def run(self) -> Tuple[Survey, List[str]]:
-        """All topics, and those that come meanwhile."""
+        """Survey all topics, and those that come meanwhile."""
         begin, notes = time.monotonic(), []
         while True:
             group = self._next(AT_ONCE)

@@ -1,39 +1,18 @@
 """Surveys a recording: a rosbag, read with the message types that are built here."""
-import struct
-from typing import Any, List, Mapping, Tuple
+from typing import Any, List, Mapping
 
-import genpy
 import rosbag
 
-from shsa_core.errors import ShsaError
-from shsa_core.files.regular import open_to_read
 from shsa_learning.init.draft import UNKNOWN_NODE
 from shsa_learning.init.survey import Publisher, Survey, Surveyor
-from shsa_learning.ros.survey import Values
-
-FAILURES = (
-    *(rosbag.ROSBagException, genpy.DeserializationError, OSError, EOFError, struct.error),
-    *(ValueError, KeyError, IndexError, TypeError, AttributeError, MemoryError),
-)
-"""What rosbag raises at files that are none, or are damaged."""
+from shsa_learning.recordings.bags import opened
+from shsa_learning.ros.contents import Values
 
 
-def survey_bag(path: str) -> Tuple[Survey, List[str]]:
-    """What is in a rosbag; times are those at which messages were recorded, s.
-
-    Raises ShsaError if it cannot be read.
-    """
-    with open_to_read(path) as file:
-        try:
-            with rosbag.Bag(file) as bag:
-                return _survey(bag), []
-        except rosbag.ROSBagUnindexedException as error:
-            raise ShsaError(
-                f"{path}: is not complete, as where a recording was cut off: "
-                f"`rosbag reindex` mends what is there of it"
-            ) from error
-        except FAILURES as error:
-            raise ShsaError(f"{path}: cannot be read as a rosbag: {error}") from error
+def survey_bag(path: str) -> Survey:
+    """Survey a rosbag; times are those of recording, in s. Raises ModelError if it is none."""
+    with opened(path) as bag:
+        return _survey(bag)
 
 
 def _survey(bag: Any) -> Survey:

@@ -5,7 +5,7 @@ import os
 import sys
 from typing import Any
 
-from shsa_core.cli._output import say
+from shsa_core.cli._common import say
 from shsa_core.errors import ShsaError
 from shsa_view.glance import Look, lines
 

@@ -1,4 +1,4 @@
-"""What who has the token may do: release, substitute now, and inject a fault. Each is logged."""
+"""Actions with the token: release, substitute now, and inject a fault. Each is logged."""
 import importlib.util
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""What is asked of the view in threads: the drawing, what would be, and actions."""
+"""Answers that are found in threads: the drawing, what would be, and actions."""
 import threading
 import time
 from typing import Any, Callable, Dict, List, Mapping, Tuple
@@ -35,7 +35,7 @@ class RosAnswers:
         self._drawn: Tuple[Tuple[Ontology, Som], Document] = ((state.ontology, state.som), {})
 
     def graph(self) -> Document:
-        """The drawing of the ontology; made anew when that was read again."""
+        """Return the drawing of the ontology; made anew when that was read again."""
         with self._lock:
             models = self._state.ontology, self._state.som
             drawn_of, document = self._drawn
@@ -45,7 +45,7 @@ class RosAnswers:
             return document
 
     def what_if(self, service: str, node: str) -> Document:
-        """What healing would do without a service or a node. Raises ShsaError."""
+        """Return what healing would do without a service or a node. Raises ShsaError."""
         with self._lock:
             before, kept = self._kept.get((service, node), (0.0, {}))
             if kept and time.monotonic() < before + KEPT_S:
@@ -68,7 +68,7 @@ class RosAnswers:
         return what_if.answer(question, answers, what_if.cut_sets(ontology, som, lost[0].node))
 
     def _asked(self, service: Service) -> Document:
-        """What healing says of a service without its node."""
+        """Ask healing about a service without its node."""
         response = _called(lambda: self._find(topic=service.name, without=[service.node]))
         return {
             "service": service.name,
@@ -86,7 +86,7 @@ class RosAnswers:
 
 
 def _called(call: Callable[[], Any]) -> Any:
-    """The answer of the reconfigurator. Raises ShsaError if it gives none."""
+    """Return the answer of the reconfigurator. Raises ShsaError if it gives none."""
     try:
         return call()
     except (rospy.ServiceException, rospy.ROSException) as error:

@@ -9,12 +9,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.rospy_patches.bounds import subscribe
-from shsa_core.ros.trust.signing import LARGEST_B, Signing
 from shsa_core.ros.messages.tables import TableSubscriber
+from shsa_core.ros.rospy_patches.subscribing import subscribe
+from shsa_core.ros.trust.signing import LARGEST_B, Signing
 from shsa_core.ros.wire import names
 from shsa_view import facts
-from shsa_view.presence import presence
+from shsa_view.facts import presence
 from shsa_view.ros import wire
 
 LOOK_S = 0.2
@@ -52,7 +52,7 @@ class Listener:
         self._facts.append(lambda: (fact,))
 
     def take(self) -> Iterator[facts.Fact]:
-        """What has come."""
+        """Return what has come."""
         if time.monotonic() > self._looked + LOOK_S:
             self._looked = time.monotonic()
             yield from self._look()
@@ -83,7 +83,7 @@ class Listener:
             self._facts.append(lambda: self._diagnostics.facts(message))
 
     def _look(self) -> Iterator[facts.Fact]:
-        """Who is there, and whether anything was refused."""
+        """Return who is there, and whether anything was refused."""
         for sender, tables in self._tables.items():
             connected = all(table.get_num_connections() for table in tables)
             met = self._met[sender] = self._met.get(sender, False) or connected
@@ -109,7 +109,7 @@ class Listener:
 
 
 def _signing(secret: str) -> Any:
-    """What checks signatures; None, and why, if there is no secret that we may read."""
+    """Return the checker of signatures; None, and why, if there is no secret that we may read."""
     try:
         return Signing(secret, make=False), ""
     except ShsaError as error:

@@ -42,11 +42,11 @@ class Models:
 
     @property
     def first(self) -> ModelsRead:
-        """What was read first."""
+        """Read the files for the first time."""
         return self._first
 
     def changed(self) -> Iterator[ModelsRead]:
-        """The models, if their files have changed since."""
+        """Read the models again if their files have changed."""
         if time.monotonic() < self._looked + LOOK_S:
             return
         self._looked = time.monotonic()
@@ -55,7 +55,7 @@ class Models:
             yield self._read()
 
     def _read(self) -> ModelsRead:
-        """What is valid of them; the rest is logged. Raises ShsaError if they cannot be read."""
+        """Read what is valid of them; log the rest. Raises ShsaError if they cannot be read."""
         ontology_path, som_path = self._paths
         self._seen = self._times()
         ontology, errors = load_ontology(ontology_path)
@@ -111,7 +111,7 @@ class ViewNode:
 
 
 def _logged(path: str) -> Iterator[Fact]:
-    """The incidents of the log, as far as they are shown."""
+    """Yield the incidents of the log, as far as they are shown."""
     if not os.path.exists(path):
         return
     try:
@@ -126,14 +126,14 @@ def _logged(path: str) -> Iterator[Fact]:
 
 
 def _in_url(address: str) -> str:
-    """An address as a browser takes it; that of all networks is none of them."""
+    """Return an address as a browser takes it; that of all networks is none of them."""
     if address in ("", "0.0.0.0", "::"):
         return socket.gethostname()
     return f"[{address}]" if ":" in address else address
 
 
 def _token() -> str:
-    """What lets its owner act: kept in a file that only our user can read. Raises ShsaError."""
+    """Return the token, kept in a file that only our user can read. Raises ShsaError."""
     name = file_name("view_token", rospy.get_namespace())
     return secret.obtain(os.path.join(rospkg.get_ros_home(), "shsa", name)).hex()
 

@@ -30,17 +30,17 @@ Document = Dict[str, Any]
 
 
 def master_uri() -> str:
-    """Where the ROS master is said to be."""
+    """Return the URI of the ROS master."""
     return str(rosgraph.get_master_uri())
 
 
 def master_answers() -> bool:
-    """Whether there is a master."""
+    """Return whether the master answers."""
     return master_pid() is not None
 
 
 def master_pid() -> Optional[int]:
-    """Which process the master is; None if none answers."""
+    """Return the process of the master; None if none answers."""
     try:
         return int(master_api().getPid())
     except (*FAILURES, TypeError, ValueError):
@@ -68,7 +68,7 @@ class Watch:
 
     @property
     def connected(self) -> bool:
-        """Whether it has had a master."""
+        """True once it has had a master."""
         return self._listener is not None
 
     def look(self) -> str:
@@ -87,7 +87,7 @@ class Watch:
         return ""
 
     def document(self) -> Document:
-        """How the robot is now."""
+        """Return the state of the robot as a document."""
         if self._listener is not None:
             self._read_models()
             for fact in self._listener.take():
@@ -112,7 +112,7 @@ class Watch:
             self._heed(som)
 
     def _read_models(self) -> None:
-        """The SOM from the parameter server, once it is there."""
+        """Read the SOM from the parameter server once it is there."""
         if self._known or time.monotonic() < self._models_due:
             return
         self._models_due = time.monotonic() + MODELS_S

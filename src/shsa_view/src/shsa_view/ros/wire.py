@@ -20,7 +20,7 @@ LEVELS = {DiagnosticStatus.OK: "heard", DiagnosticStatus.ERROR: "lost"}
 
 
 def health(message: msg.Health, monitor: str) -> facts.HealthTold:
-    """The table of health, or its changes."""
+    """Return the table of health, or its changes."""
     pairs = [each.partition(" ") for each in message.removed]
     removed = tuple((topic, publisher) for topic, _, publisher in pairs)
     rows = tuple(map(_publisher, message.publishers))
@@ -35,7 +35,7 @@ def _publisher(row: msg.PublisherHealth) -> facts.Publisher:
 
 
 def services(message: msg.SomState) -> facts.ServicesTold:
-    """The running SOM, or its changes."""
+    """Return the running SOM, or its changes."""
     rows = tuple(map(_running, message.services))
     return facts.ServicesTold(rows, tuple(message.removed), message.whole)
 
@@ -46,7 +46,7 @@ def _running(row: msg.ServiceState) -> facts.Running:
 
 
 def substitutes(message: msg.Substitutions) -> facts.SubstitutesTold:
-    """The table of substitutions, or its changes."""
+    """Return the table of substitutions, or its changes."""
     rows = tuple(map(_substitute, message.substitutions))
     return facts.SubstitutesTold(rows, tuple(message.removed), message.whole)
 
@@ -73,7 +73,7 @@ def _paths(signals: Sequence[msg.Signal]) -> Tuple[str, ...]:
 
 
 def incident(message: msg.Incident) -> facts.IncidentTold:
-    """A step of an incident. Raises ShsaError if it is none."""
+    """Return a step of an incident. Raises ShsaError if it is none."""
     return facts.IncidentTold(of_message(message))
 
 
@@ -92,12 +92,12 @@ class Diagnostics:
         self._prefix = namespace[1:]
 
     def sender(self, message: DiagnosticArray) -> str:
-        """Which healer a message is of, as `monitor`; empty: none of ours."""
+        """Return the healer that sent a message, as `monitor`; empty: none of ours."""
         name = str(message._connection_header.get("callerid", ""))[1:]
         return name[len(self._prefix) :] if name.startswith(self._prefix) else ""
 
     def facts(self, message: DiagnosticArray) -> List[facts.Fact]:
-        """What is told of services, hosts and the master by who `sender` names."""
+        """Return the facts about services, hosts and the master in a message of `sender`."""
         rows = self._rows(message)
         if self.sender(message) != "reconfigurator":
             return [facts.FiguresTold(tuple(_figures(name, row) for name, row in rows.items()))]
@@ -114,7 +114,7 @@ class Diagnostics:
         return found
 
     def _rows(self, message: DiagnosticArray) -> Dict[str, DiagnosticStatus]:
-        """The rows by what they are about, of the node that sent them."""
+        """Return the rows by what they are about, of the node that sent them."""
         prefix = str(message._connection_header.get("callerid", ""))[1:] + ": "
         return {
             row.name[len(prefix) :]: row for row in message.status if row.name.startswith(prefix)
@@ -122,7 +122,7 @@ class Diagnostics:
 
 
 def _figures(name: str, row: DiagnosticStatus) -> facts.Figures:
-    """The rate of each publisher, whose key is a node's name; the value of each property."""
+    """Return the rate of each publisher, whose key is a node's name; the value of each property."""
     rates: Dict[str, float] = {}
     values: Dict[str, float] = {}
     for pair in row.values:

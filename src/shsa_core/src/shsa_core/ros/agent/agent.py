@@ -4,22 +4,22 @@ It decides nothing. Without a reconfigurator it does nothing, and what it has st
 knows then that it is cut off.
 """
 import argparse
+import os
 import queue
 import re
 import shlex
 import sys
 import threading
 import time
-from typing import Optional, Set
+from typing import Optional
 
-import psutil
 import rospy
 from shsa_msgs import msg
 
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.naming import Names
-from shsa_core.ros import clock
+from shsa_core.ros import clock, settings
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.handover import Handover, await_turn
 from shsa_core.ros.processes.heartbeats import Signs, hearer
@@ -27,21 +27,14 @@ from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.agent.agent_records import AgentRecords
 from shsa_core.ros.processes.host import HostCommand, HostEvent
-from shsa_core.ros.processes.starting import Forks
+from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.processes.local import LocalHost
-from shsa_core.ros.agent.remote import LOST_S
-from shsa_core.ros.agent.line import Line, event_text, read_command
+from shsa_core.ros.agent.line import EVENTS, Line, read_command, written
 from shsa_core.ros.node import publish, run
 from shsa_core.ros.wire import names
 
-BEAT_S = 0.1
-KNOWN_S = 2.0
-"""Between two looks whether the master knows us."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-QUEUE = 200
-"""Messages that wait for a slow reconfigurator; what is beyond is said again."""
 
 
 class AgentEnd:
@@ -59,16 +52,16 @@ class AgentEnd:
         self._open = False
 
     def is_open(self, now: float) -> bool:
-        """Whether the conversation goes on."""
-        self._open = self._open and now < self._heard_at + LOST_S
+        """Return whether the conversation goes on."""
+        self._open = self._open and now < self._heard_at + settings.LOST_S
         return self._open
 
     def is_cut_off(self, now: float) -> bool:
-        """Whether a reconfigurator was heard, and is not any more."""
+        """Return whether a reconfigurator was heard, and is not any more."""
         return self.session > 0 and not self.is_open(now)
 
     def hear(self, message: msg.HostCommand, now: float) -> bool:
-        """Whether a message holds a command that is to be carried out now."""
+        """Return whether a message holds a command that is to be carried out now."""
         if message.agent != self.began or message.session < self.session:
             return False  # it is for another agent, or of a former reconfigurator
         if message.session > self.session:
@@ -76,7 +69,7 @@ class AgentEnd:
         elif not self.is_open(now):
             return False
         self._heard_at = now
-        return self.line.take(message.number, message.heard, now)
+        return self.line.hear(message.number, message.heard, now)
 
 
 class AgentNode:
@@ -92,30 +85,21 @@ class AgentNode:
         self._load = Load()
         self._commands: "queue.Queue[HostCommand]" = queue.Queue()
         self._restarts = may_restart(arguments.restart_as_root)
-        self._with_us: Set[str] = set()
         self._forgotten = threading.Event()
         topic = names.host_events(self._name)
         self._sign = signing.signer(topic, msg.HostEvent)
         self._publisher: Optional[rospy.Publisher] = None
         prefix = Names(rospy.get_namespace()).prefix
-        self._host = LocalHost(
-            self._tell,
-            Signs(hearer(self._name), cut_off=self._cut_off),
-            prefix,
-            arguments.journal,
-            signing.path,
-            arguments.sandbox,
-            self._name,
-            Forks(prefix.rsplit("/", 1)[0]),
-        )
-        self._records = AgentRecords(self._name)
-        restarted = list(self._records.take_up(self._host.restarts))
-        self._with_us.update(each.node for each in restarted if each.with_us)
-        left = [*self._host.take_up_left(), *(each.node for each in restarted)]
+        given = arguments.journal, arguments.sandbox, self._name
+        signs = Signs(hearer(self._name), cut_off=self._cut_off)
+        self._host = LocalHost(self._tell, signs, Setup(prefix, signing.path, *given, forks=True))
+        left = self._host.take_up()
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
         self._handover = handover
-        self._publisher = rospy.Publisher(topic, msg.HostEvent, queue_size=QUEUE, tcp_nodelay=True)
+        self._publisher = rospy.Publisher(
+            topic, msg.HostEvent, queue_size=settings.QUEUE, tcp_nodelay=True
+        )
         topic = names.host_commands(self._name)
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
 
@@ -133,7 +117,7 @@ class AgentNode:
                 raise ShsaError("the master was started anew, and knows us only if we are, too")
             now = clock.now()
             if now >= beat_at:
-                beat_at = now + BEAT_S
+                beat_at = now + settings.HEARTBEAT_S
                 self._beat(now)
             try:
                 command = self._commands.get(timeout=max(0.0, beat_at - clock.now()))
@@ -141,7 +125,7 @@ class AgentNode:
                 continue
             self._carry_out(command)
         if not self._handover.followed:
-            self._host.stop_all(self._with_us)
+            self._host.stop_all()
 
     def _cut_off(self) -> bool:
         with self._lock:
@@ -153,8 +137,8 @@ class AgentNode:
         One that was restarted with the master does not find us, and cannot tell the master of us.
         """
         us, topic = rospy.get_name(), rospy.resolve_name(names.host_events(self._name))
-        while not rospy.is_shutdown() and kernel.started_by_launch(psutil.Process()):
-            rospy.rostime.wallsleep(KNOWN_S)
+        while not rospy.is_shutdown() and kernel.started_by_launch(os.getpid()):
+            rospy.rostime.wallsleep(settings.LOOK_S)
             with self._lock:
                 heard = self._end.is_open(clock.now())
             try:
@@ -170,8 +154,6 @@ class AgentNode:
             why = f"that would be as root on {self._name} (restart_as_root:=true)"
             self._tell(events.RestartFailed(clock.now(), command.node, why))
             return
-        if isinstance(command, events.StopNode):
-            self._records.stopped(command.node)
         self._host.carry_out(command)
 
     def _received(self, message: msg.HostCommand) -> None:
@@ -190,14 +172,10 @@ class AgentNode:
 
     def _tell(self, event: HostEvent) -> None:
         """Say what has happened; if nobody listens, whoever does later sees what runs."""
-        if isinstance(event, events.NodeRestarted):
-            self._records.started(event)
-            if event.with_us:
-                self._with_us.add(event.node)
         now = clock.now()
         with self._lock:
             if self._end.is_open(now):
-                self._say(*self._end.line.say(event_text(event), now))
+                self._say(*self._end.line.say(written(EVENTS, event), now))
 
     def _beat(self, now: float) -> None:
         self._load.look(now)

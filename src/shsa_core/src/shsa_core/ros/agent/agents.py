@@ -6,25 +6,18 @@ import rospy
 from shsa_msgs import msg
 
 from shsa_core.healing import events
-from shsa_core.ros import clock
+from shsa_core.ros import clock, settings
 from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, master_api
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.processes.host import HostCommand
-from shsa_core.ros.agent.remote import TICK_S, RemoteHost, TellAny, Told
+from shsa_core.ros.agent.remote import RemoteHost, TellAny, Told
 from shsa_core.ros.node import publish
 from shsa_core.ros.wire import names
 
-BEAT_S = 0.1
-QUEUE = 200
-STOP_S = 3.0
-"""So long the agents are given to hear that something is to be stopped."""
-START_S = 1.5
-"""So long an agent that is registered is given to tell what runs there."""
-
 
 class Agents:
-    """What is known of the computers that have an agent, by name; from any thread.
+    """The computers that have an agent, by name; from any thread.
 
     `own`: the name of our own computer, of which we tell ourselves; empty: it has none.
     """
@@ -39,7 +32,7 @@ class Agents:
 
     @property
     def names(self) -> List[str]:
-        """The computers whose agents are listened to."""
+        """Return the computers whose agents are listened to."""
         return list(self._hosts)
 
     def listen(self, hosts: Iterable[str], taking_up: bool = False) -> None:
@@ -59,19 +52,19 @@ class Agents:
             self._hosts[name].carry_out(command, clock.now())
 
     def take_up(self) -> Dict[str, str]:
-        """What runs on the computers, each node with the name of its computer.
+        """Return the nodes of ours that run on the computers, each with the name of its computer.
 
         Waits for the agents that are registered, and for nobody where there are none.
         """
         wanted = self._registered()
-        deadline = clock.now() + START_S
+        deadline = clock.now() + settings.START_S
         while clock.now() < deadline and not all(self._hosts[n].is_reached for n in wanted):
-            rospy.rostime.wallsleep(TICK_S / 5)
+            rospy.rostime.wallsleep(settings.TICK_S / 5)
         with self._lock:
             return {node: name for name, host in self._hosts.items() for node in host.take_up()}
 
     def home(self, uri: str) -> str:
-        """The computer that a node's address is of; empty: none that has an agent."""
+        """Return the computer that a node's address is of; empty: none that has an agent."""
         try:
             place = address(uri).host
         except (BadAnswer, UnicodeError):
@@ -82,20 +75,22 @@ class Agents:
         return (first + other + [""])[0]
 
     def told(self) -> List[Told]:
-        """How each computer does."""
+        """Return how each computer does."""
         with self._lock:
             return [host.told() for host in self._hosts.values()]
 
     def await_quiet(self) -> None:
         """Wait until the agents that can be reached have heard everything."""
-        deadline = clock.now() + STOP_S
+        deadline = clock.now() + settings.STOP_S
         while clock.now() < deadline and not all(h.is_quiet for h in self._hosts.values()):
-            rospy.rostime.wallsleep(TICK_S)
+            rospy.rostime.wallsleep(settings.TICK_S)
 
     def _host(self, name: str) -> RemoteHost:
         topic = names.host_commands(name)
         sign = self._signing.signer(topic, msg.HostCommand)
-        publisher = rospy.Publisher(topic, msg.HostCommand, queue_size=QUEUE, tcp_nodelay=True)
+        publisher = rospy.Publisher(
+            topic, msg.HostCommand, queue_size=settings.QUEUE, tcp_nodelay=True
+        )
         return RemoteHost(name, self._tell, lambda message: publish(publisher, sign(message)))
 
     def _subscribe(self, name: str, host: RemoteHost) -> None:
@@ -109,7 +104,7 @@ class Agents:
         host.ended = lambda: subscriber.get_num_connections() == 0
 
     def _registered(self) -> List[str]:
-        """The computers whose agents the master knows."""
+        """Return the computers whose agents the master knows."""
         if not self._hosts:
             return []
         try:
@@ -131,9 +126,9 @@ class Agents:
                     if now >= beat_at:
                         host.beat()
             if now >= beat_at:
-                beat_at = now + BEAT_S
+                beat_at = now + settings.HEARTBEAT_S
                 self._look(now)
-            rospy.rostime.wallsleep(TICK_S)
+            rospy.rostime.wallsleep(settings.TICK_S)
 
     def _look(self, now: float) -> None:
         """Tell of our own computer, as agents do of theirs."""

@@ -1,7 +1,7 @@
-"""What is said between healing and an agent: in order and each once, over topics that may lose it.
+"""Carries what healing and an agent say: in order and each once, over topics that may lose it.
 
 Both ends number what they say from 1, tell how much they have heard, and say again what the other
-end has not.
+end has not. Commands and events are JSON; nothing else is read.
 """
 import json
 from collections import deque
@@ -10,12 +10,11 @@ from typing import Any, Deque, List, NamedTuple, Optional, cast
 from shsa_core.errors import ModelError
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import FORMS
+from shsa_core.ros import settings
 from shsa_core.ros.processes.host import HostCommand, HostEvent
 
 COMMANDS = Codec(HostCommand, FORMS)
 EVENTS = Codec(HostEvent, FORMS)
-RESEND_S = 0.2
-"""Without an answer for so long, all that is not answered is said again."""
 
 
 class Said(NamedTuple):
@@ -33,59 +32,52 @@ class Line:
         """So much of what the other end says has come."""
         self._number = 0
         self._open: Deque[Said] = deque()
-        self._since = self._again_at = 0.0
+        self._again_at = 0.0
+        self.since: Optional[float] = None
+        """Since when the other end owes an answer; None: it owes none."""
 
     def say(self, text: str, now: float) -> Said:
         """Number what is to be said, and keep it until the other end has heard it."""
         if not self._open:
-            self._since, self._again_at = now, now + RESEND_S
+            self.since, self._again_at = now, now + settings.RESEND_S
         self._number += 1
         self._open.append(Said(self._number, text))
         return self._open[-1]
 
-    def take(self, number: int, heard: int, now: float) -> bool:
-        """Whether what came is new, and the next in order; `heard`: so much has the other end.
+    def hear(self, number: int, heard: int, now: float) -> bool:
+        """Return whether what came is new, and the next in order; `heard`: so much has the other.
 
         What comes too early is said again; number 0 is nothing but `heard`.
         """
         if self._open and heard >= self._open[0].number:
             while self._open and self._open[0].number <= heard:
                 self._open.popleft()
-            self._since, self._again_at = now, now + RESEND_S
+            self.since, self._again_at = now if self._open else None, now + settings.RESEND_S
         if number != self.heard + 1:
             return False
         self.heard = number
         return True
 
     def again(self, now: float) -> List[Said]:
-        """What is to be said again now."""
+        """Return what is to be said again now."""
         if not self._open or now < self._again_at:
             return []
-        self._again_at = now + RESEND_S
+        self._again_at = now + settings.RESEND_S
         return list(self._open)
 
-    def waiting(self, now: float) -> Optional[float]:
-        """For how long the other end has owed an answer; None: it owes none."""
-        return now - self._since if self._open else None
 
-
-def command_text(command: HostCommand) -> str:
-    """A command as one line."""
-    return json.dumps(COMMANDS.encode(command))
-
-
-def event_text(event: HostEvent) -> str:
-    """An event as one line."""
-    return json.dumps(EVENTS.encode(event))
+def written(codec: Codec, told: object) -> str:
+    """Write a command or an event as one line."""
+    return json.dumps(codec.encode(told))
 
 
 def read_command(text: str, where: str) -> HostCommand:
-    """The command that a text is. Raises ModelError if it is none."""
+    """Return the command that a text is. Raises ModelError if it is none."""
     return cast(HostCommand, COMMANDS.decode(_parsed(text, where), where, "the command"))
 
 
 def read_event(text: str, where: str) -> HostEvent:
-    """The event that a text is. Raises ModelError if it is none."""
+    """Return the event that a text is. Raises ModelError if it is none."""
     return cast(HostEvent, EVENTS.decode(_parsed(text, where), where, "the event"))
 
 

@@ -1,4 +1,4 @@
-"""How busy this computer is, and which addresses it has."""
+"""Measures how busy this computer is, and finds its addresses."""
 import socket
 from typing import List, Set
 from urllib.parse import urlparse
@@ -7,12 +7,11 @@ import psutil
 import rosgraph.network
 import rospy
 
-LOOK_S = 1.0
-"""Between two looks."""
+from shsa_core.ros import settings
 
 
 class Load:
-    """What was found at the last look.
+    """The load and the addresses at the last look.
 
     `busy`: busy cores, of `cores`. `sent`, `received`: bytes/s on all networks but the computer's
     own. `addresses`: names and numbers, first the one that we are known by.
@@ -29,7 +28,7 @@ class Load:
     def look(self, now: float) -> None:
         """Look, if it is time to; `now`: s."""
         elapsed = now - self._looked
-        if elapsed < LOOK_S:
+        if elapsed < settings.LOOK_S:
             return
         counted, before = _counters(), self._counted
         self.busy = psutil.cpu_percent() / 100.0 * self.cores

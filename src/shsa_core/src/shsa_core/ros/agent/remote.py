@@ -12,16 +12,10 @@ from shsa_msgs import msg
 from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
-from shsa_core.ros.processes.host import HostCommand, HostEvent
-from shsa_core.ros.agent.line import Line, command_text, read_event
-
-TICK_S = 0.05
-"""Between two calls of `tick`."""
-LOST_S = 1.0
-"""An agent that is silent for so long cannot be reached, and its computer is lost."""
-RETURN_S = 4.0
-"""An agent that has ended is started again within this time: its computer is there."""
-NOBODY = (0, 0.0)
+from shsa_core.ros import settings
+from shsa_core.ros.agent.line import COMMANDS, Line, read_event, written
+from shsa_core.ros.processes.host import HostCommand, HostEvent, not_done
+from shsa_core.watch import Watch
 
 TellAny = Callable[[events.Event], None]
 
@@ -37,7 +31,7 @@ ANSWERS: Mapping[Type[Any], Tuple[Type[Any], ...]] = {
 
 
 class Told(NamedTuple):
-    """How a computer does, for people. `silent`: for how long in s; None: it was never heard."""
+    """The state of a computer, for people. `silent`: s since it was heard; None: it never was."""
 
     name: str
     reached: bool
@@ -49,18 +43,10 @@ class Told(NamedTuple):
 
 
 def unreachable(command: HostCommand, now: float, why: str) -> Optional[events.Event]:
-    """The answer to a command for a computer that cannot be reached; None: it needs none."""
-    if isinstance(command, events.LearnNode):
-        return events.NodeLearned(now, command.node, False)
+    """Return the answer to a command for a computer that cannot be reached; None: it needs none."""
     if isinstance(command, events.FindNode):
         return events.NodeFound(now, command.node, Where.UNREACHABLE, why)
-    if isinstance(command, (events.AskToLeave, events.EndProcess)):
-        return events.ProcessUntouchable(now, command.node, why)
-    if isinstance(command, events.StartSubstitute):
-        return events.ProcessExited(now, command.node, why)
-    if isinstance(command, events.RestartNode):
-        return events.RestartFailed(now, command.node, why)
-    return None
+    return not_done(command, now, why)
 
 
 class RemoteHost:
@@ -81,42 +67,41 @@ class RemoteHost:
         self.name = name
         self.ended: Callable[[], bool] = lambda: False
         self.addresses: Tuple[str, ...] = ()
-        self._running: Tuple[str, ...] = ()
-        self._restarted: Tuple[str, ...] = ()
         self._tell, self._publish = tell, publish
         self._agent = self._session = 0
         self._line = Line()
         self._reached = self._known = self._lost = self._left = self._settled = False
         self._waits: Dict[Tuple[Type[Any], str], HostCommand] = {}
-        self._wanted: Dict[str, HostCommand] = {}  # what runs there, and how it is stopped
+        # What is to run there, what was found to run there, and how each is stopped.
+        self._wanted: Dict[str, HostCommand] = {}
+        self._found: Dict[str, HostCommand] = {}
         self._watched = events.WatchNodes(())
         self._last: Optional[msg.HostEvent] = None
-        self._silence = 0.0
-        self._ticked = float("-inf")
+        self._clock = Watch()
+        self._heard_at = float("-inf")
 
     @property
     def is_reached(self) -> bool:
-        """Whether both ends hear each other."""
+        """True if both ends hear each other."""
         return self._reached
 
     @property
     def is_quiet(self) -> bool:
-        """Whether nothing is under way to the agent, or can be."""
-        return not self._reached or self._line.waiting(0.0) is None
+        """True if nothing is under way to the agent, or can be."""
+        return not self._reached or self._line.since is None
 
     def told(self) -> Told:
-        """How the computer does."""
+        """Return how the computer does."""
         last = self._last
         if last is None:
             return Told(self.name, False, None)
         figures = last.load, last.cores, last.received, last.transmitted
-        return Told(self.name, self._reached, self._silence, *figures)
+        return Told(self.name, self._reached, self._clock.passed(self._heard_at), *figures)
 
     def take_up(self) -> Tuple[str, ...]:
-        """What runs there is wanted, and told; what is found later, and is not, is stopped."""
+        """Want what runs there, and return it; what is found later, and not wanted, is stopped."""
         self._settled = True
-        self._wanted.update({node: events.StopSubstitute(node) for node in self._running})
-        self._wanted.update({node: events.StopNode(node) for node in self._restarted})
+        self._wanted.update(self._found)
         return tuple(self._wanted)
 
     def carry_out(self, command: HostCommand, now: float) -> None:
@@ -135,15 +120,15 @@ class RemoteHost:
             self._answer(command, now, f"{self.name} cannot be reached")
 
     def heard(self, message: msg.HostEvent, now: float) -> None:
-        """The agent has said something."""
+        """Take in a message of the agent."""
         self._last = message
         self.addresses = tuple(message.addresses)
         if message.began != self._agent:
             self._give_up(now, f"the agent of {self.name} was started anew")
             self._begin(message)
         elif message.session == self._session and message.open:
-            self._silence, self._left = 0.0, False
-            new = self._line.take(message.number, message.heard, now)
+            self._heard_at, self._left = now, False
+            new = self._line.hear(message.number, message.heard, now)
             if not self._reached:
                 self._reach(message, now)
             if new:
@@ -156,22 +141,20 @@ class RemoteHost:
             self._begin(message)
 
     def tick(self, now: float) -> None:
-        """Time passes: what was not heard is said again, and who is silent is lost.
-
-        Time in which we were not scheduled ourselves is no silence.
-        """
-        self._silence += min(max(0.0, now - self._ticked), 2 * TICK_S)
-        self._ticked = now
+        """Say again what was not heard, and give up an agent that is silent; every TICK_S."""
+        self._clock.look(now, self._clock.now + settings.TICK_S)
         for number, text in self._line.again(now):
             self._say(number, text)
-        silence = max(self._silence, self._line.waiting(now) or 0.0)
-        if self._reached and silence >= LOST_S:
-            self._give_up(now, f"{self.name} has not answered for {silence:.1f} s")
+        silence = self._clock.passed(self._heard_at)
+        owed = 0.0 if self._line.since is None else self._clock.passed(self._line.since)
+        if self._reached and max(silence, owed) >= settings.LOST_S:
+            why = f"{self.name} has not answered for {max(silence, owed):.1f} s"
+            self._give_up(now, why)
         self._left = self._left or (not self._reached and self.ended())
-        patience = RETURN_S if self._left else LOST_S
-        if self._known and not self._reached and not self._lost and self._silence >= patience:
+        patience = settings.RETURN_S if self._left else settings.LOST_S
+        if self._known and not self._reached and not self._lost and silence >= patience:
             self._lost = True
-            why = f"its agent has not answered for {self._silence:.1f} s"
+            why = f"its agent has not answered for {silence:.1f} s"
             self._tell(events.HostLost(now, self.name, why))
 
     def beat(self) -> None:
@@ -186,19 +169,21 @@ class RemoteHost:
         self.beat()
 
     def _reach(self, message: msg.HostEvent, now: float) -> None:
-        """Both ends hear each other: bring together what is wanted there and what runs."""
+        """Both ends hear each other from now on."""
         self._reached, self._known, self._lost = True, True, False
-        self._running, self._restarted = tuple(message.running), tuple(message.restarted)
+        self._found = {node: events.StopSubstitute(node) for node in message.running}
+        self._found.update({node: events.StopNode(node) for node in message.restarted})
         self._send(self._watched, now)
-        if not self._settled:
-            return
-        found: Dict[str, HostCommand] = {n: events.StopSubstitute(n) for n in self._running}
-        found.update({node: events.StopNode(node) for node in self._restarted})
-        for node in [each for each in self._wanted if each not in found]:
+        if self._settled:
+            self._reconcile(now)
+
+    def _reconcile(self, now: float) -> None:
+        """Stop what runs there and is not wanted; tell of wanted substitutes that do not run."""
+        for node in [each for each in self._wanted if each not in self._found]:
             if isinstance(self._wanted.pop(node), events.StopSubstitute):
                 self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
-        for node in [each for each in found if each not in self._wanted]:
-            self._send(found[node], now)
+        for node in [each for each in self._found if each not in self._wanted]:
+            self._send(self._found[node], now)
 
     def _happened(self, text: str, now: float) -> None:
         try:
@@ -208,20 +193,18 @@ class RemoteHost:
         self._tell(self._ours(event, now))
 
     def _ours(self, event: HostEvent, now: float) -> HostEvent:
-        """An event as of our own: by our clock, and without process numbers of another computer."""
+        """Return an event by our clock; whoever waited for it does not wait any more."""
         for command in [each for each in self._waits if each[1] == event.node]:
             if isinstance(event, ANSWERS[command[0]]):
                 del self._waits[command]
         if isinstance(event, events.SubstituteStarted):
             return replace(event, time=now, found=now)
-        if isinstance(event, events.NodeRestarted):
-            return replace(event, time=now, process=NOBODY, starter=NOBODY)
         if isinstance(event, (events.ProcessExited, events.RestartFailed)):
             self._wanted.pop(event.node, None)
         return replace(event, time=now)
 
     def _give_up(self, now: float, why: str) -> None:
-        """The conversation is over; whoever waits for an answer gets that."""
+        """End the conversation; whoever waits for an answer is told so."""
         self._reached = False
         self._agent = 0
         self._line = Line()
@@ -239,7 +222,7 @@ class RemoteHost:
     def _send(self, command: HostCommand, now: float) -> None:
         if not isinstance(command, events.WatchNodes) and type(command) in ANSWERS:
             self._waits[type(command), command.node] = command
-        self._say(*self._line.say(command_text(command), now))
+        self._say(*self._line.say(written(COMMANDS, command), now))
 
     def _say(self, number: int, text: str) -> None:
         self._publish(

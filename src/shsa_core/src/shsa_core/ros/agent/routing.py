@@ -1,22 +1,21 @@
 """The robot's computers as one Host: each command goes to the computer that it is about."""
+from functools import partial
 from typing import Dict, List
 
 import rospy
 
-from shsa_core import dispatch
 from shsa_core.healing import events
-from shsa_core.ros import clock
+from shsa_core.ros import clock, settings
 from shsa_core.ros.master.node_api import FAILURES, address, master_api
 from shsa_core.ros.workers import Workers
 from shsa_core.ros.agent.agents import Agents
 from shsa_core.ros.processes.host import Host, HostCommand, NodeCommand, Tell
 
-MOST_CALLS = 32
 LOCAL = ""
 """The name of the computer that we run on."""
 
 
-class Hosts:
+class Router:
     """A Host of all computers.
 
     A substitute is where it was started; another node is on the computer whose agent tells the
@@ -28,29 +27,23 @@ class Hosts:
         self._local, self._agents, self._tell, self._own = local, agents, tell, own
         self._homes: Dict[str, str] = {}
         self._watched: Dict[str, List[str]] = {}
-        self._looks = Workers("route", MOST_CALLS)
-        self._routes: dispatch.Table[None] = dispatch.table(
-            HostCommand,
-            {
-                events.LearnNode: self._look,
-                events.WatchNodes: self._watch,
-                events.FindNode: self._look,
-                events.AskToLeave: self._at_home,
-                events.EndProcess: self._at_home,
-                events.ClearNode: self._at_home,
-                events.StartSubstitute: self._start,
-                events.StopSubstitute: self._stop,
-                events.RestartNode: self._at_home,
-                events.StopNode: self._at_home,
-            },
-        )
+        self._looks = Workers("route", settings.MOST_CALLS)
 
     def carry_out(self, command: HostCommand) -> None:
         """Begin to carry out a command; see Host."""
-        self._routes[type(command)](command)
+        if isinstance(command, events.WatchNodes):
+            self._watch(command)
+        elif isinstance(command, events.StartSubstitute):
+            self._start(command)
+        elif isinstance(command, (events.LearnNode, events.FindNode)) and self._agents.names:
+            self._looks.put(partial(self._look, command))
+        else:
+            self._at_home(command)
+        if isinstance(command, events.StopSubstitute):
+            self._homes.pop(command.node, None)
 
     def settle(self, homes: Dict[str, str]) -> None:
-        """These nodes run on these computers."""
+        """Note that these nodes run on these computers."""
         self._homes.update(homes)
 
     def _send(self, name: str, command: HostCommand) -> None:
@@ -64,18 +57,11 @@ class Hosts:
 
     def _look(self, command: NodeCommand) -> None:
         """Look first where a node is: it may be somewhere else than it was."""
-        if not self._agents.names:
-            self._local.carry_out(command)
-            return
-
-        def work() -> None:
-            self._homes[command.node] = self._home(command.node)
-            self._at_home(command)
-
-        self._looks.put(work)
+        self._homes[command.node] = self._home(command.node)
+        self._at_home(command)
 
     def _home(self, node: str) -> str:
-        """Where a node is by the master's word; where it was, if that does not answer."""
+        """Return where a node is by the master's word; where it was, if that does not answer."""
         try:
             uri = str(master_api().lookupNode(node))
             ours = address(rospy.get_node_uri()).host
@@ -101,6 +87,3 @@ class Hosts:
         else:
             why = f"{command.host} is none of the hosts: {', '.join(self._agents.names) or 'none'}"
             self._tell(events.ProcessExited(clock.now(), command.node, why))
-
-    def _stop(self, command: events.StopSubstitute) -> None:
-        self._send(self._homes.pop(command.node, LOCAL), command)

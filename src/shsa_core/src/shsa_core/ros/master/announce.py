@@ -1,6 +1,6 @@
 """Tells subscribers of a new publisher at once: the master's own notice takes up to 0.1 s."""
 import threading
-from typing import Dict, Iterable, List, Sequence, Tuple
+from typing import Callable, FrozenSet, Iterable, List, Sequence, Tuple
 
 import rospy
 
@@ -29,21 +29,28 @@ def announce(topic: str, kind: str) -> None:
 
 
 def _listens(topic: str) -> bool:
-    """Whether this process subscribes a topic, as a substitute may its own."""
+    """Return whether this process subscribes a topic, as a substitute may its own."""
     return topic in dict(rospy.topics.get_topic_manager().get_subscriptions())
 
 
-def find_subscribers(topics: Iterable[str]) -> Dict[str, Tuple[str, ...]]:
-    """The nodes that subscribe each of `topics`; raises one of node_api.FAILURES.
+def remind(topics: Iterable[str], connected: Callable[[str], FrozenSet[str]]) -> None:
+    """Tell those subscribers of `topics` who have not connected to us who publishes each.
 
     A master that was started anew just after we were may not know us: then we register again.
+    Raises one of node_api.FAILURES.
     """
-    publishing, subscribing, _ = master_api().getSystemState()
+    master = master_api()
+    publishing, subscribing, _ = master.getSystemState()
     known = {topic for topic, nodes in publishing if rospy.get_name() in nodes}
     offered = {topic for topic, _ in rospy.topics.get_topic_manager().get_publications()}
     if offered.intersection(topics) - known:
         _register_again()
-    return {topic: tuple(of_topic(subscribing, topic)) for topic in topics}
+    for topic in topics:
+        there = connected(topic)
+        nodes = [node for node in of_topic(subscribing, topic) if node not in there]
+        if nodes:
+            publishers = [master.lookupNode(node) for node in of_topic(publishing, topic)]
+            _tell([master.lookupNode(node) for node in nodes], topic, publishers)
 
 
 def _register_again() -> None:
@@ -55,16 +62,8 @@ def _register_again() -> None:
         master.registerSubscriber(topic, kind, uri)
 
 
-def tell(topic: str, nodes: Iterable[str]) -> None:
-    """Tell these subscribers who publishes a topic; raises one of node_api.FAILURES."""
-    master = master_api()
-    publishing, _, _ = master.getSystemState()
-    publishers = [master.lookupNode(node) for node in of_topic(publishing, topic)]
-    _tell([master.lookupNode(node) for node in nodes], topic, publishers)
-
-
 def of_topic(state: Graph, topic: str) -> List[str]:
-    """The nodes that publish or subscribe a topic, by one part of the master's getSystemState."""
+    """Return the nodes that publish or subscribe a topic, by one part of getSystemState."""
     return [node for name, nodes in state if name == topic for node in nodes]
 
 

@@ -1,4 +1,4 @@
-"""Which new publishers the master may have told nobody of.
+"""Finds the new publishers of which the master may have told nobody.
 
 The master tells subscribers with three threads and no timeout: while three subscribers hang, nobody
 hears of a new publisher. So it is looked whether the others have connected to it. They are not told
@@ -6,10 +6,9 @@ beside the master, but after it: a rospy subscriber that is told twice at the sa
 twice, and may end without any connection.
 """
 from math import inf
-from typing import Collection, Dict, FrozenSet, List, NamedTuple, Optional, Tuple
+from typing import FrozenSet, List, NamedTuple, Optional, Set, Tuple
 
-LOOKS_S = (0.3, 1.0, 3.0)
-"""After a publisher has come; the master takes 0.1 s, and a connection a moment."""
+from shsa_core.ros import settings
 
 
 class Publisher(NamedTuple):
@@ -29,38 +28,25 @@ class Introductions:
     def __init__(self, first: str) -> None:
         self._first = first
         self._known: Optional[FrozenSet[Publisher]] = None
-        self._looks: Dict[Publisher, List[float]] = {}
+        self._looks: Set[Tuple[float, Publisher]] = set()
 
     @property
     def deadline(self) -> float:
-        """When somebody is to be looked at, in s; infinite: nobody is."""
-        return min((looks[0] for looks in self._looks.values()), default=inf)
+        """Return when somebody is to be looked at, in s; infinite: nobody is."""
+        return min((when for when, _ in self._looks), default=inf)
 
     def heed(self, time: float, publishers: FrozenSet[Publisher]) -> None:
-        """These publish now."""
+        """Note who publishes now."""
         known = self._known
         if known is None:
             known = frozenset(each for each in publishers if each.node != self._first)
         self._known = publishers
-        for publisher in [each for each in self._looks if each not in publishers]:
-            del self._looks[publisher]
-        for publisher in publishers - known:
-            self._looks[publisher] = [time + pause for pause in LOOKS_S]
+        self._looks = {look for look in self._looks if look[1] in publishers}
+        pauses = settings.INTRODUCTION_LOOKS_S
+        self._looks |= {(time + pause, each) for each in publishers - known for pause in pauses}
 
     def due(self, time: float) -> List[Publisher]:
-        """Those to look at now."""
-        found = [each for each, looks in self._looks.items() if looks[0] <= time]
-        for publisher in found:
-            rest = [look for look in self._looks[publisher] if look > time]
-            if rest:
-                self._looks[publisher] = rest
-            else:
-                del self._looks[publisher]
-        return found
-
-
-def unserved(
-    subscribers: Collection[str], connected: Collection[str], publisher: str
-) -> Tuple[str, ...]:
-    """The subscribers that are not connected to a publisher; nobody connects to itself."""
-    return tuple(sorted({*subscribers} - {*connected, publisher}))
+        """Return those to look at now."""
+        due = {look for look in self._looks if look[0] <= time}
+        self._looks -= due
+        return sorted({publisher for _, publisher in due})

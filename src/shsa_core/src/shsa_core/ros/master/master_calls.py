@@ -1,12 +1,12 @@
-"""What is asked of the master in one call each, with a timeout; nothing is decided here."""
+"""Asks the master many questions in one call, with a timeout; nothing is decided here."""
 from typing import Any, Iterable, List, Mapping, NamedTuple, Sequence, Tuple
 
 import rosgraph
 import rospy
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.master.registrations import Pairs, Part, Registration, read_pairs
 from shsa_core.ros.master.node_api import MASTER, node_api
+from shsa_core.ros.master.registrations import Pairs, Part, Registration, read_pairs
 
 REGISTER = {
     Part.PUBLISHER: "registerPublisher",
@@ -18,12 +18,10 @@ ONE_CALL = 500
 
 
 class State(NamedTuple):
-    """Who has registered what, and the process of the master that says so."""
+    """All that is registered, and the process of the master that says so."""
 
     pid: int
-    publishers: Pairs
-    subscribers: Pairs
-    services: Pairs
+    parts: Mapping[Part, Pairs]
 
 
 class MasterCalls:
@@ -34,27 +32,26 @@ class MasterCalls:
         self._me = rospy.get_name()
 
     def state(self) -> State:
-        """Everything that is registered."""
+        """Return everything that is registered."""
         pid, parts = self._many([("getPid", (self._me,)), ("getSystemState", (self._me,))])
         if not isinstance(pid, int) or not isinstance(parts, list) or len(parts) != 3:
             raise ShsaError("the master's answer is none")
-        return State(pid, *map(read_pairs, parts))
+        order = Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE
+        return State(pid, dict(zip(order, map(read_pairs, parts))))
 
     def pid(self) -> int:
-        """The process of the master."""
+        """Return the process of the master."""
         (pid,) = self._many([("getPid", (self._me,))])
         return pid if isinstance(pid, int) else 0
 
-    def nodes(self, names: Iterable[str]) -> Mapping[str, str]:
-        """Where nodes are, as far as the master knows."""
-        return self._look_up("lookupNode", sorted(names))
-
-    def providers(self, services: Iterable[str]) -> Mapping[str, str]:
-        """Where services are, as far as the master knows."""
-        return self._look_up("lookupService", sorted(services))
+    def look_up(self, method: str, names: Iterable[str]) -> Mapping[str, str]:
+        """Return where nodes or services are, by lookupNode or lookupService."""
+        names = sorted(names)
+        found = self._many([(method, (self._me, name)) for name in names])
+        return {name: uri for name, uri in zip(names, found) if isinstance(uri, str) and uri}
 
     def parameters(self) -> Mapping[str, Any]:
-        """The whole parameter server."""
+        """Return the whole parameter server."""
         (tree,) = self._many([("getParam", (self._me, "/"))])
         return tree if isinstance(tree, dict) else {}
 
@@ -64,19 +61,11 @@ class MasterCalls:
 
     def register(self, registrations: Iterable[Registration]) -> None:
         """Register these on behalf of their nodes, in this order."""
-        self._many(
-            [
-                (REGISTER[each.part], (each.node, each.name, each.what, each.uri))
-                for each in registrations
-            ]
-        )
-
-    def _look_up(self, method: str, names: Sequence[str]) -> Mapping[str, str]:
-        found = self._many([(method, (self._me, name)) for name in names])
-        return {name: uri for name, uri in zip(names, found) if isinstance(uri, str) and uri}
+        calls = [(REGISTER[r.part], (r.node, r.name, r.what, r.uri)) for r in registrations]
+        self._many(calls)
 
     def _many(self, calls: Sequence[Tuple[str, Tuple[Any, ...]]]) -> List[Any]:
-        """The values that calls return, None for a refusal."""
+        """Return the values that calls return, None for a refusal."""
         values: List[Any] = []
         for start in range(0, len(calls), ONE_CALL):
             some = calls[start : start + ONE_CALL]

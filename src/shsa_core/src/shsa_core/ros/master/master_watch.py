@@ -6,28 +6,21 @@ the master cannot tell of a publisher, as its threads wait for hung ones, are to
 import threading
 import time
 from functools import partial
-from typing import (
-    Any,
-    Callable,
-    Collection,
-    Dict,
-    FrozenSet,
-    List,
-    Mapping,
-    NamedTuple,
-    Optional,
-    Set,
-    Tuple,
-)
+from typing import Any, Callable, Collection, Dict, FrozenSet, List, Mapping, NamedTuple, Optional
+from typing import Set, Tuple
 
 import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.files.som_file import PARAMETER
-from shsa_core.ros.master.introductions import Introductions, Publisher, unserved
+from shsa_core.ros import settings
+from shsa_core.ros.master.introductions import Introductions, Publisher
+from shsa_core.ros.master.master_calls import MasterCalls, State
+from shsa_core.ros.master.node_api import FAILURES, node_api
 from shsa_core.ros.master.registrations import (
     NOTHING,
     Graph,
+    Part,
     Said,
     is_name,
     missing_parameters,
@@ -35,29 +28,14 @@ from shsa_core.ros.master.registrations import (
     to_register,
     together,
 )
-from shsa_core.ros.master.master_calls import MasterCalls, State
-from shsa_core.ros.master.node_api import FAILURES, node_api
 from shsa_core.ros.workers import Workers
 
-LOOK_S = 0.25
-KEEP_S = 2.0
-LONGEST_KEEP_S = 10.0
-"""Between two looks at where everybody is, and at the parameters: at least, and at most."""
-SHARE = 0.02
-"""Of the time at most this much goes into looking."""
-ANSWER_S = 0.4
-"""So long a new master waits for nodes to say what they have registered; others follow later."""
-BUSY_S = 5.0
-"""So long they may only be busy, and are asked at every look."""
-HUNG_FOR_S = 600.0
-"""So long a node that does not answer is asked what it had registered at the former master."""
 LARGEST_PARAMETERS = 4_000_000
 """Characters; of more than that nothing is kept but the SOM."""
-MOST_CALLS = 32
 
 
 class Told(NamedTuple):
-    """How the master and its subscribers do: for people.
+    """The state of the master and its subscribers, for people.
 
     A new master would be told of `kept` registrations, which were looked up `age` s ago.
     """
@@ -79,7 +57,7 @@ class MasterWatch:
         self._is_ours, self._acts = is_ours, acts
         self._me = rospy.get_name()
         self._calls = MasterCalls()
-        self._nodes = Workers("nodes", MOST_CALLS)
+        self._nodes = Workers("nodes", settings.MOST_CALLS)
         self._introductions = Introductions(self._me)
         self._topics: Set[str] = set()
         self._pid = 0
@@ -98,16 +76,15 @@ class MasterWatch:
         self._topics = self._topics | set(topics)
 
     def told(self) -> Told:
-        """How things are now."""
-        kept = sum(map(len, self._known[:3]))
+        """Return how things are now."""
+        kept = sum(map(len, self._known.parts.values()))
         age = time.monotonic() - self._kept_at
         return Told(self._answers, tuple(sorted(self._hung)), kept, age)
 
     def _watch(self) -> None:
         while not rospy.is_shutdown():
-            begin = time.monotonic()
             try:
-                self._look(begin)
+                self._look(time.monotonic())
                 self._answers = True
             except (*FAILURES, ShsaError) as error:
                 if self._answers and not rospy.is_shutdown():
@@ -115,14 +92,14 @@ class MasterWatch:
                 self._answers = False
             except Exception as error:  # whatever it is, the next look may be better
                 rospy.logerr_throttle(60.0, f"Looking at the master: {error!r}")
-            rospy.rostime.wallsleep(LOOK_S)
+            rospy.rostime.wallsleep(settings.MASTER_LOOK_S)
 
     def _look(self, now: float) -> None:
         if self._calls.pid() == self._pid and now < self._look_at:
             if now < self._introductions.deadline:
                 return
         state = self._calls.state()
-        registered = {node for pairs in state[1:] for _, node in pairs}
+        registered = {node for pairs in state.parts.values() for _, node in pairs}
         anew = self._pid and (state.pid != self._pid or self._me not in registered)
         self._pid = state.pid
         self._hung = self._hung & registered
@@ -132,31 +109,24 @@ class MasterWatch:
         if self._former is not None:
             waiting = self._register_again(state, now)
             state = self._calls.state()
-        publishers = frozenset(pair for pair in state.publishers if pair[0] in self._topics)
-        uris = self._calls.nodes({node for _, node in publishers})
-        found = frozenset(Publisher(t, n, uris[n]) for t, n in publishers if n in uris)
-        self._introductions.heed(now, found)
-        for publisher in self._introductions.due(now):
-            # Our substitutes tell by themselves.
-            if self._acts and not self._is_ours(publisher.node):
-                self._introduce(publisher, state, found)
+        self._introduce_new(state, now)
         if now >= self._keep_at:
             self._known = together(self._graph(state), self._known, waiting)
             self._keep_parameters()
             self._kept_at = now
-            took = (time.monotonic() - now) / SHARE  # much, if the master stood still meanwhile
-            self._keep_at = now + min(max(KEEP_S, took), LONGEST_KEEP_S)
-        self._look_at = now + min(KEEP_S, (time.monotonic() - now) / SHARE)
-        if waiting and now < self._anew_at + BUSY_S:
+            pause = max(settings.MASTER_PAUSE_S, _took(now))
+            self._keep_at = now + min(pause, settings.LONGEST_MASTER_PAUSE_S)
+        self._look_at = now + min(settings.MASTER_PAUSE_S, _took(now))
+        if waiting and now < self._anew_at + settings.BUSY_S:
             self._look_at = now
 
     # What is known, and what a new master is told of it.
 
     def _graph(self, state: State) -> Graph:
-        parts = state.publishers, state.subscribers, state.services
-        nodes = self._calls.nodes({node for pairs in parts for _, node in pairs})
-        providers = self._calls.providers({name for name, _ in state.services})
-        return Graph(*parts, nodes, providers)
+        nodes = {node for pairs in state.parts.values() for _, node in pairs}
+        services = {name for name, _ in state.parts[Part.SERVICE]}
+        uris = self._calls.look_up("lookupNode", nodes)
+        return Graph(state.parts, uris, self._calls.look_up("lookupService", services))
 
     def _keep_parameters(self) -> None:
         tree = self._calls.parameters()
@@ -165,25 +135,23 @@ class MasterWatch:
         self._parameters = tree
 
     def _begin_anew(self, now: float) -> None:
-        does = (
-            "It is told again what the former one knew." if self._acts else "A dry run only looks."
-        )
+        does = "It is told again what the former one knew."
+        does = does if self._acts else "A dry run only looks."
         rospy.logwarn_throttle(10.0, f"The master was started anew. {does}")
-        if not self._acts:
-            return
-        values = missing_parameters(self._parameters, self._calls.parameters())
-        self._calls.set_parameters(values)
-        self._former, self._anew_at = self._known, now
-        self._settled = set()
+        if self._acts:
+            values = missing_parameters(self._parameters, self._calls.parameters())
+            self._calls.set_parameters(values)
+            self._former, self._anew_at = self._known, now
+            self._settled = set()
 
     def _register_again(self, state: State, now: float) -> Collection[str]:
-        """Register what is missing; the nodes that have not answered yet."""
+        """Register what is missing; return the nodes that have not answered yet."""
         assert self._former is not None
         present = self._graph(state)
         asked = to_ask(self._former, present)
         waiting = {node: uri for node, uri in asked.items() if node not in self._settled}
         said = self._ask_all(waiting)
-        ours = [node for node in said if self._is_ours(node)]
+        ours = filter(self._is_ours, said)
         registrations = to_register(self._former, present, said, ours)
         if registrations:
             self._calls.register(registrations)
@@ -191,23 +159,21 @@ class MasterWatch:
             text = "The master was told again of %d registrations of %d nodes."
             rospy.loginfo(text, len(registrations), nodes)
         left = set(waiting) - self._settled
-        if now > self._anew_at + HUNG_FOR_S or not left:
+        if now > self._anew_at + settings.HUNG_NODE_S or not left:
             self._former = None
         return left
 
     def _ask_all(self, nodes: Mapping[str, str]) -> Dict[str, Said]:
-        """What nodes say of themselves, of those who answer soon; who has gone is settled too."""
+        """Return what nodes say of themselves who answer soon; who has gone is settled too."""
         said: Dict[str, Said] = {}
         lock, done = threading.Lock(), threading.Semaphore(0)
 
         def ask(node: str, uri: str) -> None:
             try:
-                answer = Said(
-                    _topics(node_api(uri).getPublications(self._me)),
-                    _topics(node_api(uri).getSubscriptions(self._me)),
-                )
+                published = _topics(node_api(uri).getPublications(self._me))
+                subscribed = _topics(node_api(uri).getSubscriptions(self._me))
                 with lock:
-                    said[node] = answer
+                    said[node] = {Part.PUBLISHER: published, Part.SUBSCRIBER: subscribed}
             except ConnectionRefusedError:
                 with lock:
                     self._settled.add(node)
@@ -218,7 +184,7 @@ class MasterWatch:
 
         for node, uri in nodes.items():
             self._nodes.put(partial(ask, node, uri))
-        end = time.monotonic() + ANSWER_S
+        end = time.monotonic() + settings.CALL_S
         for _ in nodes:
             if not done.acquire(timeout=max(0.0, end - time.monotonic())):
                 break
@@ -228,10 +194,20 @@ class MasterWatch:
 
     # Publishers that the master may have told nobody of.
 
+    def _introduce_new(self, state: State, now: float) -> None:
+        pairs = [pair for pair in state.parts[Part.PUBLISHER] if pair[0] in self._topics]
+        uris = self._calls.look_up("lookupNode", {node for _, node in pairs})
+        found = frozenset(Publisher(t, n, uris[n]) for t, n in pairs if n in uris)
+        self._introductions.heed(now, found)
+        for publisher in self._introductions.due(now):
+            # Our substitutes tell by themselves.
+            if self._acts and not self._is_ours(publisher.node):
+                self._introduce(publisher, state, found)
+
     def _introduce(self, new: Publisher, state: State, all_: FrozenSet[Publisher]) -> None:
         topic = new.topic
-        subscribers = [node for name, node in state.subscribers if name == topic]
-        uris = self._calls.nodes(subscribers)
+        subscribers = {node for name, node in state.parts[Part.SUBSCRIBER] if name == topic}
+        uris = self._calls.look_up("lookupNode", subscribers)
         publishers = sorted(each.uri for each in all_ if each.topic == topic)
 
         def work() -> None:
@@ -241,7 +217,7 @@ class MasterWatch:
                 connected = {str(row[1]) for row in rows}
             except (*FAILURES, TypeError, IndexError):
                 return  # whoever does not answer gives no connection either
-            for node in unserved(subscribers, connected, new.node):
+            for node in subscribers - connected - {new.node}:  # nobody connects to itself
                 if node in uris:
                     self._nodes.put(partial(self._tell, node, uris[node], new, publishers))
 
@@ -262,8 +238,13 @@ class MasterWatch:
         rospy.logdebug("%s was told that %s publishes %s.", node, new.node, new.topic)
 
 
+def _took(began: float) -> float:
+    """Return a pause after which what has begun then has taken a small share of the time, in s."""
+    return (time.monotonic() - began) / settings.LOOKING_SHARE
+
+
 def _only(tree: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """A tree of parameters without anything but one of them."""
+    """Return a tree of parameters without anything but one of them."""
     key, _, rest = name.strip("/").partition("/")
     if key not in tree:
         return {}
@@ -272,7 +253,7 @@ def _only(tree: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 
 def _topics(answer: Any) -> Dict[str, str]:
-    """Topics and their types, of a node's answer; what is none is left out."""
+    """Return topics and their types of a node's answer; what is none is left out."""
     code, _, rows = answer
     if code != 1 or not isinstance(rows, list):
         raise ConnectionRefusedError("no answer")

@@ -13,10 +13,10 @@ from typing import Any, FrozenSet, NamedTuple, Tuple
 import rosgraph
 import rospy
 
-TIMEOUT_S = 0.5
+from shsa_core.ros import settings
+
 LARGEST_ANSWER_B = 1024 * 1024
 """A node of 1,000 topics needs a fifth of it."""
-MASTER_TIMEOUT_S = 2.0
 LARGEST_MASTER_ANSWER_B = 64 * 1024 * 1024
 """The master's tells of every node, and may be a while on a large robot."""
 
@@ -31,25 +31,25 @@ class BadAnswer(xmlrpc.client.Error):
 
 
 class Address(NamedTuple):
-    """Where a node listens."""
+    """Host and port of a node."""
 
     host: str
     port: int
 
 
 class Limits(NamedTuple):
-    """How long a call may take in s, and how many bytes the answer may have."""
+    """Bounds of a call: its time in s, and the bytes of its answer."""
 
     timeout: float
     largest: int
 
 
-NODE = Limits(TIMEOUT_S, LARGEST_ANSWER_B)
-MASTER = Limits(MASTER_TIMEOUT_S, LARGEST_MASTER_ANSWER_B)
+NODE = Limits(settings.CALL_S, LARGEST_ANSWER_B)
+MASTER = Limits(settings.MASTER_CALL_S, LARGEST_MASTER_ANSWER_B)
 
 
 def address(uri: object) -> Address:
-    """Host and port of a node's URI. Raises BadAnswer if it is none."""
+    """Return host and port of a node's URI. Raises BadAnswer if it is none."""
     found = URI.fullmatch(uri) if isinstance(uri, str) else None
     if found is None or not 0 < int(found.group(2)) < 65536:
         raise BadAnswer(f"{_short(uri)} is no address of a node")
@@ -57,7 +57,7 @@ def address(uri: object) -> Address:
 
 
 class Answer(NamedTuple):
-    """What a node answers, and when it was asked and had answered: ns on the monotonic clock."""
+    """The answer of a node, when it was asked and had answered: ns on the monotonic clock."""
 
     value: Any
     asked: int
@@ -65,12 +65,12 @@ class Answer(NamedTuple):
 
 
 def ask(uri: str, method: str, *arguments: Any) -> Any:
-    """The value that the node at `uri` answers. Raises one of FAILURES."""
+    """Return the value that the node at `uri` answers. Raises one of FAILURES."""
     return ask_timed(uri, method, *arguments).value
 
 
 def ask_timed(uri: str, method: str, *arguments: Any) -> Answer:
-    """The same, with its times: the connection was made before. Raises one of FAILURES."""
+    """Return the same, with its times: the connection was made before. Raises one of FAILURES."""
     answer, asked, answered = _call(uri, method, *arguments)
     if not isinstance(answer, (list, tuple)) or len(answer) != 3 or not _is_int(answer[0]):
         raise BadAnswer(f"{uri} answers {method} with {_short(answer)}")
@@ -80,7 +80,7 @@ def ask_timed(uri: str, method: str, *arguments: Any) -> Answer:
 
 
 def bus_stats(uri: str) -> Answer:
-    """What a node counts of its connections. Raises one of FAILURES.
+    """Return what a node counts of its connections. Raises one of FAILURES.
 
     Of its answer to getBusStats; roscpp leaves out the status that other answers begin with.
     """
@@ -99,7 +99,7 @@ def _call(uri: str, method: str, *arguments: Any) -> Answer:
 
 
 def pid(uri: str) -> int:
-    """The process that a node says it is. Raises one of FAILURES."""
+    """Return the process that a node says it is. Raises one of FAILURES."""
     number = ask(uri, "getPid")
     if not _is_int(number) or not 0 < number < 2**22 + 1:
         raise BadAnswer(f"{uri} says that its process is {_short(number)}")
@@ -107,7 +107,7 @@ def pid(uri: str) -> int:
 
 
 def publications(uri: str) -> FrozenSet[str]:
-    """The topics that a node says it publishes. Raises one of FAILURES."""
+    """Return the topics that a node says it publishes. Raises one of FAILURES."""
     rows = ask(uri, "getPublications")
     if not isinstance(rows, list) or not all(_is_row(row) for row in rows):
         raise BadAnswer(f"{uri} says that it publishes {_short(rows)}")
@@ -115,12 +115,12 @@ def publications(uri: str) -> FrozenSet[str]:
 
 
 def node_api(uri: str, limits: Limits = NODE) -> xmlrpc.client.ServerProxy:
-    """The interface of the node at `uri`; its calls raise one of FAILURES."""
+    """Return the interface of the node at `uri`; its calls raise one of FAILURES."""
     return xmlrpc.client.ServerProxy(uri, transport=_Transport(limits))
 
 
 def master_api(caller_id: str = "") -> rosgraph.Master:
-    """The interface of the master, as us or another; its calls raise one of FAILURES."""
+    """Return the interface of the master, as us or another; its calls raise one of FAILURES."""
     master = rosgraph.Master(caller_id or rospy.get_name())
     master.handle = node_api(master.master_uri, MASTER)
     return master
@@ -207,5 +207,5 @@ def _is_row(row: object) -> bool:
 
 
 def _short(value: object) -> str:
-    """A strange value as it may reach a log."""
+    """Return a strange value as it may reach a log."""
     return repr(value)[:100]

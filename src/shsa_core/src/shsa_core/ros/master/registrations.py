@@ -1,4 +1,4 @@
-"""What the master has registered, and what of it a master that was started anew is told again.
+"""Finds what of its registrations a master that was started anew is told again.
 
 Nothing is made up: what is registered again is what the master said itself, and what the node that
 it said it of says still. Whoever has registered anew meanwhile is left as it is.
@@ -20,7 +20,7 @@ Pairs = FrozenSet[Tuple[str, str]]
 
 
 class Part(Word):
-    """What a node has registered, in the order of registering again.
+    """The kinds of registration, in the order of registering again.
 
     Publishers come before subscribers: the master tells each new publisher to the subscribers that
     it knows, with the few that it knows so far, and roscpp drops all others.
@@ -32,29 +32,17 @@ class Part(Word):
 
 
 class Graph(NamedTuple):
-    """What a master has registered, and where it says that nodes and services are."""
+    """All that a master has registered, and where it says that nodes and services are."""
 
-    publishers: Pairs
-    subscribers: Pairs
-    services: Pairs
+    parts: Mapping[Part, Pairs]
     nodes: Mapping[str, str]
     providers: Mapping[str, str]
 
-    @property
-    def names(self) -> FrozenSet[str]:
-        """The nodes that have registered anything."""
-        parts = (self.publishers, self.subscribers, self.services)
-        return frozenset(node for pairs in parts for _, node in pairs)
 
+NOTHING = Graph(dict.fromkeys(Part, frozenset()), {}, {})
 
-NOTHING = Graph(frozenset(), frozenset(), frozenset(), {}, {})
-
-
-class Said(NamedTuple):
-    """What a node says of itself: its topics, and the type of each."""
-
-    publications: Mapping[str, str]
-    subscriptions: Mapping[str, str]
+Said = Mapping[Part, Mapping[str, str]]
+"""What a node says of itself: the topics that it publishes or subscribes, and the type of each."""
 
 
 class Registration(NamedTuple):
@@ -68,24 +56,19 @@ class Registration(NamedTuple):
 
 
 def together(now: Graph, known: Graph, nodes: Collection[str]) -> Graph:
-    """A graph with what was known of some nodes besides, which the master does not know yet."""
-    publishers, subscribers, services = (
-        part | {pair for pair in before if pair[1] in nodes}
-        for part, before in (
-            (now.publishers, known.publishers),
-            (now.subscribers, known.subscribers),
-            (now.services, known.services),
-        )
-    )
+    """Return a graph with what was known of some nodes besides, which the master does not know."""
+    parts = {
+        part: now.parts[part] | {pair for pair in pairs if pair[1] in nodes}
+        for part, pairs in known.parts.items()
+    }
     uris = {node: uri for node, uri in known.nodes.items() if node in nodes}
-    served = {name for name, node in known.services if node in nodes}
+    served = {name for name, node in known.parts[Part.SERVICE] if node in nodes}
     providers = {name: uri for name, uri in known.providers.items() if name in served}
-    all_providers = {**providers, **now.providers}
-    return Graph(publishers, subscribers, services, {**uris, **now.nodes}, all_providers)
+    return Graph(parts, {**uris, **now.nodes}, {**providers, **now.providers})
 
 
 def read_pairs(rows: Any) -> Pairs:
-    """One part of the master's system state; what is no name is left out."""
+    """Return one part of the master's system state; what is no name is left out."""
     if not isinstance(rows, (list, tuple)):
         return frozenset()
     found: Set[Tuple[str, str]] = set()
@@ -100,28 +83,28 @@ def read_pairs(rows: Any) -> Pairs:
 
 
 def is_name(name: Any) -> bool:
-    """Whether something is the full name of a topic, a service or a node."""
+    """Return whether something is the full name of a topic, a service or a node."""
     return isinstance(name, str) and len(name) <= LONGEST_NAME and bool(NAME.match(name))
 
 
 def to_ask(known: Graph, now: Graph) -> Dict[str, str]:
-    """The nodes that have lost a registration, and where they are.
+    """Return the nodes that have lost a registration, and where they are.
 
     Not those that are somewhere else by now.
     """
-    lost = (known.publishers - now.publishers) | (known.subscribers - now.subscribers)
     found = {}
-    for _, node in lost | (known.services - now.services):
-        uri = known.nodes.get(node)
-        if uri is not None and now.nodes.get(node, uri) == uri:
-            found[node] = uri
+    for part, pairs in known.parts.items():
+        for _, node in pairs - now.parts[part]:
+            uri = known.nodes.get(node)
+            if uri is not None and now.nodes.get(node, uri) == uri:
+                found[node] = uri
     return found
 
 
 def to_register(
     known: Graph, now: Graph, said: Mapping[str, Said], ours: Iterable[str] = ()
 ) -> List[Registration]:
-    """What nodes have lost, in the order in which it is to be registered.
+    """Return what nodes have lost, in the order in which it is to be registered.
 
     `said`: by node, for those that have answered at their URI. `ours`: of these all that they say
     is registered, as they may have come to it while there was no master.
@@ -130,19 +113,15 @@ def to_register(
     asked = to_ask(known, now)
     found: List[Registration] = []
     for node in [each for each in said if each in asked]:
-        uri, says = asked[node], said[node]
-        for part, before, after, topics in (
-            (Part.PUBLISHER, known.publishers, now.publishers, says.publications),
-            (Part.SUBSCRIBER, known.subscribers, now.subscribers, says.subscriptions),
-        ):
+        for part, topics in said[node].items():
             for topic, kind in topics.items():
-                wanted = (topic, node) in before or (node in ours and is_name(topic))
-                if wanted and (topic, node) not in after:
-                    found.append(Registration(part, node, topic, kind, uri))
-        for name, provider in known.services - now.services:
+                wanted = (topic, node) in known.parts[part] or (node in ours and is_name(topic))
+                if wanted and (topic, node) not in now.parts[part]:
+                    found.append(Registration(part, node, topic, kind, asked[node]))
+        for name, provider in known.parts[Part.SERVICE] - now.parts[Part.SERVICE]:
             if provider == node and name in known.providers:
                 where = known.providers[name]
-                found.append(Registration(Part.SERVICE, node, name, where, uri))
+                found.append(Registration(Part.SERVICE, node, name, where, asked[node]))
     order = list(Part)
     return sorted(found, key=lambda each: (order.index(each.part), each[1:]))
 
@@ -150,7 +129,7 @@ def to_register(
 def missing_parameters(
     known: Mapping[str, Any], now: Mapping[str, Any], inside: str = "/"
 ) -> List[Tuple[str, Any]]:
-    """The parameters that were known and are not set now, by their full names.
+    """Return the parameters that were known and are not set now, by their full names.
 
     What is set now stays, whatever it was before.
     """

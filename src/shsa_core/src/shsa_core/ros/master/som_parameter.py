@@ -1,22 +1,34 @@
 """The SOM on the parameter server, at shsa/som: put there once, heeded while it changes."""
+import dataclasses
 import json
+import re
 import threading
 import time
-from typing import Any, Callable, Optional, Set
+from functools import partial
+from typing import Any, Callable, Dict, Optional, Sequence, Set, Tuple
 
 import rospy
 from rospy.impl.paramserver import get_param_server_cache
 
-from shsa_core.errors import ModelError
-from shsa_core.files.som_file import PARAMETER, merge_parameters, som_parameters
+from shsa_core.errors import ModelError, ShsaError
+from shsa_core.files.document import from_parameters
+from shsa_core.files.som_file import (
+    PARAMETER,
+    merge_parameters,
+    read_tree,
+    service_parameters,
+    som_parameters,
+)
+from shsa_core.model.field import parse_field
+from shsa_core.model.service import Deadlines, Signal
 from shsa_core.model.som import Som
+from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
 
-POLL_S = 0.4
-SHARE = 0.02
-"""Of the time at most this much goes into looking: it takes half a second at 1,000 services."""
 MOST_SAID = 20
 """Errors of one look: anybody can set thousands of parameters."""
+UNKNOWN_PERIOD_S, UNKNOWN_DEADLINE_S = 0.1, 0.5
+"""Of a topic that the SOM does not have."""
 
 FAILS = (*FAILURES, rospy.ROSException)
 
@@ -27,16 +39,16 @@ def put_som(som: Som) -> None:
 
 
 def get_som_parameter() -> Optional[object]:
-    """What lies at shsa/som now; None if nothing does, or the master does not answer."""
+    """Return what lies at shsa/som; None if nothing does, or the master does not answer."""
     return _ask(lambda: rospy.get_param(PARAMETER, None))
 
 
 class SomWatch:
     """Calls `changed(som)` from a thread of its own within a second of a change at shsa/som.
 
-    What is not valid is named once and refused: the old entry stays. `reread`, if given, reads the
-    SOM file again, for a parameter that does not fit the file as it was: only the file can add,
-    drop or move a service.
+    What is not valid is named once and refused: the old entry stays. Who has `reread`, which reads
+    the SOM file again, puts that entry back onto the server, and looks whether the file is another
+    one: only the file can add, drop or move a service.
     """
 
     def __init__(
@@ -46,6 +58,7 @@ class SomWatch:
         reread: Optional[Callable[[], Som]] = None,
     ) -> None:
         self._som, self._changed, self._reread = som, changed, reread
+        self._file = som  # as read last
         self._seen = ""
         self._said: Set[str] = set()
         self._name = rospy.resolve_name(PARAMETER)
@@ -83,17 +96,18 @@ class SomWatch:
             value = _ask(self._subscribe)
             if value is not None:
                 with self._lock:
-                    self._take(value)
-            self._look.wait(max(POLL_S, (time.monotonic() - begin) / SHARE))
+                    self._heed(value)
+            took = (time.monotonic() - begin) / settings.LOOKING_SHARE
+            self._look.wait(max(settings.SOM_LOOK_S, took))
 
     def _subscribe(self) -> Optional[object]:
-        """The value, {} if there is none; from now on the master tells of changes.
+        """Return the value, {} if there is none; from now on the master tells of changes.
 
         A master that was started anew knows of nobody.
         """
         return master_api().subscribeParam(rospy.get_node_uri(), self._name)
 
-    def _take(self, value: object) -> None:
+    def _heed(self, value: object) -> None:
         seen = json.dumps(value, default=_contents)  # as text: NaN equals itself
         if seen == self._seen:
             return
@@ -103,11 +117,11 @@ class SomWatch:
             return
         where = self._name, rospy.get_namespace()
         som, errors = merge_parameters(self._som, value, *where)
-        if self._reread is not None and (errors or _names(value) != set(som.services)):
-            try:
-                som, errors = merge_parameters(self._reread(), value, *where)
-            except ModelError as refusal:
-                errors.append(refusal)
+        try:
+            if (errors or _names(value) != set(som.services)) and self._file_is_new():
+                som, errors = merge_parameters(self._file, value, *where)
+        except ModelError as refusal:
+            errors.append(refusal)
         texts = [str(each) for error in errors for each in error.errors]
         new = [text for text in texts if text not in self._said]
         for text in new[:MOST_SAID]:
@@ -115,9 +129,24 @@ class SomWatch:
         if len(new) > MOST_SAID:
             rospy.logerr("Refused: %d more in %s.", len(new) - MOST_SAID, self._name)
         self._said = set(texts)
+        if self._reread is not None:
+            self._put_back_services(som, texts)
         if som != self._som:
             self._som = som
             self._changed(som)
+
+    def _file_is_new(self) -> bool:
+        """Read the SOM file again. Raises ModelError."""
+        before = self._file
+        self._file = before if self._reread is None else self._reread()
+        return self._file != before
+
+    def _put_back_services(self, som: Som, errors: Sequence[str]) -> None:
+        begin = f"{self._name}/services/"
+        refused = {re.split("[/:[]", text[len(begin) :])[0] for text in errors if begin in text}
+        for name in refused & som.services.keys():
+            plain = service_parameters(som.services[name])
+            _ask(partial(rospy.set_param, begin + name, plain))
 
     def _put_back(self, value: object) -> None:
         """No service is left at shsa/som, as with a master that is new: the last ones stay."""
@@ -128,7 +157,7 @@ class SomWatch:
 
 
 def _contents(value: object) -> str:
-    """What is neither number, text, list nor mapping, as text: dates and bytes."""
+    """Return dates and bytes as text."""
     return f"{type(value).__name__} {getattr(value, '__dict__', '')}"
 
 
@@ -143,3 +172,46 @@ def _ask(question: Callable[[], Any]) -> Optional[Any]:
     except FAILS as error:
         rospy.logwarn_throttle(10.0, f"The master does not answer: {error}")
         return None
+
+
+def look_up(paths: Sequence[str]) -> Tuple[Signal, ...]:
+    """Return the signals at paths like `/odom/twist/twist/linear/x`, for who was started by hand.
+
+    By the SOM on the parameter server, else by the master. Raises ShsaError if neither has one of
+    them, or the master does not answer. No type is loaded.
+    """
+    try:
+        known = _som_signals()
+        types: Dict[str, str] = {}
+        if not all(path in known for path in paths):
+            types = dict(master_api().getTopicTypes())
+    except FAILURES as error:
+        raise ShsaError(f"the master does not answer: {error}") from error
+    return tuple(known[path] if path in known else _unmapped(path, types) for path in paths)
+
+
+def _som_signals() -> Dict[str, Signal]:
+    """Return every value of the SOM by its path; whose message it is does not matter."""
+    value: Optional[object] = rospy.get_param(PARAMETER, None)
+    if value is None:
+        return {}
+    try:
+        # What is not valid is named by those who watch the SOM; here the valid part will do.
+        som, _ = read_tree(from_parameters(value, PARAMETER), rospy.get_namespace())
+    except ShsaError:
+        som = Som()
+    signals = (
+        som.signal(source, Deadlines(), written)
+        for source in som.sources
+        for written in (False, True)
+    )
+    return {signal.path: dataclasses.replace(signal, node="") for signal in signals}
+
+
+def _unmapped(path: str, types: Dict[str, str]) -> Signal:
+    topics = [topic for topic in types if path.startswith(topic + "/")]
+    if not topics:
+        raise ShsaError(f"{path}: neither in the SOM nor on a topic that the master knows")
+    topic = max(topics, key=len)
+    field = str(parse_field(path[len(topic) + 1 :], "/"))
+    return Signal(topic, field, types[topic], "", UNKNOWN_PERIOD_S, UNKNOWN_DEADLINE_S)

@@ -21,7 +21,7 @@ Written = Mapping[str, Optional[float]]
 
 
 def read_message(message_class: Type[genpy.Message], data: bytes) -> genpy.Message:
-    """The message that was serialized.
+    """Return the message that was serialized.
 
     Raises ShsaError if the bytes are not one of this type, or not one and nothing else.
     """
@@ -44,7 +44,7 @@ def compose(
     others: Others,
     written: Written,
 ) -> genpy.Message:
-    """A message in which all stands but the values of the fields `written`, and the stamp.
+    """Return a message in which all stands but the values of the fields `written`, and the stamp.
 
     It is made of `last`, which it takes. Every quaternion in it is of unit length. Its arrays are
     lists, so that they can be written.
@@ -102,7 +102,7 @@ class _Marking:
         self._raise_flags(message, path, convention)
 
     def _marked(self, value: Any, mark: Mark, known: bool) -> Any:
-        """A float or a list of them, as it stands where it is not computed."""
+        """Return a float or a list of them, as it stands where it is not computed."""
         if isinstance(value, list):
             if mark is Mark.EMPTY and not known and self._others is Others.UNKNOWN:
                 return []
@@ -121,7 +121,7 @@ class _Marking:
         return math.nan
 
     def _fill(self, message: genpy.Message, path: str, covariance: Covariance) -> None:
-        """The variances of what is computed, where they are known; of the rest, that it is not."""
+        """Write the variances of what is computed, where known; of the rest, that it is not."""
         given = any(_within(each, _join(path, covariance.group)) for each in self._written)
         size = len(covariance.rows)
         entries = [0.0] * (size * size)
@@ -146,7 +146,7 @@ class _Marking:
 
 
 def _unlock(message: genpy.Message) -> None:
-    """What was read has tuples and bytes for arrays."""
+    """Make lists of the tuples and bytes that arrays are when they were read."""
     for _, value in _messages(message):
         _unlock(value)
     for name, kind in zip(message.__slots__, message._slot_types):
@@ -155,7 +155,7 @@ def _unlock(message: genpy.Message) -> None:
 
 
 def _messages(message: genpy.Message) -> Iterator[Tuple[str, genpy.Message]]:
-    """The messages in a message, but for headers: the field, and each message in it."""
+    """Return the messages in a message, but for headers: the field, and each message in it."""
     for name, kind in zip(message.__slots__, message._slot_types):
         if "/" in kind and kind != HEADER:
             value = getattr(message, name)

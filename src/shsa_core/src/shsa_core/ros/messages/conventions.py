@@ -1,4 +1,4 @@
-"""How message types say what is not known: a table, from their documentation and from REP 117."""
+"""A table of how message types say what is not known: from their documentation and REP 117."""
 from dataclasses import dataclass, field
 from typing import Mapping, Optional, Tuple
 
@@ -14,7 +14,7 @@ NOT_GIVEN = -1.0
 
 
 class Mark(Word):
-    """What stands in a field that nobody knows; a field that is no float needs one of its own.
+    """The content of a field that nobody knows; a field that is no float needs one of its own.
 
     NAN: NaN. ZERO: 0. HELD: what the last good message had; 0 without one. HELD_OR_NAN: the same;
     NaN without one. SETTING: not measured but set, so it is as it was; NaN without a message.
@@ -55,7 +55,7 @@ class Flag:
 
 @dataclass(frozen=True)
 class Convention:
-    """How a type marks what is not known.
+    """The way in which a type marks what is not known.
 
     `fields`: those with a mark of their own, which holds for all that is in them; `rest`: the mark
     of its other floats. What is of another type goes by that type's convention.

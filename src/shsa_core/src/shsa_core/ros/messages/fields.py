@@ -1,7 +1,12 @@
-"""Fields of messages: found by their text, read and written as numbers."""
+"""Fields of messages: found by their text, read and written as numbers.
+
+Messages come as bytes, and are decoded only where somebody wants to know a value.
+"""
+import dataclasses
 import functools
 import math
-from typing import Any, Mapping, Optional, Tuple, Type
+import struct
+from typing import Any, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type
 
 import genpy
 
@@ -9,8 +14,13 @@ from shsa_core import message_types
 from shsa_core.errors import ShsaError
 from shsa_core.model.field import ANGLES, Key, Step, parse_field
 from shsa_core.model.field_type import FLOATS, field_type
-from shsa_core.model.field_value import NAN, field_value, place_of
-from shsa_core.model.rotation import angles, quaternion
+from shsa_core.model.field_value import angles, field_value, place_of, quaternion
+from shsa_core.model.service import Provision, Service
+from shsa_core.model.som import Som
+from shsa_core.text import shown
+
+STAMP_END = 12
+"""The stamp of a std_msgs/Header lies in so many first bytes."""
 
 
 class Field:
@@ -33,7 +43,7 @@ class Field:
         self.writable = self._type.writable
 
     def get(self, message: genpy.Message) -> Optional[float]:
-        """The field's value; None if the message has none, as it does not name it.
+        """Return the field's value; None if the message has none, as it does not name it.
 
         NaN where an array is shorter than the place, or where there is no number.
         """
@@ -61,7 +71,7 @@ class Field:
             self._put(owner, last, plain)
 
     def _inner(self, owner: Any, step: Step) -> Any:
-        """The message that a step leads to; it must be there."""
+        """Return the message that a step leads to; it must be there."""
         found = getattr(owner, step.name)
         if step.part is None:
             return found
@@ -85,7 +95,7 @@ class Field:
         array = list(getattr(owner, step.name))
         if isinstance(step.part, Key) and self._type.kind in FLOATS:
             # What is beside it in the array is not known; only such numbers can say so.
-            array += [NAN] * ((place or 0) - len(array))
+            array += [math.nan] * ((place or 0) - len(array))
         if place is None or place > len(array):
             raise ShsaError(
                 f"{self._text}: the array has {len(array)} elements, and no message that has more "
@@ -121,6 +131,88 @@ def _add_name(owner: Any, key: Key) -> int:
             continue
         if kind[:-2] not in FLOATS:
             raise ShsaError(f"{key.name} cannot be added: {name} has no mark for what is not known")
-        setattr(owner, name, [*array, NAN])
+        setattr(owner, name, [*array, math.nan])
     setattr(owner, key.names, [*names, key.name])
     return len(names)
+
+
+class Decoder:
+    """Reads fields from the bytes of messages of the type `kind`.
+
+    `header`: what the publisher says of its messages. `problems`: why some fields cannot be read;
+    they have no value. Raises ShsaError if the publisher names another type, of which nothing is
+    loaded, or if the type is not known here or is another version.
+    """
+
+    def __init__(self, kind: str, header: Mapping[str, str], fields: Sequence[str]) -> None:
+        if header["type"] != kind:
+            named = shown(header["type"], 100)
+            raise ShsaError(f"the publisher says that they are {named}, and not {kind}")
+        self._class = message_types.message_class(kind)
+        self._message = self._class()  # to make a new one of each is half of what reading costs
+        if header["md5sum"] != self._class._md5sum:
+            raise ShsaError(
+                f"{kind} is another version at the publisher: "
+                f"its sum is {header['md5sum']}, here {self._class._md5sum}"
+            )
+        self._fields: List[Optional[Field]] = []
+        self.problems: List[str] = []
+        for field in fields:
+            try:
+                self._fields.append(Field(self._class, field))
+            except ShsaError as error:
+                self._fields.append(None)
+                self.problems.append(str(error))
+        self.has_stamp: bool = self._class._has_header
+
+    def values(self, data: bytes) -> Tuple[Optional[float], ...]:
+        """Return the fields' values, None where there is none.
+
+        Raises ShsaError if the bytes are not a message of the type.
+        """
+        message = self._message
+        try:
+            message.deserialize(data)
+        except (genpy.DeserializationError, struct.error, UnicodeDecodeError) as error:
+            raise ShsaError(f"the message is not a {self._class._type}: {error}") from error
+        return tuple(None if field is None else field.get(message) for field in self._fields)
+
+
+def stamp(data: bytes) -> int:
+    """Return the time in the std_msgs/Header that a message begins with, in ns; 0: none."""
+    if len(data) < STAMP_END:
+        return 0
+    seconds, nanoseconds = struct.unpack_from("<4xII", data)
+    return int(seconds) * 10**9 + int(nanoseconds)
+
+
+class Problem(NamedTuple):
+    """Something that cannot be used; `needed`: it would have to be healed."""
+
+    text: str
+    needed: bool
+
+
+def mark_unusable(som: Som) -> Tuple[Som, List[Problem]]:
+    """Return the SOM with a mark at all that cannot be used here, and what that is.
+
+    What is not marked is used and healed as ever.
+    """
+    problems: List[Problem] = []
+    return som.with_services(_marked(service, problems) for service in som), problems
+
+
+def _marked(service: Service, problems: List[Problem]) -> Service:
+    provides: List[Provision] = []
+    unwritable = ""
+    for each in service.provides:
+        unreadable = problem(service.type, each.field, False)
+        unwritable = unwritable or problem(service.type, each.field, True)
+        provides.append(dataclasses.replace(each, unreadable=unreadable))
+        if unreadable:
+            text = f"{service.name}: {each.property} is not read: {unreadable}"
+            problems.append(Problem(text, needed=False))
+    if service.needed and service.policy.plans and unwritable:
+        text = f"{service.name} is needed, and cannot be substituted: {unwritable}"
+        problems.append(Problem(text, needed=True))
+    return dataclasses.replace(service, provides=tuple(provides), unwritable=unwritable)

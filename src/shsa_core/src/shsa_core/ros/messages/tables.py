@@ -7,53 +7,34 @@ subscribers are told only what concerns them has `to` as well; see shsa_msgs/Sub
 import io
 import threading
 import time
-from collections import defaultdict
-from typing import Any, Callable, Collection, DefaultDict, Dict, Iterable, List, Optional, Type
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Set, Type
 
 import genpy
 import rospy
 from std_msgs.msg import Header
 
-from shsa_core.ros.rospy_patches.bounds import subscribe
+from shsa_core.ros import settings
+from shsa_core.ros.rospy_patches.publishing import as_written, connections_of, send
+from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.ros.trust.signing import LARGEST_B, Signing
-
-QUEUE = 200
-"""Messages that wait for a slow subscriber. It misses those beyond, and then subscribes again."""
-RESUBSCRIBE_PAUSE_S = 0.5
-"""At least between two subscriptions of one table."""
 
 Key = Callable[[Any], str]
 """The key of a row, as `removed` names it."""
+Concerns = Callable[[Any, Mapping[str, Any]], bool]
+"""Tells of a row of a table by keys, as the table is, that it concerns a subscriber."""
 EVERYBODY = ""
 
 
-class Addressing:
-    """Which rows a subscriber is told, by its name: here, all are told all."""
-
-    def addressed(self, subscriber: str) -> bool:
-        """Whether it is told what concerns it alone."""
-        return False
-
-    def rows(self, subscriber: str, rows: Dict[str, Any]) -> List[Any]:
-        """Of a table by keys, what concerns one that is addressed."""
-        return list(rows.values())
-
-    def readers(
-        self, key: str, rows: Dict[str, Any], subscribers: Collection[str]
-    ) -> Iterable[str]:
-        """Of those that are addressed, whom a new, changed or removed row concerns."""
-        return subscribers
-
-
 class _Channel:
-    """What is sent to the connections of one subscriber, or of all who are told everything.
+    """The messages to the connections of one subscriber, or of all who are told everything.
 
     `began` and `sequence` are never the same for two messages: what a connection of it is sent
     cannot be taken for another one later.
     """
 
-    def __init__(self, to: str, began: int) -> None:
-        self.to, self.began, self.sequence = to, began, 0
+    def __init__(self, to: str = EVERYBODY, concerns: Concerns = lambda row, rows: True) -> None:
+        self.to, self.concerns = to, concerns
+        self.began, self.sequence = time.monotonic_ns(), 0
         self.connections: List[Any] = []
 
 
@@ -62,7 +43,7 @@ class TablePublisher(rospy.SubscribeListener):
 
     Rows are messages; `rows_field` is the message's field for them. `signing`: how it is signed;
     None: it is not. Nothing waits for a subscriber. `opened`: nobody is told anything before `open`
-    is called. `addressing`: whom only some of the rows concern; it is sent no others.
+    is called. `concerning`: which rows a subscriber of that name is sent; None: all.
     """
 
     def __init__(
@@ -73,16 +54,15 @@ class TablePublisher(rospy.SubscribeListener):
         key: Key,
         signing: Optional[Signing] = None,
         opened: bool = True,
-        addressing: Optional[Addressing] = None,
+        concerning: Callable[[str], Optional[Concerns]] = lambda subscriber: None,
     ) -> None:
         super().__init__()
         self._class: Any = signing.signed(topic, message_class) if signing else message_class
-        self._sent = _written(message_class)
+        self._written = as_written(message_class)
         self._field, self._key = rows_field, key
-        self._addressing = addressing
+        self._concerning = concerning
         self._rows: Dict[str, genpy.Message] = {}
-        self._everybody = _Channel(EVERYBODY, time.monotonic_ns())
-        self._channels: Dict[str, _Channel] = {}
+        self._channels = {EVERYBODY: _Channel()}
         self._lock = threading.Lock()  # whoever holds it sees table, sequences and queues agree
         self._topic = topic
         self._publisher: Any = None
@@ -93,7 +73,7 @@ class TablePublisher(rospy.SubscribeListener):
         """Register as a publisher: whoever connects from now on gets the table as it is."""
         with self._lock:
             self._publisher = rospy.Publisher(
-                self._topic, self._class, self, queue_size=QUEUE, tcp_nodelay=True
+                self._topic, self._class, self, queue_size=settings.QUEUE, tcp_nodelay=True
             )
 
     def update(self, changed: Iterable[genpy.Message], removed: Iterable[str] = ()) -> None:
@@ -103,24 +83,18 @@ class TablePublisher(rospy.SubscribeListener):
             gone = [key for key in removed if key in self._rows and key not in rows]
             if not rows and not gone:
                 return
-            told = self._concerned(gone)
+            channels = self._channels.values()
+            missed = [self._concerned(channel, gone) for channel in channels]
             self._rows.update(rows)
             for key in gone:
                 del self._rows[key]
-            for name, keys in self._concerned(rows).items():
-                told[name] += keys
-            self._change(self._everybody, [*gone, *rows])
-            for name, keys in told.items():
-                self._change(self._channels[name], keys)
+            for channel, keys in zip(channels, missed):
+                keys += self._concerned(channel, rows)
+                if keys:
+                    self._change(channel, keys)
 
-    def _concerned(self, keys: Iterable[str]) -> DefaultDict[str, List[str]]:
-        """Which of some rows concern whom of those that are addressed."""
-        found: DefaultDict[str, List[str]] = defaultdict(list)
-        if self._addressing is not None and self._channels:
-            for key in keys:
-                for name in self._addressing.readers(key, self._rows, self._channels):
-                    found[name].append(key)
-        return found
+    def _concerned(self, channel: _Channel, keys: Iterable[str]) -> List[str]:
+        return [key for key in keys if channel.concerns(self._rows[key], self._rows)]
 
     def _change(self, channel: _Channel, keys: List[str]) -> None:
         """Tell one channel of changes; a key without a row is gone."""
@@ -129,59 +103,50 @@ class TablePublisher(rospy.SubscribeListener):
         if up:
             rows = [self._rows[key] for key in keys if key in self._rows]
             gone = [key for key in keys if key not in self._rows]
-            self._send(up, self._message(channel, False, rows, gone))
+            self._send(channel, up, False, rows, gone)
 
     def peer_subscribe(
         self, topic_name: str, topic_publish: object, peer_publish: Callable[[Any], None]
     ) -> None:
         """Called by rospy, in a thread of its own, once a subscriber has connected."""
         with self._lock:
-            impl = self._publisher.impl
-            up = [] if impl is None else list(impl.connections)
-            for channel in (self._everybody, *self._channels.values()):
+            known: Set[int] = set()
+            for name, channel in list(self._channels.items()):
                 channel.connections = [each for each in channel.connections if not each.done]
-            self._channels = {name: c for name, c in self._channels.items() if c.connections}
-            known = {id(each) for each in self._everybody.connections}
-            known.update(id(each) for c in self._channels.values() for each in c.connections)
-            for connection in up:
+                known.update(id(each) for each in channel.connections)
+                if not channel.connections and name != EVERYBODY:
+                    del self._channels[name]
+            for connection in connections_of(self._publisher):
                 if id(connection) not in known:
                     self._welcome(connection)
 
     def _welcome(self, connection: Any) -> None:
         """Send a new connection the whole, as far as it concerns its subscriber."""
         name = connection.endpoint_id  # as its subscriber calls itself
-        channel, rows = self._everybody, list(self._rows.values())
-        if self._addressing is not None and self._addressing.addressed(name):
-            if name not in self._channels:
-                self._channels[name] = _Channel(name, time.monotonic_ns())
-            channel, rows = self._channels[name], self._addressing.rows(name, self._rows)
+        concerns = self._concerning(name)
+        if concerns is None:
+            name = EVERYBODY
+        elif name not in self._channels:
+            self._channels[name] = _Channel(name, concerns)
+        channel = self._channels[name]
         channel.connections.append(connection)
-        self._send([connection], self._message(channel, True, rows, []))
+        rows = [self._rows[key] for key in self._concerned(channel, self._rows)]
+        self._send(channel, [connection], True, rows, [])
 
     def unregister(self) -> None:
         """Publish no more."""
         if self._publisher is not None:
             self._publisher.unregister()
 
-    def _send(self, connections: List[Any], message: genpy.Message) -> None:
+    def _send(
+        self,
+        channel: _Channel,
+        connections: List[Any],
+        whole: bool,
+        rows: List[genpy.Message],
+        gone: List[str],
+    ) -> None:
         """Send one message, signed once: who is connected twice knows it again."""
-        data = io.BytesIO()
-        message.serialize(data)
-        sent = self._sent()
-        sent.written = data.getvalue()
-        impl = self._publisher.impl
-        if impl is None:
-            return  # we publish no more
-        impl.acquire()  # rospy's own way for one connection does not
-        try:
-            for connection in connections:
-                impl.publish(sent, connection_override=connection)
-        finally:
-            impl.release()
-
-    def _message(
-        self, channel: _Channel, whole: bool, rows: List[genpy.Message], gone: List[str]
-    ) -> genpy.Message:
         header = Header(stamp=rospy.Time.now(), seq=channel.sequence)
         message: genpy.Message = self._class(
             header=header,
@@ -193,22 +158,9 @@ class TablePublisher(rospy.SubscribeListener):
         setattr(message, self._field, rows)
         if channel.to:
             setattr(message, "to", channel.to)
-        return message
-
-
-def _written(kind: Type[genpy.Message]) -> Any:
-    """A message class like `kind` whose bytes are made already."""
-
-    class Written(kind):  # type: ignore[misc,valid-type]
-        """A message that is sent as it was written."""
-
-        written = b""
-
-        def serialize(self, buff: io.BytesIO) -> None:
-            """Write the message."""
-            buff.write(self.written)
-
-    return Written
+        data = io.BytesIO()
+        message.serialize(data)
+        send(self._publisher, self._written(data.getvalue()), connections)
 
 
 class TableSubscriber:
@@ -255,7 +207,7 @@ class TableSubscriber:
             self._subscriber.unregister()
 
     def get_num_connections(self) -> int:
-        """How many publishers are connected."""
+        """Return how many publishers are connected."""
         return int(self._subscriber.get_num_connections())
 
     def _subscribe(self) -> None:
@@ -281,7 +233,7 @@ class TableSubscriber:
                 self._miss()
 
     def _is_late(self, message: Any) -> bool:
-        """Whether what a message tells is known; it may come by two connections, or be kept back.
+        """Return whether a message is known; it may come by two connections, or be kept back.
 
         Of two who send the table, the one counts that is heard last, as long as it can be followed.
         """
@@ -296,7 +248,7 @@ class TableSubscriber:
         return bool(not message.whole and message.began == began and message.sequence <= sequence)
 
     def _lost(self) -> None:
-        """What was refused may have been right: a whole that is missed must come again."""
+        """Have the whole come again if it was refused: it may have been right."""
         with self._lock:
             if not self._follows:
                 self._miss()
@@ -305,7 +257,7 @@ class TableSubscriber:
         """Subscribe again soon, unless a whole table comes before."""
         self._follows = False
         if self._retry is None and not self._ended:
-            pause = self._subscribed + RESUBSCRIBE_PAUSE_S - time.monotonic()
+            pause = self._subscribed + settings.RESUBSCRIBE_S - time.monotonic()
             self._retry = threading.Timer(max(0.0, pause), self._subscribe_again)
             self._retry.daemon = True
             self._retry.start()
@@ -336,6 +288,8 @@ class TableCopy:
         self.rows: Dict[str, Any] = {}
         self._field, self._key, self._changed = rows_field, key, changed
         self._subscriber = TableSubscriber(topic, message_class, self._heard)
+        self.get_num_connections = self._subscriber.get_num_connections
+        self.unregister = self._subscriber.unregister
 
     def _heard(self, message: Any) -> None:
         rows = {} if message.whole else dict(self.rows)
@@ -344,11 +298,3 @@ class TableCopy:
         rows.update({self._key(row): row for row in getattr(message, self._field)})
         self.rows = rows  # a new one each time: readers need no lock
         self._changed()
-
-    def get_num_connections(self) -> int:
-        """How many publishers are connected."""
-        return self._subscriber.get_num_connections()
-
-    def unregister(self) -> None:
-        """Keep it up no more."""
-        self._subscriber.unregister()

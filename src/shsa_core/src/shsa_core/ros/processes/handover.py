@@ -8,15 +8,14 @@ import sys
 import time
 from typing import Optional
 
-import psutil
 import rosgraph
 import rosgraph.names
 import rospy
 
+from shsa_core.ros import settings
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.master.node_api import FAILURES, master_api, pid
 
-LOOK_S = 1.0
 GONE_LOOKS = 5
 """So often nobody must be found: a launch starts its healer again within 2 s."""
 
@@ -36,20 +35,20 @@ def await_turn(name: str) -> None:
     if other is None:
         return
     text = f"Healing runs on this ROS master already: {full} is {other}. This one leaves."
-    if not kernel.started_by_launch(psutil.Process()):
+    if not kernel.started_by_launch(os.getpid()):
         sys.exit(text)
     print(f"{text} It takes its place once that has ended: rosnode kill {full}", file=sys.stderr)
     gone = 0
     try:
         while gone < GONE_LOOKS:
-            time.sleep(LOOK_S)
+            time.sleep(settings.LOOK_S)
             gone = gone + 1 if find_other(full) is None else 0
     except KeyboardInterrupt:
         sys.exit(0)
 
 
 def find_other(node: str) -> Optional[str]:
-    """Which process a node is that is registered and answers, in words; None: there is none.
+    """Return in words which process a node is that is registered and answers; None: none.
 
     One that hangs is none: what is started beside it is to take its place. One of another user of
     this computer is none either: anybody can register our name, and all of healing is one user's.
@@ -89,8 +88,8 @@ class Handover:
 
     @property
     def followed(self) -> bool:
-        """Whether our launch starts another one: then what publishes goes on."""
-        return self._asked and kernel.started_by_launch(psutil.Process())
+        """True if our launch starts another one: then what publishes goes on."""
+        return self._asked and kernel.started_by_launch(os.getpid())
 
     def _told(self, reason: str) -> None:
         self._asked = reason.startswith(ASKED_BY_API)

@@ -1,5 +1,5 @@
-"""What healing wants of one computer, and what that answers."""
-from typing import Callable, Protocol, Union
+"""Commands to one computer, and its events."""
+from typing import Callable, Optional, Protocol, Union
 
 from shsa_core.healing import events
 
@@ -41,3 +41,16 @@ class Host(Protocol):
 
     def carry_out(self, command: HostCommand) -> None:
         """Begin to carry out a command, and wait for nobody; what fails is answered by an event."""
+
+
+def not_done(command: HostCommand, now: float, why: str) -> Optional[HostEvent]:
+    """Return the answer to a command that cannot be carried out; None: it needs none."""
+    if isinstance(command, events.LearnNode):
+        return events.NodeLearned(now, command.node, False)
+    if isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess)):
+        return events.ProcessUntouchable(now, command.node, why)
+    if isinstance(command, events.StartSubstitute):
+        return events.ProcessExited(now, command.node, why)
+    if isinstance(command, events.RestartNode):
+        return events.RestartFailed(now, command.node, why)
+    return None

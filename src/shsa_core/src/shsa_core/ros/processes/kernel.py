@@ -1,23 +1,20 @@
-"""What the kernel says of processes, which nobody on the graph can forge.
+"""Asks the kernel about processes: its answers cannot be forged by anybody on the graph.
 
-Who listens where, whose it is, whether it has ended.
+Who listens at an address, whose process it is, whether it has ended, stopped or waits.
 """
 import functools
 import os
 import signal
 import socket
 import time
-from typing import Callable, Iterable, List, Optional, Set, Tuple
+from typing import Callable, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 import psutil
 import rosgraph.network
 
+from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import BadAnswer, address
 
-POLL_S = 0.002
-REFUSAL_TIMEOUT_S = 0.2
-MASTER_AGE_S = 10.0
-"""To look through all connections takes tens of milliseconds on a large robot."""
 ANY_ADDRESS = ("0.0.0.0", "::")
 
 Identity = Tuple[int, float]
@@ -25,8 +22,15 @@ Identity = Tuple[int, float]
 NOBODY: Identity = (0, 0.0)
 
 
+class Starter(NamedTuple):
+    """The process that has started another one: its number, and the programs that it runs."""
+
+    pid: int
+    programs: List[str]
+
+
 def is_local(uri: str) -> bool:
-    """Whether a node's address is one of this computer."""
+    """Return whether a node's address is one of this computer."""
     try:
         return bool(rosgraph.network.is_local_address(address(uri).host))
     except (BadAnswer, UnicodeError):
@@ -34,7 +38,7 @@ def is_local(uri: str) -> bool:
 
 
 def listens(process: psutil.Process, uri: str) -> bool:
-    """Whether a process is the one behind a node's URI."""
+    """Return whether a process is the one behind a node's URI."""
     try:
         return bool(_matching(process.connections(kind="tcp"), uri))
     except psutil.Error:
@@ -42,7 +46,7 @@ def listens(process: psutil.Process, uri: str) -> bool:
 
 
 def listener(uri: str) -> Optional[psutil.Process]:
-    """The process behind a node's URI; None: there is none here, or we may not see it."""
+    """Return the process behind a node's URI; None: there is none here, or we may not see it."""
     if not is_local(uri):
         return None
     for found in _matching(psutil.net_connections(kind="tcp"), uri):
@@ -68,78 +72,97 @@ def _matching(connections: Iterable[psutil._common.sconn], uri: str) -> List[psu
 
 
 def is_ours(process: psutil.Process) -> bool:
-    """Whether a process runs as the user that we run as, and as no other beside."""
+    """Return whether a process runs as the user that we run as, and as no other beside."""
     try:
         return set(process.uids()) == {os.geteuid()}
     except psutil.Error:
         return False
 
 
-def identity(pid: int) -> Identity:
-    """What a process is known by; NOBODY: it is not there."""
-    try:
-        with open(f"/proc/{pid}/stat", "rb") as stat:
-            return pid, float(stat.read().rsplit(b")", 1)[1].split()[19])
-    except (OSError, ValueError, IndexError):
-        return NOBODY
-
-
-def same_process(known: Identity) -> Optional[psutil.Process]:
-    """The process of our user that this is; None: it is gone, or another one has its number."""
-    if known[0] <= 0:
-        return None
-    try:
-        process = psutil.Process(known[0])
-        same = identity(known[0]) == known and not gone(process)
-    except psutil.Error:
-        return None
-    return process if same and is_ours(process) else None
-
-
 def user(process: psutil.Process) -> str:
-    """The name of the user that a process runs as."""
+    """Return the name of the user that a process runs as."""
     try:
         return str(process.username())
     except psutil.Error:
         return "somebody else"
 
 
+def _stat(pid: int) -> List[bytes]:
+    """Return what /proc/PID/stat says from the third field on; empty: there is no such process."""
+    try:
+        with open(f"/proc/{pid}/stat", "rb") as stat:
+            return stat.read().rsplit(b")", 1)[1].split()
+    except OSError:
+        return []
+
+
+def identity(pid: int) -> Identity:
+    """Return what a process is known by; NOBODY: it is not there."""
+    found = _stat(pid)
+    return (pid, float(found[19])) if found else NOBODY
+
+
+def ended(known: Identity) -> bool:
+    """Return whether a process has ended, though nobody may have asked for its exit status yet."""
+    found = _stat(known[0])
+    return not found or float(found[19]) != known[1] or found[0] == b"Z"
+
+
+def same_process(known: Identity) -> Optional[psutil.Process]:
+    """Return the process of our user that this is; None: it is gone, or another has its number."""
+    if known[0] <= 0 or ended(known):
+        return None
+    try:
+        process = psutil.Process(known[0])
+    except psutil.Error:
+        return None
+    return process if identity(process.pid) == known and is_ours(process) else None
+
+
 def never_to_end(process: psutil.Process) -> str:
-    """Why a process is never to be ended, whatever anybody says; empty: it may be."""
+    """Return why a process is never to be ended, whatever anybody says; empty: it may be."""
     if process.pid == os.getpid():
         return "it is the reconfigurator itself"
-    if process == _master(rosgraph.get_master_uri(), int(time.monotonic() / MASTER_AGE_S)):
+    if process == _master(rosgraph.get_master_uri(), int(time.monotonic() / settings.MASTER_AGE_S)):
         return "it is the master"
-    if process.pid in _ancestors():
+    if process.pid in {1, *ancestors(os.getpid())}:
         return "its process has started the reconfigurator"
     return ""
 
 
 @functools.lru_cache(maxsize=1)
 def _master(uri: str, age: int) -> Optional[psutil.Process]:
-    """The master's process, if it is on this computer, looked for anew in each `age`."""
+    """Return the master's process if it is on this computer; look for it anew in each `age`."""
     return listener(uri)
 
 
-def _ancestors() -> Set[int]:
-    try:
-        return {each.pid for each in psutil.Process().parents()} | {1, os.getppid()}
-    except psutil.Error:
-        return {1, os.getppid()}
+def ancestors(pid: int) -> Iterator[int]:
+    """Return the processes that a process descends from, the nearest first, without the first."""
+    while True:
+        found = _stat(pid)
+        pid = int(found[1]) if found else 0
+        if pid <= 1:
+            return
+        yield pid
 
 
-def started_by_launch(process: psutil.Process) -> bool:
-    """Whether a roslaunch has started a process, which may start it again once it has ended."""
+def starter(pid: int) -> Starter:
+    """Return the process that has started a process, as far as that can be told."""
+    parent = next(ancestors(pid), 0)
     try:
-        parent = process.parent()
-        words = parent.cmdline() if parent is not None else []
+        words = psutil.Process(parent).cmdline() if parent else []
     except psutil.Error:
-        return False
-    return any(os.path.basename(word) in ("roslaunch", "rostest") for word in words[:2])
+        words = []
+    return Starter(parent, [os.path.basename(word) for word in words[:2]])
+
+
+def started_by_launch(pid: int) -> bool:
+    """Return whether a roslaunch has started a process, which may start it again."""
+    return not {"roslaunch", "rostest"}.isdisjoint(starter(pid).programs)
 
 
 def gone(process: psutil.Process) -> bool:
-    """Whether a process has ended, though nobody may have asked for its exit status yet."""
+    """Return whether a process has ended, though nobody may have asked for its exit status yet."""
     try:
         return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
@@ -147,7 +170,7 @@ def gone(process: psutil.Process) -> bool:
 
 
 def stopped(process: psutil.Process) -> bool:
-    """Whether a process is stopped, so that it hears nothing."""
+    """Return whether a process is stopped, so that it hears nothing."""
     try:
         return bool(process.status() == psutil.STATUS_STOPPED)
     except psutil.NoSuchProcess:
@@ -155,7 +178,7 @@ def stopped(process: psutil.Process) -> bool:
 
 
 def waited(pid: int) -> float:
-    """For how long the threads of a process could run and had no processor so far, in s.
+    """Return for how long in s the threads of a process could run and had no processor so far.
 
     0 where the kernel does not tell: see its documentation of schedstat.
     """
@@ -174,7 +197,7 @@ def kill(process: psutil.Process) -> None:
 
     Raises PermissionError if it is not ours, ProcessLookupError if it has ended.
     """
-    opened = descriptor(process.pid)
+    opened = _descriptor(process.pid)
     try:
         # From here on the descriptor, if there is one, names what this looks at.
         if gone(process):
@@ -190,8 +213,8 @@ def kill(process: psutil.Process) -> None:
             os.close(opened)
 
 
-def descriptor(pid: int) -> Optional[int]:
-    """A descriptor of a process; None: Python before 3.9 or Linux before 5.3 has none."""
+def _descriptor(pid: int) -> Optional[int]:
+    """Return a descriptor of a process; None: Python before 3.9 or Linux before 5.3 has none."""
     try:
         return int(os.pidfd_open(pid))  # type: ignore[attr-defined]
     except ProcessLookupError:
@@ -200,26 +223,11 @@ def descriptor(pid: int) -> Optional[int]:
         return None
 
 
-def await_end(process: psutil.Process, seconds: float, ended: Callable[[], None]) -> bool:
-    """Call `ended` once a process has ended; False: it has not by then."""
-    deadline = time.monotonic() + seconds
-    while not gone(process):
+def wait_for(done: Callable[[], bool]) -> bool:
+    """Wait until something is done, as long as a process is given to end; False: it is not."""
+    deadline = time.monotonic() + settings.PROCESS_END_S
+    while not done():
         if time.monotonic() > deadline:
             return False
-        time.sleep(POLL_S)
-    ended()
+        time.sleep(settings.EXIT_LOOK_S)
     return True
-
-
-def await_refusal(uri: str, seconds: float) -> bool:
-    """Wait until nobody listens any more at an address; False: somebody still did in the end."""
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        try:
-            socket.create_connection(address(uri), REFUSAL_TIMEOUT_S).close()
-        except ConnectionRefusedError:
-            return True
-        except OSError:
-            pass  # no answer is no proof
-        time.sleep(POLL_S)
-    return False

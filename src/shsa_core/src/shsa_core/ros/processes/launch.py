@@ -1,6 +1,4 @@
-"""Whether the launch that this node belongs to is ending, or the one of a node that we watch.
-
-Then nodes stop on purpose, and nothing is to be healed.
+"""Hears that a launch is ending: then nodes stop on purpose, and nothing is to be healed.
 
 roslaunch signals its nodes ten at a time, in no certain order, each in a session of its own: a
 healthy node may be gone up to seconds before we are told to go. It writes to its log that it shuts
@@ -12,21 +10,22 @@ import os
 import re
 import threading
 import time
-from typing import BinaryIO, Dict, Iterable, Iterator, Optional, Set, Tuple
+from typing import BinaryIO, Dict, Iterator, Optional, Set, Tuple
 
 import psutil
 import rospy
 
+from shsa_core.ros import settings
+from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.places import master_place
 from shsa_core.ros.workers import Workers
 
 SHUTDOWN = re.compile(rb"\[roslaunch\.pmon\].*ProcessMonitor\.(_post_run|shutdown) ")
 LONGEST_LINE = 1000
 NAME = "__name:="
-LOOK_PAUSE_S = 0.5
 
 
-class _Log:
+class _LaunchLog:
     """The log of a roslaunch, from now on."""
 
     def __init__(self, path: str) -> None:
@@ -34,7 +33,7 @@ class _Log:
         self._seen = os.fstat(self._file.fileno()).st_size
 
     def tells(self) -> bool:
-        """Whether roslaunch has written since the last look that it shuts down."""
+        """Return whether roslaunch has written since the last look that it shuts down."""
         if os.fstat(self._file.fileno()).st_size <= self._seen:
             return False
         self._file.seek(max(0, self._seen - LONGEST_LINE))
@@ -50,11 +49,11 @@ class Launch:
     """The roslaunch that started this node, if one did."""
 
     def __init__(self) -> None:
-        self._log = _open_log(_ancestors(os.getppid()))
+        self._log = _find_log(os.getpid())
         self._ends = False
 
     def ending(self) -> bool:
-        """Whether it is shutting down, or this node is. Costs a microsecond; asks nobody."""
+        """Return whether it or this node is shutting down. Costs a microsecond; asks nobody."""
         if not self._ends:
             tells = self._log is not None and self._log[1].tells()
             self._ends = bool(rospy.core.is_shutdown_requested()) or tells
@@ -69,7 +68,7 @@ class Launches:
         self._lock = threading.Lock()
         self._unknown: Set[str] = set()
         self._of_node: Dict[str, int] = {}
-        self._logs: Dict[int, _Log] = {}
+        self._logs: Dict[int, _LaunchLog] = {}
 
     def learn(self, node: str) -> None:
         """Find out who started a node, soon; returns at once."""
@@ -79,7 +78,7 @@ class Launches:
             self._unknown.add(node)
 
     def ending(self) -> Tuple[str, ...]:
-        """The nodes whose launch has begun to end since the last look."""
+        """Return the nodes whose launch has begun to end since the last look."""
         with self._lock:
             ended = {pid for pid, log in self._logs.items() if log.tells()}
             if not ended:
@@ -88,11 +87,11 @@ class Launches:
             return tuple(sorted(node for node, pid in self._of_node.items() if pid in ended))
 
     def _look(self) -> None:
-        time.sleep(LOOK_PAUSE_S)  # nodes come many at a time
+        time.sleep(settings.GATHER_S)
         with self._lock:
             nodes, self._unknown = self._unknown, set()
         for node, process in _processes_of(nodes):
-            found = _open_log(_ancestors(process))
+            found = _find_log(process)
             with self._lock:
                 self._of_node.pop(node, None)
                 if found is not None:
@@ -103,7 +102,7 @@ class Launches:
 
 
 def _processes_of(nodes: Set[str]) -> Iterator[Tuple[str, int]]:
-    """The processes of our user that were started as one of these nodes, by roslaunch or rosrun."""
+    """Return the processes of our user that roslaunch or rosrun has started as these nodes."""
     ours = master_place()
     for process in psutil.process_iter(["cmdline"]):
         words = process.info["cmdline"] or ()
@@ -122,26 +121,16 @@ def _processes_of(nodes: Set[str]) -> Iterator[Tuple[str, int]]:
             yield full, process.pid
 
 
-def _open_log(pids: Iterable[int]) -> Optional[Tuple[int, _Log]]:
-    """The nearest roslaunch among some processes, and its log."""
-    for pid in pids:
-        name = re.compile(rf"/[^/]*-{pid}\.log$")
-        folder = f"/proc/{pid}/fd"
+def _find_log(pid: int) -> Optional[Tuple[int, _LaunchLog]]:
+    """Return the nearest roslaunch that a process descends from, and its log."""
+    for ancestor in kernel.ancestors(pid):
+        name = re.compile(rf"/[^/]*-{ancestor}\.log$")
+        folder = f"/proc/{ancestor}/fd"
         try:
             files = [os.readlink(f"{folder}/{each}") for each in os.listdir(folder)]
             found = next((file for file in files if name.search(file)), None)
             if found is not None:
-                return pid, _Log(found)
+                return ancestor, _LaunchLog(found)
         except OSError:
             continue  # it is somebody else's process, or gone
     return None
-
-
-def _ancestors(pid: int) -> Iterator[int]:
-    while pid > 1:
-        yield pid
-        try:
-            with open(f"/proc/{pid}/stat", "rb") as stat:
-                pid = int(stat.read().rsplit(b")", 1)[1].split()[1])
-        except (OSError, ValueError, IndexError):
-            return

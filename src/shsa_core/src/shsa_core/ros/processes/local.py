@@ -1,7 +1,7 @@
 """The computer that we run on: its processes are learned, found, ended, started and listened to."""
 import threading
 import time
-from typing import Any, Callable, Collection, Dict, List, Optional, Sequence
+from typing import Any, Callable, List, Optional
 
 import psutil
 import rospy
@@ -10,79 +10,57 @@ from shsa_core import dispatch
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
-from shsa_core.ros import clock
-from shsa_core.ros.processes.coming_up import ComingUp
-from shsa_core.ros.processes.nodes import Fence, Known
-from shsa_core.ros.processes.heartbeats import Signs, Watch
-from shsa_core.ros.processes.starting import Forks, Processes
-from shsa_core.ros.processes.protection import Protection
-from shsa_core.ros.processes.restarting import Restarts
+from shsa_core.ros import clock, settings
+from shsa_core.ros.master import bus
+from shsa_core.ros.master.node_api import FAILURES
+from shsa_core.ros.processes import ending, kernel
+from shsa_core.ros.processes.heartbeats import Signs
+from shsa_core.ros.processes.host import HostCommand, Tell, not_done
+from shsa_core.ros.processes.nodes import Known, Nodes
+from shsa_core.ros.processes.protection import protection
+from shsa_core.ros.processes.restarting import ComingUp, Restarts
+from shsa_core.ros.processes.starting import Processes, Setup
+from shsa_core.ros.processes.watching import Life
 from shsa_core.ros.workers import Workers
-from shsa_core.ros.processes.host import HostCommand, Tell
 
-MOST_CALLS = 32
-"""Of one kind of command, under way at the same time."""
 LEARNING = 2
-LEARN_PAUSE_S = 0.02
-"""So many nodes are learned at the same time, and each is followed by a pause: all of a large robot
-become healthy in the same moment, and to look at each is work for several processes."""
+"""So many nodes are learned at the same time: to look at each is work for several processes."""
 
 
 class LocalHost:
-    """A Host of this computer.
+    """A Host of this computer; `signs`: who hears the heartbeats of the substitutes."""
 
-    `signs`: who hears the heartbeats of the substitutes, whose names begin with `prefix`.
-    `journals`, `secret_file`, `sandbox`, `name`, `forks`: as in Processes; `name` is its `host`.
-    """
-
-    def __init__(
-        self,
-        tell: Tell,
-        signs: Signs,
-        prefix: str,
-        journals: str,
-        secret_file: str,
-        sandbox: Sequence[str] = (),
-        name: str = "",
-        forks: Optional[Forks] = None,
-    ) -> None:
+    def __init__(self, tell: Tell, signs: Signs, setup: Setup) -> None:
         self._tell = tell
-        self.prefix = prefix
+        self.prefix = setup.prefix
         self._endings: List[threading.Event] = []
-        clearing = Workers("clear", MOST_CALLS)
-        self.fence = Fence()
-        self._protection = Protection()
+        clearing = Workers("clear", settings.MOST_CALLS)
+        self.nodes = Nodes()
         self.processes = Processes(
             lambda node, detail: tell(events.ProcessExited(clock.now(), node, detail)),
-            lambda node: clearing.put(lambda: self.fence.clear(node)),
-            journals,
-            secret_file,
-            sandbox,
-            name,
-            forks,
+            lambda node: clearing.put(lambda: ending.clear(self.nodes, node)),
+            setup,
         )
-        self.restarts = Restarts(lambda node: tell(events.StarterEnded(clock.now(), node)))
+        ended = lambda node: tell(events.StarterEnded(clock.now(), node))
+        self.restarts = Restarts(ended, setup.host)
         self._coming_up = ComingUp(self.restarts.started_again, self._came_up)
-        self._life = Watch(
+        self._life = Life(
             signs,
+            lambda node: node.startswith(setup.prefix),
             lambda node: tell(events.ProcessSilent(clock.now(), node)),
             lambda node: tell(events.ProcessHung(clock.now(), node)),
             lambda node: tell(events.ProcessHeard(clock.now(), node)),
-            prefix,
         )
-        stops = Workers("stop", MOST_CALLS)
+        stops = Workers("stop", settings.MOST_CALLS)
+        by = lambda name, work, most=settings.MOST_CALLS: self._by(Workers(name, most), work)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             HostCommand,
             {
-                events.LearnNode: self._by(Workers("learn", LEARNING), self._learn),
-                events.WatchNodes: self._by(
-                    Workers("watch", MOST_CALLS), lambda c: self._coming_up.watch(c.nodes)
-                ),
-                events.FindNode: self._by(Workers("find", MOST_CALLS), self._find),
-                events.AskToLeave: self._by(
-                    Workers("ask to leave", MOST_CALLS), self._ask_to_leave
-                ),
-                events.EndProcess: self._by(Workers("end process", MOST_CALLS), self._end_process),
+                events.LearnNode: by("learn", self._learn, LEARNING),
+                events.WatchNodes: by("watch", lambda c: self._coming_up.watch(c.nodes)),
+                events.FindNode: by("find", self._find),
+                events.AskToLeave: by("ask to leave", lambda c: self._end(c, ending.ask_to_leave)),
+                events.EndProcess: by("end process", lambda c: self._end(c, ending.end_process)),
                 events.ClearNode: self._by(clearing, self._clear),
                 events.StartSubstitute: self._start,
                 events.StopSubstitute: self._by(stops, self._stop, True),
@@ -98,11 +76,18 @@ class LocalHost:
         except Exception as error:  # whatever it is, the commands after it are carried out
             self._failed(command, error)
 
-    def stop_all(self, restarted: Collection[str] = ()) -> None:
-        """Stop the substitutes, and these of the nodes that were started again; wait for that."""
+    def take_up(self) -> List[str]:
+        """Make ours what a former reconfigurator or agent has left running; return the nodes."""
+        left = self.processes.left_behind()
+        for node, process in left.items():
+            self.processes.take_up(node, process)
+        return [*left, *self.restarts.take_up()]
+
+    def stop_all(self) -> None:
+        """Stop the substitutes, and the nodes that would have ended with us; wait for that."""
         for node in self.processes.running():
             self.carry_out(events.StopSubstitute(node))
-        for node in set(restarted).intersection(self.restarts.running()):
+        for node in filter(self.restarts.is_with_us, self.restarts.running()):
             self.carry_out(events.StopNode(node))
         self.await_stops()
 
@@ -111,17 +96,10 @@ class LocalHost:
         for ended in self._endings:
             ended.wait()
 
-    def take_up_left(self) -> Dict[str, psutil.Process]:
-        """The substitutes that somebody has left running here; from now on they are ours."""
-        left = self.processes.left_behind(self.prefix)
-        for node, process in left.items():
-            self.processes.take_up(node, process)
-        return left
-
     def _by(
         self, workers: Workers, work: Callable[[Any], object], awaited: bool = False
     ) -> Callable[[Any], None]:
-        """Work that waits for others must not hold the events up.
+        """Return what has a command carried out by workers: to wait must not hold the events up.
 
         `awaited`: we do not end before it is done.
         """
@@ -148,62 +126,67 @@ class LocalHost:
         what = f"{type(command).__name__} {getattr(command, 'node', '')}".strip()
         why = f"{type(error).__name__}: {error}"
         rospy.logerr_throttle(10.0, f"{what} could not be carried out: {why}")
-        now = clock.now()
-        if isinstance(command, events.LearnNode):
-            self._tell(events.NodeLearned(now, command.node, False))
-        elif isinstance(command, events.StartSubstitute):
-            self._tell(events.ProcessExited(now, command.node, why))
-        elif isinstance(command, events.RestartNode):
-            self._tell(events.RestartFailed(now, command.node, why))
-        elif isinstance(error, OSError):
-            return  # this computer lacks the means now; a kill without an answer is tried again
-        elif isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess)):
-            self._untouchable(command.node, f"it could not be looked at: {why}")
+        kill = isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess))
+        answer = not_done(command, clock.now(), f"it could not be carried out: {why}")
+        # This computer may lack the means now: a kill without an answer is tried again.
+        if answer is not None and not (kill and isinstance(error, OSError)):
+            self._tell(answer)
 
     def _learn(self, command: events.LearnNode) -> None:
-        time.sleep(LEARN_PAUSE_S)
-        known = self.fence.learn(command.node, command.topic)
-        protected = ""
+        node = command.node
+        time.sleep(settings.LEARN_PAUSE_S)
+        known = self.nodes.learn(node, command.topic)
+        why = ""
         if known is not None and known.process is not None:
-            self.restarts.learn(command.node, known.process)
-            protected = self._protection.reason(command.node, known.process)
-            for other in self._protection.sharing(command.node, known.process):
-                why = self._protection.reason(other, known.process)
-                self._tell(events.NodeLearned(clock.now(), other, True, why))
-        self._tell(events.NodeLearned(clock.now(), command.node, known is not None, protected))
+            self.restarts.learn(node, known.process)
+            sharing = self.nodes.sharing(node, known.process)
+            why = protection(node, known.process, sharing)
+            for other in sharing:
+                others = sharing - {other} | {node}
+                told = protection(other, known.process, others)
+                self._tell(events.NodeLearned(clock.now(), other, True, told))
+        self._tell(events.NodeLearned(clock.now(), node, known is not None, why))
 
     def _came_up(self, node: str, process: Optional[psutil.Process]) -> None:
         if process is not None:
-            self.fence.adopt(node, Known("", process))
+            self.nodes.adopt(node, Known("", process))
         self._tell(events.NodeCameUp(clock.now(), node))
 
     def _find(self, command: events.FindNode) -> None:
-        found = self.fence.find(command.node, command.topic, command.successor)
-        starter = self.fence.starter(command.node)
+        node = command.node
+        found = self.nodes.find(node, command.topic, command.successor)
         rate = None
         if command.listen and found.where is Where.HERE:
-            rate = self.fence.sends(command.node, command.topic, command.listen)
-        self._tell(events.NodeFound(clock.now(), command.node, *found, starter, rate))
+            rate = self._rate(node, command.topic, command.listen)
+        self._tell(events.NodeFound(clock.now(), node, *found, self._starter(node), rate))
 
-    def _ask_to_leave(self, command: events.AskToLeave) -> None:
-        node = command.node
-        failed = lambda why: self._untouchable(node, why)
-        self.fence.ask_to_leave(node, lambda: self._left(node), failed)
+    def _rate(self, node: str, topic: str, seconds: float) -> Optional[float]:
+        try:
+            uri = self.nodes.uri(node)
+        except FAILURES:
+            return None
+        return bus.rate(uri, topic, seconds) if uri else None
 
-    def _end_process(self, command: events.EndProcess) -> None:
+    def _starter(self, node: str) -> str:
+        """Return the process that has started a node, in words; empty: not known."""
+        known = self.nodes.known(node)
+        if known is None or known.process is None:
+            return ""
+        number, programs = kernel.starter(known.process.pid)
+        if not programs:
+            return ""
+        name = programs[-1] if programs[0].startswith("python") else programs[0]
+        return f"{name!a}, process {number}"
+
+    def _end(self, command: events.AskToLeave, how: Callable[..., None]) -> None:
         node = command.node
-        failed = lambda why: self._untouchable(node, why)
-        self.fence.end_process(node, lambda: self._left(node), failed)
+        left = lambda: self._tell(events.NodeLeft(clock.now(), node))
+        failed = lambda why: self._tell(events.ProcessUntouchable(clock.now(), node, why))
+        how(self.nodes, node, left, failed)
 
     def _clear(self, command: events.ClearNode) -> None:
-        if not self.fence.clear(command.node):
+        if not ending.clear(self.nodes, command.node):
             self._tell(events.NodeUnregistered(clock.now(), command.node))
-
-    def _left(self, node: str) -> None:
-        self._tell(events.NodeLeft(clock.now(), node))
-
-    def _untouchable(self, node: str, why: str) -> None:
-        self._tell(events.ProcessUntouchable(clock.now(), node, why))
 
     def _start(self, command: events.StartSubstitute) -> None:
         asked = clock.now()
@@ -214,11 +197,10 @@ class LocalHost:
         self.processes.stop(command.node, answers=not self._life.is_silent(command.node))
 
     def _restart(self, command: events.RestartNode) -> None:
+        node = command.node
         try:
-            process, with_us = self.restarts.start(command.node)
-            self.fence.adopt(command.node, Known("", process))
-        except (ShsaError, OSError) as error:
-            self._tell(events.RestartFailed(clock.now(), command.node, str(error)))
+            self.nodes.adopt(node, Known("", self.restarts.start(node)))
+        except (ShsaError, OSError, psutil.Error) as error:
+            self._tell(events.RestartFailed(clock.now(), node, str(error)))
             return
-        identities = self.restarts.identities(command.node)
-        self._tell(events.NodeRestarted(clock.now(), command.node, with_us, *identities))
+        self._tell(events.NodeRestarted(clock.now(), node, self.restarts.is_with_us(node)))

@@ -29,7 +29,7 @@ VARIABLES = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
 def arguments() -> List[str]:
-    """What an executable is given so that it becomes a prepared process."""
+    """Return the words that make an executable a prepared process."""
     return [OPTION, " " * SPACE]
 
 
@@ -89,7 +89,7 @@ def _load(types: List[str]) -> None:
 
 
 def _receive(line: socket.socket) -> Tuple[Optional[Dict[str, Any]], Optional[socket.socket]]:
-    """An order and its connection; None: there will be no more."""
+    """Return an order and its connection; None: there will be no more."""
     try:
         data, extra, _, _ = line.recvmsg(LARGEST_ORDER_B, socket.CMSG_SPACE(4))
     except ConnectionError:
@@ -106,7 +106,7 @@ def _receive(line: socket.socket) -> Tuple[Optional[Dict[str, Any]], Optional[so
 
 
 def _fork(order: Dict[str, Any]) -> bool:
-    """Whether this is the fork."""
+    """Fork; return whether this is the fork."""
     try:
         return os.fork() == 0
     except OSError as error:

@@ -1,28 +1,37 @@
-"""Starts a failed node again, with the command that it was started with."""
+"""Starts a failed node again, with the command that it was started with, and sees it come up.
+
+A node that healing has started again has a mark in its environment: by that the next
+reconfigurator, or agent, knows it.
+"""
+import json
 import os
 import subprocess
 import threading
+import time
 from dataclasses import dataclass, replace
-from typing import Callable, Dict, List, Optional, Set, Tuple
+from typing import Callable, Dict, Iterable, List, Optional, Set
 
 import psutil
 import rospy
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.processes.children import Children
-from shsa_core.ros.processes.kernel import NOBODY, Identity, gone, identity, is_ours, same_process
-from shsa_core.ros.processes.starting import AnyProcess, FormerProcess, end
+from shsa_core.ros import settings
+from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.processes.children import Children, Foreign, Process, end
+from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity, is_ours
+from shsa_core.ros.trust.places import master_place
 
-POLL_S = 1.0  # between two looks whether the process that started the node first is still there
+MARK = "SHSA_RESTARTED"
+"""The environment variable of a node that was started again: by whom, its name, who started it."""
 
 
 def may_restart(as_root: bool) -> bool:
-    """Whether nodes are started again by our user; `as_root`: also if that is root."""
+    """Return whether nodes are started again by our user; `as_root`: also if that is root."""
     return as_root or os.geteuid() != 0
 
 
 def _children(pid: int) -> List[int]:
-    """The processes that a process has started; empty where the kernel does not tell."""
+    """Return the processes that a process has started; none where the kernel does not tell."""
     tasks = f"/proc/{pid}/task"
     found: List[int] = []
     try:
@@ -39,20 +48,22 @@ class _Start:
     words: List[str]
     folder: str
     environment: Dict[str, str]
-    starter: Optional[psutil.Process]
+    starter: Identity
+    """Who started it first; NOBODY: nobody waits for it."""
 
 
 class Restarts:
     """Learns from the process of each healthy node how it was started.
 
     `starter_ended(node)` is called once whoever started a node first has ended, while the node that
-    was started again still runs.
+    was started again still runs. `host`: the name of the agent that we are part of.
     """
 
-    def __init__(self, starter_ended: Callable[[str], None]) -> None:
+    def __init__(self, starter_ended: Callable[[str], None], host: str = "") -> None:
         self._starter_ended = starter_ended
+        self._owner = f"{rospy.get_namespace()} {host}"
         self._starts: Dict[str, _Start] = {}
-        self._running: Dict[str, AnyProcess] = {}
+        self._running: Dict[str, Process] = {}
         self._told: Set[str] = set()
         self._lock = threading.Lock()
         self._children = Children()
@@ -61,9 +72,8 @@ class Restarts:
     def learn(self, node: str, process: psutil.Process) -> None:
         """Remember how the process of a healthy node was started, which is of our own user."""
         try:
-            starter = process.parent()
-            if starter is not None and starter.pid == 1:
-                starter = None  # nobody waits for it
+            parent = process.ppid()
+            starter = identity(parent) if parent > 1 else NOBODY
             start = _Start(process.cmdline(), process.cwd(), process.environ(), starter)
         except psutil.NoSuchProcess:
             return
@@ -79,15 +89,15 @@ class Restarts:
             self._starts[node] = start
 
     def started_again(self, node: str) -> Optional[psutil.Process]:
-        """The process of ours that whoever started a node has started with the same command.
+        """Return the process that whoever started a node has started with the same command.
 
-        None: there is none, or that cannot be told.
+        None: there is none of our user, or that cannot be told.
         """
         with self._lock:
             start = self._starts.get(node)
-        if start is None or start.starter is None:
+        if start is None or ended(start.starter):
             return None
-        for pid in _children(start.starter.pid):
+        for pid in _children(start.starter[0]):
             try:
                 process = psutil.Process(pid)
                 if process.cmdline() == start.words and is_ours(process):
@@ -96,32 +106,30 @@ class Restarts:
                 continue
         return None
 
-    def take_up(self, node: str, process: psutil.Process, starter: Identity) -> None:
-        """A node that a former reconfigurator has started again is ours now.
+    def take_up(self) -> List[str]:
+        """Make ours what a former reconfigurator or agent has started again; return the nodes.
 
-        How it is started is not told, and learned while it is healthy; its process keeps who
-        started it first.
+        How such a node is started is learned while it is healthy; it keeps who started it first.
         """
-        first = same_process(starter)
-        gone_already = starter != NOBODY and first is None
-        if gone_already:
-            self._starter_ended(node)
-        start = _Start([], "", {}, first)
-        former = FormerProcess(process)
-        with self._lock:
-            self._starts[node], self._running[node] = start, former
-            self._told.discard(node)
-        self._children.watch(former, lambda _: self._over(node, former))
+        master = master_place()
+        taken = []
+        for process in psutil.process_iter():
+            try:
+                variables = process.environ() if os.getsid(process.pid) == process.pid else {}
+                owner, node, *first = json.loads(variables.get(MARK, "[0, 0]"))
+                if owner != self._owner or master_place(variables) != master:
+                    continue
+                number, since = first
+                start = _Start([], "", {}, (int(number), float(since)))
+            except (psutil.Error, OSError, ValueError, TypeError):
+                continue  # it has ended, or is somebody else's
+            if is_ours(process) and not gone(process):
+                self._keep(node, Foreign(process.pid), start)
+                taken.append(node)
+        return taken
 
-    def identities(self, node: str) -> Tuple[Identity, Identity]:
-        """The process of a node that was started again, and that of who started it first."""
-        with self._lock:
-            process, start = self._running.get(node), self._starts.get(node)
-        starter = start.starter if start else None
-        return identity(process.pid if process else 0), identity(starter.pid if starter else 0)
-
-    def start(self, node: str) -> Tuple[psutil.Process, bool]:
-        """Start a node again: its process, and whether whoever started it first started us too.
+    def start(self, node: str) -> psutil.Process:
+        """Start a node again and return its process.
 
         Raises ShsaError if its start was never seen, OSError if it cannot be made.
         """
@@ -129,31 +137,33 @@ class Restarts:
             start = self._starts.get(node)
         if start is None or not start.words:
             raise ShsaError("it was never seen healthy on this computer")
+        mark = {MARK: json.dumps([self._owner, node, *start.starter])}
         process = subprocess.Popen(
             start.words,
             cwd=start.folder,
-            env=start.environment,
+            env={**start.environment, **mark},
             stdin=subprocess.DEVNULL,
             start_new_session=True,
         )
+        self._keep(node, process, start)
+        return psutil.Process(process.pid)
+
+    def is_with_us(self, node: str) -> bool:
+        """Return whether whoever started a node first has started us too."""
         with self._lock:
-            self._running[node] = process
-            self._told.discard(node)
-        started = psutil.Process(process.pid)
-        self._children.watch(process, lambda _: self._over(node, process))
-        return started, start.starter is not None and start.starter.pid == os.getppid()
+            start = self._starts.get(node)
+        return start is not None and start.starter == identity(os.getppid())
 
     def running(self) -> List[str]:
-        """The nodes that were started again, and run."""
+        """Return the nodes that were started again, and run."""
         with self._lock:
             return sorted(self._running)
 
     def left_alone(self) -> List[str]:
-        """The nodes that were started again and still run, and whose first starter has ended."""
+        """Return the nodes that were started again and still run, and whose starter has ended."""
         with self._lock:
-            running = list(self._running)
-            starters = {node: self._starts[node].starter for node in running}
-        return [node for node, starter in starters.items() if starter and gone(starter)]
+            starters = {node: self._starts[node].starter for node in self._running}
+        return [node for node, first in starters.items() if first != NOBODY and ended(first)]
 
     def stop(self, node: str) -> None:
         """End a node that was started again, and wait until it is gone."""
@@ -162,9 +172,15 @@ class Restarts:
         if process is not None:
             end(process)
 
+    def _keep(self, node: str, process: Process, start: _Start) -> None:
+        with self._lock:
+            self._starts[node], self._running[node] = start, process
+            self._told.discard(node)
+        self._children.watch(process, lambda _: self._over(node, process))
+
     def _watch_starters(self) -> None:
         while not rospy.is_shutdown():
-            rospy.rostime.wallsleep(POLL_S)
+            rospy.rostime.wallsleep(settings.LOOK_S)
             for node in self.left_alone():
                 with self._lock:
                     if node in self._told or node not in self._running:
@@ -172,7 +188,68 @@ class Restarts:
                     self._told.add(node)
                 self._starter_ended(node)
 
-    def _over(self, node: str, process: AnyProcess) -> None:
+    def _over(self, node: str, process: Process) -> None:
         with self._lock:
             if self._running.get(node) is process:
                 del self._running[node]
+
+
+class ComingUp:
+    """Tells when nodes come up again, as early as can be, before any consumer hears them.
+
+    `started(node)` finds the process that was started again as a node was before: long before it
+    registers. `came(node, process)` is called, in a thread, once for each process, None: for each
+    that registers.
+    """
+
+    def __init__(
+        self,
+        started: Callable[[str], Optional[psutil.Process]],
+        came: Callable[[str, Optional[psutil.Process]], None],
+    ) -> None:
+        self._started, self._came = started, came
+        self._addresses: Dict[str, str] = {}  # where each was last; empty: nowhere
+        self._processes: Dict[str, psutil.Process] = {}
+        self._wanted = threading.Event()
+        self._lock = threading.Lock()
+        threading.Thread(target=self._look, name="coming up", daemon=True).start()
+
+    def watch(self, nodes: Iterable[str]) -> None:
+        """Look for these nodes from now on; where they are registered now, they were before."""
+        wanted = set(nodes)
+        found = {node: _address(node) for node in wanted - set(self._addresses)}
+        with self._lock:
+            kept = {node: uri for node, uri in self._addresses.items() if node in wanted}
+            self._addresses = {**found, **kept}
+            self._wanted.set() if self._addresses else self._wanted.clear()
+
+    def _look(self) -> None:
+        ask_at = 0.0
+        while self._wanted.wait():
+            nodes = list(self._addresses)
+            for node in nodes:
+                process = self._started(node)
+                if process is not None and process != self._processes.get(node):
+                    self._processes[node] = process
+                    self._came(node, process)
+            if time.monotonic() >= ask_at:
+                for node in nodes:
+                    self._ask(node)
+                ask_at = time.monotonic() + settings.TICK_S
+            time.sleep(settings.EXIT_LOOK_S)
+
+    def _ask(self, node: str) -> None:
+        uri, known = _address(node), self._addresses.get(node)
+        if known is None or not uri or uri == known:
+            return
+        with self._lock:
+            self._addresses[node] = uri
+        self._came(node, None)
+
+
+def _address(node: str) -> str:
+    """Return where the master says that a node is; empty: it does not know, or does not answer."""
+    try:
+        return str(master_api().lookupNode(node))
+    except FAILURES:
+        return ""

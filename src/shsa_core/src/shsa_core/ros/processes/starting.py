@@ -1,72 +1,91 @@
-"""The substitutes' processes: each forked from a prepared one, or started by rosrun."""
+"""The substitutes' processes: forked from a prepared one or started by rosrun, confined, found."""
 import itertools
 import os
-import signal
+import resource
+import shutil
 import subprocess
 import threading
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Union
+from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set
 
 import psutil
 from roslib.packages import find_node, get_pkg_dir
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
-from shsa_core.ros.trust import secret
-from shsa_core.ros.processes.children import Children, Status
-from shsa_core.ros.processes.confinement import environment, wrapper
-from shsa_core.ros.processes.forking import UNKNOWN, Forked, Forking
+from shsa_core.ros.processes.children import Children, Foreign, Process, Status, end
+from shsa_core.ros.processes.forking import Forking
 from shsa_core.ros.processes.heartbeats import HOST
-from shsa_core.ros.processes.kernel import gone, is_ours
+from shsa_core.ros.processes.kernel import is_ours
+from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.places import master_place
 from shsa_core.substitution import signals
 
 PACKAGE = "shsa_core"
+LIMITS = {
+    "core": (resource.RLIMIT_CORE, 0),
+    "data": (resource.RLIMIT_DATA, 8 * 1024**3),
+    "nofile": (resource.RLIMIT_NOFILE, 4096),
+}
+"""Of a process; in bytes, and open files. A thread counts 8 MiB of data, which it seldom uses."""
+INHERITED = (
+    "CMAKE_PREFIX_PATH",
+    "HOME",
+    "LANG",
+    "LANGUAGE",
+    "LD_LIBRARY_PATH",
+    "LOGNAME",
+    "PATH",
+    "PYTHONPATH",
+    "PYTHONUNBUFFERED",
+    "TMPDIR",
+    "TZ",
+    "USER",
+)
+INHERITED_PREFIXES = ("LC_", "ROS_", "ROSCONSOLE_", "SHSA_")
+"""Of our environment a substitute inherits nothing but these."""
 
 
-class Forks(NamedTuple):
-    """What a prepared process is for: substitutes in a `namespace`, and these message `types`.
+class Setup(NamedTuple):
+    """The way to start substitutes, whose names begin with `prefix`.
 
-    `ready` is called, in a thread, whenever one is there.
+    `secret_file`: by which they know their reconfigurator. `journals`: what the paths of their
+    journals begin with; empty: they keep none. `sandbox`: a command to run each of them in. `host`:
+    the name of the agent that we are part of; empty: of none. `forks`: they are forked from a
+    prepared process, which has loaded the message `types`, and `ready` is called, in a thread,
+    whenever one is there; not in a sandbox, of which each one has its own.
     """
 
-    namespace: str
+    prefix: str
+    secret_file: str = ""
+    journals: str = ""
+    sandbox: Sequence[str] = ()
+    host: str = ""
+    forks: bool = False
     types: Sequence[str] = ()
     ready: Callable[[], object] = lambda: None
 
-
-STOP_TIMEOUT_S = 2.0
+    @property
+    def namespace(self) -> str:
+        """Return the namespace of the substitutes."""
+        return self.prefix.rsplit("/", 1)[0]
 
 
 class Processes:
     """Starts and stops substitutes.
 
     `ended(node, detail)` is called whenever a process has ended that nobody stopped;
-    `cleared(node)` after each end, to clear what the node left registered. Neither may wait.
-    `journals`: what the paths of the substitutes' journals begin with; empty: they keep none. Who
-    comes later takes the path of one that has ended, so that there are never many. `secret_file`:
-    by which they know their reconfigurator. `host`: the name of the agent that we are part of;
-    empty: of none. `forks`: substitutes are forked from a prepared process; not in a sandbox of the
-    user's, of which each one has its own.
+    `cleared(node)` after each end, to clear what the node left registered. Neither may wait. Who
+    comes later takes the journal of one that has ended, so that there are never many.
     """
 
     def __init__(
-        self,
-        ended: Callable[[str, str], None],
-        cleared: Callable[[str], object],
-        journals: str,
-        secret_file: str,
-        sandbox: Sequence[str] = (),
-        host: str = "",
-        forks: Optional[Forks] = None,
+        self, ended: Callable[[str, str], None], cleared: Callable[[str], object], setup: Setup
     ) -> None:
-        self._ended = ended
-        self._cleared = cleared
-        self._journals = journals
-        self._secret_file = secret_file
-        self._wrapper = wrapper(sandbox)
-        self._host = host
+        self._ended, self._cleared = ended, cleared
+        self._setup = setup
+        self._wrapper = wrapper(setup.sandbox)
         self._slots: Dict[str, int] = {}
-        self._running: Dict[str, AnyProcess] = {}
+        self._running: Dict[str, Process] = {}
         self._stopped: Set[str] = set()
         self._lock = threading.Lock()
         self._children = Children()
@@ -77,13 +96,14 @@ class Processes:
         self._executables = {name: os.path.relpath(each[0], folder) for name, each in found.items()}
         self._paths = {name: each[0] for name, each in found.items()}
         self._forking: Optional[Forking] = None
-        if forks is not None and not sandbox:
+        if setup.forks and not setup.sandbox:
             words = [*self._wrapper, "rosrun", PACKAGE, self._executables["substitute"]]
-            self._forking = Forking(words, self._environment(forks.namespace), *forks[1:])
+            variables = self._environment(setup.namespace)
+            self._forking = Forking(words, variables, setup.types, setup.ready)
 
     @property
     def forks(self) -> bool:
-        """Whether substitutes are forked, once the prepared process is there."""
+        """True if substitutes are forked, once the prepared process is there."""
         return self._forking is not None
 
     def start(self, command: StartSubstitute) -> None:
@@ -102,9 +122,9 @@ class Processes:
             executable, words = "substitute", [*strings, *words]
             variables[signals.VARIABLE] = signals.encode(command.inputs, command.outputs)
         slot = self._free_slot()
-        if self._journals:
-            variables[signals.JOURNAL] = f"{self._journals}{slot}.journal"
-        process: Optional[AnyProcess] = None
+        if self._setup.journals:
+            variables[signals.JOURNAL] = f"{self._setup.journals}{slot}.journal"
+        process: Optional[Process] = None
         if self._forking is not None:
             process = self._forking.start([self._paths[executable], *words], variables)
         if process is None:
@@ -114,33 +134,19 @@ class Processes:
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
             )
-        with self._lock:
-            self._running[node] = process
-            self._slots[node] = slot
-        self._children.watch(process, lambda status: self._over(node, status))
-
-    def _environment(self, namespace: str) -> Dict[str, str]:
-        """What every substitute in a namespace finds in its environment."""
-        variables = {**environment(os.environ), "ROS_NAMESPACE": namespace or "/"}
-        variables.update({secret.VARIABLE: self._secret_file, HOST: self._host})
-        return variables
+        self._keep(node, process, slot)
 
     def take_up(self, node: str, process: psutil.Process) -> None:
-        """A substitute of a former reconfigurator is ours now."""
-        slot = self._free_slot()
-        with self._lock:
-            self._running[node] = FormerProcess(process)
-            self._slots[node] = slot
-        self._children.watch(self._running[node], lambda status: self._over(node, status))
+        """Make a substitute of a former reconfigurator ours."""
+        self._keep(node, Foreign(process.pid), self._free_slot())
 
-    def left_behind(self, prefix: str) -> Dict[str, psutil.Process]:
-        """The substitutes of this master and agent that run, by name, whoever started them.
+    def left_behind(self) -> Dict[str, psutil.Process]:
+        """Return the substitutes of this master and agent that run, by name, and are not ours yet.
 
-        `prefix`: what their names begin with. The system is asked and not the master: one that
-        was just started is not registered, and one that hangs does not answer. They are ours if
-        they run our executable for our user.
+        The system is asked and not the master: one that was just started is not registered, and
+        one that hangs does not answer.
         """
-        namespace, start = prefix.rsplit("/", 1)
+        namespace, start = self._setup.prefix.rsplit("/", 1)
         found: Dict[str, psutil.Process] = {}
         master = master_place()
         for process in psutil.process_iter():
@@ -154,13 +160,13 @@ class Processes:
             except (psutil.Error, ValueError):
                 continue  # it has ended, is somebody else's, or of no master at all
             same = variables.get("ROS_NAMESPACE", "/").rstrip("/") == namespace
-            same = same and variables.get(HOST, "") == self._host
+            same = same and variables.get(HOST, "") == self._setup.host
             if here and same and node not in self._running and self.runs_ours(node, process):
                 found[node] = process
         return found
 
     def runs_ours(self, node: str, process: psutil.Process) -> bool:
-        """Whether a process is a substitute of this name, of our own user; False: or unknown."""
+        """Return whether a process is a substitute of this name, of our own user."""
         if not is_ours(process):
             return False
         try:
@@ -171,27 +177,24 @@ class Processes:
         return name in words and any(os.path.realpath(w) in self._files for w in words[:2])
 
     def running(self) -> List[str]:
-        """The substitutes that run."""
+        """Return the substitutes that run."""
         with self._lock:
             return sorted(self._running)
 
-    def _free_slot(self) -> int:
-        """The smallest number that no running process has."""
-        with self._lock:
-            taken = set(self._slots.values())
-        return next(number for number in itertools.count(1) if number not in taken)
-
     def stop(self, node: str, answers: bool = True) -> None:
-        """Ask a substitute to leave, kill it if it does not, and wait until it is gone.
-
-        `answers`: whether it can be asked.
-        """
+        """Ask a substitute to leave, if it can be asked; kill it if it stays; wait for its end."""
         with self._lock:
             process = self._running.get(node)
             if process is None:
                 return
             self._stopped.add(node)
         end(process, answers)
+
+    def _keep(self, node: str, process: Process, slot: int) -> None:
+        with self._lock:
+            self._running[node] = process
+            self._slots[node] = slot
+        self._children.watch(process, lambda status: self._over(node, status))
 
     def _over(self, node: str, status: Status) -> None:
         with self._lock:
@@ -202,12 +205,48 @@ class Processes:
             self._ended(node, f"exit status {status}")
         self._cleared(node)
 
+    def _free_slot(self) -> int:
+        """Return the smallest number that no running process has."""
+        with self._lock:
+            taken = set(self._slots.values())
+        return next(number for number in itertools.count(1) if number not in taken)
+
+    def _environment(self, namespace: str) -> Dict[str, str]:
+        variables = {**environment(os.environ), "ROS_NAMESPACE": namespace or "/"}
+        variables.update({secret.VARIABLE: self._setup.secret_file, HOST: self._setup.host})
+        return variables
+
+
+def environment(ours: Mapping[str, str]) -> Dict[str, str]:
+    """Return what of our environment a substitute inherits: nothing that it has no use for."""
+    listed = lambda name: name in INHERITED or name.startswith(INHERITED_PREFIXES)
+    return {name: value for name, value in ours.items() if listed(name)}
+
+
+def wrapper(sandbox: Sequence[str]) -> List[str]:
+    """Return the words before a substitute's command: its limits, no new rights, a `sandbox`.
+
+    Raises ShsaError if there is no such program.
+    """
+    if sandbox and shutil.which(sandbox[0]) is None:
+        raise ShsaError(f"there is no program {sandbox[0]} to run the substitutes in")
+    words: List[str] = []
+    if shutil.which("prlimit"):
+        words += ["prlimit", *(f"--{name}={_lowered(name)}" for name in LIMITS)]
+    if shutil.which("setpriv"):
+        words += ["setpriv", "--no-new-privs"]
+    return [*words, *sandbox]
+
+
+def _lowered(name: str) -> int:
+    """Return a limit as we want it, or as it is if that is less: nobody may raise it."""
+    number, limit = LIMITS[name]
+    hard = resource.getrlimit(number)[1]
+    return limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+
 
 def _find(executable: str) -> Sequence[str]:
-    """Where an executable of this package lies: one or more paths.
-
-    Raises ShsaError if it is not built.
-    """
+    """Return the paths of an executable of this package. Raises ShsaError if it is not built."""
     found: Sequence[str] = find_node(PACKAGE, executable)
     if not found:
         raise ShsaError(f"{PACKAGE} has no executable {executable}; is the workspace built?")
@@ -225,45 +264,3 @@ def run_command(words: Sequence[str], ended: Callable[[str], None]) -> None:
         ended(str(error))
         return
     ended(f"exit status {process.wait()}")
-
-
-class FormerProcess:
-    """A process that another one has started; so its exit status is nobody's to know."""
-
-    def __init__(self, process: psutil.Process) -> None:
-        self.pid = process.pid
-        self._process = process
-
-    def wait(self, timeout: Optional[float] = None) -> str:
-        """Wait until it has ended. Raises subprocess.TimeoutExpired."""
-        try:
-            self._process.wait(timeout)
-        except psutil.TimeoutExpired as error:
-            raise subprocess.TimeoutExpired(str(self.pid), timeout or 0.0) from error
-        return UNKNOWN
-
-    def poll(self) -> Optional[str]:
-        """None as long as it runs."""
-        return UNKNOWN if gone(self._process) else None
-
-
-AnyProcess = Union["subprocess.Popen[bytes]", FormerProcess, Forked]
-
-
-def end(process: AnyProcess, answers: bool = True) -> None:
-    """End a process and all that it started, unasked if it is stopped or does not answer."""
-    if process.poll() is not None:
-        return  # its number may be another one's by now
-    try:
-        stopped = psutil.Process(process.pid).status() == psutil.STATUS_STOPPED
-    except psutil.NoSuchProcess:
-        stopped = False
-    for number in (signal.SIGKILL,) if stopped or not answers else (signal.SIGINT, signal.SIGKILL):
-        try:
-            os.killpg(process.pid, number)
-            process.wait(STOP_TIMEOUT_S)
-            return
-        except ProcessLookupError:
-            return
-        except subprocess.TimeoutExpired:
-            continue

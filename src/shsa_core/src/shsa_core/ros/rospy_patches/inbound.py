@@ -1,12 +1,12 @@
 """Connections that others make to us: who says nothing, or too much, holds nobody else up.
 
-rospy reads the header of a connection in the thread that accepts them all: one that stays silent
-would keep every subscriber out, for as long as it likes. Here each has a thread until it has said
-what it wants, a deadline and a largest size; and the oldest goes where too many wait. So it does
-with calls of our XML-RPC interface: thousands of threads would leave the others no time.
+Faults of rospy 1.15 to 1.17: it reads the header of a connection in the thread that accepts them
+all, so that one that stays silent keeps every subscriber out (`TCPROSServer`); each connection to
+its XML-RPC interface has a thread for good, and may send any length. Here each connection has a
+thread until it has said what it wants, a deadline and a largest size, and the oldest goes where too
+many wait.
 """
 import socket
-import struct
 import threading
 import time
 from collections import OrderedDict
@@ -17,17 +17,9 @@ from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServ
 from rospy.impl.tcpros_base import TCPROSServer
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.rospy_patches.bounds import LARGEST_HEADER_B
+from shsa_core.ros import settings
+from shsa_core.ros.rospy_patches.subscribing import LENGTH
 
-HEADER_S = 2.0
-"""So long a header may take, whole."""
-MOST_WAITING = 100
-"""Connections without a header at the same time; an honest one takes milliseconds."""
-MOST_CALLS = 200
-"""Connections to a node's XML-RPC interface at the same time."""
-LARGEST_CALL_B = 32 << 20
-"""The SOM of a large robot, as the master tells it, has a tenth."""
-LENGTH = struct.Struct("<I")
 
 Callback = Callable[[Any, socket.socket, Any], None]
 
@@ -76,7 +68,7 @@ def _apart(callback: Callback) -> Callback:
         callback(server, _Greeted(connection, header), address)
 
     def accept(server: Any, connection: socket.socket, address: Any) -> None:
-        room.enter(connection, MOST_WAITING)
+        room.enter(connection, settings.MOST_WAITING)
         arguments = server, connection, address
         try:
             threading.Thread(target=serve, args=arguments, name="inbound", daemon=True).start()
@@ -101,18 +93,18 @@ def _with_room(process: Callback) -> Callback:
 
         if "shutdown_request" not in vars(server):
             server.shutdown_request = leave
-        room.enter(connection, MOST_CALLS)
+        room.enter(connection, settings.MOST_API_CONNECTIONS)
         process(server, connection, address)
 
     return accept
 
 
 def _up_to(post: Callable[[Any], None]) -> Callable[[Any], None]:
-    """What a call may send."""
+    """Refuse a call that sends too much."""
 
     def bounded(handler: Any) -> None:
         length = str(handler.headers.get("content-length", ""))
-        if not length.isdigit() or len(length) > 9 or int(length) > LARGEST_CALL_B:
+        if not length.isdigit() or len(length) > 9 or int(length) > settings.LARGEST_CALL_B:
             handler.close_connection = True
             handler.send_error(413)
             return
@@ -129,18 +121,18 @@ class _Greeted(socket.socket):
         self._header = header
 
     def recv(self, size: int, flags: int = 0) -> bytes:
-        """What comes next."""
+        """Return what comes next."""
         given, self._header = self._header[:size], self._header[size:]
         return given or super().recv(size, flags)
 
 
 def _read_header(connection: socket.socket) -> bytes:
-    """The header with its length, and no byte more. Raises OSError, ShsaError."""
-    end = time.monotonic() + HEADER_S
+    """Return the header with its length, and no byte more. Raises OSError, ShsaError."""
+    end = time.monotonic() + settings.HEADER_S
     length = _read(connection, LENGTH.size, end)
     (size,) = LENGTH.unpack(length)
-    if size > LARGEST_HEADER_B:
-        raise ShsaError(f"a header of {size} bytes; {LARGEST_HEADER_B} are allowed")
+    if size > settings.LARGEST_HEADER_B:
+        raise ShsaError(f"a header of {size} bytes; {settings.LARGEST_HEADER_B} are allowed")
     header = length + _read(connection, size, end)
     connection.settimeout(None)
     return header
@@ -155,7 +147,7 @@ def _read(connection: socket.socket, size: int, end: float) -> bytes:
             raise ShsaError("it ended before its header")
         data += came
         if time.monotonic() > end:
-            raise ShsaError(f"no header within {HEADER_S:g} s")
+            raise ShsaError(f"no header within {settings.HEADER_S:g} s")
     return data
 
 

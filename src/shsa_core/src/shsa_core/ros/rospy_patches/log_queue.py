@@ -1,7 +1,8 @@
 """Lines of the log, written by a thread of their own: whoever says something waits for nothing.
 
-A terminal that stands still, a disk and the master may take as long as they like. rospy asks the
-master about one parameter at every line that goes to /rosout; here that is asked once.
+Faults of rospy 1.15 to 1.17: a line of the log waits for a terminal that stands still, a disk, and
+the master, which is asked about one parameter at every line that goes to /rosout; here that is
+asked once.
 """
 import logging
 import logging.handlers
@@ -13,11 +14,9 @@ from typing import List, Optional, Sequence, Set, Tuple
 import rospy
 from rospy.impl.paramserver import get_param_server_cache
 
+from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES
 
-LINES = 1000
-"""So many lines wait at most; what is said beyond is lost."""
-CLOSE_TIMEOUT_S = 1.0
 LOGGERS = ("", "rosout")
 ROSOUT = "/rosout_disable_topics_generation"
 
@@ -28,7 +27,7 @@ class LogQueue:
     """Takes the place of the handlers of `loggers`, and hands them the lines in order."""
 
     def __init__(self, loggers: Sequence[str] = LOGGERS) -> None:
-        self._lines: "queue.Queue[Optional[Line]]" = queue.Queue(LINES)
+        self._lines: "queue.Queue[Optional[Line]]" = queue.Queue(settings.LOG_LINES)
         for name in loggers:
             logger = logging.getLogger(name)
             handlers, logger.handlers = logger.handlers, []
@@ -40,8 +39,8 @@ class LogQueue:
     def close(self) -> None:
         """Write what waits, as far as that is possible in a moment."""
         try:
-            self._lines.put(None, timeout=CLOSE_TIMEOUT_S)
-            self._thread.join(CLOSE_TIMEOUT_S)
+            self._lines.put(None, timeout=settings.CLOSE_LOG_S)
+            self._thread.join(settings.CLOSE_LOG_S)
         except queue.Full:
             return  # whoever shows the lines stands still
 

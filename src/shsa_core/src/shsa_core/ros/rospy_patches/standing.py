@@ -1,7 +1,8 @@
 """Keeps rospy's own threads alive where processes, descriptors or memory have run out.
 
-rospy accepts connections in one thread, and hears of publishers in another. Each ends for good at
-the first error of the operating system: after a moment without a free descriptor nobody could ever
+Fault of rospy 1.15 to 1.17: it accepts connections in one thread (`TCPServer.run`), and hears of
+publishers in another (`RegManager.run`). Each ends for good at the first error of the operating
+system: after a moment without a free descriptor nobody could ever
 subscribe again, or hear of a new publisher.
 """
 import time
@@ -11,7 +12,8 @@ import rospy
 from rospy.impl.registration import RegManager
 from rospy.impl.tcpros_base import TCPServer
 
-PAUSE_S = 0.2
+from shsa_core.ros import settings
+
 EXHAUSTED = (OSError, RuntimeError, MemoryError)
 """No descriptor; no thread; no memory."""
 
@@ -32,6 +34,6 @@ def _kept(run: Callable[[Any], None], over: Callable[[Any], bool]) -> Callable[[
                 if over(thread):
                     return
                 rospy.logerr_throttle(10.0, f"Connections wait, and are tried again: {error}")
-                time.sleep(PAUSE_S)
+                time.sleep(settings.TURN_S)
 
     return kept

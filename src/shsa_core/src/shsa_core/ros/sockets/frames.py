@@ -1,44 +1,30 @@
-"""What comes through a socket, cut into messages; of each only what is wanted is copied.
+"""Cuts what comes through a socket into messages; of each only what is wanted is copied.
 
 A message is its length in four bytes, and so many bytes. The rest of a large one that nobody wants
 to see is dropped in the kernel (`man 7 tcp`, MSG_TRUNC): it is counted, and never copied.
 """
 import socket
-import struct
 from typing import List, NamedTuple, Optional
 
+from shsa_core.ros import settings
+from shsa_core.ros.rospy_patches.subscribing import LENGTH
 from shsa_core.ros.sockets import arrival_times
 
-LARGEST_MESSAGE = 1 << 28
-"""Bytes; what is larger is not kept, and its publisher counts as silent."""
-CHUNK = 65536
-"""Bytes of one read. A smaller rest is copied: that costs less than another read."""
-SHORT = 512
-"""Bytes of the read after a message that was dropped: the next one is probably as large."""
-DROP = 1 << 20
-"""Bytes that one read drops at most."""
-EXPECTED = 1 << 22
-"""Bytes of large messages that come before anybody need look. Linux waits for half of what a socket
-may hold at most: of 6 MB, unless it was told so."""
-READS_A_TURN = 16
-"""A babbling publisher must not keep the others waiting."""
-_PREFIX = 4
-_WASTE = bytearray(DROP)
+_WASTE = bytearray(settings.LARGEST_DROP_B)
 """Where a kernel that drops nothing would write; no page of it is ever touched otherwise."""
-_TRUNCATE = socket.MSG_TRUNC
 
 
 class Wanted(NamedTuple):
-    """What is copied of a message: all of one of up to `whole` bytes, else the first `head`."""
+    """The part of a message to copy: all of one of up to `whole` bytes, else the first `head`."""
 
-    whole: int = LARGEST_MESSAGE
+    whole: int = settings.LARGEST_MESSAGE_B
     head: int = 0
 
 
 class Frame(NamedTuple):
     """A message that has come; `whole`: its data is all of it.
 
-    `noted`: when its last part that was copied had come (`arrival_times`).
+    `noted`: when its last part that was copied had come, see `arrival_times`.
     """
 
     data: bytes
@@ -68,11 +54,12 @@ class Frames:
 
     @property
     def expected(self) -> int:
-        """So many bytes come before anybody need look; 1: look at each.
+        """Return how many bytes come before anybody need look; 1: look at each.
 
         It may be wrong: a message need not be as large as the one before.
         """
-        return EXPECTED if self._large and not self._buffer and not self._more else 1
+        dropping = self._large and not self._buffer and not self._more
+        return settings.EXPECTED_B if dropping else 1
 
     def read(self, connected: socket.socket) -> bool:
         """Read what has come, a bounded part of it; False if the other end has closed.
@@ -80,17 +67,18 @@ class Frames:
         Raises OSError if the connection is lost.
         """
         self._more = False
-        for _ in range(READS_A_TURN):
+        for _ in range(settings.READS_A_TURN):
             try:
-                if self._rest >= CHUNK:
-                    size = min(self._rest, DROP)
-                    count = connected.recv_into(_WASTE, size, _TRUNCATE)
+                if self._rest >= settings.READ_B:
+                    size = min(self._rest, settings.LARGEST_DROP_B)
+                    count = connected.recv_into(_WASTE, size, socket.MSG_TRUNC)
                     self._passed(count)
                 else:
-                    size = SHORT if self._large and not self._buffer else CHUNK
+                    short = self._large and not self._buffer
+                    size = settings.SHORT_READ_B if short else settings.READ_B
                     data, extra, _, _ = connected.recvmsg(size, arrival_times.SPACE)
                     count = len(data)
-                    self._noted = arrival_times.noted(extra) if count else self._noted
+                    self._noted = arrival_times.noted_in(extra) if count else self._noted
                     self.add(data)
             except BlockingIOError:
                 return True
@@ -102,42 +90,38 @@ class Frames:
         return True
 
     def add(self, data: bytes) -> None:
-        """Take what was read already."""
+        """Cut what was read already."""
         self._buffer += data
-        self._parse()
-
-    def take(self) -> List[Frame]:
-        """The messages that have come completely, each once."""
-        found, self._found = self._found, []
-        return found
-
-    def _passed(self, count: int) -> None:
-        """So many bytes of a message that are not wanted have come."""
-        self._rest -= count
-        if not self._rest and self._cut is not None:
-            self._found.append(self._cut)
-
-    def _parse(self) -> None:
         buffer, start = self._buffer, 0
         while True:
             if self._rest:
                 passed = min(self._rest, len(buffer) - start)
                 start += passed
                 self._passed(passed)
-            if self._rest or len(buffer) < start + _PREFIX:
+            if self._rest or len(buffer) < start + LENGTH.size:
                 break
-            size: int = struct.unpack_from("<I", buffer, start)[0]
-            wanted = self.wanted
-            kept = size if size <= wanted.whole else min(size, wanted.head)
-            if size > LARGEST_MESSAGE:
+            size: int = LENGTH.unpack_from(buffer, start)[0]
+            kept = size if size <= self.wanted.whole else min(size, self.wanted.head)
+            if size > settings.LARGEST_MESSAGE_B:
                 kept = 0
-            begin, end = start + _PREFIX, start + _PREFIX + kept
+            begin, end = start + LENGTH.size, start + LENGTH.size + kept
             if len(buffer) < end:
                 break
             frame = Frame(bytes(buffer[begin:end]), kept == size, self._noted)
             start, self._rest = end, size - kept
-            self._large = self._rest >= CHUNK
+            self._large = self._rest >= settings.READ_B
             if not self._rest:
                 self._found.append(frame)
-            self._cut = frame if size <= LARGEST_MESSAGE else None
+            self._cut = frame if size <= settings.LARGEST_MESSAGE_B else None
         del buffer[:start]
+
+    def _passed(self, count: int) -> None:
+        """Count bytes of a message that are not wanted."""
+        self._rest -= count
+        if not self._rest and self._cut is not None:
+            self._found.append(self._cut)
+
+    def take(self) -> List[Frame]:
+        """Return the messages that have come completely, each once."""
+        found, self._found = self._found, []
+        return found

@@ -1,9 +1,11 @@
-"""What one thread waits for: items that other threads put, and sockets that become readable."""
+"""Lets one thread wait for items that others put and for sockets that become readable."""
 import os
 import select
 from collections import deque
 from contextlib import suppress
 from typing import Any, Deque, List, Set
+
+READABLE = select.EPOLLIN | select.EPOLLRDHUP
 
 
 class Inbox:
@@ -13,16 +15,18 @@ class Inbox:
         self._items: Deque[Any] = deque()
         self._reader, self._writer = os.pipe()
         os.set_blocking(self._reader, False)
-        self._poll = select.epoll()
-        self._poll.register(self._reader, select.EPOLLIN)
-        self._later = select.epoll()
-        self._hung_up = select.epoll()
+        self._waking, self._later, self._hung_up = (select.epoll() for _ in range(3))
+        self._waking.register(self._reader, select.EPOLLIN)
         self._woken = False
 
-    def put(self, item: Any, wakes: bool = True) -> None:
-        """Add an item and wake the reader, unless it is in no hurry for it; from any thread."""
+    def put(self, item: Any) -> None:
+        """Add an item and wake the reader; from any thread."""
         self._items.append(item)
-        if wakes and not self._woken:
+        self.wake()
+
+    def wake(self) -> None:
+        """End the reader's sleep, or its next one; from any thread."""
+        if not self._woken:
             self._woken = True
             os.write(self._writer, b"!")
 
@@ -31,33 +35,33 @@ class Inbox:
 
         One that does not wake is among the ready ones alone.
         """
-        poll = self._poll if wakes else self._later
-        poll.register(descriptor, select.EPOLLIN | select.EPOLLRDHUP)
+        (self._waking if wakes else self._later).register(descriptor, READABLE)
         self._hung_up.register(descriptor, select.EPOLLRDHUP)
 
     def watch_otherwise(self, descriptor: int, wakes: bool) -> None:
         """Have a watched descriptor wake from now on, or not."""
-        before, after = (self._later, self._poll) if wakes else (self._poll, self._later)
+        before, after = (self._later, self._waking) if wakes else (self._waking, self._later)
         before.unregister(descriptor)
-        after.register(descriptor, select.EPOLLIN | select.EPOLLRDHUP)
+        after.register(descriptor, READABLE)
 
     def wait(self, timeout: float) -> None:
         """Sleep for at most `timeout` s, or until there is something, or a descriptor hangs up."""
-        _wait(timeout, self._poll, self._hung_up)
+        _wait(timeout, self._waking, self._hung_up)
 
     def rest(self, timeout: float) -> None:
         """Sleep for `timeout` s whatever is sent, but no longer once a descriptor has hung up."""
         _wait(timeout, self._hung_up)
 
     def ready(self) -> Set[int]:
-        """The watched descriptors that are readable now."""
-        polled = [*self._poll.poll(0), *self._later.poll(0)]
-        found = {descriptor for descriptor, _ in polled}
+        """Return the watched descriptors that are readable now."""
+        found = {
+            descriptor for each in (self._waking, self._later) for descriptor, _ in each.poll(0)
+        }
         found.discard(self._reader)
         return found
 
     def take(self) -> List[Any]:
-        """What has been put so far, in order."""
+        """Return what has been put so far, in order."""
         with suppress(BlockingIOError):  # whoever wakes us may be about to
             os.read(self._reader, 4096)
         self._woken = False
@@ -65,5 +69,5 @@ class Inbox:
 
 
 def _wait(timeout: float, *polled: Any) -> None:
-    """As `epoll.poll(timeout)`, which rounds up to whole ms: too long for what is due at 1 kHz."""
+    """Wait as `epoll.poll(timeout)`, which rounds up to whole ms: too long at 1 kHz."""
     select.select(polled, (), (), max(0.0, timeout))

@@ -6,22 +6,19 @@ node that has gone cannot do is listen at its own address, or offer the topic.
 """
 import socket
 import threading
-import time
 from collections import deque
-from typing import Any, Deque, Dict, NamedTuple, Tuple
+from dataclasses import dataclass, replace
+from functools import partial
+from time import monotonic as _now
+from typing import Callable, Deque, Dict, List, NamedTuple, Tuple
 from urllib.parse import urlparse
 
-import rospy
 from rospy.impl.tcpros import get_tcpros_handler
 
-from shsa_core.ros.sockets.inbox import Inbox
+from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, ask
-
-LOOK_S = 0.002
-"""A node on this computer has refused, or dropped the call, by then; any other is asked."""
-
-LISTENED_S = 0.1
-"""A node that has just listened is asked without another look."""
+from shsa_core.ros.rospy_patches.subscribing import HandedOver
+from shsa_core.ros.workers import Workers
 
 
 class Answered(NamedTuple):
@@ -36,23 +33,23 @@ class Answered(NamedTuple):
     number: int
 
 
-def refuses(address: str, uri: str) -> bool:
-    """Whether nobody listens any more where the node at `uri` did, by the address of its host.
+def refuses(host: str, uri: str) -> bool:
+    """Return whether nobody listens any more where the node at `uri` did, on `host`.
 
     A process that dies closes its connections before the socket that it listens on: who accepts is
     given a moment to drop the call.
     """
     port = _port(uri)
-    if not address or not port:
+    if not port:
         return False
-    end = time.monotonic() + LOOK_S
-    left = LOOK_S
+    end = _now() + settings.REFUSAL_S
+    left = settings.REFUSAL_S
     while left > 0.0:
-        with socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET) as caller:
+        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as caller:
             caller.settimeout(left)
             try:
-                caller.connect((address, port))
-                caller.settimeout(max(1e-6, end - time.monotonic()))
+                caller.connect((host, port))
+                caller.settimeout(max(1e-6, end - _now()))
                 caller.recv(1)
             except ConnectionRefusedError:
                 return True
@@ -60,7 +57,7 @@ def refuses(address: str, uri: str) -> bool:
                 pass
             except OSError:
                 return False
-        left = end - time.monotonic()
+        left = end - _now()
     return False
 
 
@@ -71,53 +68,125 @@ def _port(uri: str) -> int:
         return 0
 
 
+@dataclass
+class Doubt:
+    """Somebody who is not connected any more, and may be gone; or never was: `publisher` is empty.
+
+    It is asked for another connection TRIES times at most, the last time under the number `asked`;
+    it may not have answered yet (`waits`). `until`: when it is taken to be gone.
+    """
+
+    topic: str
+    uri: str
+    implementation: HandedOver
+    publisher: str
+    host: str
+    until: float
+    tries: int = 0
+    asked: int = 0
+    waits: bool = False
+
+
 class Reconnection:
-    """Asks nodes for connections; one thread a node, so that a hung one delays no other."""
+    """Keeps those who are in doubt, and asks them for connections.
 
-    def __init__(self, inbox: Inbox) -> None:
-        self._inbox = inbox
+    All methods are for one thread; they return whose doubt has ended, so that it is gone. `tell` is
+    called from others. Each node is asked one thing at a time: a hung one delays no other.
+    """
+
+    def __init__(self, tell: Callable[[Answered], None]) -> None:
+        self._tell = tell
+        self._workers = Workers("reconnect", settings.MOST_CALLS)
         self._lock = threading.Lock()
-        self._waiting: Dict[str, Deque[Tuple[str, Any, int]]] = {}
+        self._waiting: Dict[str, Deque[Doubt]] = {}
         self._listened: Dict[str, float] = {}
+        self._doubts: Dict[Tuple[str, str], Doubt] = {}
+        self._asked = 0
 
-    def is_gone(self, address: str, uri: str) -> bool:
-        """Whether a node refuses calls; one look does for all the topics that it closes at once."""
-        now = time.monotonic()
-        self._listened = {each: at for each, at in self._listened.items() if at > now - LISTENED_S}
-        if uri in self._listened:
+    def lost(
+        self, topic: str, uri: str, implementation: HandedOver, publisher: str = "", host: str = ""
+    ) -> List[Doubt]:
+        """Doubt whose connection has ended, or never stood: nobody else would ask for another."""
+        doubt = Doubt(topic, uri, implementation, publisher, host, _now() + settings.CALL_S)
+        if publisher or (topic, uri) not in self._doubts:
+            self._doubts[topic, uri] = doubt
+        return self._settle(self._doubts[topic, uri])
+
+    def is_doubted(self, topic: str, uri: str) -> bool:
+        """Return whether somebody is in doubt."""
+        return (topic, uri) in self._doubts
+
+    def answered(self, item: Answered) -> List[Doubt]:
+        """See what follows from an answer, unless it is one to a doubt before."""
+        doubt = self._doubts.get((item.topic, item.uri))
+        if doubt is None or doubt.asked != item.number:
+            return []
+        doubt.waits = False
+        doubt.tries = doubt.tries if item.willing else settings.TRIES
+        return self._settle(doubt)
+
+    def overdue(self) -> List[Doubt]:
+        """End the doubts that took too long."""
+        now = _now()
+        return [self._end(each) for each in list(self._doubts.values()) if each.until <= now]
+
+    def connected(self, topic: str, uri: str) -> None:
+        """Doubt no more who is connected."""
+        self._doubts.pop((topic, uri), None)
+
+    def forget(self, topic: str) -> None:
+        """Doubt nobody on a topic that nobody reads any more."""
+        self._doubts = {key: doubt for key, doubt in self._doubts.items() if key[0] != topic}
+
+    def _end(self, doubt: Doubt) -> Doubt:
+        return self._doubts.pop((doubt.topic, doubt.uri))
+
+    def _settle(self, doubt: Doubt) -> List[Doubt]:
+        if doubt.waits or doubt.implementation.connects(doubt.uri):
+            return []
+        if doubt.tries < settings.TRIES and not self.is_gone(doubt.host, doubt.uri):
+            self._asked += 1
+            doubt.asked, doubt.waits, doubt.tries = self._asked, True, doubt.tries + 1
+            self._ask(doubt)
+            return []
+        return [self._end(doubt)] if doubt.publisher else []
+
+    def is_gone(self, host: str, uri: str) -> bool:
+        """Return whether a node refuses calls; one look does for all topics that it closes."""
+        begin = _now() - settings.LISTENED_S
+        self._listened = {each: at for each, at in self._listened.items() if at > begin}
+        if not host or uri in self._listened:
             return False
-        gone = refuses(address, uri)
+        gone = refuses(host, uri)
         if not gone:
-            self._listened[uri] = now
+            self._listened[uri] = _now()
         return gone
 
-    def ask(self, topic: str, uri: str, implementation: Any, number: int) -> None:
-        """Connect rospy's subscription of a topic to the node at `uri`; puts Answered."""
+    def _ask(self, doubt: Doubt) -> None:
         with self._lock:
-            if uri in self._waiting:
-                self._waiting[uri].append((topic, implementation, number))
-                return
-            self._waiting[uri] = deque([(topic, implementation, number)])
-        threading.Thread(target=self._work, args=(uri,), name="reconnect", daemon=True).start()
+            waiting = self._waiting.setdefault(doubt.uri, deque())
+            waiting.append(replace(doubt))
+            if len(waiting) == 1:
+                self._workers.put(partial(self._work, doubt.uri))
 
     def _work(self, uri: str) -> None:
-        while True:
+        with self._lock:
+            doubt = self._waiting[uri][0]
+        willing = False
+        try:
+            willing = _connect(doubt.topic, uri, doubt.implementation)
+        finally:  # whatever a strange node answers, it is not willing
+            self._tell(Answered(doubt.topic, uri, willing, doubt.asked))
             with self._lock:
-                waiting = self._waiting[uri]
-                if not waiting:
+                self._waiting[uri].popleft()
+                if self._waiting[uri]:
+                    self._workers.put(partial(self._work, uri))
+                else:
                     del self._waiting[uri]
-                    return
-                topic, implementation, number = waiting.popleft()
-            try:
-                willing = _connect(topic, uri, implementation)
-            except Exception as error:  # whatever a strange node answers, it is not willing
-                rospy.logdebug("%s gives no connection for %s: %r", uri, topic, error)
-                willing = False
-            self._inbox.put(Answered(topic, uri, willing, number))
 
 
-def _connect(topic: str, uri: str, implementation: Any) -> bool:
-    """As rospy does when the master tells it of a publisher."""
+def _connect(topic: str, uri: str, implementation: HandedOver) -> bool:
+    """Connect as rospy does when the master tells it of a publisher."""
     if implementation.connects(uri):
         return True
     try:

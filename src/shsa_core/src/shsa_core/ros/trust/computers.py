@@ -83,18 +83,18 @@ class Computer:
         """How far its clock is ahead of ours: at least, at most, and when that was so, in ns."""
 
     def was_compared(self, since: int) -> bool:
-        """Whether its clock was compared with ours since then, by ours."""
+        """Return whether its clock was compared with ours since then, by ours."""
         return self.met is None or self._span[2] >= since
 
     def latest(self, ours: int) -> int:
-        """What its clock shows at most when ours shows `ours`."""
+        """Return what its clock shows at most when ours shows `ours`."""
         if self.met is None:
             return ours
         _, most, measured = self._span
         return ours + most + int(abs(ours - measured) * DRIFT)
 
     def ours(self, theirs: int) -> int:
-        """What our clock shows, about, when its shows `theirs`."""
+        """Return what our clock shows, about, when its shows `theirs`."""
         least, most, _ = self._span
         return theirs - (least + most) // 2
 
@@ -130,7 +130,7 @@ class Computers:
         self._lock = threading.Lock()
 
     def find(self, boot: bytes) -> Optional[Computer]:
-        """The computer that a message names; None: it must prove itself, or prove itself again."""
+        """Return the computer that a message names; None: it must prove itself, or do so again."""
         computer = self._known.get(boot)
         return None if computer is None or computer.is_doubted else computer
 
@@ -157,7 +157,7 @@ class Computers:
         return why
 
     def ours(self, boot: bytes, sent: int, sender: str) -> int:
-        """What our clock showed, about, when `sender` sent what is believed. No call waits."""
+        """Return what our clock showed, about, when `sender` sent what is believed."""
         computer = self._known.get(boot, self.own)
         computer.speaker = sender
         return computer.ours(sent)
@@ -211,7 +211,7 @@ class Computers:
                 self._forget_one()
 
     def _forget_one(self) -> None:
-        """What was remembered of its messages goes too: none sent until now is believed again."""
+        """Forget the oldest, and its messages: none that was sent until now is believed again."""
         mets = [each.met for each in self._known.values() if each.met is not None]
         del self._known[min(mets, key=lambda met: met.answered).boot]
         self._forgotten = self._clock()

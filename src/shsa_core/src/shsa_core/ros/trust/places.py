@@ -1,4 +1,4 @@
-"""Where a process is: which boot of which computer it runs in, and which ROS master it uses.
+"""Tells in which boot of which computer a process runs, and which ROS master it uses.
 
 A computer is here what shares a monotonic clock and a network. So a container with a network or
 a clock of its own is one, and nobody can choose which: the kernel says it.
@@ -33,7 +33,7 @@ class Place(NamedTuple):
     port: int
 
     def is_same(self, other: "Place") -> bool:
-        """Whether this can only be the master that the other sees."""
+        """Return whether this can only be the master that the other sees."""
         if self.port != other.port:
             return False
         if self.network and other.network:
@@ -45,7 +45,7 @@ class Place(NamedTuple):
 
 
 def boot() -> str:
-    """The present boot of the computer. Raises ShsaError if it cannot be told."""
+    """Return the present boot of the computer. Raises ShsaError if it cannot be told."""
     try:
         with open(BOOT_ID, encoding="ascii") as file:
             return file.read().strip()
@@ -54,7 +54,7 @@ def boot() -> str:
 
 
 def origin() -> bytes:
-    """What our signed messages name as their `boot`: BOOT_B bytes.
+    """Return what our signed messages name as their `boot`: BOOT_B bytes.
 
     It differs if boot, clock, network or master do. Raises ShsaError if it cannot be told.
     """
@@ -63,7 +63,7 @@ def origin() -> bytes:
 
 
 def master_place(environment: Optional[Mapping[str, str]] = None) -> str:
-    """The master of a process on this computer, however it is spelled there.
+    """Return the master of a process on this computer, however it is spelled there.
 
     Without an environment: of ours.
     """
@@ -74,7 +74,7 @@ def master_place(environment: Optional[Mapping[str, str]] = None) -> str:
 
 
 def master_seen() -> Place:
-    """Our master, as it can be compared with what another computer sees."""
+    """Return our master, as it can be compared with what another computer sees."""
     host, port = _master()
     if not rosgraph.network.is_local_address(host):
         return Place("", _resolved(host), port)
@@ -99,7 +99,7 @@ def _resolved(host: str) -> FrozenSet[str]:
 
 
 def _namespace(name: str) -> str:
-    """Which namespace of a kind we are in; empty: the kernel has none of that kind."""
+    """Return our namespace of a kind; empty: the kernel has none of that kind."""
     try:
         return os.readlink(f"{NAMESPACES}/{name}")
     except FileNotFoundError:

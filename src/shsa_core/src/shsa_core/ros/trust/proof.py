@@ -1,4 +1,4 @@
-"""How a node on another computer proves that it holds our secret, and tells its clocks.
+"""Has a node on another computer prove that it holds our secret, and tell its clocks.
 
 Who is asked gets a nonce that nobody has seen before. The proof is text, signed together with the
 nonce; it is read only if the signature is right. The question is one more call of a node's own
@@ -35,11 +35,11 @@ Call = Callable[[str, str, str], Answer]
 
 
 class WrongSecret(ShsaError):
-    """Who answers has another secret than we have, or none."""
+    """The answer is by another secret than ours, or by none."""
 
 
 class Proof(NamedTuple):
-    """What a computer says of itself at the moment it is asked."""
+    """The words of a computer about itself at the moment it is asked."""
 
     boot: bytes
     """The one that its messages name."""
@@ -52,18 +52,18 @@ class Proof(NamedTuple):
 
 
 def nonce() -> str:
-    """A new one."""
+    """Return a new one."""
     return secrets.token_hex(NONCE_B)
 
 
 def is_nonce(text: object) -> bool:
-    """Whether somebody asks with a nonce."""
+    """Return whether somebody asks with a nonce."""
     digits = set("0123456789abcdef")
     return isinstance(text, str) and len(text) == 2 * NONCE_B and digits.issuperset(text)
 
 
 def written(secret: bytes, asked: str, proof: Proof) -> Sequence[str]:
-    """The proof that answers a nonce: its text, and the signature."""
+    """Write the proof that answers a nonce: its text, and the signature."""
     fields: Any = proof._asdict()
     fields["boot"] = proof.boot.hex()
     fields["master"] = proof.master.network, sorted(proof.master.addresses), proof.master.port
@@ -72,9 +72,7 @@ def written(secret: bytes, asked: str, proof: Proof) -> Sequence[str]:
 
 
 def read(secret: bytes, asked: str, answer: object) -> Proof:
-    """The proof in an answer. Raises ShsaError if it is none, WrongSecret if its signature is not
-    by our secret.
-    """
+    """Read the proof in an answer. Raises ShsaError: it is none; WrongSecret: it is not by ours."""
     pair = answer if isinstance(answer, (list, tuple)) else ()
     if len(pair) != 2 or not all(isinstance(each, str) and len(each) < LONGEST for each in pair):
         raise ShsaError("what it answers is no proof")
@@ -138,7 +136,7 @@ class Challenger:
         return Met(found.boot, shown(found.host, 100), where, *times)
 
     def _locate(self, node: str) -> str:
-        """Where a node is; without the master, where it was when it last proved itself."""
+        """Return where a node is; without the master, where it was when it last proved itself."""
         try:
             return self._find(node)
         except FAILURES:
@@ -147,7 +145,7 @@ class Challenger:
             return self._uris[node]
 
     def _read(self, asked: str, answers: object) -> Proof:
-        """The proof by our secret: a process may hold several."""
+        """Return the proof by our secret: a process may hold several."""
         problem = ShsaError("what its sender answers is no proof")
         for answer in (answers if isinstance(answers, list) else [])[:MOST_SECRETS]:
             try:
@@ -171,7 +169,7 @@ def serve(secret: bytes, boot: bytes) -> None:
 
 
 def _prove(handler: Any, caller_id: object, asked: object) -> Tuple[int, str, List[Sequence[str]]]:
-    """The call, as rospy makes it."""
+    """Answer the call, as rospy makes it."""
     if not is_nonce(asked):
         return -1, "a nonce is needed", []
     with _lock:

@@ -42,11 +42,11 @@ class Seal:
         self._key = hmac.digest(key, topic.encode(), "sha256")
 
     def signature(self, data: bytes) -> bytes:
-        """The signature of what stands before it in a message."""
+        """Return the signature of what stands before it in a message."""
         return hmac.digest(self._key, data, "sha256")
 
     def is_on(self, data: bytes) -> bool:
-        """Whether a message ends with its right signature."""
+        """Return whether a message ends with its right signature."""
         return hmac.compare_digest(data[-SIGNATURE_B:], self.signature(data[:-SIGNATURE_B]))
 
 
@@ -64,7 +64,7 @@ class Gate:
         self._lock = threading.Lock()
 
     def refusal(self, data: bytes) -> str:
-        """Why a message is refused; empty: it is not. UNPROVEN: ask its sender, and then again.
+        """Return why a message is refused; empty: it is not. UNPROVEN: ask its sender, then again.
 
         A stranger's message is never worth a question: its signature is wrong.
         """
@@ -90,7 +90,7 @@ class Gate:
             return sender.refusal(sent, signature, now)
 
     def _sender(self, computer: Computer) -> Optional["_Sender"]:
-        """None: its clock was not compared with ours since we began, and may have stood."""
+        """Return its sender; None: its clock was not compared since we began."""
         with self._lock:
             sender = self._senders.get(computer)
             if sender is None and computer.was_compared(self._began):
@@ -102,7 +102,7 @@ class Gate:
 
 
 class _Sender:
-    """What a reader remembers of one boot's messages."""
+    """The memory that a reader has of one boot's messages."""
 
     def __init__(self, seal: Seal, floor: int, too_early: str) -> None:
         self.seal = seal
@@ -111,7 +111,7 @@ class _Sender:
         self._known: Set[bytes] = set()
 
     def refusal(self, sent: int, signature: bytes, now: int) -> str:
-        """Why a message is refused that was sent then; empty: it is not. `now`: on its clock."""
+        """Return why a message of that time is refused; empty: it is not. `now`: on its clock."""
         if signature in self._known and sent > now - AT_ONCE_NS:
             return TWICE
         if signature in self._known:

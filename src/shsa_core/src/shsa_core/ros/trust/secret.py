@@ -13,12 +13,12 @@ LENGTH_B = 32
 
 
 def default_path() -> str:
-    """The file that counts where no other is named."""
+    """Return the file that counts where no other is named."""
     return os.path.join(rospkg.get_ros_home(), "shsa", "secret")
 
 
 def obtain(path: str) -> bytes:
-    """The secret in a file, which is made if it is not there.
+    """Return the secret in a file, which is made if it is not there.
 
     Several may do so at once: one of them makes it, all read it. Raises ShsaError as `read` does.
     """
@@ -31,7 +31,7 @@ def obtain(path: str) -> bytes:
 
 
 def read(path: str) -> bytes:
-    """The secret in a file. Raises ShsaError if others could know it, or replace it."""
+    """Return the secret in a file. Raises ShsaError if others could know it, or replace it."""
     try:
         folder = os.stat(os.path.dirname(path) or ".")
         # Without O_NONBLOCK a fifo would hold us up.

@@ -18,7 +18,7 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros.trust import secret
-from shsa_core.ros.rospy_patches.bounds import subscribe
+from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.ros.trust.computers import Computers
 from shsa_core.ros.trust.places import BOOT_B, origin
 from shsa_core.ros.trust.proof import Challenger, WrongSecret, serve
@@ -66,7 +66,7 @@ class Signing:
         serve(self._secret, self._boot)
 
     def signed(self, topic: str, kind: Type[genpy.Message]) -> Any:
-        """A message class like `kind`, whose messages are signed as they are serialized."""
+        """Return a message class like `kind`, whose messages are signed as they are serialized."""
         boot, seal = self._boot, Seal(self._secret, self._boot, rospy.resolve_name(topic))
 
         class Signed(kind):  # type: ignore[misc,valid-type]
@@ -84,14 +84,14 @@ class Signing:
         return Signed
 
     def signer(self, topic: str, kind: Type[genpy.Message]) -> Callable[[Any], Any]:
-        """What makes a message that is signed of one that is not."""
+        """Return what makes a signed message of one that is not."""
         signed = self.signed(topic, kind)
         return lambda message: signed(*(getattr(message, name) for name in kind.__slots__))
 
     def checked(
         self, topic: str, kind: Type[genpy.Message], unsigned: bool = False
     ) -> Type[genpy.Message]:
-        """A message class like `kind` for one reader: of what is refused, nothing is decoded.
+        """Return a message class like `kind` for one reader: nothing refused is decoded.
 
         Its messages have `refusal`; empty: none. `unsigned`: who signs nothing is believed too.
         """
@@ -149,7 +149,7 @@ class Signing:
         return subscribe(topic, checked, received, LARGEST_B)
 
     def _judge_again(self, message: Any, sender: str) -> Any:
-        """A message whose computer is not known, once its sender was asked."""
+        """Judge a message whose computer is not known, once its sender was asked."""
         end = len(message.data) - TRAILER.size
         message.refusal = self.computers.refusal(message.data[end : end + BOOT_B], sender)
         if message.refusal:

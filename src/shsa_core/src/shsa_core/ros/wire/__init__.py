@@ -1,1 +1,1 @@
-"""How the nodes talk: names of topics, services and parameters, and what messages say."""
+"""Names of topics and services, and converters between messages and events."""

@@ -36,7 +36,7 @@ LARGEST_MESSAGE_B = 65536
 
 
 def failure_seen(failure: msg.Failure) -> events.FailureSeen:
-    """The event that a message on /shsa/failures tells of. Raises ShsaError if it is none."""
+    """Return the event of a message on /shsa/failures. Raises ShsaError if it is none."""
     detected = failure.header.stamp
     told = detected if failure.told.is_zero() else failure.told
     stamps = _stamps_of(failure, told)
@@ -53,12 +53,12 @@ def failure_seen(failure: msg.Failure) -> events.FailureSeen:
 
 
 def last_message(message: bytes) -> bytes:
-    """A message from outside as it may travel in a table; empty if it is too large."""
+    """Return a message from outside as it may travel in a table; empty if it is too large."""
     return message if len(message) <= LARGEST_MESSAGE_B else b""
 
 
 def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> events.HealthSeen:
-    """The event that a message on /shsa/health tells of. Raises ShsaError if it is none.
+    """Return the event of a message on /shsa/health. Raises ShsaError if it is none.
 
     `host`: the computer whose monitor sent it.
     """
@@ -74,7 +74,7 @@ def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> event
 
 
 def calibrations_heard(table: msg.Calibrations) -> events.CalibrationsHeard:
-    """The event that a message on /shsa/calibrations tells of. Raises ShsaError if it is none."""
+    """Return the event of a message on /shsa/calibrations. Raises ShsaError if it is none."""
     rows = tuple(_calibration_row(row) for row in table.calibrations)
     removed = tuple(_calibration_key(key) for key in table.removed)
     return events.CalibrationsHeard(clock.now(), rows, removed)
@@ -126,7 +126,7 @@ def _publisher_health(row: msg.PublisherHealth, stamps: clock.Stamps) -> Publish
 
 
 def _stamps_of(message: Any, told: rospy.Time) -> clock.Stamps:
-    """The stamps of a message that was sent at `told` by them; signed ones know when that was."""
+    """Return the stamps of a message sent at `told` by them; signed ones know when that was."""
     return clock.stamps(told, getattr(message, "sent_here", 0))
 
 
@@ -136,7 +136,7 @@ def _key(text: str) -> Tuple[str, str]:
 
 
 def _kind(text: str) -> Optional[Kind]:
-    """The kind of failure; None for none. Raises ShsaError."""
+    """Return the kind of failure; None for none. Raises ShsaError."""
     try:
         return Kind(text) if text else None
     except ValueError as error:
@@ -145,7 +145,7 @@ def _kind(text: str) -> Optional[Kind]:
 
 
 def service_state(state: events.ServiceState) -> msg.ServiceState:
-    """A row of the running SOM."""
+    """Return a row of the running SOM."""
     service = state.service
     return msg.ServiceState(
         service=service.name,
@@ -198,7 +198,7 @@ def incident(record: Incident) -> msg.Incident:
 
 
 def incident_record(record: Incident) -> Dict[str, object]:
-    """An incident as plain values for the log; its moments in s of ROS time."""
+    """Return an incident as plain values for the log; its moments in s of ROS time."""
     plain = record.as_dict()
     for name, stamp in _stamps(record).items():
         plain[name] = None if getattr(record, name) is None else round(stamp.to_sec(), 6)
@@ -206,13 +206,13 @@ def incident_record(record: Incident) -> Dict[str, object]:
 
 
 def _stamps(record: Incident) -> Dict[str, rospy.Time]:
-    """The moments of an incident: in order as they were."""
+    """Return the moments of an incident: in order as they were."""
     ahead = clock.offset()
     return {name: clock.to_stamp(getattr(record, name), ahead) for name in MOMENTS}
 
 
 def found(plan: Plan) -> srv.FindSubstituteResponse:
-    """The answer that `plan` would be carried out."""
+    """Return the answer that `plan` would be carried out."""
     using = ", ".join(plan.relations) or "the same property elsewhere"
     return srv.FindSubstituteResponse(
         found=True,

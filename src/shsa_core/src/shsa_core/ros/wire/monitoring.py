@@ -28,7 +28,7 @@ def failure_of(row: PublisherHealth) -> FailureDetected:
 
 
 def failure_message(failure: FailureDetected, last_message: bytes) -> msg.Failure:
-    """The trigger on shsa/failures."""
+    """Return the trigger on shsa/failures."""
     return msg.Failure(
         header=Header(stamp=clock.to_stamp(failure.time)),
         service=failure.service,
@@ -43,7 +43,7 @@ def failure_message(failure: FailureDetected, last_message: bytes) -> msg.Failur
 
 
 def health_row(row: PublisherHealth) -> msg.PublisherHealth:
-    """A row of the table of health."""
+    """Return a row of the table of health."""
     return msg.PublisherHealth(
         topic=row.topic,
         publisher=row.publisher,
@@ -59,17 +59,17 @@ def health_row(row: PublisherHealth) -> msg.PublisherHealth:
 
 
 def health_key(key: Key) -> str:
-    """The key of a row of the table of health."""
+    """Return the key of a row of the table of health."""
     return f"{key[0]} {key[1]}"
 
 
 def health_row_key(row: msg.PublisherHealth) -> str:
-    """The key of a row of the table of health."""
+    """Return the key of a row of the table of health."""
     return health_key((row.topic, row.publisher))
 
 
 def calibration_row(row: CalibrationRow) -> msg.Calibration:
-    """A row of the table of calibrations; 0 stands for what is not known of an error."""
+    """Return a row of the table of calibrations; 0 stands for what is not known of an error."""
     errors = [each.error for each in row.calibrations]
     return msg.Calibration(
         service=row.service,
@@ -86,24 +86,24 @@ def calibration_row(row: CalibrationRow) -> msg.Calibration:
 
 
 def calibration_key(service: str, program: Program) -> str:
-    """The key of a row of the table of calibrations."""
+    """Return the key of a row of the table of calibrations."""
     return json.dumps([service, program.inputs, program.code, program.outputs])
 
 
 def calibration_row_key(row: msg.Calibration) -> str:
-    """The key of a row of the table of calibrations."""
+    """Return the key of a row of the table of calibrations."""
     program = Program(tuple(row.inputs), row.code, tuple(row.outputs))
     return calibration_key(row.service, program)
 
 
 def substitutions_changed(table: msg.Substitutions) -> SubstitutionsChanged:
-    """The event of a message on shsa/substitutions, as far as it concerns the monitor."""
+    """Return the event of a message on shsa/substitutions, as far as it concerns the monitor."""
     rows = tuple(_substitution(row) for row in table.substitutions)
     return SubstitutionsChanged(clock.now(), rows, tuple(table.removed), table.whole)
 
 
 def formerly_healthy(table: msg.SomState) -> FormerlyHealthy:
-    """Who did well, as the reconfigurator's running SOM says."""
+    """Return who did well, as the reconfigurator's running SOM says."""
     keys = tuple((row.topic, node) for row in table.services for node in row.healthy)
     return FormerlyHealthy(clock.now(), keys)
 

@@ -14,20 +14,20 @@ HOSTS = "shsa/hosts"
 
 
 def host_commands(host: str) -> str:
-    """The topic on which the agent of a computer is told what to do."""
+    """Return the topic on which the agent of a computer is told what to do."""
     return f"{HOSTS}/{host}/commands"
 
 
 def host_events(host: str) -> str:
-    """The topic on which the agent of a computer tells what has happened."""
+    """Return the topic on which the agent of a computer tells what has happened."""
     return f"{HOSTS}/{host}/events"
 
 
 def monitor_of(host: str) -> str:
-    """The name of the monitor of a computer; no host: that of all others."""
+    """Return the name of the monitor of a computer; no host: that of all others."""
     return f"monitor_{host}" if host else "monitor"
 
 
 def told_at(table: str, host: str) -> str:
-    """The topic on which the monitor of a computer tells a table; no host: that of all others."""
+    """Return where the monitor of a computer publishes a table; no host: that of all others."""
     return f"{table}/{host}" if host else table

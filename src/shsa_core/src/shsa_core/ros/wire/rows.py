@@ -3,7 +3,7 @@
 A module of its own: a substitute must start soon, and needs nothing else of the wire.
 """
 import math
-from typing import Collection, Dict, Iterable, List, Optional, Sequence
+from typing import Callable, List, Mapping, Optional, Sequence
 
 from shsa_msgs import msg
 
@@ -13,50 +13,33 @@ from shsa_core.model.error import Error
 from shsa_core.model.kinds import OnPartition, Others
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
-from shsa_core.ros.messages.tables import Addressing
+from shsa_core.ros.messages.tables import Concerns
 from shsa_core.substitution import signals
 
 NOT_KNOWN = math.nan
-Rows = Dict[str, msg.Substitution]
-"""By their keys; see shsa_core.model.substitution."""
 
 
-class OwnRows(Addressing):
-    """Substitutes, named with `prefix` by healing/naming, are told their own row.
+def own_rows(prefix: str) -> Callable[[str], Optional[Concerns]]:
+    """Return which rows concern a subscriber; None: all, as it is not named as a substitute is.
 
-    An idle one is told the rows of the plans too, which name no node.
+    Substitutes, named with `prefix` by healing/naming, are told their own row, and an idle one the
+    rows of the plans too, which name no node.
     """
 
-    def __init__(self, prefix: str) -> None:
-        self._prefix = prefix
+    def concerning(name: str) -> Optional[Concerns]:
+        if not name.startswith(prefix) or not NUMBERED.fullmatch(name[len(prefix) :]):
+            return None
+        return lambda row, rows: row.node == name or (not row.node and _may_be_idle(name, rows))
 
-    def addressed(self, subscriber: str) -> bool:
-        """Whether it is named as a substitute."""
-        rest = subscriber[len(self._prefix) :]
-        return subscriber.startswith(self._prefix) and bool(NUMBERED.fullmatch(rest))
-
-    def rows(self, subscriber: str, rows: Rows) -> List[msg.Substitution]:
-        """Its own, and the plans if it is idle."""
-        own = [row for row in rows.values() if row.node == subscriber]
-        if not _idle(subscriber, rows):
-            return own
-        return own + [row for row in rows.values() if not row.node]
-
-    def readers(self, key: str, rows: Rows, subscribers: Collection[str]) -> Iterable[str]:
-        """The node of a row, or all that are idle."""
-        node = rows[key].node
-        if node:
-            return [node] if node in subscribers else []
-        return [name for name in subscribers if _idle(name, rows)]
+    return concerning
 
 
-def _idle(subscriber: str, rows: Rows) -> bool:
-    """Whether a substitute may have no program yet."""
-    return subscriber not in rows or not rows[subscriber].code
+def _may_be_idle(name: str, rows: Mapping[str, msg.Substitution]) -> bool:
+    return name not in rows or not rows[name].code
 
 
 def substitution_message(row: Substitution) -> msg.Substitution:
-    """A row as a message."""
+    """Return a row as a message."""
     return msg.Substitution(
         node=row.node,
         service=row.service,
@@ -79,7 +62,7 @@ def substitution_message(row: Substitution) -> msg.Substitution:
 
 
 def substitution_row(message: msg.Substitution) -> Substitution:
-    """The row that a message holds. Raises ShsaError if it is none."""
+    """Return the row that a message holds. Raises ShsaError if it is none."""
     others = message.others or Others.UNKNOWN
     if others not in tuple(Others):
         raise ShsaError(f"others must be one of {', '.join(Others)}, not {others!a}")
@@ -112,7 +95,7 @@ def substitution_row(message: msg.Substitution) -> Substitution:
 
 
 def signal_message(signal: Signal) -> msg.Signal:
-    """A signal as a message; 0 stands for no period or deadline, NaN for no error."""
+    """Return a signal as a message; 0 stands for no period or deadline, NaN for no error."""
     return msg.Signal(
         topic=signal.topic,
         field=signal.field,
@@ -129,12 +112,12 @@ def signal_message(signal: Signal) -> msg.Signal:
 
 
 def rms_of(errors: Sequence[Optional[Error]]) -> List[float]:
-    """The expected RMS errors as a message has them."""
+    """Return the expected RMS errors as a message has them."""
     return [NOT_KNOWN if error is None else error.rms for error in errors]
 
 
 def p95_of(errors: Sequence[Optional[Error]]) -> List[float]:
-    """What errors are expected to be within in 95 %, as a message has it."""
+    """Return what errors are expected to be within in 95 %, as a message has it."""
     return [NOT_KNOWN if error is None or error.p95 is None else error.p95 for error in errors]
 
 
@@ -148,7 +131,7 @@ def _error(message: msg.Signal) -> Optional[Error]:
 
 
 def signal_of(message: msg.Signal) -> Signal:
-    """The signal that a message holds. Raises ShsaError if it is none."""
+    """Return the signal that a message holds. Raises ShsaError if it is none."""
     return signals.checked(
         Signal(
             topic=message.topic,

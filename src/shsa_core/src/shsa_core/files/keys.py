@@ -1,0 +1,313 @@
+"""Every key of the ontology and the SOM: its reader and what it means, basic or for experts.
+
+A new key is a line here and a field of its class in `model`.
+"""
+import re
+from typing import Any, Dict, List, Optional, Tuple, Type, Union
+
+from shsa_core.errors import ModelError, ModelErrors
+from shsa_core.files.document import Value
+from shsa_core.files.readers import (
+    ABOVE_0,
+    HIGHEST,
+    Key,
+    Keys,
+    Reader,
+    basic,
+    expert,
+    flag,
+    interval,
+    list_of,
+    mapping,
+    matching,
+    not_negative,
+    number,
+    number_in,
+    one_of,
+    parsed,
+    positive,
+    read_entry,
+    required,
+    share,
+    text,
+    whole_number,
+)
+from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.language.syntax import is_name
+from shsa_core.model.checks import OF_VALUE, REGISTRY, Check, Checks, Limit, default_checks
+from shsa_core.model.error import Error
+from shsa_core.model.field import parse_field
+from shsa_core.model.host import Placement
+from shsa_core.model.kinds import Contain, OnPartition, Others, Policy, Standby
+from shsa_core.model.service import AdaptiveDeadline, LastResort
+
+LONGEST_COMMAND = 100
+
+
+def _error(value: Value, key: str) -> Error:
+    if not isinstance(value.data, dict):
+        return Error(positive.read(value, key))
+    error = Error(**read_entry(value, key, ERROR, within=f"{key}: "))
+    if abs(error.bias) > error.rms:
+        bias = value.data["bias"]
+        raise bias.error(f"{key}: bias must be at most rms, {error.rms:g}, not {error.bias:g}")
+    return error
+
+
+ERROR: Keys = {
+    "rms": Key(positive, "root mean square of value minus truth", required=True),
+    "bias": expert(number, "mean of value minus truth; at most rms in size"),
+    "p95": expert(not_negative, "what its size is within in 95 % of the points"),
+    "delay": expert(not_negative, "s by which the value lags"),
+    "baseline": expert(positive, "the RMS error of who always says the mean of the truth"),
+    "n": expert(whole_number(10**12), "points that it was measured on"),
+    "source": expert(text, "where it was measured, in words"),
+}
+"""Figures of an error, in the unit of its value; delay in s."""
+_quality = basic(share, "how far it can be trusted; unsaid, what its error says")
+_known_error = basic(
+    Reader("number, or mapping", _error),
+    "how far it is from the truth, in the unit of the value: its RMS, or figures",
+)
+_unit = basic(text, "its unit; 1: none; unsaid: not known")
+
+_section = Reader("mapping", lambda value, key: {} if value.data is None else value.mapping(key))
+ONTOLOGY: Keys = {
+    "properties": basic(_section, "the quantities that change"),
+    "constants": basic(_section, "the quantities that do not"),
+    "relations": basic(_section, "how properties follow from others"),
+}
+PROPERTY: Keys = {
+    "unit": _unit,
+    "symbol": expert(text, "its sign in formulas"),
+    "usual": expert(interval, "what 5 to 95 % of its values are within"),
+}
+CONSTANT: Keys = {"value": required(number, "its value"), "unit": _unit}
+_expression = parsed("expression", parse_expression)
+
+
+def _steps(value: Value, key: str) -> Dict[str, Any]:
+    entries = value.mapping(key)
+    if not entries:
+        raise value.error(f"{key} has no entry")
+    return {name: _expression.read(item, f"{key}: {name}") for name, item in entries.items()}
+
+
+FUNCTION: Keys = {
+    "function": basic(_expression, "how it is computed; may stand alone, without this key"),
+    "constraint": basic(
+        parsed("condition", parse_constraint), "where it is false, there is no output"
+    ),
+    "quality": _quality,
+    "error": _known_error,
+    "where": expert(
+        Reader("mapping", _steps), "names for values on the way, and their expressions, in order"
+    ),
+    "not_executable": expert(
+        text, "instead of function: a text that is no expression; no code is made of it"
+    ),
+    "inputs": expert(
+        list_of(text, "list of names"), "with not_executable: the properties that it needs"
+    ),
+}
+"""One direction of a relation."""
+
+
+def _check(kind: Type[Check]) -> Key:
+    words: Dict[Union[bool, str], Optional[Limit]] = {False: None, True: kind.usual}
+    form, highest = "false, true or a number above 0", HIGHEST
+    if kind.usual is True:
+        form, highest = "true or false", 0.0
+    elif kind.usual is None:
+        form = "false or a number above 0"
+        del words[True]
+    return expert(number_in(ABOVE_0, highest, form, words), kind.tells)
+
+
+VALUE_CHECKS: Keys = {n: _check(each) for n, each in REGISTRY.items() if each.sample in OF_VALUE}
+MESSAGE_CHECKS: Keys = {n: _check(e) for n, e in REGISTRY.items() if n not in VALUE_CHECKS}
+COUNTS: Keys = {
+    "bad": expert(whole_number(1000), "so many bad messages make a failure"),
+    "of": expert(whole_number(1000), "among so many, the last ones"),
+}
+
+
+def _value_checks(value: Value, key: str) -> Dict[str, Optional[Limit]]:
+    return read_entry(value, key, VALUE_CHECKS)
+
+
+def _checks(value: Value, key: str) -> Checks:
+    for name, item in value.mapping(key).items():
+        if name in VALUE_CHECKS:
+            what = f"{name} is about one value"
+            raise item.error(f"{what}: it stands with a property, under provides")
+    given = read_entry(value, key, {**MESSAGE_CHECKS, **COUNTS})
+    counts = {name: given.pop(name) for name in COUNTS if name in given}
+    checks = Checks(each=default_checks(of_values=False, asked=given), **counts)
+    if checks.bad > checks.of:
+        raise value.error(f"bad must be at most of, {checks.of}, not {checks.bad}")
+    return checks
+
+
+VALUE: Keys = {
+    "field": required(
+        parsed("field of the message", lambda field: str(parse_field(field))),
+        "where in the message the value stands",
+    ),
+    "range": basic(interval, "limits in the property's unit"),
+    "quality": _quality,
+    "error": _known_error,
+    "checks": expert(Reader("mapping", _value_checks), "what else is a failure of the value"),
+    "calibrate": expert(flag, "what would derive the value is calibrated while it lives"),
+}
+"""A value of a service, under `provides`."""
+
+
+def _provides(value: Value, key: str) -> Dict[str, Dict[str, Any]]:
+    given: Dict[str, Dict[str, Any]] = {}
+    errors: List[ModelError] = []
+    for name, item in value.mapping(key).items():
+        try:
+            if not is_name(name):
+                raise item.error(f"{name!a} cannot be the name of a property")
+            given[name] = {**read_entry(item, f"the property {name}", VALUE), "where": item.where}
+        except ModelError as error:
+            errors += error.errors
+    if errors:
+        raise ModelErrors(errors)
+    if not given:
+        raise value.error("provides must name at least one property")
+    return given
+
+
+def _deadline(value: Value, key: str) -> Union[float, AdaptiveDeadline]:
+    if isinstance(value.data, dict):
+        return AdaptiveDeadline(**read_entry(value, key, DEADLINE))
+    allowed = "1 to 1e+06 periods, or {false_alarms: NUMBER}"
+    found: float = number_in(1.0, 1e6, allowed).read(value, key)
+    return found
+
+
+def _placement(value: Value, key: str) -> Placement:
+    placement = Placement(**read_entry(value, key, PLACEMENT))
+    both = set(placement.prefer) & set(placement.forbid)
+    if both:
+        raise value.error(f"{min(both)} is both preferred and forbidden")
+    return placement
+
+
+def _last_resort(value: Value, key: str) -> LastResort:
+    if value.data == "stop":
+        return LastResort()
+    if isinstance(value.data, dict):
+        return LastResort(**read_entry(value, key, LAST_RESORT))
+    allowed = "stop, {values: {PROPERTY: NUMBER}} or {command: [PROGRAM, ARGUMENT, ...]}"
+    raise value.error(f"{key} must be {allowed}, not {value.describe()}")
+
+
+def _safe_values(value: Value, key: str) -> Tuple[Tuple[str, float], ...]:
+    entries = value.mapping(key).items()
+    return tuple((name, item.number(f"the value of {name}")) for name, item in entries)
+
+
+def _command(value: Value, key: str) -> Tuple[str, ...]:
+    items = value.sequence(f"{key} (a program and its arguments)")
+    words = tuple(item.string(f"a word of {key}") for item in items)
+    if not 0 < len(words) <= LONGEST_COMMAND or not words[0]:
+        raise value.error(f"{key} must have 1 to {LONGEST_COMMAND} words, the program first")
+    if any("\0" in word for word in words):
+        raise value.error(f"a word of {key} cannot hold a zero byte")
+    return words
+
+
+DEADLINE: Keys = {
+    "false_alarms": Key(
+        number_in(1e-3, 100.0, "0.001 to 100 an hour"),
+        "how often a deadline that is learned from healthy gaps may be exceeded",
+        required=True,
+    )
+}
+_hosts = list_of(text, "list of hosts")
+PLACEMENT: Keys = {
+    "prefer": expert(_hosts, "where it rather runs, the best first"),
+    "forbid": expert(_hosts, "where it never runs"),
+}
+LAST_RESORT: Keys = {
+    "values": expert(Reader("{PROPERTY: NUMBER}", _safe_values), "what is published"),
+    "command": expert(
+        Reader("list of words", _command),
+        "a program and its arguments, run once and through no shell; from the file alone",
+    ),
+}
+HOST: Keys = {
+    "cores": expert(positive, "how many CPUs it has; unsaid, nothing is refused"),
+    "link": expert(positive, "bytes/s that its network link carries; unsaid, the same"),
+}
+_CAUSE = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*\Z")
+_GRAPH_NAME = re.compile(r"(/[A-Za-z0-9_]+|[A-Za-z]\w*)(/[A-Za-z0-9_]+)*\Z", re.ASCII)
+_TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")
+
+SERVICE: Keys = {
+    "topic": required(
+        matching(_GRAPH_NAME, "/battery_current or battery_current"),
+        "name of the topic; relative: in the namespace in which healing runs",
+    ),
+    "type": required(matching(_TYPE, "std_msgs/Float64"), "the message type"),
+    "node": required(
+        matching(_GRAPH_NAME, "/amperemeter or amperemeter"), "name of the node that publishes it"
+    ),
+    "period": required(
+        number_in(1e-4, 1e6, "0.0001 to 1e+06 s, or none", {"none": None}),
+        "s between two messages; none: event-driven",
+    ),
+    "needed": basic(flag, "somebody relies on it: it is healed"),
+    "standby": basic(one_of(Standby), "what is ready before a failure"),
+    "policy": basic(one_of(Policy), "what is done about a failure"),
+    "provides": required(Reader("mapping", _provides), "the properties in it, by name, see below"),
+    "contain": basic(
+        one_of(Contain),
+        "node: its node is killed when it fails; none: never; unsaid, what would be lost decides",
+    ),
+    "deadline": expert(
+        Reader("1 to 1e+06 periods, or mapping", _deadline),
+        "periods without a message after which a publisher is silent, or how they are learned",
+    ),
+    "bridge": expert(
+        number_in(1.5, 1e6, "1.5 to 1e+06 periods, or false", {False: 0.0}),
+        "periods without a message after which a substitute that stands by fills in; unsaid, 2.5 "
+        "where standby is hot",
+    ),
+    "checks": expert(Reader("mapping", _checks), "what else is a failure of its messages"),
+    "last_resort": expert(
+        Reader("stop, or mapping", _last_resort), "what is done when nothing can substitute"
+    ),
+    "others": expert(one_of(Others), "what stands in the fields that a substitute leaves out"),
+    "latched": expert(flag, "a late subscriber gets its newest message"),
+    "fails_with": expert(
+        list_of(matching(_CAUSE, "usb_hub or /driver"), "list of names"),
+        "what else makes it fail, together with other services that name it",
+    ),
+    "derived_from": expert(
+        list_of(
+            matching(_GRAPH_NAME, "odometry, the name of a service, or /odom, a topic"),
+            "list of services or topics",
+        ),
+        "what its values are computed from; unsaid, they are measured",
+    ),
+    "fault_tolerant_time": expert(
+        positive, "s without good data that its users tolerate; checked if given"
+    ),
+    "gate": expert(
+        matching(_GRAPH_NAME, "/battery_current/raw or battery_current/raw"),
+        "the topic that its node publishes on, where a gate checks it and publishes `topic`",
+    ),
+    "host": expert(text, "name of the host that its node runs on"),
+    "placement": expert(Reader("mapping", _placement), "where a substitute of it may run"),
+    "on_partition": expert(
+        one_of(OnPartition), "what is done while its computer cannot be reached"
+    ),
+}
+SOM: Keys = {
+    "services": required(mapping, "the services, by name"),
+    "hosts": expert(mapping, "the robot's computers, by name"),
+}

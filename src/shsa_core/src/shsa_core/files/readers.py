@@ -1,0 +1,199 @@
+"""Reads mappings by a table of their keys, and writes them as plain values again."""
+import dataclasses
+import re
+import sys
+from types import MappingProxyType
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple, Type, Union
+
+from shsa_core.errors import ModelError, ModelErrors, ShsaError
+from shsa_core.files.document import Value
+from shsa_core.model.error import Error
+from shsa_core.model.kinds import Word
+
+ABOVE_0 = 5e-324  # the smallest number there is
+HIGHEST = sys.float_info.max
+MAX_NAME = 255
+
+
+class Reader(NamedTuple):
+    """Reads the value that stands under a key; `form`: what is written there.
+
+    `read` gets the value and its key, and raises ModelError if it is not of that form.
+    """
+
+    form: str
+    read: Callable[[Value, str], Any]
+
+
+class Key(NamedTuple):
+    """A key of a mapping: its reader, and what it means.
+
+    `basic`: a first robot needs it; the others are for experts.
+    """
+
+    reader: Reader
+    means: str
+    basic: bool = False
+    required: bool = False
+
+
+Keys = Mapping[str, Key]
+
+
+def required(reader: Reader, means: str) -> Key:
+    """Return a basic key that must be there."""
+    return Key(reader, means, basic=True, required=True)
+
+
+def basic(reader: Reader, means: str) -> Key:
+    """Return a key that a first robot needs."""
+    return Key(reader, means, basic=True)
+
+
+def expert(reader: Reader, means: str) -> Key:
+    """Return a key that only experts need."""
+    return Key(reader, means)
+
+
+def read_entry(value: Value, what: str, keys: Keys, within: str = "") -> Dict[str, Any]:
+    """Return what a mapping says under its keys. Raises ModelErrors: all that is wrong with it."""
+    given, errors = read_keys(value, what, keys, within)
+    if errors:
+        raise ModelErrors(errors)
+    return given
+
+
+def read_keys(
+    value: Value, what: str, keys: Keys, within: str = ""
+) -> Tuple[Dict[str, Any], List[ModelError]]:
+    """Return what a mapping says under its valid keys, and all that is wrong with it.
+
+    `within` stands before the name of a key in errors. Raises ModelError if it is no mapping.
+    """
+    given: Dict[str, Any] = {}
+    errors = list(value.wrong_keys(what, keys, [key for key in keys if keys[key].required]))
+    for key, item in value.mapping(what).items():
+        try:
+            if key in keys:
+                given[key] = keys[key].reader.read(item, within + key)
+        except ModelError as error:
+            errors += error.errors
+    return given, errors
+
+
+def plain_entry(item: Any, keys: Keys) -> Dict[str, Any]:
+    """Return a mapping as it is written: basic keys, and others that are not as by default."""
+    usual = {field.name: field.default for field in dataclasses.fields(item)}
+    values = {key: getattr(item, key) for key in keys}
+    return {
+        key: plain(value)
+        for key, value in values.items()
+        if value != usual[key] or keys[key].basic and value is not None
+    }
+
+
+def plain(value: Any) -> Any:
+    """Return a value of the model as it is written: numbers, texts, lists and mappings."""
+    if isinstance(value, Error) and value == Error(value.rms):
+        return value.rms
+    if isinstance(value, Word):
+        return str(value)
+    if isinstance(value, tuple):
+        return [plain(each) for each in value]
+    if dataclasses.is_dataclass(value):
+        fields = {each.name: each.default for each in dataclasses.fields(value)}
+        given = {name: getattr(value, name) for name in fields}
+        return {name: plain(it) for name, it in given.items() if it != fields[name]}
+    return value
+
+
+text = Reader("text", Value.string)
+flag = Reader("true or false", Value.flag)
+number = Reader("number", Value.number)
+interval = Reader("[lowest, highest]", Value.interval)
+mapping = Reader("mapping", Value.mapping)
+
+
+def number_in(
+    lowest: float,
+    highest: float,
+    form: str,
+    words: Mapping[Union[bool, str], Optional[float]] = MappingProxyType({}),
+) -> Reader:
+    """Return a reader of a number within limits, or of a word that stands for something."""
+
+    def read(value: Value, key: str) -> Optional[float]:
+        data = value.data
+        if isinstance(data, (bool, str)) and data in words:
+            return words[data]
+        if not isinstance(data, float) or not lowest <= data <= highest:
+            raise value.error(f"{key} must be {form}, not {value.describe()}")
+        return data
+
+    return Reader(form, read)
+
+
+positive = number_in(ABOVE_0, HIGHEST, "above 0")
+not_negative = number_in(0.0, HIGHEST, "0 or above")
+share = number_in(ABOVE_0, 1.0, "above 0 and at most 1")
+
+
+def whole_number(highest: int) -> Reader:
+    """Return a reader of a whole number from 1 on."""
+    form = f"a whole number from 1 to {highest}"
+    within = number_in(1.0, highest, form)
+
+    def read(value: Value, key: str) -> int:
+        data = within.read(value, key)
+        if data != int(data):
+            raise value.error(f"{key} must be {form}, not {value.describe()}")
+        return int(data)
+
+    return Reader(form, read)
+
+
+def matching(pattern: "re.Pattern[str]", example: str) -> Reader:
+    """Return a reader of a text that has a pattern."""
+
+    def read(value: Value, key: str) -> str:
+        found = value.string(key)
+        if len(found) > MAX_NAME or not pattern.match(found):
+            raise value.error(f"{key} must be written like {example}, not {value.describe()}")
+        return found
+
+    return Reader(f"like {example}", read)
+
+
+def one_of(words: Type[Word]) -> Reader:
+    """Return a reader of one of some words."""
+    form = ", ".join(str(each) for each in words)
+
+    def read(value: Value, key: str) -> Word:
+        if value.string(key) not in [str(each) for each in words]:
+            raise value.error(f"{key} must be one of {form}, not {value.describe()}")
+        return words(value.text)
+
+    return Reader(form, read)
+
+
+def parsed(form: str, parse: Callable[[str], Any]) -> Reader:
+    """Return a reader of a text by a function that raises a ShsaError."""
+
+    def read(value: Value, key: str) -> Any:
+        found = value.string(key)
+        try:
+            return parse(found)
+        except ShsaError as error:
+            raise value.error(f"{key}: {error}") from error
+
+    return Reader(form, read)
+
+
+def list_of(reader: Reader, form: str) -> Reader:
+    """Return a reader of a list; what stands there twice counts once."""
+
+    def read(value: Value, key: str) -> Tuple[Any, ...]:
+        items = value.sequence(key)
+        return tuple(dict.fromkeys(reader.read(item, f"a name in {key}") for item in items))
+
+    return Reader(form, read)

@@ -1,0 +1,312 @@
+"""How the publishers of each topic do, as the monitors tell, and what was done to their nodes."""
+from dataclasses import replace
+from typing import Collection, Dict, FrozenSet, Iterable, List, Mapping, Optional, Set, Tuple
+
+from shsa_core.healing.events import FailureSeen, HealthSeen, ServiceState
+from shsa_core.healing.settings import MONITOR_START_S, SAME_S
+from shsa_core.model.kinds import Kind
+from shsa_core.model.names import RecentNames
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
+
+HEALTHY, FAILED = PublisherState.HEALTHY, PublisherState.FAILED
+
+
+class Health:
+    """The monitors' tables.
+
+    `rows`: by topic and publisher. `topics`: those of each node. `substitutes`: the names of
+    substitutes that run, or did not long ago. `excluded`: when each node that was killed and has
+    not been well since was gone, in s. `dying`: the nodes whose kill is under way. `protected`: why
+    a node is never killed unless the SOM says so. `verified`: the nodes whose process is known.
+    `good`: who has ever published a topic well. `due`: when `missed` has something to tell.
+    """
+
+    def __init__(self) -> None:
+        self.rows: Dict[str, Dict[str, PublisherHealth]] = {}
+        self.topics: Dict[str, Dict[str, None]] = {}
+        self.substitutes = RecentNames()
+        self.excluded: Dict[str, float] = {}
+        self.dying: FrozenSet[str] = frozenset()
+        self.protected: Dict[str, str] = {}
+        self.verified: Set[str] = set()
+        self.good: Set[Key] = set()
+        self.due: Optional[float] = None
+        self._told_at: Dict[Key, str] = {}  # the computer whose monitor tells
+        self._lost: Set[str] = set()  # the computers whose monitors are not heard
+        self._stranded: Set[Key] = set()  # who did well when its monitor was lost
+        self._unheard: Dict[Key, Optional[PublisherHealth]] = {}  # until a new monitor hears them
+
+    def of(self, topic: str) -> Mapping[str, PublisherHealth]:
+        """Return the rows of a topic, by publisher."""
+        return self.rows.get(topic, {})
+
+    def row(self, key: Key) -> Optional[PublisherHealth]:
+        """Return the row of a publisher of a topic; None: there is none."""
+        return self.rows.get(key[0], {}).get(key[1])
+
+    def healthy(self, key: Key) -> bool:
+        """Tell that a publisher of a topic does well."""
+        row = self.row(key)
+        return row is not None and row.state is HEALTHY
+
+    def originals(self, som: Som, service: Service) -> Tuple[PublisherHealth, ...]:
+        """Return the rows of the publishers of a service that are no substitutes."""
+        return tuple(
+            row
+            for row in self.rows.get(service.topic, {}).values()
+            if row.publisher
+            and row.publisher not in self.substitutes
+            and som.service_of(service.topic, row.publisher) is service
+        )
+
+    def heed(self, change: HealthSeen) -> Tuple[List[Key], List[FailureSeen]]:
+        """Take over what has changed in a monitor's table; the rows of other monitors stay.
+
+        Returns whom it concerns, and the failures that it tells of. Who was well when a monitor
+        ended is so until the next one has heard it, or should have.
+        """
+        self._lost.discard(change.host)
+        if change.anew:
+            self.due = change.time + MONITOR_START_S
+            known = self._told(change.host)
+            self._unheard.update((key, None) for key in known if self.healthy(key))
+        rows = self._returned(change.time, self._heard(change))
+        concerned = [row.key for row in rows]
+        gone = list(change.removed)
+        if change.whole:
+            told = {*concerned, *self._unheard}
+            gone = [key for key in self._told(change.host) if key not in told]
+        for key in gone:
+            self._forget(key)
+        failures: List[FailureSeen] = []
+        for row in rows:
+            failure = self._news(row)
+            failures += [] if failure is None else [failure]
+            self._told_at[row.key] = change.host
+            concerned += self._put(row)
+        return concerned + gone, failures
+
+    def note(self, failure: FailureSeen) -> bool:
+        """Put a failure that somebody tells; False: the table tells of it already."""
+        state, detail = FAILED, failure.detail
+        good = failure.last_good
+        row = PublisherHealth(
+            *(failure.topic, failure.publisher, state, failure.time, None, good, failure.kind),
+            detail,
+        )
+        known = self.row(row.key)
+        if known is not None and known.state is FAILED and not self._begins(known, row):
+            return False
+        if known is None or known.since <= failure.time:
+            self._put(row)
+        return True
+
+    def _news(self, row: PublisherHealth) -> Optional[FailureSeen]:
+        """Return the failure that a new row tells of: it turned failed, or fails anew."""
+        before = self.row(row.key)
+        if row.state is not FAILED:
+            return None
+        if before is not None and before.state is FAILED and not self._begins(before, row):
+            return None
+        return self.failure(row)
+
+    @staticmethod
+    def failure(row: PublisherHealth) -> FailureSeen:
+        """Return the failure that a row tells of."""
+        kind = row.kind or Kind.OTHER
+        detail = row.detail or f"the monitor's table says {kind}"
+        whom = row.service, row.topic, row.publisher
+        return FailureSeen(row.since, *whom, kind, detail, row.last_good, row.last_message)
+
+    @staticmethod
+    def _begins(before: PublisherHealth, row: PublisherHealth) -> bool:
+        """Tell that a publisher that failed before fails anew, or in another way."""
+        if row.kind is not None and before.kind is not None and row.kind is not before.kind:
+            return row.since >= before.since
+        return row.since > before.since + SAME_S
+
+    def _put(self, row: PublisherHealth) -> List[Key]:
+        """Put a row. Returns all that its node publishes if that is well again after a kill."""
+        topic, node = row.key
+        self.rows.setdefault(topic, {})[node] = row
+        if node:
+            self.topics.setdefault(node, {})[topic] = None
+        if row.state is HEALTHY or row.last_good is not None:
+            self.good.add(row.key)
+        if row.kind is Kind.NODE_GONE:
+            self.verified.discard(node)
+        if row.state is not HEALTHY or row.since <= self.excluded.get(node, row.since):
+            return []
+        del self.excluded[node]
+        return [(topic, node) for topic in self.topics[node]]
+
+    def _forget(self, key: Key) -> None:
+        topic, node = key
+        self.rows.get(topic, {}).pop(node, None)
+        self._told_at.pop(key, None)
+        self._stranded.discard(key)
+        topics = self.topics.get(node, {})
+        topics.pop(topic, None)
+        if not topics:
+            self.topics.pop(node, None)
+            self.verified.discard(node)
+        if node in self.substitutes:
+            self.good.discard(key)  # its name is not used again
+
+    def gone(self, node: str, time: float) -> None:
+        """Note that a node was gone at `time`; if it is well since, that is another process."""
+        self.protected.pop(node, None)
+        self.verified.discard(node)
+        self.excluded[node] = time
+        for topic in self.topics.get(node, {}):
+            row = self.rows[topic][node]
+            if row.state is HEALTHY and row.since > time:
+                del self.excluded[node]
+                return
+
+    # A monitor is lost, or starts anew.
+
+    def missed(self, time: float) -> Optional[HealthSeen]:
+        """Return what is so for those whom a new monitor has not heard in time."""
+        if self.due is None or time < self.due:
+            return None
+        told, self._unheard, self.due = self._unheard, {}, None
+        rows = tuple(row for row in told.values() if row is not None)
+        return HealthSeen(time, rows, tuple(key for key, row in told.items() if row is None))
+
+    def recall(self, time: float, row: PublisherHealth) -> None:
+        """Put who did well when a former reconfigurator ended, until a monitor has told of it."""
+        self._put(row)
+        self._unheard[row.key] = None
+        self.due = time + MONITOR_START_S
+
+    def doubt(self, key: Key) -> None:
+        """Note that one was silent before we started: who tells that it does well means now."""
+        self._stranded.add(key)
+
+    def has_monitor(self, host: str) -> bool:
+        """Tell that a monitor of a computer has told of anybody."""
+        return host in self._told_at.values()
+
+    def watched(self, topic: str, away: bool) -> bool:
+        """Tell that the monitors of a topic are heard, as far as is known.
+
+        `away`: its computer is not heard; then nobody does who has not told of it yet.
+        """
+        told = {self._told_at.get((topic, publisher), "?") for publisher in self.of(topic)} - {"?"}
+        return not told & self._lost if told else not away
+
+    def lose_monitor(
+        self, time: float, host: str, why: str, elsewhere: Collection[str]
+    ) -> Tuple[List[Key], List[FailureSeen]]:
+        """Put those as silent that the monitor of a computer has told of, which is lost.
+
+        Not so substitutes that run `elsewhere`. Returns as `heed` does.
+        """
+        self._lost.add(host)
+        lost = [key for key, told in self._told_at.items() if told == host and self.healthy(key)]
+        lost = [key for key in lost if key[1] not in elsewhere]
+        failures: List[FailureSeen] = []
+        for topic, node in lost:
+            row = replace(
+                self.rows[topic][node], state=FAILED, since=time, kind=Kind.SILENT, detail=why
+            )
+            failure = self._news(row)
+            failures += [] if failure is None else [failure]
+            self._put(row)
+            self._stranded.add(row.key)
+        return lost, failures
+
+    def _told(self, host: str) -> List[Key]:
+        """Return whom a monitor tells of; what was only recalled is any's."""
+        known = [(topic, each) for topic, publishers in self.rows.items() for each in publishers]
+        return [key for key in known if self._told_at.get(key, host) == host]
+
+    def _heard(self, change: HealthSeen) -> List[PublisherHealth]:
+        """Return the rows without those of whom a new monitor knows nothing yet."""
+        if not self._unheard:
+            return list(change.rows)
+        rows = []
+        for row in change.rows:
+            if row.key in self._unheard and row.state is PublisherState.UNKNOWN:
+                self._unheard[row.key] = row
+            else:
+                self._unheard.pop(row.key, None)
+                rows.append(row)
+        for key in change.removed:
+            self._unheard.pop(key, None)
+        return rows
+
+    def _returned(self, time: float, rows: List[PublisherHealth]) -> List[PublisherHealth]:
+        """Return the rows in which those are back since now whose monitor was lost."""
+        if not self._stranded:
+            return rows
+        found = []
+        for row in rows:
+            before = self.row(row.key)
+            later = before is not None and row.since > before.since
+            if row.key in self._stranded and row.state is HEALTHY and not later:
+                row = replace(row, since=time)
+            found.append(row)
+        self._stranded.difference_update(row.key for row in rows)
+        return found
+
+
+class Availability:
+    """The running SOM, kept up service by service.
+
+    `services`: those that are available, each with the node that publishes it. `states`: a row for
+    each, `unavailable`: the names of the others.
+    """
+
+    def __init__(self, health: Health) -> None:
+        self.services: Dict[str, Service] = {}
+        self.states: Dict[str, ServiceState] = {}
+        self.unavailable: Set[str] = set()
+        self._health = health
+
+    def update(
+        self, som: Som, names: Iterable[Tuple[str, bool, str]]
+    ) -> Tuple[List[Service], List[Service]]:
+        """Look at some services again: return those that are available no more, and those that are.
+
+        With each name: whether it is another service now, though it may look the same; and why it
+        is not available whoever is well, empty: it may be.
+        """
+        gone: List[Service] = []
+        come: List[Service] = []
+        for name, another, why in names:
+            before = self.services.pop(name, None)
+            self.unavailable.discard(name)
+            service = som.services.get(name)
+            if service is None:
+                self.states.pop(name, None)
+            else:
+                state = self.state(som, service, why)
+                self.states[name] = state
+                if state.available:
+                    self.services[name] = service = replace(service, node=state.node)
+                    if service == before and not another:
+                        self.services[name] = before
+                        continue
+                    come.append(service)
+                else:
+                    self.unavailable.add(name)
+            if before is not None:
+                gone.append(before)
+        return gone, come
+
+    def state(self, som: Som, service: Service, why: str) -> ServiceState:
+        """Return how a service stands."""
+        health = self._health
+        rows = [
+            row for row in health.originals(som, service) if row.publisher not in health.excluded
+        ]
+        well = tuple(row.publisher for row in rows if row.state is HEALTHY)
+        if why or not well:
+            why = why or next((row.detail for row in rows if row.detail), "not published")
+            return ServiceState(service, service.node, False, why, well)
+        verified = tuple(node for node in well if node in health.verified)
+        return ServiceState(service, well[0], True, "", well, verified)

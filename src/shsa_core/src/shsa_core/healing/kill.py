@@ -1,0 +1,296 @@
+"""How a node is ended: asked first, then its process is ended; and what counts as certain."""
+from dataclasses import dataclass, field
+from typing import Dict, List, Optional, Tuple, Union
+
+from shsa_core.agenda import Agenda, doubled
+from shsa_core.healing.events import (
+    AskToLeave,
+    ClearNode,
+    Command,
+    EndProcess,
+    FindNode,
+    NodeFound,
+    NodeLeft,
+    ProcessUntouchable,
+    Where,
+)
+from shsa_core.healing.health import Health
+from shsa_core.healing.settings import (
+    AGAIN_S,
+    EXIT_TIMEOUT_S,
+    FIND_TIMEOUT_S,
+    FORGET_S,
+    LISTEN_PERIODS,
+    LISTEN_S,
+    LONGEST_AGAIN_S,
+    STEADY_S,
+)
+from shsa_core.model.checks import RateHigh, RateLow
+
+USUAL = RateLow.usual, RateHigh.usual
+"""Of its usual rate: a node that sends about that much on its own computer does well there."""
+LINK = "so it is its link that fails"
+STRAINED = "and its computer has too much to do"
+PASSES = "and that may pass"
+
+
+@dataclass(frozen=True)
+class KillNode:
+    """Kill a node for certain.
+
+    `urgent`: it may still publish. `if_dead`: only clear what it left if it is dead, else spare it.
+    `topic`: what it failed on; a node that does not publish that is spared. Empty: a substitute of
+    ours. `at_once`: it is not asked to leave first, as it has only just come up. `only_here`: one
+    on another computer is left alone. `period`: its failure may be one of the link to its computer,
+    so that it is spared if it sends `topic` about every so many s there; 0: its failure is its own.
+    """
+
+    node: str
+    urgent: bool
+    if_dead: bool = False
+    topic: str = ""
+    at_once: bool = False
+    only_here: bool = False
+    period: float = 0.0
+
+
+@dataclass(frozen=True)
+class NodeKilled:
+    """The kill of a node is over: it is gone for certain, or could not be reached to make sure.
+
+    It was gone at `time`, which is when the kill began if it was dead already. `starter`: who had
+    started it, empty: not known.
+    """
+
+    time: float
+    node: str
+    certain: bool
+    detail: str
+    starter: str = ""
+
+
+@dataclass(frozen=True)
+class NodeSpared:
+    """A node that was to be cleared if it is dead may still run.
+
+    `detail`: why one that was to be killed is not touched: it is not the one that failed.
+    """
+
+    time: float
+    node: str
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class NodeUnreached:
+    """Nothing can be said of a node that was to be killed: its computer was lost."""
+
+    time: float
+    node: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class NodeAlive:
+    """A node that was to be killed may do well: what its own computer says of it, and the cause."""
+
+    time: float
+    node: str
+    detail: str
+    cause: str
+
+
+KillOutcome = Union[NodeKilled, NodeSpared, NodeUnreached, NodeAlive]
+Said = Union[Command, KillOutcome]
+
+
+@dataclass
+class _Kill:
+    """The kill of a node; `topics`: what it failed on, and whether it was looked at for that."""
+
+    begun: float
+    order: KillNode
+    topics: Dict[str, bool] = field(default_factory=dict)
+    where: Optional[Where] = None
+    forced: bool = False
+    starter: str = ""
+
+    @property
+    def listen(self) -> float:
+        """Return for how long its node is listened to on its own computer, in s."""
+        period = self.order.period
+        return max(LISTEN_S, LISTEN_PERIODS * period) if period else 0.0
+
+
+class Kills:
+    """The kills that are under way; those are `Health.dying`.
+
+    `patience`: how long in s an urgent node may take to leave after `rosnode kill` before its
+    process is ended; any other gets EXIT_TIMEOUT_S. A node that is stopped is not asked, and one on
+    another computer is only asked.
+    """
+
+    def __init__(self, health: Health, patience: float) -> None:
+        self.agenda: Agenda[str] = Agenda()
+        self.again: Agenda[str] = Agenda()
+        self._health = health
+        self._patience = patience
+        self._kills: Dict[str, _Kill] = {}
+        self._tries: Dict[str, int] = {}
+        self._slow: Dict[str, Tuple[float, float]] = {}  # there: since when, and when seen last
+
+    def begin(self, time: float, order: KillNode) -> List[Command]:
+        """Kill a node; nothing is done if that is under way, but it may be spared no more."""
+        kill, node = self._kills.get(order.node), order.node
+        if kill is not None:
+            former = kill.order
+            kill.order = KillNode(
+                node,
+                former.urgent,
+                former.if_dead and order.if_dead,
+                former.topic,
+                former.at_once,
+                former.only_here and order.only_here,
+                former.period if order.period else 0.0,
+            )
+            kill.topics.setdefault(order.topic, False)
+        if not node or kill is not None:
+            return []
+        self._kills[node] = _Kill(time, order, {order.topic: True})
+        self._health.dying = frozenset(self._kills)
+        self.again.set(node, None)
+        return [self._find(time, node, order.topic)]
+
+    def handle(
+        self, event: Union[NodeFound, NodeLeft, ProcessUntouchable], strained: bool = False
+    ) -> List[Said]:
+        """Go on with a kill; `strained`: its node's computer has too much to do."""
+        kill, time, node = self._kills.get(event.node), event.time, event.node
+        if kill is None:
+            return []
+        if isinstance(event, NodeFound):
+            return [] if kill.where is not None else self._found(event, kill, strained)
+        if isinstance(event, NodeLeft):
+            how = "it did not leave in time, its process was killed" if kill.forced else "it left"
+            return [*self._over(time, node, True, how), ClearNode(node)]
+        why = event.detail or "it does not leave, and its process belongs to somebody else"
+        return self._over(time, node, False, why)
+
+    def tick(self, time: float) -> List[Said]:
+        """Force a node that was asked in vain, and give up one that was forced in vain."""
+        said: List[Said] = []
+        for node in self.agenda.pop_due(time):
+            kill = self._kills[node]
+            if kill.where is Where.HERE and not kill.forced:
+                said += self._force(time, node, kill)
+            elif kill.where is None and kill.order.period:
+                said += self.unreached(time, node, "its computer does not say how it does")
+            elif kill.where is Where.ELSEWHERE:
+                why = "it runs on another computer and does not answer"
+                said += self._over(time, node, False, why)
+            else:
+                lost = "it could not be found in time"
+                why = lost if kill.where is None else "its process does not end"
+                if not kill.order.if_dead:
+                    tries = self._tries[node] = self._tries.get(node, 0) + 1
+                    self.again.set(node, time + doubled(AGAIN_S, tries - 1, LONGEST_AGAIN_S))
+                said += self._over(time, node, False, why)
+        return said
+
+    def unreached(self, time: float, node: str, detail: str) -> List[Said]:
+        """End a kill as the node's computer was lost, or does not answer in time."""
+        if self._kills[node].order.if_dead:
+            return self._over(time, node, False, detail)
+        return self._end(node, NodeUnreached(time, node, detail))
+
+    def _found(self, event: NodeFound, kill: _Kill, strained: bool) -> List[Said]:
+        """Act on where the process of a node runs: the first rule that applies counts."""
+        time, node, where, order = event.time, event.node, event.where, kill.order
+        untold = [topic for topic, looked in kill.topics.items() if not looked]
+        if where is Where.ANOTHER and untold:
+            kill.topics[untold[0]] = True
+            return [self._find(time, node, untold[0])]
+        kill.where, kill.starter = where, event.starter
+        if where is Where.NOWHERE:  # who is well since the kill began is another process
+            return self._over(kill.begun, node, True, "it is not registered")
+        if where is Where.DEAD:
+            return [*self._over(kill.begun, node, True, "it had died"), ClearNode(node)]
+        if where is Where.ANOTHER:
+            why = event.detail or "it is not the one that failed"
+            why = "" if order.if_dead or order.at_once else why
+            return self._end(node, NodeSpared(time, node, why))
+        if order.if_dead:
+            return self._end(node, NodeSpared(time, node))
+        if where is Where.UNREACHABLE:
+            return self.unreached(time, node, event.detail or "its computer cannot be reached")
+        if where is Where.UNKNOWN and order.period:
+            return self.unreached(time, node, event.detail or "nothing can be verified there")
+        if where is Where.UNKNOWN:
+            why = event.detail or "it cannot be verified which process it is"
+            return self._over(time, node, False, why)
+        if where is Where.HERE and order.period:
+            doubt = self.doubt(time, node, event.rate, order.period, strained)
+            if doubt is not None:
+                return self._end(node, NodeAlive(time, node, *doubt))
+        if where is Where.STOPPED or (order.at_once and where is Where.HERE):
+            return [*self._force(time, node, kill)]
+        if where is Where.ELSEWHERE and order.period and not order.only_here:
+            return self.unreached(time, node, "no agent says how it does on its computer")
+        if where is Where.ELSEWHERE and order.only_here:
+            # The link may be down: a hung node would not answer, and a sound one must not hear it.
+            why = "it is silent on another computer, and left alone there"
+            return self._over(time, node, False, why)
+        urgent = where is Where.HERE and order.urgent
+        self.agenda.set(node, time + (self._patience if urgent else EXIT_TIMEOUT_S))
+        return [AskToLeave(node)]
+
+    def doubt(
+        self, time: float, node: str, rate: Optional[float], period: float, strained: bool
+    ) -> Optional[Tuple[str, str]]:
+        """Return why a node may not fail by itself, though it fails here: what was seen, and why.
+
+        None: it fails by itself. A link makes nobody silent, or quick, on his own computer. Slow
+        there is a well node as well while its computer is strained, and for a moment at any time.
+        `rate`: messages/s that it sends there, every `period` s by the SOM; None: it cannot be
+        told.
+        """
+        since, last = self._slow.pop(node, (time, time))
+        if rate is None:
+            return "nobody is connected to it on its own computer", LINK
+        seen = f"on its own computer it sends {rate:.0f} messages/s"
+        if rate == 0.0 or rate * period > USUAL[1]:
+            return None
+        if rate * period >= USUAL[0]:
+            return seen, LINK
+        if strained:
+            return seen, STRAINED
+        since = time if time - last > FORGET_S else since
+        if time - since >= STEADY_S:
+            return None
+        self._slow[node] = since, time
+        return seen, PASSES
+
+    def _find(self, time: float, node: str, topic: str) -> FindNode:
+        kill = self._kills[node]
+        self.agenda.set(node, time + FIND_TIMEOUT_S + kill.listen)
+        return FindNode(node, kill.order.urgent, topic, kill.listen)
+
+    def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:
+        kill.forced = True
+        self.agenda.set(node, time + EXIT_TIMEOUT_S)
+        return [EndProcess(node)]
+
+    def _over(self, time: float, node: str, certain: bool, detail: str) -> List[Said]:
+        """End a kill; one that was to be cleared if it is dead is spared if that is not certain."""
+        kill = self._kills[node]
+        if certain:
+            self._tries.pop(node, None)
+        elif kill.order.if_dead:
+            return self._end(node, NodeSpared(time, node))
+        return self._end(node, NodeKilled(time, node, certain, detail, kill.starter))
+
+    def _end(self, node: str, outcome: KillOutcome) -> List[Said]:
+        del self._kills[node]
+        self._health.dying = frozenset(self._kills)
+        self.agenda.set(node, None)
+        return [outcome]

@@ -1,0 +1,606 @@
+"""The machine of one service: what publishes it now, and what should.
+
+`repair` has the states as a table, and what is done when they change. Here what happens is made
+into the triggers of that table.
+"""
+import math
+from collections import deque
+from dataclasses import replace
+from typing import Deque, Dict, List, Optional, Tuple
+
+from shsa_core.codegen.plans import Plan
+from shsa_core.errors import ShsaError
+from shsa_core.healing.events import (
+    Command,
+    FailureSeen,
+    Level,
+    Log,
+    ShowIncident,
+    SubstituteStarted,
+)
+from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.kill import KillNode, NodeAlive, NodeKilled, NodeSpared, NodeUnreached
+from shsa_core.healing.node import Accusation, NodeEvent, RestartVain
+from shsa_core.healing.records import Fate, ServiceRecord
+from shsa_core.healing.repair import STUCK, SUBSTITUTED, TRANSITIONS, WAITING, Trigger
+from shsa_core.healing.robot import Robot
+from shsa_core.healing.settings import LOOK_AROUND_S, SAME_S
+from shsa_core.healing.substitute import Substitute
+from shsa_core.model.kinds import Kind, OnPartition, Policy
+from shsa_core.model.service import Service
+from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.events import PublisherHealth, PublisherState
+
+PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
+STORY_LENGTH = 20
+
+
+class InvalidTransition(ShsaError):
+    """A state was to be left in a way that it does not have; the story tells what led to it."""
+
+
+class ServiceMachine:
+    """At most one open incident of a service, and at most one substitute.
+
+    A hot service has its substitute before the incident and keeps it after: muted, and computing.
+    `spec`: the service as it counts now. `accusation`: what is held against the node that the
+    incident blames. `last_message`: the last good one of the service, serialized. `lacks_room`: it
+    has a plan, and no computer for it.
+    """
+
+    def __init__(self, spec: Service, robot: Robot) -> None:
+        self.spec = spec
+        self.robot = robot
+        self.incident: Optional[Incident] = None
+        self.accusation: Optional[Accusation] = None
+        self.substitute = Substitute(spec.name, robot)
+        self.timers: Dict[Trigger, float] = {}
+        self.pauses = 0
+        self.lacks_room = False
+        self.last_message = b""
+        self._message_came = -math.inf
+        self._story: Deque[Tuple[float, State, Trigger, State]] = deque(maxlen=STORY_LENGTH)
+
+    @property
+    def state(self) -> State:
+        """Return how the service does."""
+        return State.WELL if self.incident is None else self.incident.state
+
+    @property
+    def node(self) -> str:
+        """Return the substitute's node name; empty without one."""
+        return self.substitute.node
+
+    @property
+    def deadline(self) -> Optional[float]:
+        """Return when `tick` has something to do, in s; None: nothing is due."""
+        return min(self.timers.values(), default=None)
+
+    @property
+    def publishes(self) -> bool:
+        """Tell that the substitute publishes: the node is gone, and the original is not back."""
+        return self.state in PUBLISHED and not (self.accusation and self.accusation.heard)
+
+    @property
+    def original(self) -> str:
+        """Return the node that the substitute stands in for, once that is gone; empty before."""
+        return self.incident.faulty_node if self.incident and self.incident.killed else ""
+
+    @property
+    def yields(self) -> bool:
+        """Tell that the substitute is to be still once the faulty node is heard again.
+
+        It is if that was only silent, and nobody has made sure that it is gone.
+        """
+        if self.incident is None or self.incident.killed is not None or not self.publishes:
+            return False
+        return self.accusation is not None and self.accusation.silent
+
+    @property
+    def kept_out(self) -> bool:
+        """Tell that the faulty node may not return."""
+        return self.incident is not None and self.robot.nodes.kept_out(self.incident.faulty_node)
+
+    @property
+    def refuses(self) -> bool:
+        """Tell that the faulty node is gone, and may not return."""
+        incident = self.incident
+        if incident is None or incident.killed is None or incident.state is State.RETURNING:
+            return False
+        return self.kept_out
+
+    @property
+    def originals(self) -> Tuple[PublisherHealth, ...]:
+        """Return the rows of the publishers that are no substitutes."""
+        robot = self.robot
+        return robot.health.originals(robot.som, robot.som.services.get(self.spec.name, self.spec))
+
+    def fire(self, trigger: Trigger, failure: Optional[FailureSeen] = None) -> List[Command]:
+        """Do what the table says. Raises InvalidTransition if it says nothing."""
+        before = self.state
+        if (before, trigger) not in TRANSITIONS:
+            raise self._invalid(f"{before}: nothing is to be done about '{trigger}'")
+        act, ends = TRANSITIONS[before, trigger]
+        commands = act(self, failure)
+        self._story.append((self.robot.time, before, trigger, self.state))
+        if self.state not in ends:
+            raise self._invalid(f"'{trigger}' does not lead from {before} to {self.state}")
+        return commands
+
+    def _invalid(self, what: str) -> InvalidTransition:
+        steps = [f"{time:.3f} {state} -> {to}: {why}" for time, state, why, to in self._story]
+        return InvalidTransition("\n  ".join([f"{self.spec.name}: {what}. Before that:", *steps]))
+
+    def step(self, **changes: object) -> List[Command]:
+        """Change the incident, and show it."""
+        assert self.incident is not None and self.accusation is not None
+        nodes, node = self.robot.nodes, self.incident.faulty_node
+        changes.update(
+            restarts=nodes.restarts(node),
+            kept_out=nodes.kept_out(node),
+            kept=self.accusation.kept,
+            decision=self.accusation.decision,
+        )
+        self.incident = replace(self.incident, **changes)  # type: ignore[arg-type]
+        return [ShowIncident(self.incident)]
+
+    # A publisher fails.
+
+    def failed(self, event: FailureSeen) -> List[Command]:
+        """Decide about a publisher that failed, and heal unless another original carries on."""
+        self.note_message(event)
+        if self.node and event.publisher == self.node:
+            return self._own_failed(event)
+        node, incident = event.publisher or self.spec.node, self.incident
+        gone, dying = event.kind is Kind.NODE_GONE, node in self.robot.health.dying
+        if incident is not None and node == incident.faulty_node:
+            assert self.accusation is not None
+            if gone and dying and incident.state is not State.RETURNING:
+                self.accusation.heard = False  # its process may take a while longer
+                return []
+            if self.refuses and (gone or dying) and not self.accusation.kept:
+                return []  # it came back, and is killed for that
+            if event.time <= (incident.killed or -math.inf):
+                return []  # that process is gone
+        if incident is None:
+            well = (row.publisher for row in self.originals if row.state is PublisherState.HEALTHY)
+            others = [each for each in well if each != node and each not in self.robot.health.dying]
+            if others:
+                accusation = self.robot.nodes.accuse(self.spec.name, node, event.kind)
+                commands = self.judge(accusation, replaced=True)
+                self.robot.nodes.acquit(self.spec, node)
+                text = f"{event.topic}: {node} failed ({event.detail}); {others[0]} carries on."
+                return [*commands, Log(Level.WARN, text)]
+        commands = self.fire(Trigger.FAILED, replace(event, publisher=node))
+        return commands + self._notice_first_message()  # by a bridge, heard before the failure
+
+    def judge(self, accusation: Accusation, replaced: bool) -> List[Command]:
+        """Have it decided what becomes of a node."""
+        robot = self.robot
+        return robot.nodes.judge(
+            robot.time,
+            self.spec,
+            accusation,
+            replaced,
+            self.state is State.HEALED,
+            robot.waiting(self.spec),
+            robot.parted(self.spec, self.substitute.host),
+        )
+
+    def note_message(self, event: FailureSeen) -> None:
+        """Keep the newest last good message: of the original, or of what was computed for it."""
+        good = event.time if event.last_good is None else event.last_good
+        safe_values = event.publisher == self.node and not self.substitute.computes
+        stranger = event.kind is Kind.UNKNOWN_PUBLISHER
+        if event.last_message and good >= self._message_came and not (safe_values or stranger):
+            self.last_message, self._message_came = event.last_message, good
+
+    def _own_failed(self, event: FailureSeen) -> List[Command]:
+        """Heal after our substitute failed, or fell silent while it changes its program."""
+        if event.kind is Kind.NO_VALUE:
+            follows = self.substitute.computes and self.state in (State.WELL, *SUBSTITUTED)
+            return self.fire(Trigger.NO_VALUE) if follows else []
+        changing = event.kind is Kind.SILENT and self.substitute.changing
+        if changing and self.state not in SUBSTITUTED:
+            return []
+        parted = self.robot.parted(self.spec, self.substitute.host)
+        if event.kind is Kind.SILENT and parted and self.yields:
+            changing = True  # the original is heard again, or may be
+        if self.incident is not None and event.last_good is not None:
+            self.incident = replace(self.incident, last_good=event.last_good)
+        if changing:
+            return self.fire(Trigger.SILENT, event) + self._notice_first_message()
+        if event.kind is Kind.RATE_LOW and self._is_all_there_is():
+            text = f"{self.spec.topic}: the substitute is slow ({event.detail})"
+            return [Log(Level.WARN, f"{text}, and goes on: there is no other."), *self.step()]
+        elsewhere = event.kind is Kind.SILENT and bool(self.substitute.host)  # or cut off
+        tried = event.kind is not Kind.NODE_GONE and not elsewhere
+        return self._substitute_failed(event.detail, tried)
+
+    def _is_all_there_is(self) -> bool:
+        """Tell that the service is computed, and cannot be otherwise."""
+        if self.incident is None or self.state is not State.HEALED:
+            return False
+        return self.substitute.another(self.spec, self.incident.faulty_node) is None
+
+    # The node that is blamed: its kill goes on, it comes back, or it is judged again.
+
+    def heed(self, event: NodeEvent) -> List[Command]:
+        """Go on by what became of the faulty node."""
+        assert self.incident is not None
+        topic, node = self.incident.topic, event.node
+        if isinstance(event, NodeKilled) and event.certain:
+            return self._killed(event) + self.changed()
+        if isinstance(event, NodeKilled):
+            text = f"{node} may still be running: {event.detail}"
+            return self._left_alone(text) + self.changed()
+        if isinstance(event, NodeSpared) and event.detail:
+            return self._left_alone(f"{node} is left alone: {event.detail}")
+        if isinstance(event, NodeSpared):
+            return self.step()
+        if isinstance(event, (NodeUnreached, NodeAlive)):
+            assert self.accusation is not None
+            text = f"{topic}: {self.accusation.decision}."
+            if isinstance(event, NodeUnreached):
+                text = f"{topic}: {node} may still run: {event.detail}."
+            return [Log(Level.WARN, text), *self.step(detail=text)]
+        if isinstance(event, RestartVain):
+            self.start_node()
+            text = f"{topic}: {node} cannot be started again: {event.detail}."
+            return [Log(Level.ERROR, text), *self._notice_exhaustion()]
+        return self.step() if self.incident.kept_out is not self.kept_out else []
+
+    def _killed(self, event: NodeKilled) -> List[Command]:
+        """Note that the faulty node is gone; name whoever starts it while it is kept out."""
+        assert self.incident is not None
+        if self.incident.state is not State.RETURNING and not self.kept_out:
+            self.start_node()
+        commands: List[Command] = []
+        node, topic = event.node, self.incident.topic
+        count = self.robot.nodes.refusals(self.robot.time, node)
+        if count:
+            times = "once" if count == 1 else f"{count} times"
+            text = f"{node} is kept out, and was started again {times}"
+            text += f" by {event.starter}" if event.starter else ""
+            said = f"{topic}: {text}. Mend it and release it: rosservice call /shsa/release {topic}"
+            commands = [Log(Level.ERROR, said), *self.step(detail=f"{text}.")]
+        commands += [*self.step(killed=event.time), *self._notice_exhaustion()]
+        return commands + self.reconsider()
+
+    def start_node(self) -> None:
+        """Have the faulty node started again, if that is its policy."""
+        assert self.incident is not None
+        node = self.incident.faulty_node
+        if self.spec.policy.restarts and node == self.spec.node:
+            self.robot.nodes.start_again(self.robot.time, node)
+
+    def _left_alone(self, why: str) -> List[Command]:
+        """Go on beside the faulty node: no more can be done about it."""
+        assert self.incident is not None
+        text = f"{self.incident.topic}: {why}."
+        said: List[Command] = [Log(Level.ERROR, text), *self.step(detail=text)]
+        return said + self._notice_exhaustion() + self.reconsider()
+
+    @property
+    def exhausted(self) -> bool:
+        """Tell that the faulty node is not started again any more."""
+        assert self.incident is not None
+        node = self.incident.faulty_node  # how a stranger was started is not known
+        stranger = node != self.spec.node and self.incident.killed is not None
+        return stranger or self.robot.nodes.exhausted(node)
+
+    def _notice_exhaustion(self) -> List[Command]:
+        waiting = self.state in (State.HEALING, *STUCK)
+        if self.spec.policy.substitutes or not waiting or not self.exhausted:
+            return []
+        return self.fire(Trigger.EXHAUSTED)
+
+    def came_up(self) -> List[Command]:
+        """Kill a node that is kept out as soon as it is there, before it is heard.
+
+        The substitute goes on. Who costs what nothing replaces is let in once it publishes.
+        """
+        assert self.incident is not None and self.accusation is not None
+        node, nodes, health = self.incident.faulty_node, self.robot.nodes, self.robot.health
+        if not self.refuses or self.accusation.kept or node in health.dying or self._awaited():
+            return []
+        if not nodes.verdict(self.spec, node, Kind.OTHER, self.substitute.computes).kill:
+            return []
+        order = KillNode(node, urgent=True, at_once=True, topic=self.spec.topic)
+        return nodes.refuse(self.robot.time, order)
+
+    def _awaited(self) -> bool:
+        """Tell that the faulty node may bring another service that nothing else gives."""
+        assert self.incident is not None
+        accusers = self.robot.nodes.accusers(self.incident.faulty_node)
+        return any(n in self.robot.indexes.stuck for n in accusers if n != self.spec.name)
+
+    def reconsider(self) -> List[Command]:
+        """Judge the faulty node again if it was kept: what it costs may be something else now."""
+        incident = self.incident
+        if incident is None or incident.state is State.RETURNING:
+            return []
+        assert self.accusation is not None
+        if self.accusation.kept or incident.state is State.KEPT:
+            return self.fire(Trigger.NODE_CHANGED)
+        return []
+
+    def released(self) -> List[Command]:
+        """Let return what is kept out, and try again what was given up."""
+        if self.incident is None:
+            return []
+        self.robot.nodes.trust(self.incident.faulty_node)
+        return self.fire(Trigger.RELEASED)
+
+    # The substitute's process.
+
+    def started(self, event: SubstituteStarted) -> List[Command]:
+        """Note that the substitute was set to work."""
+        return self.step(found=event.found, spawned=event.time) if self.incident else []
+
+    def exited(self, detail: str) -> List[Command]:
+        """Replace the substitute's process, which has ended."""
+        return self._substitute_failed(f"its process died ({detail})", False)
+
+    def process_silent(self) -> List[Command]:
+        """Replace a process that gives no sign of life at a takeover: another one is at hand."""
+        due = self.state is State.HEALING and not self.substitute.plan_to_blame
+        return self.process_hung() if due else []
+
+    def process_hung(self) -> List[Command]:
+        """Replace the substitute's process, which hangs."""
+        return self._substitute_failed("its process gives no sign of life", False)
+
+    def _substitute_failed(self, why: str, tried: bool) -> List[Command]:
+        """Stop the substitute; its plan is not tried again if `tried`."""
+        text = f"{self.spec.topic}: the substitute failed: {why}."
+        commands = [*self.substitute.failed(tried), Log(Level.WARN, text)]
+        return commands + self.fire(Trigger.SUBSTITUTE_FAILED)
+
+    def host_lost(self, why: str) -> List[Command]:
+        """Let another process take over from one whose computer is not heard any more.
+
+        While the substitute is heard it goes on, as only the agent may have died; of one whose
+        messages are due at no time, that cannot be said.
+        """
+        heard = self.robot.health.healthy((self.spec.topic, self.node))
+        if heard and self.publishes and not self.spec.event_driven:
+            return []
+        return self._move(f"{self.node} cannot be reached: {why}")
+
+    def rehost(self) -> List[Command]:
+        """Move a substitute that stands by to where it belongs: the computers are others now.
+
+        One that publishes stays where it is, as long as that is allowed.
+        """
+        robot, substitute = self.robot, self.substitute
+        if not self.node or substitute.plan is None:
+            return []
+        if not robot.placement.allowed(self.spec, substitute.host):
+            return self._move(f"{self.node} must not run on {substitute.host or 'here'}")
+        if self.state is not State.WELL:
+            return []
+        try:
+            place = robot.place(self.spec, substitute.plan)
+        except ShsaError:
+            return []  # it has a place
+        if place.host == substitute.host:
+            return []
+        return self._move(f"{self.node} moves to {place.host or 'our own computer'}")
+
+    def _move(self, why: str) -> List[Command]:
+        """Set another process to work, on another computer."""
+        commands = self.substitute.drop()
+        commands.append(Log(Level.WARN, f"{self.spec.topic}: the substitute {why}."))
+        well = self.state is State.WELL
+        return commands + self.fire(Trigger.PREPARE if well else Trigger.SUBSTITUTE_FAILED)
+
+    # The world changes.
+
+    def changed(self, service_came: bool = False) -> List[Command]:
+        """Notice by health or SOM a first message, a return, a lost input, or a new chance."""
+        commands = self._notice_first_message()
+        commands += self._refuse() or self._notice_return()
+        if self.state in SUBSTITUTED and self.substitute.lost_input:
+            commands += self.fire(Trigger.INPUT_LOST)
+        elif self.state in STUCK and service_came:
+            commands += self.fire(Trigger.SERVICE_CAME)
+        elif service_came:
+            commands += self.reconsider()
+        return commands
+
+    def replan(self) -> List[Command]:
+        """Follow the plan for a failure of the service, which may be another one, or its policy."""
+        waits = self.state is State.KEPT or (self.state is State.HEALING and not self.node)
+        well = self.state is State.WELL and Trigger.RETRY not in self.timers
+        return self.fire(Trigger.PREPARE) if waits or well else []
+
+    def tick(self) -> List[Command]:
+        """Act on the timers that are due."""
+        commands: List[Command] = []
+        for trigger, due in list(self.timers.items()):
+            if self.robot.time >= due and trigger in self.timers:
+                del self.timers[trigger]
+                commands += self.fire(trigger)
+        return commands
+
+    def close(self) -> List[Command]:
+        """Heal the service no longer."""
+        if self.incident is not None:
+            return self.fire(Trigger.WITHDRAWN)
+        self.timers.clear()
+        return self.substitute.drop()
+
+    def first_message(self) -> Optional[float]:
+        """Return when the substitute published first in this takeover, or had recovered."""
+        row = self.robot.health.row((self.spec.topic, self.node))
+        if row is None or row.state is not PublisherState.HEALTHY:
+            return None
+        least = self.substitute.working_since - SAME_S
+        moments = (row.first_message, row.since)
+        return next((moment for moment in moments if moment is not None and moment >= least), None)
+
+    def _notice_first_message(self) -> List[Command]:
+        if self.state is not State.HEALING or not self.node or self.first_message() is None:
+            return []
+        return self.fire(Trigger.FIRST_MESSAGE)
+
+    def _refuse(self) -> List[Command]:
+        incident = self.incident
+        if incident is None or incident.killed is None:
+            return []
+        came = any(
+            row.publisher == incident.faulty_node
+            and row.state is not PublisherState.FAILED
+            and row.since > incident.killed
+            for row in self.originals
+        )
+        return self.came_up() if came else []
+
+    def returned(self) -> Optional[PublisherHealth]:
+        """Return the row of an original that is well since the failure; None: there is none."""
+        incident = self.incident
+        if incident is None or incident.state is State.RETURNING:
+            return None
+        if incident.faulty_node in self.robot.health.dying:
+            return None
+        failed_at = incident.detected if incident.killed is None else incident.killed
+        back = (each for each in self.originals if each.state is PublisherState.HEALTHY)
+        return next((row for row in back if row.since > failed_at), None)
+
+    def _notice_return(self) -> List[Command]:
+        row, incident = self.returned(), self.incident
+        if row is None or incident is None:
+            return []
+        if self.kept_out and row.publisher == incident.faulty_node and not self._awaited():
+            nodes = self.robot.nodes
+            self.accusation = nodes.accuse(self.spec.name, row.publisher, Kind.OTHER)
+            commands = self.judge(self.accusation, replaced=self.substitute.computes)
+            if not self.accusation.kept:
+                return commands
+        return self.fire(Trigger.RETURNED)
+
+    # What is shown, and written down.
+
+    def row(self) -> Optional[Substitution]:
+        """Return the row of the substitute in the table; None: there is none."""
+        substitute, plan, spec = self.substitute, self.substitute.plan, self.spec
+        if plan is None or not substitute.node:
+            return None
+        planner, publishes = self.robot.planner, self.publishes
+        parted = self.robot.parted(spec, substitute.host)
+        return Substitution(
+            substitute.node,
+            spec.name,
+            planner.inputs(plan),
+            plan.program.code,
+            planner.outputs(plan),
+            plan.relations if isinstance(plan, Plan) else (),
+            plan.quality if isinstance(plan, Plan) else 0.0,
+            publishes,
+            "" if spec.gated else self.original,
+            spec.others,
+            self.last_message,
+            substitute.host,
+            spec.on_partition if parted else OnPartition.WAIT,
+            parted and self.yields,
+            0.0 if publishes else self._bridge(),
+            gated=spec.gated,
+            shared=substitute.shared,
+        )
+
+    def _bridge(self) -> float:
+        """Return the silence in s after which a substitute that stands by fills in; 0: never.
+
+        It does while the original may speak: while the service is well, until the original is
+        killed, even if a bridge was heard by then, and from its return. Not on a shared topic,
+        where somebody else is heard; nor from another computer, where what is late may be the link.
+        """
+        spec, robot = self.spec, self.robot
+        if self.state not in (State.WELL, State.RETURNING, *SUBSTITUTED):
+            return 0.0
+        here = self.substitute.host == robot.host_of(spec.node)
+        alone = len(robot.som.of_topic(spec.topic)) == 1
+        fits = here and alone and self.spec.policy.substitutes and self.substitute.computes
+        return (spec.bridges or 0.0) * (spec.period or 0.0) if fits else 0.0
+
+    def record(self, row: Optional[Substitution]) -> ServiceRecord:
+        """Return what is to be known after a death, with the substitute's row."""
+        found = ServiceRecord(self.spec.name, self.incident, substitution=row)
+        accused = self.accusation
+        if accused is None:
+            return found
+        return replace(found, kind=accused.kind, fate=accused.fate, heard=accused.heard)
+
+    def take_up(self, record: ServiceRecord, runs: bool) -> List[Command]:
+        """Go on as a record says; `runs`: the substitute's process does.
+
+        A node whose kill was not over is judged again once the monitor tells that it still fails:
+        under its name there may be another process by now.
+        """
+        incident, row, robot = record.incident, record.substitution, self.robot
+        if incident is not None and incident.state is State.ENDED:
+            return [ShowIncident(incident)]  # it may not have been written to the log
+        if incident is not None and incident.topic != self.spec.topic:
+            return []
+        self.incident = incident
+        if incident is not None:
+            node, decision = incident.faulty_node, incident.decision
+            fate = record.fate if incident.killed is None else Fate.NONE
+            fate = Fate.OPEN if fate is Fate.KILLED else fate
+            back = incident.state is State.RETURNING
+            accusation = Accusation(node, record.kind, fate, record.heard, decision, back=back)
+            self.accusation = accusation
+            robot.nodes.take_up(self.spec.name, accusation)
+        commands = self.substitute.drop()  # it may stand by for us already
+        commands += [] if incident is None else [ShowIncident(incident)]
+        plan = None
+        if row is not None:
+            advises = self.spec.policy is Policy.ADVISE
+            plan = None if advises else robot.planner.recall(self.spec, row)
+            self.last_message = row.last_message
+            if plan is not None:
+                since = robot.time if incident is None else incident.detected
+                self.substitute.take_up(row, plan, since)
+        self._set_timer()
+        if row is None or (plan is not None and runs):
+            return commands
+        why = "its process died"
+        if plan is None:
+            why = "what it computes does not fit ontology and SOM, or the policy, any more"
+            self.substitute.node, self.substitute.shared = row.node, row.shared
+        text = f"{self.spec.topic}: the substitute that was left behind is of no use: {why}."
+        commands += [*self.substitute.failed(False), Log(Level.WARN, text)]
+        return commands + self.fire(Trigger.SUBSTITUTE_FAILED)
+
+    def _set_timer(self) -> None:
+        """See to it that something happens in every state, also if nothing is ever heard again."""
+        state, later = self.state, self.robot.time + LOOK_AROUND_S
+        if state is State.HEALING:
+            self.timers[Trigger.LATE if self.substitute.node else Trigger.PREPARE] = later
+        elif state is State.RETURNING:
+            assert self.incident is not None
+            hold_off = self.robot.nodes.hold_off(self.incident.faulty_node)
+            self.timers[Trigger.STEADY] = self.robot.time + max(LOOK_AROUND_S, hold_off)
+        elif state in WAITING:
+            self.timers[Trigger.RETRY] = later
+
+    def validate(self) -> None:
+        """Raise ShsaError if something is not as it must be."""
+        name = self.spec.name
+        if bool(self.node) != (self.substitute.plan is not None):
+            raise ShsaError(f"{name}: a process without a plan, or the other way round")
+        due = {
+            State.WELL: {Trigger.RETRY},
+            State.HEALING: {Trigger.LATE, Trigger.PREPARE},
+            State.RETURNING: {Trigger.STEADY},
+            **dict.fromkeys(WAITING, {Trigger.RETRY}),
+        }.get(self.state, set())
+        if not set(self.timers) <= due:
+            raise ShsaError(f"{name}: {self.state} with the timers {set(self.timers)}")
+        if self.state in WAITING and Trigger.RETRY not in self.timers:
+            raise ShsaError(f"{name}: {self.state}, and nothing will ever be tried again")
+        if self.state is State.HEALED and not self.substitute.computes:
+            raise ShsaError(f"{name}: healed without a substitute")
+        if (self.incident is None) != (self.accusation is None):
+            raise ShsaError(f"{name}: an incident without an accusation, or the other way round")

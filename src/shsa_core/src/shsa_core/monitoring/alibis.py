@@ -1,0 +1,116 @@
+"""Decides who may not be blamed for being late, why, and for how long: one table, in order.
+
+A silence, a low rate, a late start and a gap that would teach how long a stream may be silent are
+asked the same. Together all alibis of a silence grant it as long again as it is allowed, at most.
+"""
+from dataclasses import dataclass
+from enum import Enum
+from math import inf
+from typing import Callable, NamedTuple, Optional, Tuple
+
+from shsa_core.monitoring.settings import COMING_UP_S, CONNECT_S, TOGETHER_NODES, TOGETHER_S
+
+
+class Blame(Enum):
+    """What a publisher could be blamed for."""
+
+    SILENCE = "silence"
+    RATE = "rate"
+    GAP = "gap"
+    START = "start"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A publisher that is late since it `began` to be, and what else was going on. Times in s.
+
+    `limit`: until when alibis of a silence count. `due`: when it is late by the watch, which stands
+    while nobody could act. `reconnects_until`: until then it gives a connection that was lost anew.
+    `connected`, `came_up`: when healing connected to it, and when a substitute came up, last.
+    `together`: how many nodes are late with it, itself included. `subscribed`: its topic is.
+    `robot_came`: some node of the robot was there. `formerly`: it did well under a former monitor.
+    """
+
+    blame: Blame
+    now: float
+    began: float
+    limit: float = inf
+    due: float = -inf
+    reconnects_until: float = -inf
+    connected: float = -inf
+    came_up: float = -inf
+    together: int = 1
+    subscribed: bool = True
+    robot_came: bool = True
+    formerly: bool = False
+
+
+class Alibi(NamedTuple):
+    """Why a publisher is not blamed, and until when that holds if nothing changes."""
+
+    why: str
+    until: float
+
+
+class Row(NamedTuple):
+    """An alibi: of what it clears, when it applies, and until when it holds."""
+
+    why: str
+    clears: Tuple[Blame, ...]
+    applies: Callable[[Case], bool]
+    until: Callable[[Case], float] = lambda case: case.limit
+
+
+_SILENCE, _START = (Blame.SILENCE,), (Blame.START,)
+_LATE = (Blame.SILENCE, Blame.RATE, Blame.GAP)
+
+ROWS = (
+    Row(
+        "the monitor was held up, and others may have been with it",
+        _SILENCE,
+        lambda case: case.due > case.now,
+        lambda case: case.due,
+    ),
+    Row(
+        "its connection is made anew",
+        _SILENCE,
+        lambda case: case.reconnects_until > case.now,
+        lambda case: case.reconnects_until,
+    ),
+    Row(
+        "healing connected to it, and it has its threads to share",
+        _LATE,
+        lambda case: case.connected + CONNECT_S >= case.began,
+    ),
+    Row(
+        "a substitute came up, which takes time from others",
+        _LATE,
+        lambda case: case.came_up + COMING_UP_S >= case.began,
+    ),
+    Row(
+        "nodes that have nothing to do with each other are late together",
+        _LATE,
+        lambda case: case.together >= TOGETHER_NODES,
+    ),
+    Row("its topic is not subscribed yet", _START, lambda case: not case.subscribed),
+    Row(
+        "others that did well before are not connected yet, either",
+        _START,
+        lambda case: case.formerly and case.together >= TOGETHER_NODES,
+        lambda case: case.began + TOGETHER_S,
+    ),
+    Row(
+        "nothing of the robot is there yet",
+        _START,
+        lambda case: not (case.robot_came or case.formerly),
+    ),
+)
+NOBODY_CAME = ROWS[-1].why
+
+
+def decide(case: Case) -> Optional[Alibi]:
+    """Return the first alibi that holds; None: the publisher is to blame."""
+    for row in ROWS:
+        if case.blame in row.clears and row.applies(case) and row.until(case) > case.now:
+            return Alibi(row.why, row.until(case))
+    return None

@@ -1,0 +1,72 @@
+"""Compares what the services' own nodes say with what others tell of it, and learns from both."""
+from math import isfinite
+from typing import Callable, Collection, Dict, List, NamedTuple, Optional
+
+from shsa_core.codegen.prediction import predictor
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.service import Deadlines, Service
+from shsa_core.model.som import Som
+from shsa_core.monitoring.calibrations import Calibrations
+from shsa_core.monitoring.derivations import Derivations
+from shsa_core.monitoring.events import Command, Message
+from shsa_core.monitoring.evidence import Finding
+from shsa_core.monitoring.publishers import Publisher
+from shsa_core.monitoring.witness import Witnesses
+
+
+class Compared(NamedTuple):
+    """A message of a service's own node. `looked`: all its derivations were evaluated with it."""
+
+    service: Service
+    values: Dict[str, float]
+    looked: bool
+    finding: Optional[Finding]
+
+
+class Comparisons:
+    """The derivations of a SOM's services, and who asks for them. Times in s."""
+
+    def __init__(self, ontology: Ontology, deadlines: Deadlines) -> None:
+        self._ontology, self._som = ontology, Som()
+        self._derivations = Derivations(deadlines)
+        self._calibrations = Calibrations(ontology, self._derivations)
+        self._witnesses = Witnesses(ontology, self._derivations)
+
+    def watch(self, som: Som) -> None:
+        """Compare the services of `som` from now on; one that has changed begins anew."""
+        before, self._som = self._som.services, som
+        changed = [name for name in before if before[name] != som.services.get(name)]
+        knows = predictor(self._ontology, som.sources)
+        self._derivations.watch(som, changed)
+        self._calibrations.watch(som, knows, changed)
+        self._witnesses.watch(som, knows)
+
+    def compare(self, publisher: Publisher, message: Message, good: bool) -> Optional[Compared]:
+        """Compare a message, `good` by itself, with what others tell; None: nobody asks for it."""
+        service, evidence = publisher.service, publisher.evidence
+        if service is None or evidence is None or message.values is None:
+            return None
+        if service.node != publisher.name or not self._derivations.concerns(service):
+            return None
+        named, time = zip(evidence.properties, message.values), message.time
+        values = {name: v for name, v in named if v is not None and isfinite(v)}
+        looked = self._derivations.heard(service, values, time, good and publisher.is_healthy)
+        if looked:
+            self._witnesses.look(service, publisher.suspicions, values, time)
+        findings = (each.finding for each in publisher.suspicions.values())
+        return Compared(service, values, looked, next(filter(None, findings), None))
+
+    def learn(self, publisher: Publisher, compared: Compared, time: float, good: bool) -> None:
+        """Learn from a message that was compared; who fails, or is in doubt, teaches nothing."""
+        doubtful = any(each.doubtful for each in publisher.suspicions.values())
+        sound = good and publisher.is_healthy and not doubtful
+        service, values, looked, _ = compared
+        self._derivations.judged(service, values, time, sound, looked)
+
+    def tick(self, time: float, there: Callable[[], Collection[str]]) -> None:
+        """Plan and look at what was learned; `there` returns the services that are there."""
+        self._calibrations.tick(time, there)
+
+    def changed(self, time: float) -> List[Command]:
+        """Return what is to be told of calibrations."""
+        return self._calibrations.changed(time)

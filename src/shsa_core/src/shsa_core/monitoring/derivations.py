@@ -1,0 +1,250 @@
+"""What other services tell of a service's values: programs that are evaluated once for all who ask.
+
+A program is evaluated with a message of the service's own node, a few times a second, from the
+newest values of healthy nodes. While nothing is held against anybody it is calibrated by that node.
+"""
+from collections import deque
+from dataclasses import dataclass, field
+from math import inf, isfinite
+from typing import Deque, Dict, Iterable, List, Mapping, Optional, Set, Tuple
+
+from shsa_core.codegen.generator import Program
+from shsa_core.codegen.plans import Plan
+from shsa_core.codegen.program import Step, compile_program
+from shsa_core.language.memory import MAX_GAP_S
+from shsa_core.model.calibration import UNCALIBRATED, Calibration
+from shsa_core.model.error import Error
+from shsa_core.model.service import Deadlines, Service, Source
+from shsa_core.model.som import Som
+from shsa_core.monitoring.calibration import Calibrator
+from shsa_core.monitoring.settings import GAP_PERIODS, REFRESHES_PER_S, REFRESH_S, SAMPLE_S
+
+
+@dataclass
+class Output:
+    """A value that a program derives. `stated`: the error that it is expected to have.
+
+    `derived`: its newest value, None: an input is missing. `calibration`: as learned a while ago.
+    """
+
+    source: Source
+    stated: Optional[Error]
+    integrates: bool
+    calibrator: Optional[Calibrator] = None
+    derived: Optional[float] = None
+    calibration: Calibration = UNCALIBRATED
+
+    def calibrate(self) -> None:
+        """Learn gain and offset from now on."""
+        if self.calibrator is None:
+            self.calibrator = Calibrator(self.stated.rms if self.stated else None)
+
+
+@dataclass(eq=False)
+class FollowedPlan:
+    """The program of a plan for a service, evaluated while it `substitutes` or is a `witness`.
+
+    `remembers`: it has to see every message. `rate`: evaluations a second. `doubtful`: an input is
+    missing, or its newest value in doubt. `told`: calibrations of the outputs as told last.
+    """
+
+    service: str
+    program: Program
+    inputs: Tuple[Source, ...]
+    outputs: Tuple[Output, ...]
+    step: Step
+    remembers: bool
+    rate: float
+    substitutes: bool = False
+    witness: bool = False
+    doubtful: bool = True
+    looked: float = -inf
+    told: Tuple[Calibration, ...] = ()
+
+    def doubt(self) -> None:
+        """Learn nothing from what was heard last."""
+        for output in self.outputs:
+            if output.calibrator is not None:
+                output.calibrator.doubt()
+
+    def learn(self, measured: Mapping[str, float], time: float) -> None:
+        """Learn from what the service's own node measured."""
+        for output in self.outputs:
+            value = measured.get(output.source.property)
+            if output.calibrator is not None and output.derived is not None and value is not None:
+                output.calibrator.take(time, value, output.derived)
+
+    def refresh(self, time: float) -> None:
+        """Look at what was learned."""
+        self.looked = time
+        for output in self.outputs:
+            if output.calibrator is not None:
+                output.calibration = output.calibrator.snapshot()
+
+
+@dataclass
+class _Heard:
+    """What the own node of a service told while healthy: value and time by property.
+
+    `sound`: nothing is held against its newest message. `disputed`: the properties that others
+    contradict. `read`: those that some program reads; `readers`: these programs.
+    """
+
+    values: Dict[str, Tuple[float, float]] = field(default_factory=dict)
+    sound: bool = False
+    disputed: Set[str] = field(default_factory=set)
+    read: Set[str] = field(default_factory=set)
+    readers: Set[FollowedPlan] = field(default_factory=set)
+    looked: float = -inf
+    followed: List[FollowedPlan] = field(default_factory=list)
+
+
+class Derivations:
+    """Evaluates plans for the services of a SOM. Times in s."""
+
+    def __init__(self, deadlines: Deadlines) -> None:
+        self._deadlines = deadlines
+        self._services: Dict[str, _Heard] = {}
+        self._turn: Deque[FollowedPlan] = deque()
+        self._ticked = -inf
+
+    def watch(self, som: Som, changed: Iterable[str]) -> None:
+        """Evaluate what is followed on, but for services that have `changed`, and for witnesses."""
+        for name in changed:
+            self._services.pop(name, None)
+        self._services = {s.name: self._services.get(s.name) or _Heard() for s in som}
+        for heard in self._services.values():
+            heard.read.clear()
+            heard.readers.clear()
+            heard.disputed.clear()
+            for followed in heard.followed:
+                followed.witness = False
+            heard.followed = [each for each in heard.followed if self._goes_on(each)]
+        self._turn = deque(each for h in self._services.values() for each in h.followed)
+        for followed in self._turn:
+            self._read(followed)
+
+    def concerns(self, service: Service) -> bool:
+        """Tell if values of a service are read, or compared."""
+        heard = self._services[service.name]
+        return bool(heard.read or heard.followed)
+
+    def made(self, plan: Plan) -> FollowedPlan:
+        """Return what evaluates a plan: what is there already, or new. Raises ShsaError."""
+        for each in self._services[plan.service].followed:
+            if each.program == plan.program:
+                return each
+        period = plan.outputs[0].service.period or 0.0
+        gap = max(MAX_GAP_S, GAP_PERIODS * period)
+        program = compile_program(plan.program.code, len(plan.inputs), len(plan.outputs), gap)
+        integrates = [program.hidden or sum_ is not None for sum_ in program.integrals]
+        pause = period if program.remembers else max(period, SAMPLE_S)
+        return FollowedPlan(
+            plan.service,
+            plan.program,
+            plan.inputs,
+            tuple(map(Output, plan.outputs, plan.errors, integrates)),
+            program.step,
+            program.remembers,
+            1.0 / pause if pause else inf,
+        )
+
+    def follow(self, followed: FollowedPlan) -> None:
+        """Evaluate a program from now on."""
+        all_ = self._services[followed.service].followed
+        if followed not in all_:
+            all_.append(followed)
+            self._turn.appendleft(followed)
+            self._read(followed)
+
+    def leave(self, followed: FollowedPlan) -> None:
+        """Evaluate a program no more, unless it is a witness: it substitutes nothing now."""
+        followed.substitutes = False
+        followed.doubt()
+        all_ = self._services[followed.service].followed
+        if followed in all_ and not followed.witness:
+            all_.remove(followed)
+            self._turn.remove(followed)
+            for source in followed.inputs:
+                self._services[source.service.name].readers.discard(followed)
+
+    def heard(self, service: Service, values: Mapping[str, float], time: float, good: bool) -> bool:
+        """Take what the node of a service says; tell if all its programs were evaluated.
+
+        `good`: the message is, and its node is healthy.
+        """
+        heard = self._services[service.name]
+        if good:
+            heard.values.update((name, (time, values[name])) for name in heard.read & values.keys())
+        looks = not 0.0 <= time - heard.looked < SAMPLE_S
+        if looks:
+            heard.looked = time
+        for each in heard.followed:
+            if looks or each.remembers:
+                self._evaluate(each, time)
+        return looks
+
+    def judged(
+        self, service: Service, values: Mapping[str, float], time: float, sound: bool, looked: bool
+    ) -> None:
+        """Learn from a message; `sound`: nothing is held against it or against its node."""
+        heard = self._services[service.name]
+        heard.sound = sound
+        if not sound:
+            for each in (*heard.followed, *heard.readers):
+                each.doubt()
+        elif looked:
+            for each in heard.followed:
+                if each.doubtful:
+                    each.doubt()
+                else:
+                    each.learn(values, time)
+
+    def dispute(self, source: Source, disputed: bool) -> None:
+        """Note if others contradict a value."""
+        properties = self._services[source.service.name].disputed
+        (properties.add if disputed else properties.discard)(source.property)
+
+    def is_disputed(self, source: Source) -> bool:
+        """Tell if others contradict a value."""
+        return source.property in self._services[source.service.name].disputed
+
+    def refresh(self, time: float) -> List[FollowedPlan]:
+        """Look at what programs have learned, one after the other; return those looked at."""
+        passed, self._ticked = time - self._ticked, time
+        found: List[FollowedPlan] = []
+        for _ in range(1 + int(min(passed, REFRESH_S) * REFRESHES_PER_S)):
+            if not self._turn or time - self._turn[0].looked < REFRESH_S:
+                break
+            self._turn[0].refresh(time)
+            found.append(self._turn[0])
+            self._turn.rotate(-1)
+        return found
+
+    def _goes_on(self, followed: FollowedPlan) -> bool:
+        there = all(source.service.name in self._services for source in followed.inputs)
+        return followed.substitutes and there
+
+    def _read(self, followed: FollowedPlan) -> None:
+        for source in followed.inputs:
+            heard = self._services[source.service.name]
+            heard.read.add(source.property)
+            heard.readers.add(followed)
+
+    def _evaluate(self, followed: FollowedPlan, time: float) -> None:
+        known = [self._value(source, time) for source in followed.inputs]
+        inputs = [value for value in known if value is not None]
+        derived = followed.step(inputs, time) if len(inputs) == len(known) else None
+        sound = all(self._services[source.service.name].sound for source in followed.inputs)
+        followed.doubtful = derived is None or not sound
+        for number, output in enumerate(followed.outputs):
+            value = None if derived is None else derived[number]
+            output.derived = value if value is not None and isfinite(value) else None
+
+    def _value(self, source: Source, time: float) -> Optional[float]:
+        """Return the newest value of a source; None if it is stale."""
+        found = self._services[source.service.name].values.get(source.property)
+        deadline = self._deadlines.of(source.service)
+        if found is None or (deadline is not None and time - found[0] > deadline):
+            return None
+        return found[1]

@@ -1,0 +1,136 @@
+"""What else was going on while a publisher was late, and which of its gaps teach a deadline."""
+from collections import deque
+from math import inf
+from typing import Callable, Deque, Iterable, List, NamedTuple, Optional, Set, Tuple
+
+from shsa_core.monitoring.alibis import Blame, Case, decide
+from shsa_core.monitoring.events import Key
+from shsa_core.monitoring.publishers import Publisher
+from shsa_core.monitoring.settings import (
+    LOOK_S,
+    MISSED_PERIODS,
+    REMEMBERED,
+    SLOW_PACE,
+    TOGETHER_NODES,
+)
+from shsa_core.watch import Watch
+
+
+class _Gap(NamedTuple):
+    """No message of a node from `began` to `ended`, in s."""
+
+    node: str
+    began: float
+    ended: float
+
+
+class Surroundings:
+    """Remembers connections and gaps, and makes the case of who is late. Times in s."""
+
+    def __init__(self, everybody: Callable[[], Iterable[Publisher]]) -> None:
+        self._everybody = everybody
+        self.watch = Watch()
+        self._connected: Deque[Tuple[str, float]] = deque(maxlen=REMEMBERED)
+        self._came_up = -inf
+        self._gaps: Deque[_Gap] = deque(maxlen=REMEMBERED)
+        self._waiting: List[Tuple[str, Publisher, _Gap]] = []
+        self._silent: Optional[List[_Gap]] = None  # those that have not ended, as of this look
+        self._slow, self._looked = 0, -inf
+
+    def look(self, time: float, late: float) -> None:
+        """Look at the time; the monitor was `late` to do so."""
+        self.watch.look(time, time - late)
+        self._silent = None
+
+    def connected(self, node: str, time: float, substitute: bool) -> None:
+        """Note a connection to a node; a `substitute` comes up, and may listen to all."""
+        if substitute:
+            self._came_up = time
+        else:
+            self._connected.append((node, time))
+
+    def silence(self, publisher: Publisher) -> Case:
+        """Return the case of a publisher that is silent for longer than it is allowed."""
+        since, watch = publisher.silent_since or 0.0, self.watch
+        return Case(
+            Blame.SILENCE,
+            watch.now,
+            since,
+            limit=watch.now + 2 * publisher.patience - watch.passed(since),
+            due=watch.when(since, publisher.allowed),
+            reconnects_until=publisher.reconnects_until,
+            connected=self._connection(publisher.name),
+            came_up=self._came_up,
+            together=self._late_with(_Gap(publisher.name, since, watch.now)),
+        )
+
+    def rate(self, publisher: Publisher, time: float) -> Case:
+        """Return the case of a publisher whose messages come too seldom."""
+        span = publisher.evidence.span if publisher.evidence is not None else 0.0
+        if not 0.0 <= time - self._looked < LOOK_S:
+            self._looked = time
+            self._slow = len({each.name for each in self._everybody() if _is_slow(each)})
+        connected = self._connection(publisher.name)
+        moments = (time, time - span, inf, -inf, -inf, connected, self._came_up)
+        return Case(Blame.RATE, *moments, self._slow)
+
+    def heard(self, topic: str, publisher: Publisher, began: float, time: float) -> List[Key]:
+        """Take the gap of a healthy publisher; return whose allowed silence has changed by that.
+
+        One that is long waits for `learn`: only then it is known if the monitor was held up.
+        """
+        learned, service, length = publisher.learned, publisher.service, time - began
+        if service is not None and length >= MISSED_PERIODS * (service.period or length):
+            gap = _Gap(publisher.name, began, time)
+            self._gaps.append(gap)
+            if learned is not None and learned.is_long(length):
+                self._waiting.append((topic, publisher, gap))
+                return []
+        return [(topic, publisher.name)] if learned is not None and learned.add(length) else []
+
+    def learn(self) -> List[Key]:
+        """Learn from the long gaps before that have no alibi; return whose allowed silence that
+        changes.
+        """
+        waiting, self._waiting = self._waiting, []
+        changed: List[Key] = []
+        for topic, publisher, gap in waiting:
+            connected, learned = self._connection(gap.node), publisher.learned
+            moments = (gap.ended, gap.began, inf, -inf, -inf, connected, self._came_up)
+            if learned is None or decide(Case(Blame.GAP, *moments, self._late_with(gap))):
+                continue
+            if learned.add(self.watch.passed(gap.began) - self.watch.passed(gap.ended)):
+                changed.append((topic, publisher.name))
+        return changed
+
+    def _connection(self, node: str) -> float:
+        return next((time for name, time in reversed(self._connected) if name == node), -inf)
+
+    def _late_with(self, gap: _Gap) -> int:
+        """Return how many nodes were silent for half of a gap at least, up to TOGETHER_NODES."""
+        if self._silent is None:
+            now = self.watch.now
+            late = (p for p in self._everybody() if _is_late(p, now))
+            self._silent = [_Gap(p.name, p.last_message or 0.0, now) for p in late]
+        nodes: Set[str] = {gap.node}
+        for gaps in (self._silent, self._gaps):
+            for other in gaps:
+                both = min(gap.ended, other.ended) - max(gap.began, other.began)
+                if both >= (gap.ended - gap.began) / 2.0:
+                    nodes.add(other.node)
+                if len(nodes) >= TOGETHER_NODES:
+                    return len(nodes)
+        return len(nodes)
+
+
+def _is_late(publisher: Publisher, time: float) -> bool:
+    """Tell if a healthy publisher has missed a message."""
+    service, last = publisher.service, publisher.last_message
+    if last is None or service is None or service.period is None or not publisher.is_healthy:
+        return False
+    return time - last >= MISSED_PERIODS * service.period
+
+
+def _is_slow(publisher: Publisher) -> bool:
+    pace = publisher.evidence.pace if publisher.evidence is not None else None
+    return publisher.is_healthy and pace is not None and pace < SLOW_PACE

@@ -1,0 +1,166 @@
+"""Hears what a substitute computes from, and what others publish on its topics.
+
+Muted, most of it never matters: to wake for each message would be most of what standing by costs.
+So it is read when the core wakes anyway, many at once, each with the time at which it had come; and
+of what nobody reads yet the newest is kept, and decoded once somebody does.
+"""
+from typing import Dict, Iterable, List, Set, Tuple
+
+import rospy
+
+from shsa_core.errors import ShsaError
+from shsa_core.model.service import Signal
+from shsa_core.ros import clock, settings
+from shsa_core.ros.messages.fields import stamp
+from shsa_core.ros.processes import priority
+from shsa_core.ros.sockets.subscriptions import Arrived, Gone, Subscriptions
+from shsa_core.substitution.events import Event, InputArrived, OtherGone, OtherHeard
+
+
+class Inputs:
+    """Events for one thread: what others put, and what that thread reads from the connections.
+
+    `name`: of the substitute. `lowered`: the priority of the process is, until what it does
+    matters.
+    """
+
+    def __init__(self, name: str, robot_clock: clock.RobotClock, lowered: bool = False) -> None:
+        self._name, self._lowered = name, lowered
+        self._subscriptions = Subscriptions(robot_clock.now, _refused, self._wakes)
+        self._inbox = self._subscriptions.inbox
+        self._hurries = True
+        self._types: Dict[str, str] = {}
+        self._fields: Dict[str, Tuple[str, ...]] = {}
+        self._read: Set[str] = set()
+        self._overheard: Set[str] = set()
+        self._newest: Dict[Tuple[str, str], Arrived] = {}
+        self._last: Dict[str, bytes] = {}
+
+    # From any thread.
+
+    def put(self, event: Event) -> None:
+        """Add an event and wake the reader."""
+        self._inbox.put(event)
+
+    def read(self, topics: Iterable[str]) -> None:
+        """Have these topics read by a program, and not just prepared for."""
+        new = set(topics) - self._read
+        if new:
+            self._read = self._read | new
+            self._inbox.put(None)
+
+    # From the one thread that may wait for the master.
+
+    def listen(self, signal: Signal) -> None:
+        """Hear a field of a topic; what was subscribed once stays so."""
+        fields = self._fields.get(signal.topic, ())
+        if signal.field not in fields:
+            self._fields[signal.topic] = (*fields, signal.field)
+        self._subscribe(signal.topic, signal.type)
+
+    def overhear(self, topic: str, kind: str) -> None:
+        """Hear what others publish on a topic."""
+        self._overheard.add(topic)
+        self._subscribe(topic, kind)
+        self._inbox.put(None)
+
+    def _subscribe(self, topic: str, kind: str) -> None:
+        if topic not in self._types:
+            self._types[topic] = kind
+            self._subscriptions.subscribe(topic)
+
+    # From the reading thread.
+
+    def wait(self, timeout: float) -> None:
+        """Sleep for at most `timeout` s, or until there is something that matters."""
+        waits = self._hurries and self._subscriptions.waits
+        self._inbox.wait(min(timeout, settings.UNREAD_S) if waits else timeout)
+
+    def take(self, reads: bool) -> List[Event]:
+        """Return what has come so far, in order; inputs that were kept only if it `reads` now.
+
+        It does so as well if anything comes but what others publish.
+        """
+        items = self._inbox.take()
+        if None in items:
+            self._subscriptions.choose_waking()
+        events: List[Event] = [each for each in items if each is not None]
+        for happening in self._subscriptions.read():
+            if isinstance(happening, Arrived):
+                events += self._arrived(happening)
+            elif isinstance(happening, Gone) and self._is_other(
+                happening.topic, happening.publisher
+            ):
+                events.append(OtherGone(*happening))
+        if reads or not all(isinstance(event, OtherHeard) for event in events):
+            for key in [key for key in self._newest if key[0] in self._read]:
+                events += self._input(self._newest.pop(key))
+        return sorted(events, key=lambda event: event.time)
+
+    def hurry(self, hurries: bool) -> None:
+        """Have what arrives waited for from now on, or not."""
+        if hurries is self._hurries:
+            return
+        self._hurries = hurries
+        self._subscriptions.choose_waking()
+        if self._lowered:
+            (priority.restore_all if hurries else priority.lower_all)()
+
+    def last(self, topic: str) -> bytes:
+        """Return the last message of another one on a topic, serialized; empty: there is none."""
+        return self._last.get(topic, b"")
+
+    def stands(self, topic: str, publisher: str) -> bool:
+        """Return whether a connection to a publisher stands; all that came on it was told."""
+        return publisher in self._subscriptions.publishers(topic)
+
+    def _wakes(self, topic: str) -> bool:
+        return self._hurries and (topic in self._read or topic in self._overheard)
+
+    def _is_other(self, topic: str, publisher: str) -> bool:
+        return topic in self._overheard and publisher != self._name
+
+    def _arrived(self, arrived: Arrived) -> List[Event]:
+        connection, topic = arrived.connection, arrived.connection.topic
+        events: List[Event] = []
+        if self._is_other(topic, connection.publisher):
+            events += self._other(arrived)
+        if topic in self._fields:
+            if self._hurries and topic in self._read:
+                events += self._input(arrived)
+            else:
+                self._newest[topic, connection.publisher] = arrived
+        return events
+
+    def _other(self, arrived: Arrived) -> List[Event]:
+        """Keep what somebody else has published on a topic that is overheard."""
+        time, connection, data, _, ros_time = arrived
+        topic = connection.topic
+        decoder = connection.decoder(self._types[topic], self._fields.get(topic, ()))
+        if decoder is None:
+            return []
+        self._last[topic] = data
+        stamped = min(stamp(data), ros_time) if decoder.has_stamp else 0
+        return [OtherHeard(time, topic, connection.publisher, stamped)]
+
+    def _input(self, arrived: Arrived) -> List[Event]:
+        """Read the fields of a message; none if it cannot be read, and a warning."""
+        time, connection, data, _, ros_time = arrived
+        topic, publisher = connection.topic, connection.publisher
+        fields = self._fields[topic]
+        decoder = connection.decoder(self._types[topic], fields)
+        if decoder is None:
+            return []
+        try:
+            values = decoder.values(data)
+        except ShsaError as error:
+            connection.warn(error)
+            return []
+        known = tuple((name, each) for name, each in zip(fields, values) if each is not None)
+        stamped = stamp(data) if decoder.has_stamp else 0
+        return [InputArrived(time, topic, publisher, known, stamped, ros_time)]
+
+
+def _refused(topic: str, claim: str, why: str) -> None:
+    text = f"Who calls itself {claim} on {topic} is not heard as that: {why}"
+    rospy.logwarn_throttle_identical(60.0, text)

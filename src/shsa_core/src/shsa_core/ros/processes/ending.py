@@ -1,0 +1,147 @@
+"""Kills a node: asks it to leave, ends its process, clears its registrations.
+
+Which process a node is was verified before (`nodes`), and healing decides when each step comes.
+"""
+import socket
+import threading
+from typing import Callable
+
+import rosgraph
+import rospy
+
+from shsa_core.ros import settings
+from shsa_core.ros.master.node_api import FAILURES, address, ask, master_api
+from shsa_core.ros.processes import kernel
+from shsa_core.ros.processes.nodes import Nodes
+
+WHY = "it failed, and is healed"
+
+Left = Callable[[], None]
+Failed = Callable[[str], None]
+"""Is told why a node is not touched, or not known to have left."""
+
+
+def ask_to_leave(nodes: Nodes, node: str, left: Left, failed: Failed) -> None:
+    """`rosnode kill` by its API; calls `left` once the process has ended.
+
+    Elsewhere, once nobody listens any more where the node has answered; else `failed(why)`.
+    """
+    known = nodes.known(node)
+    if known is None:
+        failed("it is not known which process it is")
+    elif known.process is None:
+        _ask_elsewhere(node, known.uri, left, failed)
+    else:
+        process = known.process
+        threading.Thread(target=_ask, args=(nodes, node), daemon=True).start()
+        if kernel.wait_for(lambda: kernel.gone(process)):
+            left()
+
+
+def end_process(nodes: Nodes, node: str, left: Left, failed: Failed) -> None:
+    """`kill -9`; calls `left` once the process has ended, `failed(why)` if it is not ours."""
+    known = nodes.known(node)
+    if known is None or known.process is None:
+        failed("it is not known which process it is")
+        return
+    process = known.process
+    try:
+        kernel.kill(process)
+    except ProcessLookupError:
+        left()
+    except PermissionError as error:
+        failed(f"it does not leave, and {error}")
+    else:
+        if kernel.wait_for(lambda: kernel.gone(process)):
+            left()
+
+
+def clear(nodes: Nodes, node: str) -> bool:
+    """Clear what a dead node left registered at the master, and nothing of a successor.
+
+    False: it was no publisher any more, and so had unregistered itself.
+    """
+    known = nodes.forget(node)
+    if known is not None and known.process is not None and known.lives:
+        return True
+    uri = known.uri if known else ""
+    try:
+        if not uri:
+            uri = master_api().lookupNode(node)
+            if known is not None and kernel.listener(uri) is not None:
+                return True  # it was ended before it registered: this is a successor
+        return _unregister(node, uri)
+    except FAILURES:
+        return True  # the master does not know it, or is away: there is nothing to be cleared
+
+
+def _ask(nodes: Nodes, node: str) -> None:
+    """Ask a node here to leave; whether it does, its process tells."""
+    try:
+        uri = nodes.uri(node)
+        if uri:
+            ask(uri, "shutdown", WHY)
+    except FAILURES as error:
+        rospy.logdebug("%s was asked to leave: %s", node, error)
+
+
+def _ask_elsewhere(node: str, uri: str, left: Left, failed: Failed) -> None:
+    """Ask a node on another computer to leave.
+
+    It has ended if it listens no more, and has said so before: to the master, when it left by
+    itself, or to us.
+    """
+    try:
+        ask(uri, "shutdown", WHY)
+    except ConnectionRefusedError:
+        if _is_registered(node):
+            failed("it refuses the connection, and cannot be verified to have ended")
+        else:
+            left()
+        return
+    except FAILURES as error:
+        failed(f"it cannot be verified to have ended: {error}")
+        return
+    if kernel.wait_for(lambda: _refuses(uri)):
+        left()
+
+
+def _refuses(uri: str) -> bool:
+    """Return whether nobody listens any more at an address; no answer is no proof."""
+    try:
+        socket.create_connection(address(uri), settings.CALL_S).close()
+    except ConnectionRefusedError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def _is_registered(node: str) -> bool:
+    """Return whether the master knows a node; True as well if that cannot be told."""
+    try:
+        master_api().lookupNode(node)
+    except rosgraph.MasterException:
+        return False
+    except FAILURES:
+        return True
+    return True
+
+
+def _unregister(node: str, uri: str) -> bool:
+    """Unregister (node, uri) everywhere; a successor with the same name has another uri.
+
+    Return whether the node was a publisher. Raises one of FAILURES if the master does not answer.
+    """
+    master = master_api(node)
+    publishers, subscribers, services = master.getSystemState()
+    for topic, nodes in publishers:
+        if node in nodes:
+            master.unregisterPublisher(topic, uri)
+    for topic, nodes in subscribers:
+        if node in nodes:
+            master.unregisterSubscriber(topic, uri)
+    for name, nodes in services:
+        if node in nodes and master.lookupNode(node) == uri:
+            master.unregisterService(name, master.lookupService(name))
+    return any(node in nodes for _, nodes in publishers)

@@ -1,0 +1,154 @@
+"""Life of other processes, by their heartbeats: of the substitutes, and of the other healer."""
+import threading
+import time
+from dataclasses import dataclass, field
+from typing import Callable, Dict, Optional, Set
+
+import rospy
+
+from shsa_core.ros import settings
+from shsa_core.ros.processes import kernel
+from shsa_core.ros.processes.heartbeats import Heart, Sign, Signs
+from shsa_core.watch import Watch
+
+Told = Callable[[str], None]
+"""Is told the name of a node."""
+
+
+@dataclass
+class _Seen:
+    sign: Sign
+    clock: Watch = field(default_factory=Watch)
+    starves: bool = False
+    """Its clock stands by now for what it waits for a processor."""
+
+
+class Life:
+    """Tells which of the nodes that have given signs of life give none any more.
+
+    `silent(name)` after SILENT_S, `hung(name)` after `patience` s, `heard(name)` at its first sign
+    and once it gives one again; in a thread of its own. Time stands while we were not scheduled, or
+    `at_work()` says that we did not act; and while it could run and had no processor, as what
+    stands by comes last: up to STARVED_S.
+    """
+
+    def __init__(
+        self,
+        signs: Signs,
+        watched: Callable[[str], bool],
+        silent: Told,
+        hung: Told,
+        heard: Told,
+        patience: float = settings.HUNG_S,
+        at_work: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self._signs, self._watched = signs, watched
+        self._silent, self._hung, self._heard = silent, hung, heard
+        self._patience, self._at_work = patience, at_work
+        self._seen: Dict[str, _Seen] = {}
+        self._quiet: Set[str] = set()
+        threading.Thread(target=self._work, name="signs of life", daemon=True).start()
+
+    def is_silent(self, name: str) -> bool:
+        """Return whether a node gives no sign of life now."""
+        return name in self._quiet
+
+    def _work(self) -> None:
+        now = time.monotonic()
+        while not rospy.is_shutdown():
+            before = now
+            time.sleep(settings.TICK_S)
+            now = time.monotonic()
+            for name in filter(self._watched, self._signs.names()):
+                sign = self._signs.of(name)
+                if sign is not None:
+                    self._look(name, sign, before, now)
+
+    def _look(self, name: str, sign: Sign, before: float, now: float) -> None:
+        seen = self._seen.get(name)
+        anew = seen is None or seen.sign.pid != sign.pid
+        if seen is None or anew:
+            seen = self._seen[name] = _Seen(sign)
+        seen.clock.look(now, before + settings.TICK_S)
+        if not self._at_work():
+            seen.clock.stand(before, now)
+        if anew or sign != seen.sign:
+            seen.sign, seen.starves = sign, False
+            if anew or name in self._quiet:
+                self._quiet.discard(name)
+                self._heard(name)
+        elif seen.clock.passed(sign.time) >= 2 * settings.HEARTBEAT_S:
+            # At first this only tells how long it has waited so far.
+            seen.clock.starve(now if seen.starves else sign.time, kernel.waited(sign.pid))
+            seen.starves = True
+            self._judge(name, seen, now)
+
+    def _judge(self, name: str, seen: _Seen, now: float) -> None:
+        since = seen.sign.time
+        if seen.clock.has_passed(since, self._patience) or now - since >= settings.STARVED_S:
+            self._hung(name)
+            self._quiet.add(name)
+            self._signs.forget(name)
+            del self._seen[name]
+        elif name not in self._quiet and seen.clock.has_passed(since, settings.SILENT_S):
+            self._quiet.add(name)
+            self._silent(name)
+
+
+class Companion:
+    """Watches the other healer by its heartbeats, and sends ours.
+
+    A launch starts again who died, not who hangs. So a healer that hangs is named, and ended if a
+    launch starts it again: its heartbeats come with its process number from the kernel, so nobody
+    is ended for another. Both never end each other: who ends must itself be at work, and so it is
+    heard; and the monitor waits longer than the reconfigurator.
+
+    Args:
+        role: what the other one is: its node's name, and who hears our heartbeats.
+        signs: what was heard for us.
+    """
+
+    def __init__(self, role: str, signs: Signs) -> None:
+        self.role = role
+        self.problem = ""
+        self._name = rospy.resolve_name(role)
+        self._heart, self._signs = Heart(role), signs
+        self._beaten = time.monotonic()
+        self._known: Optional[kernel.Identity] = None
+        patience = settings.HUNG_HEALER_S[role]
+        at_work = lambda: time.monotonic() - self._beaten < settings.AT_WORK_S
+        quiet: Told = lambda name: None
+        Life(signs, self._name.__eq__, quiet, self._hangs, self._hear, patience, at_work)
+
+    def beat(self) -> None:
+        """To be called by the loop that does the work: we are at work."""
+        self._beaten = time.monotonic()
+        self._heart.beat()
+
+    @property
+    def told(self) -> str:
+        """Return how the other one is, in words."""
+        return self.problem or ("it gives signs of life" if self._known else "it was not heard yet")
+
+    def _hear(self, name: str) -> None:
+        sign = self._signs.of(name)
+        self._known = kernel.identity(sign.pid) if sign else None
+        if self.problem:
+            rospy.loginfo("%s gives signs of life again.", name)
+        self.problem = ""
+
+    def _hangs(self, name: str) -> None:
+        process = kernel.same_process(self._known) if self._known else None
+        if process is None:
+            self.problem = f"{name} has ended"
+            rospy.logerr("%s. No other has come.", self.problem)
+            return
+        self.problem = f"{name} hangs: process {process.pid} gives no sign of life"
+        done = "No launch would start it again: it is left alone."
+        if kernel.started_by_launch(process.pid):
+            done = "Its launch starts it again."
+            try:
+                kernel.kill(process)
+            except OSError as error:
+                done = f"It cannot be ended: {error}."
+        rospy.logerr("%s. %s", self.problem, done)

@@ -1,0 +1,75 @@
+"""Makes events of messages, which are read and decoded only as far as somebody checks them."""
+from typing import Dict, NamedTuple, Optional
+
+from shsa_core.errors import ShsaError
+from shsa_core.model.service import Service
+from shsa_core.monitoring.events import Message
+from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
+from shsa_core.monitoring.last_messages import LARGEST_B
+from shsa_core.ros.messages.fields import STAMP_END, Decoder, stamp
+from shsa_core.ros.sockets.connection import Connection
+from shsa_core.ros.sockets.frames import Wanted
+from shsa_core.ros.sockets.subscriptions import Arrived
+
+ALL = Wanted()
+HEAD = Wanted(LARGEST_B, STAMP_END)
+"""Nobody judges values: of a message too large to be kept, the stamp is all that is looked at."""
+
+
+class _Needs(NamedTuple):
+    """The parts of a connection's messages that the checks of a service need."""
+
+    service: Optional[Service]
+    values: Optional[Decoder] = None
+    stamps: bool = False
+
+
+class Reader:
+    """Reads the messages of every connection, each as the service needs it that it is judged by.
+
+    `unjudged`: what is wanted of messages of which no value is judged.
+    """
+
+    def __init__(self, unjudged: Wanted = HEAD) -> None:
+        self._unjudged = unjudged
+        self._needs: Dict[Connection, _Needs] = {}
+
+    def event(self, arrived: Arrived, waited: float, service: Optional[Service]) -> Message:
+        """Return the event that a message makes, which may have `waited` for us for so many s.
+
+        What was not copied is not judged.
+        """
+        time, connection, data, whole, ros_time = arrived
+        needs = self._needs.get(connection)
+        if needs is None or (needs.service is not service and needs.service != service):
+            needs = self._learn(connection, service)
+        values, error, age, stamped = None, "", None, 0
+        if needs.values is not None and whole:
+            try:
+                values = needs.values.values(data)
+            except ShsaError as refusal:
+                error = str(refusal)
+        if needs.stamps:
+            stamped = stamp(data)
+            age = (ros_time - stamped) / 1e9 if stamped else None
+        whom = (connection.topic, connection.publisher)
+        return Message(time, *whom, values, error, age, waited, stamp=stamped)
+
+    def forget(self) -> None:
+        """Learn anew what is needed, from whole messages: services have changed."""
+        for connection in self._needs:
+            connection.frames.wanted = ALL
+        self._needs.clear()
+
+    def _learn(self, connection: Connection, service: Optional[Service]) -> _Needs:
+        for ended in [known for known in self._needs if known.transport.done]:
+            del self._needs[ended]
+        needs = _Needs(service)
+        fields = tuple(each.field for each in checked_provisions(service)) if service else ()
+        if service is not None and (fields or checks_stamps(service)):
+            decoder = connection.decoder(service.type, fields)
+            if decoder is not None:
+                needs = _Needs(service, decoder if fields else None, decoder.has_stamp)
+        self._needs[connection] = needs
+        connection.frames.wanted = ALL if needs.values is not None else self._unjudged
+        return needs

@@ -1,0 +1,127 @@
+"""Subscriptions whose connections are bounded, or read by a thread of our own.
+
+Faults of rospy 1.15 to 1.17: it takes any length that is claimed for a header or a message, and
+buffers it (`read_ros_handshake_header`, `TCPROSTransportProtocol.read_messages`). It reads each
+connection in a thread that calls back, and does not say when one ended, or when a message came.
+"""
+import struct
+import weakref
+from typing import Any, Callable, Type
+
+import genpy
+import rospy
+from rosgraph.network import read_ros_handshake_header
+from rospy.exceptions import TransportTerminated
+from rospy.impl.registration import Registration, get_topic_manager
+from rospy.topics import _SubscriberImpl
+
+from shsa_core.errors import ShsaError
+from shsa_core.ros import settings
+
+LENGTH = struct.Struct("<I")
+
+
+class _Limited:
+    """A socket that gives no more than a header can need."""
+
+    def __init__(self, socket: Any) -> None:
+        self._socket, self._came = socket, 0
+
+    def recv(self, size: int) -> bytes:
+        """Read; raises ShsaError."""
+        if self._came > settings.LARGEST_HEADER_B:
+            raise ShsaError(f"its header is longer than {settings.LARGEST_HEADER_B} bytes")
+        data: bytes = self._socket.recv(size)
+        self._came += len(data)
+        return data
+
+
+def bound_header(transport: Any) -> None:
+    """Have rospy give up a connection whose header does not end."""
+    # What rospy drops while it connects must be freed, and so closed, at once: a connection that
+    # stays without a header keeps a rospy publisher from serving anybody else. So it may not hold
+    # itself.
+    weak = weakref.ref(transport)
+
+    def read_header() -> None:
+        found = weak()
+        if found is None or found.socket is None:
+            return
+        found.socket.setblocking(1)
+        limited, size = _Limited(found.socket), found.protocol.buff_size
+        found._validate_header(read_ros_handshake_header(limited, found.read_buff, size))
+
+    transport.read_header = read_header
+
+
+def bound_messages(transport: Any, largest: int) -> None:
+    """Have rospy end a connection that announces a message of more than `largest` bytes."""
+    read = transport.protocol.read_messages
+
+    def read_messages(buffer: Any, messages: Any, socket: Any) -> None:
+        (size,) = LENGTH.unpack_from(buffer.getbuffer())
+        if size > largest:
+            raise TransportTerminated(f"a message of {size} bytes; {largest} are allowed")
+        read(buffer, messages, socket)
+
+    transport.protocol.read_messages = read_messages
+
+
+class _Bounded(_SubscriberImpl):
+    """rospy's side of a subscription, within bounds."""
+
+    def __init__(self, name: str, kind: Type[genpy.Message], largest: int) -> None:
+        super().__init__(name, kind)
+        self._largest = largest
+
+    def add_connection(self, transport: Any) -> bool:
+        """Called by rospy for every new connection."""
+        bound_header(transport)
+        bound_messages(transport, self._largest)
+        return bool(super().add_connection(transport))
+
+
+def subscribe(
+    topic: str, kind: Type[genpy.Message], heard: Callable[[Any], None], largest: int
+) -> rospy.Subscriber:
+    """Subscribe; who announces a message of more than `largest` bytes is cut off."""
+    name, manager = rospy.resolve_name(topic), get_topic_manager()
+    with manager.lock:
+        if manager.get_impl(Registration.SUB, name) is None:
+            manager._add(_Bounded(name, kind, largest), manager.subs, Registration.SUB)
+        return rospy.Subscriber(topic, kind, heard, tcp_nodelay=True)
+
+
+class HandedOver(_SubscriberImpl):
+    """rospy's side of a subscription whose connections somebody else reads.
+
+    `made(transport)` is called once a connection stands and its header was read, `closed` when
+    rospy has closed one; from any thread.
+    """
+
+    def __init__(
+        self, topic: str, made: Callable[[Any], None], closed: Callable[[Any], None]
+    ) -> None:
+        super().__init__(topic, rospy.AnyMsg)
+        self.set_tcp_nodelay(True)
+        self._topic, self._made, self._closed = topic, made, closed
+
+    def subscribe(self) -> rospy.Subscriber:
+        """Register the subscription; waits for the master."""
+        manager = get_topic_manager()
+        with manager.lock:
+            manager._add(self, manager.subs, Registration.SUB)
+            return rospy.Subscriber(self._topic, rospy.AnyMsg)
+
+    def add_connection(self, transport: Any) -> bool:
+        """Called by rospy for every new connection; it may replace one to the same publisher."""
+        made, weak = self._made, weakref.ref(transport)
+        bound_header(transport)
+        transport.receive_loop = lambda callback: made(weak())
+        transport.set_cleanup_callback(self._closed)
+        return bool(super().add_connection(transport))
+
+    def connects(self, uri: str) -> bool:
+        """Return whether a connection to the node at `uri` stands or is under way."""
+        with self.c_lock:
+            return any(each.endpoint_id == uri for each in self.connections)

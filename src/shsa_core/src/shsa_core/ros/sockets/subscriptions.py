@@ -1,0 +1,282 @@
+"""Subscriptions that one thread reads: who connects, who is gone, and every message.
+
+rospy makes the connections, each in a thread that then reads and calls back. Here that thread ends
+when the connection stands, and whoever calls `read` gets the messages straight from the sockets:
+what the kernel has received by then is handled before anybody is judged, and a connection that ends
+is seen after its last message, when it ends. Whether its node has gone then, `reconnection` tells.
+
+What a connection calls itself is a claim. It counts for a node once the master has said that this
+node is at the address that we connected to; until then what comes is read and dropped, save the
+newest message, so that nobody who publishes is held up.
+"""
+from collections import deque
+from typing import Any, Callable, Deque, Dict, Iterable, Iterator, List, NamedTuple, Set, Union
+
+import rospy
+
+from shsa_core.ros import clock
+from shsa_core.ros.rospy_patches.subscribing import HandedOver
+from shsa_core.ros.sockets.arrival_times import ArrivalTimes
+from shsa_core.ros.sockets.connection import Connection
+from shsa_core.ros.sockets.identity import Identified, Identities
+from shsa_core.ros.sockets.inbox import Inbox
+from shsa_core.ros.sockets.reconnection import Answered, Doubt, Reconnection
+
+
+class Connected(NamedTuple):
+    """The first connection to a publisher of a topic stands, or one after an interruption."""
+
+    time: float
+    topic: str
+    publisher: str
+
+
+class Interrupted(NamedTuple):
+    """The last connection to a publisher was lost, but its node lives.
+
+    Connected or Gone follows soon.
+    """
+
+    time: float
+    topic: str
+    publisher: str
+
+
+class Gone(NamedTuple):
+    """A publisher of a topic is gone: its node, or what it offered."""
+
+    time: float
+    topic: str
+    publisher: str
+
+
+class Arrived(NamedTuple):
+    """A message has come, at ROS time `ros_time` in ns.
+
+    `whole`: its data is all of it, and not only what was wanted.
+    """
+
+    time: float
+    connection: Connection
+    data: bytes
+    whole: bool
+    ros_time: int
+
+
+class Looked(NamedTuple):
+    """All that had come by now was told before: so far may time pass."""
+
+    time: float
+
+
+Happening = Union[Connected, Interrupted, Gone, Arrived, Looked]
+
+
+class _Made(NamedTuple):
+    """rospy has made a connection and read its header."""
+
+    topic: str
+    transport: Any
+
+
+class _Closed(NamedTuple):
+    """rospy has closed a connection."""
+
+    topic: str
+    transport: Any
+
+
+class Subscriptions:
+    """The connections of every subscribed topic.
+
+    All methods are for one thread, which sleeps in `inbox`; only `subscribe` may be called from
+    another one. Times are those of `now`, the robot's clock. `refused(topic, claim, why)` is called
+    for who is not whom it calls itself. On a topic that `wakes`, what comes wakes the reader.
+    """
+
+    def __init__(
+        self,
+        now: Callable[[], float],
+        refused: Callable[[str, str, str], object],
+        wakes: Callable[[str], bool] = lambda topic: True,
+    ) -> None:
+        self.inbox = Inbox()
+        self._times = ArrivalTimes(now)
+        self._time = self._times.looked.time  # of what happens now
+        self._wakes = wakes
+        self._told: Deque[Union[_Made, _Closed, Answered, Identified]] = deque()
+        self._identities = Identities(self._tell, refused)
+        self._reconnection = Reconnection(self._tell)
+        self._implementations: Dict[str, HandedOver] = {}
+        self._subscribers: Dict[str, rospy.Subscriber] = {}
+        self._standing: Dict[int, Connection] = {}
+        self._newest: Dict[Connection, bytes] = {}  # the last message of who is not known yet
+        self._hurried: Set[int] = set()  # descriptors that are read whether they are ready or not
+
+    def subscribe(self, topic: str) -> None:
+        """Subscribe `topic`; waits for the master."""
+        made = lambda transport: self._tell(_Made(topic, transport))
+        closed = lambda transport: self._tell(_Closed(topic, transport))
+        implementation = self._implementations[topic] = HandedOver(topic, made, closed)
+        self._subscribers[topic] = implementation.subscribe()
+
+    def unsubscribe(self, topic: str) -> None:
+        """End the subscription of `topic` and its connections."""
+        del self._implementations[topic]
+        self._subscribers.pop(topic).unregister()
+        for connection in list(self._standing.values()):
+            if connection.topic == topic:
+                self._forget(connection)
+        self._reconnection.forget(topic)
+
+    def choose_waking(self) -> None:
+        """Ask again of each topic whether it wakes."""
+        for connection in self._standing.values():
+            self._have_wake(connection, connection.is_large or self._wakes(connection.topic))
+
+    @property
+    def waits(self) -> bool:
+        """Return whether there are connections that wake nobody, and are to be read as well."""
+        return not all(each.wakes for each in self._standing.values())
+
+    def publishers(self, topic: str) -> Set[str]:
+        """Return who publishes a topic, by the connections that stand."""
+        standing = self._standing.values()
+        return {each.publisher for each in standing if each.topic == topic and each.is_known}
+
+    def waited(self, time: float) -> float:
+        """Return for how long in s what came at `time` may have waited: since the look before."""
+        return time - self._times.before.time
+
+    def read(self, since: float = float("-inf")) -> List[Happening]:
+        """Return what has happened and come, in order; none of it before `since`.
+
+        To be called after what is in `inbox` was taken.
+        """
+        looked = self._times.look()
+        self._time = looked.time
+        found: List[Happening] = []
+        for _ in range(len(self._told)):
+            found += self._heed(self._told.popleft())
+        self._identities.ask_again()
+        since = looked.time if found else since
+        ready, self._hurried = self.inbox.ready() | self._hurried, set()
+        came = [
+            *self._read(ready, since),
+            *self._gone(self._reconnection.overdue()),
+            Looked(looked.time),
+        ]
+        return [*found, *sorted(came, key=lambda each: each.time)]
+
+    def _tell(self, item: Union[_Made, _Closed, Answered, Identified]) -> None:
+        self._told.append(item)
+        self.inbox.wake()
+
+    def _heed(self, item: Union[_Made, _Closed, Answered, Identified]) -> Iterator[Happening]:
+        """Do what follows from what rospy did, or from what a node or the master answered."""
+        topic = item.connection.topic if isinstance(item, Identified) else item.topic
+        implementation = self._implementations.get(topic)
+        if implementation is None:
+            return  # it was unsubscribed
+        if isinstance(item, Answered):
+            yield from self._gone(self._reconnection.answered(item))
+        elif isinstance(item, Identified):
+            if self._identities.answered(item):
+                yield from self._recognize(item.connection)
+        elif isinstance(item, _Made):
+            yield from self._take_over(topic, item.transport)
+        else:
+            for connection in list(self._standing.values()):
+                if connection.transport is item.transport:
+                    yield from self._lose(connection)
+            uri = item.transport.endpoint_id
+            if not item.transport.header or self._reconnection.is_doubted(topic, uri):
+                yield from self._gone(self._reconnection.lost(topic, uri, implementation))
+
+    def _take_over(self, topic: str, transport: Any) -> Iterator[Happening]:
+        if transport.done or transport.socket is None:
+            return
+        try:
+            connection = Connection(topic, transport)
+        except OSError:
+            return  # rospy has closed it in a thread of its own, which we are told next
+        if connection.descriptor in self._standing:
+            yield from self._lose(self._standing[connection.descriptor])
+        self._standing[connection.descriptor] = connection
+        self._hurried.add(connection.descriptor)
+        connection.wakes = self._wakes(topic)
+        try:
+            self.inbox.watch(connection.descriptor, connection.wakes)
+        except OSError:
+            connection.wakes = True  # it has just been closed, which we are told next
+        if self._identities.claim(connection):
+            yield from self._recognize(connection)
+
+    def _recognize(self, connection: Connection) -> Iterator[Happening]:
+        """Have what comes from now on count for the node whose connection it is."""
+        topic, publisher = connection.topic, connection.publisher
+        others = (each for each in self._standing.values() if each is not connection)
+        if not any(each.is_known and _same(each, connection) for each in others):
+            yield Connected(self._time, topic, publisher)
+        self._reconnection.connected(topic, connection.uri)
+        if connection in self._newest:
+            data = self._newest.pop(connection)
+            yield Arrived(self._time, connection, data, True, self._times.looked.ros_time)
+
+    def _read(self, ready: Set[int], since: float) -> Iterator[Happening]:
+        for descriptor in ready:
+            connection = self._standing.get(descriptor)
+            if connection is None:
+                continue
+            stands, read = connection.read(), clock.now()
+            self._time, _ = self._times.at(read)
+            for data, whole, noted in connection.frames.take():
+                if connection.is_known:
+                    time, ros_time = self._times.of(noted, read)
+                    yield Arrived(max(since, time), connection, data, whole, ros_time)
+                else:
+                    self._newest[connection] = data
+            if not stands:
+                connection.transport.close()
+                yield from self._lose(connection)
+                continue
+            if connection.expects > 1:
+                self._hurried.add(descriptor)  # it may be less than is expected
+            if not connection.wakes and len(connection.frames):
+                connection.is_large = True  # who sends it would wait for us
+                self._have_wake(connection, True)
+
+    def _have_wake(self, connection: Connection, wakes: bool) -> None:
+        if connection.wakes is not wakes:
+            try:
+                self.inbox.watch_otherwise(connection.descriptor, wakes)
+            except OSError:
+                return  # it has just been closed, which we are told next
+            connection.wakes = wakes
+
+    def _lose(self, connection: Connection) -> Iterator[Happening]:
+        """Forget a connection that has ended, and doubt its publisher, if it has no other."""
+        self._forget(connection)
+        topic, publisher = connection.topic, connection.publisher
+        lost = topic, connection.uri, self._implementations[topic]
+        if not connection.is_known:
+            yield from self._gone(self._reconnection.lost(*lost))
+        elif publisher not in self.publishers(topic):
+            gone = self._reconnection.lost(*lost, publisher, connection.host)
+            yield from self._gone(gone) if gone else [Interrupted(self._time, topic, publisher)]
+
+    def _forget(self, connection: Connection) -> None:
+        del self._standing[connection.descriptor]
+        self._newest.pop(connection, None)
+        self._identities.drop(connection)
+
+    def _gone(self, doubts: Iterable[Doubt]) -> Iterator[Happening]:
+        """Say who is gone of those whose doubt has ended."""
+        for doubt in doubts:
+            if doubt.publisher and doubt.publisher not in self.publishers(doubt.topic):
+                self._identities.forget(doubt.publisher, doubt.uri)
+                yield Gone(self._time, doubt.topic, doubt.publisher)
+
+
+def _same(one: Connection, other: Connection) -> bool:
+    return (one.topic, one.publisher) == (other.topic, other.publisher)

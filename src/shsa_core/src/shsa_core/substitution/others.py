@@ -1,0 +1,160 @@
+"""Listens to the other publishers of a substitute's topic, by an honest watch.
+
+Only a silent connection is bridged: one that has ended is the reconfigurator's to judge, which is
+told at once, and tells a node that died from one that was stopped on purpose. Until its word comes,
+the substitute fills in for a node that is gone.
+"""
+import math
+from typing import Callable, List, Optional, Tuple
+
+from shsa_core.model.kinds import OnPartition
+from shsa_core.model.substitution import Substitution
+from shsa_core.substitution.events import Command, LookAtOthers, OtherGone, OtherHeard, OthersStand
+from shsa_core.substitution.settings import LOOK_AGAIN_S, QUICK_S, STEADY
+from shsa_core.substitution.voice import Original, Others
+from shsa_core.watch import Watch
+
+Sources = Callable[[], Tuple[str, ...]]
+
+
+class OtherPublishers:
+    """The other publishers of `topic`; empty: nobody is listened for. Times in s.
+
+    `sources()` tells who publishes what the program reads. `last`: the newest message of theirs.
+    `heals`: beyond a cut the substitute may decide by itself. `bridge`: the silence after which it
+    fills in; 0: it does not.
+    """
+
+    def __init__(self, sources: Sources) -> None:
+        self.topic = ""
+        self.heard, self.last = Others.NOBODY, OtherHeard(-math.inf, "")
+        self.original = Original.LOST
+        self.heals, self.bridge = False, 0.0
+        self._sources = sources
+        self._watch = Watch()
+        self._since = -math.inf  # when they were heard, or it began to listen
+        self._cut = self._publishing = self._yields = False
+        self._deadline = math.inf
+        self._steady = 0  # messages in a row that were not late
+        self._read = sources()  # when they were heard
+        self._awaited: Optional[LookAtOthers] = None
+        self._look = math.inf
+
+    def follow(self, row: Substitution, topic: str, may_bridge: bool) -> None:
+        """Follow another row; `topic`: that of the program, which may fill in or not."""
+        bridge = row.bridge if may_bridge and not row.publishing and topic in row.topics else 0.0
+        self.heals = row.on_partition is OnPartition.HEAL and topic != ""
+        listened = topic if self.heals or bridge else ""
+        if not bridge or not self.bridge or listened != self.topic:
+            self.forget()
+        if listened != self.topic:
+            self.topic, self.heard, self._since = listened, Others.NOBODY, self._watch.now
+        if self.heard is Others.RIVAL and not (self.heals and row.publishing is self._publishing):
+            self.heard = Others.HEARD
+        deadline = row.outputs[0].deadline if row.outputs and self.heals else None
+        self._deadline = math.inf if deadline is None else deadline
+        self._publishing, self._yields, self.bridge = row.publishing, row.yields, bridge
+
+    def forget(self) -> None:
+        """Fill in for nobody until a row says so, and somebody was heard at a steady pace."""
+        self.bridge, self._steady = 0.0, 0
+        self._leave()
+
+    def _leave(self) -> None:
+        """Leave the original to the reconfigurator until it speaks."""
+        self.original, self._awaited = Original.LOST, None
+
+    # What is heard.
+
+    def pass_time(self, now: float, wanted: float) -> None:
+        """Let time pass; we `wanted` to wake by then, inf: whenever."""
+        self._watch.look(now, wanted)
+        if self.heard is not Others.NOBODY and self._watch.has_passed(self._since, self._deadline):
+            self.heard = Others.SILENT
+
+    def reach(self, cut_off: bool) -> None:
+        """The reconfigurator is out of reach, or in reach again."""
+        self._cut = cut_off
+
+    def hear(self, event: OtherHeard) -> None:
+        """Somebody else has published."""
+        if not self.topic or event.topic != self.topic:
+            return
+        rival = self._cut or self._yields or self.heard is Others.RIVAL
+        self.heard = Others.RIVAL if rival and self.heals else Others.HEARD
+        if self._steady < STEADY:
+            late = self._watch.passed(self._since) >= self.bridge
+            self._steady = 0 if late else self._steady + 1
+        self.last, self._since, self._read = event, self._watch.now, self._sources()
+        self.original, self._awaited = Original.SPEAKS, None
+
+    def gone(self, event: OtherGone) -> None:
+        """The node of somebody else is gone: nobody has to wait for its silence."""
+        last = self.last.topic, self.last.publisher
+        speaks = self._waits and self.original is Original.SPEAKS
+        if speaks and (event.topic, event.publisher) == last:
+            self._judge(Original.ENDED, event.time)
+
+    def answer(self, event: OthersStand) -> None:
+        """Take the answer to a look; one that is not awaited is out of date."""
+        if event.look != self._awaited:
+            return
+        quick = self.original is Original.SPEAKS and self.bridge <= QUICK_S
+        if event.stands:
+            self._judge(Original.HANGS, event.time)
+        elif self.original is Original.HANGS or quick:
+            self._judge(Original.ENDED, event.time)
+        else:
+            self._leave()
+
+    def _judge(self, original: Original, time: float) -> None:
+        self.original, self._awaited = original, None
+        self._look = time + max(self.bridge, LOOK_AGAIN_S)
+        self.compare()
+
+    def compare(self) -> None:
+        """Fill in no more if somebody else publishes what the program reads.
+
+        It may be one that fills in as well: the two would live on each other's word.
+        """
+        if self.original.late and self._sources() != self._read:
+            self._leave()
+
+    # What follows.
+
+    @property
+    def cut_off(self) -> bool:
+        """Return if it decides by itself whether it publishes."""
+        return self._cut and self.heals
+
+    @property
+    def _waits(self) -> bool:
+        steady = self.bridge > 0.0 and self._steady >= STEADY
+        return steady and self.original is not Original.LOST
+
+    def due(self, now: float) -> List[Command]:
+        """Return the look that is due: what came may be unread, or the connection has ended."""
+        if not self._waits or now < self._next_look(now):
+            return []
+        self._awaited = LookAtOthers(now, self.last.topic, self.last.publisher)
+        return [self._awaited]
+
+    def next(self, now: float, fills_in: bool) -> float:
+        """Return when to wake; `fills_in`: it might. Infinite: not before they are heard again."""
+        alone = self.heard is Others.HEARD and self.cut_off and not self._publishing
+        waits = alone or self.heard is Others.RIVAL
+        silent = self._watch.when(self._since, self._deadline) if waits else math.inf
+        return min(silent, self._next_look(now) if fills_in else math.inf)
+
+    def _next_look(self, now: float) -> float:
+        """Return when to look whether the connection stands.
+
+        Until their pace is known it wakes as often: of messages that are read together only the
+        newest tells when it came.
+        """
+        late_at = self._watch.when(self._since, self.bridge)
+        if self.bridge and self._steady < STEADY and late_at > now:
+            return late_at
+        if not self._waits or self._awaited is not None:
+            return math.inf
+        return self._look if self.original.late else late_at

@@ -1,0 +1,340 @@
+"""Who may be ended: a real master, real processes, and whatever anybody says of them."""
+import os
+import signal
+import socket
+import subprocess
+import xmlrpc.client
+from typing import Any, Callable, Dict, Iterator, List
+
+import psutil
+import pytest
+import rosgraph
+
+from plain_node import PlainNode
+from shsa_core.healing.events import Where
+from shsa_core.ros.processes import ending, kernel
+from shsa_core.ros.processes.nodes import Nodes, Known
+from shsa_core.ros.master.bus import Originals
+from shsa_core.ros.processes.protection import URIS, protection
+from shsa_testing.waiting import wait_until
+from strange_nodes import HOST, NONSENSE, StrangeNode, value
+
+NAME, TOPIC, KIND = "/driver", "/speed", "std_msgs/Float64"
+ROOT = pytest.mark.skipif(os.geteuid() != 0, reason="only root starts processes of others")
+
+Make = Callable[..., PlainNode]
+
+
+@pytest.fixture(scope="module")
+def master() -> "Iterator[subprocess.Popen[bytes]]":
+    with socket.create_server((HOST, 0)) as free:
+        port = free.getsockname()[1]
+    before = os.environ.get("ROS_MASTER_URI")
+    os.environ["ROS_MASTER_URI"] = f"http://{HOST}:{port}"
+    process = subprocess.Popen(["rosmaster", "--core", "-p", str(port)])
+    try:
+        wait_until(rosgraph.is_master_online, 20.0, "the master")
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        os.environ.pop("ROS_MASTER_URI")
+        if before is not None:
+            os.environ["ROS_MASTER_URI"] = before
+
+
+@pytest.fixture
+def make() -> Iterator[Make]:
+    made: List[PlainNode] = []
+
+    def start(topics: str = TOPIC, **how: Any) -> PlainNode:
+        made.append(PlainNode(topics, **how))
+        return made[-1]
+
+    yield start
+    for each in made:
+        each.end()
+
+
+@pytest.fixture
+def nodes(master: object) -> Iterator[Nodes]:
+    yield Nodes()
+    for topic, nodes in rosgraph.Master("/test").getSystemState()[0]:
+        for node in nodes:
+            registered = rosgraph.Master(node)
+            registered.unregisterPublisher(topic, registered.lookupNode(node))
+
+
+def register(uri: str, name: str = NAME, topic: str = TOPIC) -> None:
+    """Register as anybody can: any name, any address."""
+    rosgraph.Master(name).registerPublisher(topic, KIND, uri)
+
+
+def ended(nodes: Nodes, node: str = NAME) -> Dict[str, str]:
+    """What becomes of `kill -9`."""
+    told: Dict[str, str] = {}
+    left, failed = lambda: told.update(left=""), lambda why: told.update(failed=why)
+    ending.end_process(nodes, node, left, failed)
+    return told
+
+
+def asked(nodes: Nodes, node: str = NAME) -> Dict[str, str]:
+    """What becomes of `rosnode kill`."""
+    told: Dict[str, str] = {}
+    left, failed = lambda: told.update(left=""), lambda why: told.update(failed=why)
+    ending.ask_to_leave(nodes, node, left, failed)
+    return told
+
+
+def test_a_publisher_that_was_seen_well_is_ended_though_it_hangs(nodes: Nodes, make: Make) -> None:
+    node = make()
+    register(node.uri)
+    known = nodes.learn(NAME, TOPIC)
+    assert known is not None and known.process is not None
+    assert known.process.pid == node.process.pid
+    assert nodes.find(NAME, TOPIC, True) == (Where.HERE, "")
+    node.stop()
+    stopped = lambda: nodes.find(NAME, TOPIC, True) == (Where.STOPPED, "")
+    wait_until(stopped, 5.0, "it is stopped")
+    assert ended(nodes) == {"left": ""}
+    assert nodes.find(NAME, TOPIC, False).where is Where.DEAD
+
+
+def test_a_publisher_that_was_never_seen_well_is_asked_if_it_says_what_it_is(
+    nodes: Nodes, make: Make
+) -> None:
+    node = make()
+    register(node.uri)
+    assert nodes.find(NAME, TOPIC, True) == (Where.HERE, "")
+    assert asked(nodes) == {"left": ""}
+    wait_until(lambda: not node.runs, 5.0, "it has ended")
+
+
+@pytest.mark.parametrize("kind", NONSENSE)
+def test_a_node_that_answers_nonsense_is_ended_all_the_same(
+    nodes: Nodes, make: Make, kind: str
+) -> None:
+    node = make(kind=kind)
+    register(node.uri)
+    assert nodes.learn(NAME, TOPIC) is not None
+    assert nodes.find(NAME, TOPIC, True).where is Where.HERE
+    assert ended(nodes) == {"left": ""}
+    wait_until(lambda: not node.runs, 5.0, "it has ended")
+
+
+def test_who_hangs_and_was_never_seen_well_is_left_alone(nodes: Nodes, make: Make) -> None:
+    node = make()
+    register(node.uri)
+    node.stop()
+    found = nodes.find(NAME, TOPIC, True)
+    assert found.where is Where.UNKNOWN and "never seen well" in found.detail
+    assert "failed" in ended(nodes) and node.runs
+
+
+def test_an_address_of_the_master_is_no_reason_to_end_it(
+    nodes: Nodes, master: "subprocess.Popen[bytes]"
+) -> None:
+    register(os.environ["ROS_MASTER_URI"])
+    assert nodes.learn(NAME, TOPIC) is None
+    assert nodes.find(NAME, TOPIC, True) == (Where.ANOTHER, "it is the master")
+    assert "failed" in ended(nodes) and master.poll() is None
+
+
+def test_an_address_of_another_node_is_no_reason_to_end_that(nodes: Nodes, make: Make) -> None:
+    innocent = make("/temperature")
+    register(innocent.uri)
+    assert nodes.learn(NAME, TOPIC) is None
+    found = nodes.find(NAME, TOPIC, True)
+    assert found.where is Where.ANOTHER and "does not publish /speed" in found.detail
+    assert "failed" in ended(nodes) and "failed" in asked(nodes) and innocent.runs
+
+
+def test_an_address_of_another_program_is_no_reason_to_end_that(nodes: Nodes) -> None:
+    program = "import socket; s = socket.create_server(('127.0.0.1', 0)); "
+    program += "print(s.getsockname()[1], flush=True); input()"
+    with subprocess.Popen(
+        ["/usr/bin/python3", "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        register(f"http://{HOST}:{int(process.stdout.readline())}/")
+        assert nodes.learn(NAME, TOPIC) is None
+        assert nodes.find(NAME, TOPIC, True).where is Where.UNKNOWN
+        assert "failed" in ended(nodes) and process.poll() is None
+        process.kill()
+
+
+def test_who_is_not_listed_for_the_failed_topic_is_another(nodes: Nodes, make: Make) -> None:
+    node = make("/temperature")
+    register(node.uri, topic="/temperature")
+    found = nodes.find(NAME, TOPIC, True)
+    assert found == (Where.ANOTHER, "the master does not list it as a publisher of /speed")
+    assert nodes.learn(NAME, "/temperature") is not None
+    assert nodes.find(NAME, TOPIC, True).where is Where.ANOTHER and node.runs
+
+
+def test_a_registration_in_the_name_of_a_node_that_was_seen_well_proves_nothing(
+    nodes: Nodes, make: Make
+) -> None:
+    innocent = make("/temperature")
+    register(innocent.uri, topic="/temperature")
+    assert nodes.learn(NAME, "/temperature") is not None
+    register(innocent.uri)
+    found = nodes.find(NAME, TOPIC, True)
+    assert found.where is Where.ANOTHER and "does not publish /speed" in found.detail
+
+
+@ROOT
+def test_a_process_of_somebody_else_is_neither_learned_nor_ended(nodes: Nodes, make: Make) -> None:
+    node = make(user="nobody")
+    register(node.uri)
+    assert nodes.learn(NAME, TOPIC) is None
+    assert nodes.find(NAME, TOPIC, True).where is Where.HERE
+    told = ended(nodes)
+    assert "belongs to nobody" in told["failed"] and node.runs
+    assert asked(nodes) == {"left": ""}  # that it may do itself
+
+
+@ROOT
+def test_the_number_of_a_process_is_not_believed(nodes: Nodes, make: Make) -> None:
+    """A process of another user says that it is an innocent one of ours."""
+    innocent = make()
+    node = make(kind=f"pid {innocent.process.pid}", user="nobody")
+    register(node.uri)
+    known = nodes.look(NAME)
+    assert known is not None and known.process is not None
+    assert known.process.pid == node.process.pid
+    assert nodes.learn(NAME, TOPIC) is None
+    assert nodes.find(NAME, TOPIC, True).where is Where.HERE
+    assert "failed" in ended(nodes) and innocent.runs
+
+
+def test_an_address_that_somebody_else_has_by_now_is_not_called(nodes: Nodes, make: Make) -> None:
+    node = make()
+    register(node.uri)
+    assert nodes.learn(NAME, TOPIC) is not None
+    node.end()
+    innocent = make(port=node.port)
+    assert nodes.find(NAME, TOPIC, True) == (Where.DEAD, "")
+    assert "left" in ended(nodes) and innocent.runs
+
+
+def test_a_dead_node_of_ours_is_certainly_dead(nodes: Nodes, make: Make) -> None:
+    node = make()
+    register(node.uri)
+    node.end()
+    assert nodes.find(NAME, TOPIC, True).where is Where.DEAD
+    assert Nodes().find("/nobody", TOPIC, True).where is Where.NOWHERE
+
+
+def test_a_node_elsewhere_that_refuses_is_not_certainly_gone(
+    nodes: Nodes, make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kernel, "is_local", lambda uri: False)
+    node = make()
+    register(node.uri)
+    assert nodes.learn(NAME, TOPIC) is not None
+    assert nodes.find(NAME, TOPIC, True).where is Where.ELSEWHERE
+    node.end()
+    assert "cannot be verified" in asked(nodes)["failed"]
+    assert "cannot be verified" in Nodes().find(NAME, TOPIC, True).detail
+
+
+def test_a_node_elsewhere_that_has_left_the_master_and_listens_no_more_is_gone(
+    nodes: Nodes, make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kernel, "is_local", lambda uri: False)
+    node = make()
+    register(node.uri)
+    assert nodes.learn(NAME, TOPIC) is not None
+    rosgraph.Master(NAME).unregisterPublisher(TOPIC, node.uri)
+    node.end()
+    assert asked(nodes) == {"left": ""}
+
+
+def test_a_node_elsewhere_that_answers_and_goes_is_gone(
+    nodes: Nodes, make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kernel, "is_local", lambda uri: False)
+    node = make()
+    register(node.uri)
+    assert nodes.find(NAME, TOPIC, True).where is Where.ELSEWHERE
+    assert asked(nodes) == {"left": ""}
+
+
+def test_a_master_that_does_not_answer_proves_nothing(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", f"http://{HOST}:1")
+    found = Nodes().find(NAME, TOPIC, True)
+    assert found.where is Where.UNKNOWN and "the master does not answer" in found.detail
+
+
+def test_a_substitute_of_ours_is_ended_without_further_proof(nodes: Nodes, make: Make) -> None:
+    node = make("/anything")
+    nodes.adopt(NAME, Known("", psutil.Process(node.process.pid)))
+    assert nodes.find(NAME, "", True).where is Where.HERE
+    assert ended(nodes) == {"left": ""}
+
+
+@pytest.mark.parametrize("has_descriptors", [True, False])
+def test_a_process_that_has_the_number_of_a_dead_one_is_not_killed(
+    make: Make, monkeypatch: pytest.MonkeyPatch, has_descriptors: bool
+) -> None:
+    if not has_descriptors:
+        monkeypatch.delattr(os, "pidfd_open", raising=False)
+    node = make()
+    learned = psutil.Process(node.process.pid)
+    learned._ident = (learned.pid, learned.create_time() - 1.0)
+    with pytest.raises(ProcessLookupError):
+        kernel.kill(learned)
+    assert node.runs
+    kernel.kill(psutil.Process(node.process.pid))
+    assert node.process.wait(5.0) == -signal.SIGKILL
+
+
+@pytest.mark.parametrize("pid", [1, os.getppid(), os.getpid()], ids=["init", "parent", "we"])
+def test_neither_ourselves_nor_who_started_us_is_ever_ended(master: object, pid: int) -> None:
+    assert kernel.never_to_end(psutil.Process(pid))
+
+
+def test_who_registers_nonsense_is_nobody(nodes: Nodes) -> None:
+    for uri in ("http://", "nonsense", "http://host:99999/"):
+        try:
+            register(uri)
+        except (rosgraph.MasterException, xmlrpc.client.Error):
+            continue
+        assert nodes.learn(NAME, TOPIC) is None
+        assert nodes.find(NAME, TOPIC, True).where is Where.UNKNOWN
+
+
+@pytest.mark.parametrize("answer", [[1, "", 7], [1, "", [[["/speed"]]]], [1, "", [[7], 7]], "x"])
+def test_an_original_that_answers_nonsense_serves_nobody(nodes: Nodes, answer: Any) -> None:
+    node = StrangeNode(value(answer))
+    register(node.uri)
+    assert Originals().served_consumers(TOPIC, NAME) is None
+    node.end()
+
+
+def test_an_original_is_asked_who_its_consumers_are_once(nodes: Nodes) -> None:
+    stats: Any = [[[TOPIC, 9, [[1, 60, 60, False], [2, 0, 0, False]]]], [], []]
+    info = [[number, name, "o", "TCPROS", TOPIC, True] for number, name in enumerate("xab")]
+    node = StrangeNode(value(7), getBusStats=value([1, "", stats]), getBusInfo=value([1, "", info]))
+    register(node.uri)
+    originals = Originals()
+    for _ in range(3):
+        assert originals.served_consumers(TOPIC, NAME) == {"a"}
+    assert node.calls == {"getBusStats": 3, "getBusInfo": 1}
+    stats[0][0][-1][1][2] = 60  # another one is served
+    node.tells(getBusStats=value([1, "", stats]))
+    assert originals.served_consumers(TOPIC, NAME) == {"a", "b"}
+    assert node.calls == {"getBusStats": 4, "getBusInfo": 1}
+    node.end()
+
+
+@pytest.mark.parametrize("answer", [[1, "", [["driver-1"], []]], [1, "", 7], ["x"], {"a": 1}])
+def test_a_launch_that_answers_nonsense_protects_nobody(nodes: Nodes, answer: Any) -> None:
+    launch = StrangeNode(value(answer))
+    rosgraph.Master("/test").setParam(URIS, {"strange": launch.uri, "none": "http://", "seven": 7})
+    assert protection(NAME, psutil.Process(), ()) == ""
+    rosgraph.Master("/test").deleteParam(URIS)
+    launch.end()

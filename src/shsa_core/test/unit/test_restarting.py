@@ -1,0 +1,82 @@
+"""Nodes that were started again: known by their mark to who comes after who started them."""
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Dict, Iterator
+
+import psutil
+import pytest
+import rospy
+
+from shsa_core.ros.processes.restarting import Restarts
+from shsa_testing.waiting import wait_until
+
+NODE = "/driver"
+
+
+@pytest.fixture(autouse=True)
+def _alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rospy, "get_namespace", lambda: "/")
+    monkeypatch.setenv("ROS_MASTER_URI", "http://localhost:1")
+
+
+def restarts(host: str = "pi") -> Restarts:
+    return Restarts(lambda node: None, host)
+
+
+@pytest.fixture
+def started(tmp_path: Path) -> Iterator[psutil.Process]:
+    """A node that was started again by its agent; it was first started by us."""
+    (tmp_path / "node").write_text("import time\ntime.sleep(60.0)\n")
+    first = subprocess.Popen([sys.executable, str(tmp_path / "node")])
+    agent, runs = restarts(), psutil.Process(first.pid)
+    wait_until(runs.environ, 5.0, "it has begun")
+    agent.learn(NODE, runs)
+    first.kill()
+    first.wait()
+    process = agent.start(NODE)
+    wait_until(process.environ, 5.0, "it has begun")
+    yield process
+    if process.is_running():
+        process.kill()
+    wait_until(lambda: agent.running() == [], 5.0, "its end is seen")
+
+
+def test_a_node_that_was_started_again_is_known_by_what_runs(started: psutil.Process) -> None:
+    heir = restarts()
+    assert heir.take_up() == [NODE] and heir.running() == [NODE]
+    assert not heir.is_with_us(NODE) and heir.left_alone() == []  # we have started it, and live
+    heir.stop(NODE)
+    wait_until(lambda: restarts().take_up() == [], 5.0, "it has ended")
+
+
+def test_who_ends_with_us_is_whose_starter_has_started_us(
+    started: psutil.Process, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "getppid", os.getpid)
+    heir = restarts()
+    heir.take_up()
+    assert heir.is_with_us(NODE)
+
+
+@pytest.mark.parametrize("environment", [{"ROS_MASTER_URI": "http://localhost:2"}, {}])
+def test_what_another_one_has_started_again_is_not_ours(
+    started: psutil.Process, environment: Dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert restarts("pi" if environment else "other").take_up() == []
+
+
+def test_what_a_node_has_started_is_not_the_node(
+    started: psutil.Process, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = [sys.executable, "-c", "print(flush=True); input()"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(words, env=started.environ(), **pipes) as child:  # type: ignore
+        assert child.stdout is not None and child.stdout.readline()
+        heir = restarts()
+        assert heir.take_up() == [NODE]
+        child.kill()
+    assert heir.running() == [NODE]

@@ -1,0 +1,124 @@
+"""Connections that rospy makes for us: how much is read of them, and that none stays open."""
+import gc
+import socket
+import time
+import weakref
+from typing import Any, Iterator, List
+
+import psutil
+import pytest
+import rospy
+from rospy.impl import tcpros_base
+from rospy.impl.tcpros import get_tcpros_handler
+from rospy.impl.tcpros_base import TCPROSTransport
+from rospy.impl.tcpros_pubsub import TCPROSSub
+from std_msgs.msg import String
+
+from shsa_core.ros.rospy_patches.subscribing import HandedOver, subscribe
+from shsa_core.ros.settings import LARGEST_HEADER_B
+from shsa_core.ros.sockets.subscriptions import Looked, Subscriptions, _Closed, _Made
+from shsa_testing.raw_publisher import RawPublisher
+from shsa_testing.waiting import wait_until
+
+PUBLISHER = "http://localhost:1/"
+LARGEST_B = 1000
+FOUR_GB = 0xFFFFFFFF
+NUMBERS = iter(range(1000))
+
+
+@pytest.fixture
+def heard(monkeypatch: Any) -> Iterator[List[str]]:
+    monkeypatch.setattr(tcpros_base, "_use_tcp_keepalive", False)  # else the master is asked
+    told: List[str] = []
+    topic = f"/bounded_{next(NUMBERS)}"
+    subscriber = subscribe(topic, String, lambda message: told.append(message.data), LARGEST_B)
+    told.append(topic)
+    yield told
+    subscriber.unregister()
+
+
+def connect(topic: str, publisher: RawPublisher) -> None:
+    """As rospy does when it is told of a publisher."""
+    protocol = publisher._request_topic("", topic, [])[2]
+    code, why, _ = get_tcpros_handler().create_transport(topic, publisher.uri, protocol)
+    assert code == 1, why
+
+
+def test_what_is_within_bounds_is_heard(heard: List[str]) -> None:
+    publisher = RawPublisher(heard[0], "/well", String("x" * 900))
+    connect(heard[0], publisher)
+    wait_until(lambda: len(heard) > 3, 10.0, "messages")
+    assert set(heard[1:]) == {"x" * 900}
+    publisher.close()
+
+
+@pytest.mark.parametrize("size", (LARGEST_B + 1, 1 << 30, FOUR_GB))
+def test_who_announces_too_much_is_cut_off_before_it_is_read(heard: List[str], size: int) -> None:
+    before = psutil.Process().memory_info().rss
+    publisher = RawPublisher(heard[0], "/greedy", String("x"))
+    publisher.claim_length(size)
+    connect(heard[0], publisher)
+    wait_until(lambda: publisher.ended, 10.0, "the connection is closed")
+    assert len(heard) == 1
+    assert psutil.Process().memory_info().rss - before < 64 << 20
+    publisher.close()
+
+
+def test_a_header_that_does_not_end_is_given_up(heard: List[str]) -> None:
+    publisher = RawPublisher(heard[0], "/greedy", String("x"))
+    publisher.claim_header(FOUR_GB)
+    connect(heard[0], publisher)
+    wait_until(lambda: publisher.ended, 20.0, "the connection is closed")
+    assert publisher.sent < 64 * LARGEST_HEADER_B
+    publisher.close()
+
+
+def connecting() -> Any:
+    """A connection that rospy has begun to make."""
+    transport = TCPROSTransport(TCPROSSub("/topic", rospy.AnyMsg), "/topic")
+    transport.set_endpoint_id(PUBLISHER)
+    return transport
+
+
+def test_a_connection_that_is_replaced_while_it_is_made_is_freed_at_once() -> None:
+    closed: List[Any] = []
+    implementation = HandedOver("/topic", lambda _: None, closed.append)
+    gc.disable()
+    try:
+        replaced = connecting()
+        implementation.add_connection(replaced)
+        implementation.add_connection(connecting())
+        assert closed == [replaced]
+        closed.clear()
+        gone = weakref.ref(replaced)
+        del replaced
+        assert gone() is None
+    finally:
+        gc.enable()
+
+
+def test_a_connection_that_stands_is_handed_over() -> None:
+    made: List[Any] = []
+    implementation = HandedOver("/topic", made.append, lambda _: None)
+    transport = connecting()
+    implementation.add_connection(transport)
+    transport.receive_loop(implementation.receive_callback)
+    assert made == [transport]
+
+
+def test_a_connection_that_rospy_closes_before_it_is_taken_over_is_none() -> None:
+    """Its thread closes the socket, and then says so."""
+    rospy.rostime.set_rostime_initialized(True)
+    subscriptions = Subscriptions(time.monotonic, lambda *_: None)
+    ignored = lambda _: None
+    subscriptions._implementations["/topic"] = HandedOver("/topic", ignored, ignored)
+    transport = connecting()
+    transport.socket, other = socket.socketpair()
+    transport.header = {"callerid": "/node"}
+    with other:
+        transport.socket.close()
+        subscriptions._tell(_Made("/topic", transport))
+        assert [type(each) for each in subscriptions.read()] == [Looked]
+        assert not subscriptions._standing
+        subscriptions._tell(_Closed("/topic", transport))
+        assert [type(each) for each in subscriptions.read()] == [Looked]

@@ -1,0 +1,218 @@
+"""Writes ontology and SOM files. What has not changed keeps its text and its comments."""
+import os
+import re
+import tempfile
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Tuple
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.scalarstring import DoubleQuotedScalarString
+
+from shsa_core.errors import ModelError
+from shsa_core.files.keys import CONSTANT, HOST, PROPERTY
+from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.readers import plain, plain_entry
+from shsa_core.files.regular import read_text
+from shsa_core.files.som_file import NAMES, read_som, service_entry
+from shsa_core.model.error import Error, quality_of
+from shsa_core.model.names import full_name
+from shsa_core.model.ontology import Constant, Ontology, Property
+from shsa_core.model.relation import TransferFunction
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+
+_PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_/*^%]*\Z")
+_WIDTH = 4096  # lines are not wrapped
+
+
+def save_ontology(ontology: Ontology, path: str) -> None:
+    """Write the ontology to a file. An ontology that is there already is edited: comments survive.
+
+    Raises ModelError if the file is there and is not an ontology, OSError if it cannot be written.
+    """
+    tree, old = CommentedMap(), Ontology({}, {}, ())
+    if os.path.exists(path):
+        old = read_ontology(path)
+        if old == ontology:
+            return
+        tree = _load(path)
+    sections: List[Tuple[str, Mapping[str, Any], Mapping[str, Any], Any]] = [
+        ("properties", old.properties, ontology.properties, _property_entry),
+        ("constants", old.constants, ontology.constants, _constant_entry),
+    ]
+    for name, before, after, entry in sections:
+        changed = {key: entry(item) for key, item in after.items() if before.get(key) != item}
+        _update(_section(tree, name, bool(after)), after, changed)
+    _update_relations(tree, old.functions, ontology.functions)
+    _dump(tree, path)
+
+
+def save_som(som: Som, path: str, namespace: str = "/") -> None:
+    """Write the SOM to a file. A SOM that is there already is edited: comments survive.
+
+    So do names that are relative to `namespace`.
+
+    Raises ModelError if the file is there and is not a SOM, OSError if it cannot be written.
+    """
+    tree, old = CommentedMap(), Som()
+    if os.path.exists(path):
+        old = read_som(path, namespace)
+        if old == som:
+            return
+        tree = _load(path)
+    changed = {
+        name: _service_entry(service)
+        for name, service in som.services.items()
+        if old.services.get(name) != service
+    }
+    computers = {
+        name: _one_line(plain_entry(host, HOST))
+        for name, host in som.hosts.items()
+        if old.hosts.get(name) != host
+    }
+    _update(_section(tree, "hosts", bool(som.hosts)), som.hosts, computers)
+    section = _section(tree, "services", True)
+    for name in changed.keys() & section.keys():
+        for key in NAMES:
+            if key not in section[name] or key not in changed[name]:
+                continue
+            if full_name(section[name][key], namespace) == changed[name][key]:
+                changed[name][key] = section[name][key]
+    _update(section, som.services, changed)
+    _dump(tree, path)
+
+
+def _update_relations(
+    tree: CommentedMap, before: Iterable[TransferFunction], after: Iterable[TransferFunction]
+) -> None:
+    old = {(function.relation, function.output): function for function in before}
+    relations: Dict[str, Dict[str, TransferFunction]] = {}
+    for function in after:
+        directions = relations.setdefault(function.relation, {})
+        if function.output in directions:
+            raise ModelError(
+                function.relation, f"yields {function.output} twice; give one a name of its own"
+            )
+        directions[function.output] = function
+    section = _section(tree, "relations", bool(relations))
+    _update(section, relations, {name: CommentedMap() for name in relations if name not in section})
+    for name, directions in relations.items():
+        changed = {
+            output: _function_entry(function)
+            for output, function in directions.items()
+            if old.get((name, output)) != function
+        }
+        _update(section[name], directions, changed)
+
+
+def _section(tree: CommentedMap, name: str, wanted: bool) -> CommentedMap:
+    if tree.get(name) is None and wanted:
+        tree[name] = CommentedMap()
+    section = tree.get(name)
+    return CommentedMap() if section is None else section
+
+
+def _update(section: CommentedMap, after: Iterable[str], changed: Mapping[str, Any]) -> None:
+    """Remove the entries that are not in `after` and set the changed ones."""
+    kept = set(after)
+    for key in [key for key in section if str(key) not in kept]:
+        del section[key]
+    for key, entry in changed.items():
+        section[key] = entry
+
+
+def _text(text: str) -> str:
+    """Return the text, quoted unless any parser reads it the same without."""
+    return text if _PLAIN.match(text) else DoubleQuotedScalarString(text)
+
+
+def _one_line(entries: Mapping[str, Any]) -> CommentedMap:
+    """Return entries that are written on one line, lists too, and texts in quotes if need be."""
+    line = CommentedMap()
+    for key, value in entries.items():
+        if isinstance(value, list):
+            value = CommentedSeq(value)
+            value.fa.set_flow_style()
+        line[key] = _text(value) if isinstance(value, str) else value
+    line.fa.set_flow_style()
+    return line
+
+
+def _property_entry(item: Property) -> Optional[CommentedMap]:
+    entry = plain_entry(item, PROPERTY)
+    return _one_line({key: value for key, value in entry.items() if value != ""}) or None
+
+
+def _constant_entry(item: Constant) -> CommentedMap:
+    entry = plain_entry(item, CONSTANT)
+    return _one_line({key: value for key, value in entry.items() if value != ""})
+
+
+def _function_entry(function: TransferFunction) -> Any:
+    entry = CommentedMap()
+    if function.law is not None:
+        entry.update(function.law.entry)
+    else:
+        entry["not_executable"] = _text(function.text)
+        entry["inputs"] = CommentedSeq(function.inputs)
+        entry["inputs"].fa.set_flow_style()
+    if function.quality != quality_of(function.error):
+        entry["quality"] = function.quality
+    if function.constraint is not None:
+        entry["constraint"] = function.constraint.text
+    if function.error is not None:
+        entry["error"] = _error_entry(function.error)
+    return entry["function"] if list(entry) == ["function"] else entry
+
+
+def _error_entry(error: Error) -> Any:
+    entry = plain(error)
+    return _one_line(entry) if isinstance(entry, dict) else entry
+
+
+def _service_entry(service: Service) -> CommentedMap:
+    entry = CommentedMap(service_entry(service))
+    if "placement" in entry:
+        entry["placement"] = _one_line(entry["placement"])
+    provides = entry.pop("provides")
+    entry["provides"] = CommentedMap((name, _one_line(line)) for name, line in provides.items())
+    return entry
+
+
+def _editor() -> YAML:
+    editor = YAML()
+    editor.preserve_quotes = True  # type: ignore[assignment]
+    editor.width = _WIDTH  # type: ignore[assignment]
+    editor.indent(mapping=2, sequence=4, offset=2)
+    return editor
+
+
+def _load(path: str) -> CommentedMap:
+    tree = _editor().load(read_text(path))
+    _plain_exponents(tree)
+    return CommentedMap() if tree is None else tree
+
+
+def _plain_exponents(tree: Any) -> None:
+    """Make floats of numbers that have an exponent: others ruamel.yaml writes inexactly."""
+    if isinstance(tree, (CommentedMap, CommentedSeq)):
+        keys = tree.keys() if isinstance(tree, CommentedMap) else range(len(tree))
+        for key in keys:
+            if getattr(tree[key], "_exp", None) is not None:
+                tree[key] = float(tree[key])
+            _plain_exponents(tree[key])
+
+
+def _dump(tree: CommentedMap, path: str) -> None:
+    """Write the file as a whole or not at all; a link to it stays one."""
+    path = os.path.realpath(path)
+    folder = os.path.dirname(path)
+    handle, temporary = tempfile.mkstemp(dir=folder, prefix=".shsa-", suffix=".yaml")
+    try:
+        with open(handle, "w", encoding="utf-8") as stream:
+            _editor().dump(tree, stream)
+        os.chmod(temporary, os.stat(path).st_mode & 0o777 if os.path.exists(path) else 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
