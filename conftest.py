@@ -36,12 +36,12 @@ settings.load_profile("busy")
 
 
 def module(nodeid: str) -> str:
-    """The name of a test's file."""
+    """Return the name of a test's file."""
     return nodeid.split("::")[0].rsplit("/", 1)[-1][: -len(".py")]
 
 
 def gives_way(worker: str, count: int) -> bool:
-    """Whether a worker of so many, by its name, runs in the time that the others leave."""
+    """Return whether a worker of so many, by name, runs in the time that the others leave."""
     return count >= 3 and worker == f"gw{count - 1}"
 
 
@@ -57,7 +57,7 @@ def pytest_configure(config: Any) -> None:
 
 
 def pytest_collection_modifyitems(items: List[Any]) -> None:
-    """What computes for long first, and robots last: then some of them run side by side."""
+    """Sort: what computes for long first, and robots last, so that some run side by side."""
 
     def turn(item: Any) -> Tuple[int, int]:
         name = module(item.nodeid)
@@ -79,7 +79,7 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
             return nodeid if module(nodeid) in ALONE else nodeid.split("::")[0]
 
         def _assign_work_unit(self, node: Any) -> None:
-            """Where there is a worker that gives way: it computes, and the others do so last."""
+            """Have the worker that gives way, if there is one, compute; the others do so last."""
             if self.numnodes >= 3:
                 last = gives_way(node.gateway.id, self.numnodes)
                 turn = lambda scope: (module(scope) in COMPUTING, module(scope) not in ROBOTS)

@@ -23,7 +23,7 @@ _COMMENT = re.compile(r"<!-- (terminal \d+( shows| ends)?|again until seen|edit 
 
 
 class Step(NamedTuple):
-    """What a reader does next: `word` is the comment's, empty without one."""
+    """The next thing that a reader does: `word` is the comment's, empty without one."""
 
     line: int
     word: str
@@ -63,13 +63,13 @@ class Tutorial:
 
     @property
     def edited(self) -> int:
-        """How many lines are written by hand."""
+        """Count the lines that are written by hand."""
         differences = [s.listing.text for s in self.steps if s.listing and _edits(s)]
         return sum(line.startswith("+") for each in differences for line in each.splitlines())
 
     @property
     def words(self) -> int:
-        """How many words there are to read."""
+        """Count the words to read."""
         return len(re.sub(r"<!--.*?-->", "", self.text).split())
 
 
@@ -120,7 +120,7 @@ class Follower:
 
 
 def prepared(folder: Path) -> Path:
-    """A new folder in which the workspace's own are found."""
+    """Return a new folder in which the workspace's own are found."""
     folder.mkdir()
     for name in ("devel", "examples", "src", "tools"):
         (folder / name).symlink_to(ROOT / name)

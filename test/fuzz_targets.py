@@ -1,4 +1,4 @@
-"""What is fuzzed: each target takes bytes, and raises where something is wrong with what it calls.
+"""Targets of fuzzing: each takes bytes, and raises if something is wrong with its code.
 
 A refusal by a ShsaError is right; anything else that is raised is a fault, and so is a hang, or
 whatever the interpreter was made to do. A new target is a function here with @target, and a folder
@@ -46,7 +46,7 @@ Target = Callable[[bytes], None]
 CORPUS = ROOT / "test" / "corpus"
 TARGETS: Dict[str, Target] = {}
 FORBIDDEN = {"exec", "os.system", "os.exec", "os.fork", "subprocess.Popen", "socket.connect"}
-"""What no reader may do, as the interpreter names it."""
+"""Events of the interpreter that no reader may cause."""
 _FOLDER = tempfile.TemporaryDirectory(prefix="shsa_fuzz_")
 _FILE = pathlib.Path(_FOLDER.name) / "input"
 _ODOMETRY = "nav_msgs/Odometry"
@@ -75,7 +75,7 @@ def target(function: Target) -> Target:
 
 
 def corpus(name: str) -> List[bytes]:
-    """The stored inputs of a target: good ones, and those that it once failed at."""
+    """Return the stored inputs of a target: good ones, and those that it once failed at."""
     return [path.read_bytes() for path in sorted((CORPUS / name).iterdir())]
 
 
@@ -120,7 +120,7 @@ def knowledge_base(data: bytes) -> None:
 
 @target
 def parameters(data: bytes) -> None:
-    """What somebody puts onto the parameter server, as JSON."""
+    """Read what somebody puts onto the parameter server, as JSON."""
     value = _json(data)
     known = _known()
     merged, _ = merge_parameters(known, value)
@@ -183,7 +183,7 @@ def names(data: bytes) -> None:
 
 @target
 def header(data: bytes) -> None:
-    """What a publisher says of its messages as it connects, as JSON."""
+    """Read the header that a publisher sends as it connects, as JSON."""
     value = _json(data)
     if isinstance(value, dict) and all(isinstance(each, str) for each in value.values()):
         Decoder(_ODOMETRY, {"type": "", "md5sum": "", **value}, ["twist.twist.linear.x"])

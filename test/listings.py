@@ -48,7 +48,7 @@ class Listing(NamedTuple):
 
     @property
     def commands(self) -> bool:
-        """Whether it is typed into a terminal."""
+        """True if it is typed into a terminal."""
         if self.language:
             return self.language in _SHELLS
         return _PROGRAM.match(self.text) is not None
@@ -58,7 +58,7 @@ class Listing(NamedTuple):
 
 
 def listings(page: Path) -> List[Listing]:
-    """The listings of a page, fenced or indented by four spaces, in order."""
+    """Return the listings of a page, fenced or indented by four spaces, in order."""
     found: List[Listing] = []
     lines = page.read_text("utf-8").splitlines()
     at, not_run = 0, ""
@@ -90,12 +90,12 @@ def listings(page: Path) -> List[Listing]:
 
 
 def _begins(before: List[str]) -> bool:
-    """Whether an indented line is the first of a listing, by the lines before it."""
+    """Return whether an indented line is the first of a listing, by the lines before it."""
     return not before or not before[-1] or before[-1].endswith("-->")
 
 
 def follower(page: Path) -> str:
-    """The test that a page says it is followed by; empty: none."""
+    """Return the test that a page says it is followed by; empty: none."""
     found = _FOLLOWED.search(page.read_text("utf-8"))
     return found.group(1) if found else ""
 
@@ -107,7 +107,7 @@ class Page:
         self._left = [each for each in listings(path) if each.commands and not each.not_run]
 
     def take(self, begins: str = "") -> str:
-        """The commands of the next listing; they must begin with some words."""
+        """Return the commands of the next listing; they must begin with some words."""
         assert self._left, f"the page has no more listings; {begins!r} was expected"
         listing = self._left.pop(0)
         assert listing.text.startswith(begins), f"{listing}: {begins!r} was expected"
@@ -119,7 +119,7 @@ class Page:
 
 
 def seen(line: str, text: str) -> bool:
-    """Whether a text shows a line, in which `...` stands for anything."""
+    """Return whether a text shows a line, in which `...` stands for anything."""
     parts = [re.escape(part) for part in line.strip().split("...")]
     return re.search(".*".join(parts), text) is not None
 
@@ -180,7 +180,7 @@ class Reader:
 
 @contextlib.contextmanager
 def new_reader(folder: Path) -> Iterator[Reader]:
-    """A reader; all that it has started ends with the block."""
+    """Return a reader; all that it has started ends with the block."""
     mark = uuid.uuid4().hex
     with socket.socket() as probe:
         probe.bind(("", 0))

@@ -35,7 +35,7 @@ NODES = {
 }
 NOBODY = 65534
 ORDINARY = ["setpriv", f"--reuid={NOBODY}", "--clear-groups"] if os.geteuid() == 0 else []
-"""What runs a program as a user whose processes are limited; those of root are not."""
+"""Words that run a program as a user whose processes are limited; those of root are not."""
 MAY_BE_LIMITED = os.geteuid() != 0 or shutil.which("setpriv") is not None
 
 
@@ -74,7 +74,7 @@ class Robot:
         return process
 
     def errors(self) -> str:
-        """What all processes have said on stderr."""
+        """Return what all processes have said on stderr."""
         return b"".join(self._said).decode("utf-8", "replace")
 
     def _listen(self, reader: int) -> None:
@@ -101,7 +101,7 @@ class Robot:
         wait_until(lambda: self.ready("hot") and len(self.ready("")) == 2, 30.0, "all stand by")
 
     def ready(self, service: str) -> List[str]:
-        """The substitutes of a service, or idle ones, that a takeover needs no master for."""
+        """Return the substitutes, or idle ones, of a service that need no master to take over."""
         rows = [row for row in self.healing.substitutions if row.service == service]
         topic = f"/{service or 'warm'}"
         there = registered_nodes()
@@ -112,7 +112,7 @@ class Robot:
         ]
 
     def told(self, key: str) -> List[str]:
-        """What the reconfigurator shows of the master."""
+        """Return what the reconfigurator shows of the master."""
         row = self.rows.get("reconfigurator: ROS master")
         return [each.value for each in row.values if each.key == key] if row else []
 
@@ -128,12 +128,12 @@ class Robot:
         wait_until(kept, 20.0, "it is seen what the master knows")
 
     def outage(self, topic: str, since: float) -> float:
-        """The longest silence on a topic from shortly before a moment until now, in s."""
+        """Return the longest silence on a topic from shortly before a moment until now, in s."""
         heard = [at for at, _ in list(self.records[topic].heard) if at >= since - 0.2]
         return max(later - at for at, later in zip(heard, heard[1:]))
 
     def taken_over(self, topic: str, node: str) -> float:
-        """The outage when a node dies and its substitute publishes, without the master's help."""
+        """Return the outage when a node dies and a substitute publishes, without the master."""
         since = time.monotonic()
         end_process(self.nodes[node])
         wait_until(
@@ -142,7 +142,7 @@ class Robot:
         return self.outage(topic, since)
 
     def heard_once(self, topic: str, node: str, since: float) -> bool:
-        """Whether a consumer hears each message of a node once: no connection was made twice."""
+        """Return whether a consumer hears each message once: no connection was made twice."""
         times = [at for at in self.records[topic].times(node) if at >= since]
         return len(times) < 1.2 * (times[-1] - times[0]) / PERIOD_S + 5
 
@@ -170,7 +170,7 @@ class Robot:
 
 @contextmanager
 def running(before: List[str]) -> Iterator[Robot]:
-    """A robot whose nodes, and healing, are run by `before`; rospy is one of its nodes."""
+    """Yield a robot whose nodes, and healing, are run by `before`; rospy is one of its nodes."""
     with closing(socket.socket()) as free:
         free.bind(("localhost", 0))
         port = free.getsockname()[1]

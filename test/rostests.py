@@ -24,7 +24,7 @@ LONGEST = 8000
 
 
 def of_packages(*patterns: str) -> List[Path]:
-    """The rostests of the packages whose folders match."""
+    """Return the rostests of the packages whose folders match."""
     found = {path for each in patterns for path in ROOT.glob(f"{each}/test/rostest/*.test")}
     return sorted(found)
 
@@ -67,7 +67,7 @@ def _waited(rostest: "subprocess.Popen[bytes]", mark: str) -> str:
 
 
 def _stuck(mark: str, seconds: float) -> str:
-    """Who has not ended; each prints where its threads are, if it is in Python."""
+    """Name the processes that have not ended; those in Python print where their threads are."""
     there, named = marked(MARK, mark), ""
     for process in there:
         with suppress(psutil.NoSuchProcess):

@@ -12,7 +12,7 @@ def typed_once_shown(
     steps: Sequence[Tuple[str, bytes]],
     timeout: float = 60.0,
 ) -> Tuple[str, int]:
-    """All that a command shows, and its exit status as `os.waitpid` has it.
+    """Return all that a command shows, and its exit status as `os.waitpid` has it.
 
     `steps`: what is waited for, and what is typed then. Raises AssertionError if it does not come
     within `timeout` s, or if the program does not end.

@@ -20,7 +20,7 @@ PLACES = (
 
 
 def rows() -> List[Tuple[str, Set[str], Set[str]]]:
-    """Each example, where it stands, and its tests."""
+    """Return each example, where it stands, and its tests."""
     found = []
     for line in PAGE.read_text().splitlines():
         cells = [re.findall(r"`([^`]+)`", cell) for cell in line.split("|")[1:-1]]
@@ -30,7 +30,7 @@ def rows() -> List[Tuple[str, Set[str], Set[str]]]:
 
 
 def mentions(word: str, path: Path) -> bool:
-    """Whether a file has the word, as code or as `code` in a page."""
+    """Return whether a file has the word, as code or as `code` in a page."""
     text = path.read_text()
     if path.suffix == ".md":
         return re.search(rf"`{word}\b", text) is not None or f"shsa {word}" in text
@@ -39,7 +39,8 @@ def mentions(word: str, path: Path) -> bool:
 
 def test_there_is_a_row_for_each_thing_that_can_be_added() -> None:
     assert [word for word, _, _ in rows()] == [
-        *("future_stamp", "lowpass", "Standby.HOT", "restart_and_substitute", "replay")
+        *("future_stamp", "fault_tolerant_time", "lowpass", "Standby.HOT"),
+        *("restart_and_substitute", "replay"),
     ]
 
 

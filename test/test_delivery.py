@@ -1,4 +1,4 @@
-"""What brings the packages to others: the Dockerfile, the workflow, and what a release needs."""
+"""Delivery of the packages: the Dockerfile, the workflow, and what a release needs."""
 import os
 import re
 import shutil
@@ -21,12 +21,12 @@ OUTSIDE = "build devel install results"
 
 
 def targets() -> List[str]:
-    """What `make` can be told."""
+    """Return the targets of `make`."""
     return re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
 
 
 def made(text: str) -> List[str]:
-    """What `make` is told in a text of shell commands."""
+    """Return the targets of `make` in a text of shell commands."""
     return re.findall(r"(?:^|&& |run: )make ([a-z-]+)", text, re.MULTILINE)
 
 
@@ -39,7 +39,7 @@ def instructions() -> Iterator[Tuple[str, str]]:
 
 
 def commands(path: Path) -> Iterator[str]:
-    """What a workflow runs."""
+    """Yield the commands that a workflow runs."""
     for job in yaml.safe_load(path.read_text("utf-8"))["jobs"].values():
         yield from (step["run"] for step in job["steps"] if "run" in step)
 

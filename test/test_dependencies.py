@@ -25,7 +25,7 @@ TEST_FOLDERS = ("test", "bench")
 
 
 def rows() -> List[Dict[str, str]]:
-    """The list of dependencies."""
+    """Return the list of dependencies."""
     with open(ROOT / "tools" / "dependencies.csv", newline="") as file:
         return list(csv.DictReader(file))
 
@@ -36,7 +36,7 @@ STANDARD = {*sys.builtin_module_names, *getattr(sys, "stdlib_module_names", ())}
 
 @lru_cache(maxsize=None)
 def is_standard(name: str) -> bool:
-    """Whether a module comes with Python."""
+    """Return whether a module comes with Python."""
     if name in STANDARD:
         return True
     spec = importlib.util.find_spec(name)
@@ -45,7 +45,7 @@ def is_standard(name: str) -> bool:
 
 
 def python_files(folder: Path) -> Iterator[Path]:
-    """The Python files below a folder, executables without a suffix included."""
+    """Yield the Python files below a folder, executables without a suffix included."""
     for path in sorted(folder.rglob("*")):
         if path.is_file() and not {"build", "devel", "install"} & set(path.parts):
             script = path.suffix == "" and path.read_bytes()[:30].startswith(b"#!/usr/bin/env py")
@@ -55,7 +55,7 @@ def python_files(folder: Path) -> Iterator[Path]:
 
 @lru_cache(maxsize=None)
 def imported(path: Path) -> FrozenSet[str]:
-    """The top-level names that a file imports."""
+    """Return the top-level names that a file imports."""
     names: Set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
@@ -67,13 +67,13 @@ def imported(path: Path) -> FrozenSet[str]:
 
 @lru_cache(maxsize=None)
 def beside(folder: Path) -> FrozenSet[str]:
-    """The modules of a folder."""
+    """Return the modules of a folder."""
     return frozenset(other.stem for other in folder.glob("*.py"))
 
 
 @lru_cache(maxsize=None)
 def elsewhere() -> FrozenSet[str]:
-    """What tests import from benchmarks, fuzzing from unit tests, and who drives a browser."""
+    """Return modules of benchmarks, unit tests and browser tests that tests elsewhere import."""
     folders = ("src/*/bench/*.py", "src/*/test/unit/audit.py", "src/*/test/browser/*.py")
     found = {other.stem for folder in folders for other in ROOT.glob(folder)}
     found |= {p.parent.name for p in ROOT.glob("src/*/bench/*/__init__.py")}
@@ -82,13 +82,13 @@ def elsewhere() -> FrozenSet[str]:
 
 @lru_cache(maxsize=None)
 def foreign(path: Path) -> FrozenSet[str]:
-    """What a file imports that is neither Python's own nor a module of ours."""
+    """Return the imports of a file that are neither Python's own nor modules of ours."""
     ours = {*PACKAGES, *beside(path.parent), *elsewhere()}
     return frozenset(n for n in imported(path) if n not in ours and not is_standard(n))
 
 
 def depends(package: Path, *tags: str) -> Set[str]:
-    """The dependencies in a package.xml."""
+    """Return the dependencies in a package.xml."""
     root = ElementTree.parse(str(package / "package.xml")).getroot()
     return {str(each.text) for tag in tags for each in root.findall(tag)}
 

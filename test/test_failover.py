@@ -1,4 +1,4 @@
-"""What failover.py makes of the messages that a consumer heard: outages, tables, picture."""
+"""Outages, tables and picture of failover.py, from the messages that a consumer heard."""
 import sys
 from math import inf
 from pathlib import Path
@@ -81,7 +81,7 @@ class Ear:
 
 
 def steps(filled_at: float, monkeypatch: pytest.MonkeyPatch) -> Dict[str, int]:
-    """The steps in ms, above 0, of a hang at 1 s that is detected at 1.1 s."""
+    """Return the steps in ms, above 0, of a hang at 1 s that is detected at 1.1 s."""
     monkeypatch.setattr(told.clock, "from_stamp", lambda stamp: stamp)
     monkeypatch.setattr(told, "uri_of", lambda node: "")
     times = {"detected": 1.1, "found": 1.101, "spawned": 1.103, "killed": 0.0}

@@ -24,7 +24,7 @@ def inputs(name: str) -> "st.SearchStrategy[bytes]":
 
 
 def edited(data: bytes, edits: List[tuple]) -> bytes:
-    """The data with a part put in the stead of some bytes, at each place."""
+    """Return the data with a part put in the stead of some bytes, at each place."""
     for place, cut, part in edits:
         begin = int(place * len(data))
         data = data[:begin] + part + data[begin + cut :]

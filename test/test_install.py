@@ -45,7 +45,7 @@ def run(command: List[str], **environment: str) -> None:
 
 
 def environment_of(install: Path, port: int) -> Dict[str, str]:
-    """What `source install/setup.bash` makes of an environment without the devel space."""
+    """Return the environment after `source install/setup.bash`, without the devel space."""
     devel = str(ROOT / "devel")
     clean = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}")
     for name in OURS:

@@ -1,4 +1,4 @@
-"""What the pages have somebody type works, or says why no test types it."""
+"""Commands on the pages work, or the page says why no test types them."""
 import doctest
 import re
 import shlex
@@ -17,10 +17,10 @@ PAGES = sorted(
 )
 TYPED = [each for page in PAGES for each in listings(page) if each.commands]
 SAFE = ("shsa ", "rosrun shsa_core shsa ", "source ")
-"""What only reads: it may be typed on any machine."""
+"""Commands that only read: they may be typed on any machine."""
 LEFT = [each for each in TYPED if not each.not_run and not follower(each.page)]
 ALONE = [each for each in LEFT if all(line.startswith(SAFE) for line in each.text.split("\n"))]
-"""What needs nothing but the files of the small example, and is done within seconds."""
+"""Commands that need the small example's files alone, and are done within seconds."""
 FOLLOWED = [page for page in PAGES if follower(page)]
 EXAMPLES = [page for page in PAGES if ">>> " in page.read_text("utf-8")]
 
@@ -64,7 +64,7 @@ def test_what_is_typed_exists(listing: Listing) -> None:
 
 
 def _commands(line: str) -> Iterator[List[str]]:
-    """The commands of a line, each as its words; none of what is only shown."""
+    """Yield the commands of a line, each as its words; none of what is only shown."""
     words = shlex.split(line, comments=True) if line.count("'") % 2 == 0 else []
     if words[:2] == ["rosrun", "shsa_core"] and words[2:3] == ["shsa"]:
         words = words[2:]
@@ -73,7 +73,7 @@ def _commands(line: str) -> Iterator[List[str]]:
 
 
 def _wrong(words: List[str]) -> str:
-    """What of a command is not there; empty: nothing."""
+    """Return what of a command is not there; empty: nothing."""
     if words[0] == "make":
         targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
         return "" if words[1] in targets else f"no target {words[1]}"
@@ -91,7 +91,7 @@ def _wrong(words: List[str]) -> str:
 
 
 def _wrong_launch(words: List[str]) -> str:
-    """What a launch file lacks that its arguments name; of packages of ours, and of files."""
+    """Return what a launch file of ours lacks that its arguments name, files included."""
     files = [word for word in words if word.endswith(".launch")]
     found = [path for each in ("src", "examples") for path in ROOT.glob(f"{each}/*/**/*.launch")]
     words_of = {part for word in words[:2] for part in Path(word).parts}
@@ -105,7 +105,7 @@ def _wrong_launch(words: List[str]) -> str:
 
 
 def _options() -> Dict[str, Set[str]]:
-    """The commands of `shsa`, and the options of each."""
+    """Return the commands of `shsa`, and the options of each."""
     parser = command_line()[0]
     (subparsers,) = (each for each in parser._actions if each.choices and not each.option_strings)
     return {

@@ -19,7 +19,7 @@ OURS = ("ROS_PACKAGE_PATH", "CMAKE_PREFIX_PATH", "PYTHONPATH", "LD_LIBRARY_PATH"
 
 
 def needs(name: str) -> Set[str]:
-    """The packages of this repository that a package cannot be built or run without, and itself."""
+    """Return the packages of this repository that a package needs, and itself."""
     root = ElementTree.parse(str(PACKAGES[name] / "package.xml")).getroot()
     tags = ("depend", "build_depend", "exec_depend")
     direct = {str(each.text) for tag in tags for each in root.findall(tag)} & set(PACKAGES)
@@ -27,7 +27,7 @@ def needs(name: str) -> Set[str]:
 
 
 def environment() -> Dict[str, str]:
-    """The environment without this workspace."""
+    """Return the environment without this workspace."""
     clean = dict(os.environ)
     for name in OURS:
         parts = clean.get(name, "").split(":")
@@ -75,7 +75,7 @@ class Installed:
         self._prefixes: Dict[str, Path] = {}
 
     def prefix(self, name: str) -> Path:
-        """Where a package is installed, alone."""
+        """Return the prefix in which a package is installed, alone."""
         if name not in self._prefixes:
             others = [self.prefix(each) for each in sorted(needs(name) - {name})]
             self._prefixes[name] = self._install(name, others)

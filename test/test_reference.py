@@ -27,7 +27,7 @@ _SPEC.loader.exec_module(TABLES)
 
 
 def rows(part: str) -> List[List[str]]:
-    """The cells of the rows of a part's tables, without their titles."""
+    """Return the cells of the rows of a part's tables, without their titles."""
     lines = TABLES.PARTS[part]().splitlines()
     cells = [re.split(r"(?<!\\)\|", line)[1:-1] for line in lines if line.startswith("|")]
     rules = [number for number, line in enumerate(cells) if set(line) == {"---"}]
@@ -90,7 +90,7 @@ def test_a_sign_of_a_table_does_not_end_its_cell() -> None:
 
 EXPERT_PAGES = {
     *("architecture.md", "calibration.md", "contributing.md", "experiments.md", "gate.md"),
-    *("init.md", "killing.md", "learning.md", "messages.md", "ontology.md", "placement.md"),
+    *("init.md", "killing.md", "learning.md", "messages.md", "placement.md"),
     *("howto/false_alarms.md", "howto/safe_som.md", "reference/som.md", "security.md"),
 }
 """The pages about what experts set; all others do with the basic keys."""
@@ -111,7 +111,7 @@ def expert_keys() -> Set[str]:
 
 
 def shown_keys(text: str, whole: bool) -> Set[str]:
-    """The expert keys in a file, or in what a page shows in its listings and code spans."""
+    """Return the expert keys in a file, or in what a page shows in its listings and code spans."""
     fenced = re.findall(r"^```(?!text).*?^```", text, re.DOTALL | re.MULTILINE)
     plain = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
     listings = [text] if whole else fenced + re.findall(r"^ {4}.*$", plain, re.MULTILINE)

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.joi
 
 
 class Html(HTMLParser):
-    """What a page of the site links to, what it loads, and the names of its places."""
+    """The links of a page of the site, what it loads, and the names of its places."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()

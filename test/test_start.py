@@ -1,4 +1,4 @@
-"""Who follows the page's example word by word heals a robot."""
+"""The page's example, followed word by word, heals a robot."""
 from pathlib import Path
 from typing import Iterator
 
@@ -9,7 +9,7 @@ from shsa_testing.waiting import wait_until
 
 START = ROOT / "docs" / "start.md"
 FILES = {"properties:": "robot.yaml", "services:": "robot_som.yaml"}
-"""What the blocks begin with that are files."""
+"""First words of blocks that are files."""
 
 
 @pytest.fixture

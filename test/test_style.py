@@ -24,7 +24,7 @@ UNTYPED = ("setup.py",)  # a package each: three modules of one name
 
 
 def python_files() -> List[str]:
-    """Every Python file that git knows or would know, executables without a suffix included."""
+    """Return every Python file that git would know, executables without a suffix included."""
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
         cwd=ROOT,
@@ -56,7 +56,7 @@ def run(command: List[str], **environment: str) -> None:
 
 
 def tool(name: str, version: str = "") -> str:
-    """The checker's command; skips the test where this system has none, or another version."""
+    """Return the checker's command; skip the test if there is none, or another version."""
     path = which(name, path="/usr/bin:/usr/local/bin")
     if path is None:
         pytest.skip(f"{name} is not packaged for this system")

@@ -103,7 +103,7 @@ class Stream:
         self._sender.wait()
 
     def next(self, seconds: float) -> Tuple[int, float]:
-        """The next packet: its number, and how long it took in s. Raises socket.timeout."""
+        """Return the next packet: its number, and how long it took in s. Raises socket.timeout."""
         self._socket.settimeout(seconds)
         number, sent = struct.unpack("!Id", self._socket.recv(100))
         return int(number), time.monotonic() - sent
@@ -156,7 +156,7 @@ def test_computers_are_prepared_step_by_step_and_again() -> None:
     with Computers("here", "there", ssh=True) as network:
 
         def prepare(*words: str) -> Tuple[int, str]:
-            """The status of hosts_setup, and what it said."""
+            """Return the status of hosts_setup, and what it said."""
             command = network["here"].words(str(SETUP), "--accept", *words, **network.asks)
             done = subprocess.run(
                 command, stdout=subprocess.PIPE, universal_newlines=True, timeout=ROVER_TIMEOUT_S

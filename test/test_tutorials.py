@@ -1,4 +1,4 @@
-"""Who follows the tutorials word by word sees what they say.
+"""The tutorials, followed word by word, show what they say.
 
 learning.md has a test of its own, in shsa_rover: its drives take 24 minutes.
 """
@@ -18,7 +18,7 @@ OWN_ROBOT = Tutorial(TUTORIALS / "any_robot.md")
 INCIDENT = Tutorial(TUTORIALS / "read_an_incident.md")
 THREE = Tutorial(TUTORIALS / "three_computers.md")
 LONGEST_S = 15 * 60.0
-"""What healing a robot of one's own may take, reading included."""
+"""The longest time to heal a robot of one's own, reading included."""
 WORDS_A_MINUTE = 200
 
 
@@ -48,7 +48,7 @@ def follow(folder: Path, *tutorials: Tutorial) -> None:
 
 
 def reading(tutorial: Tutorial) -> int:
-    """How long it takes to read it, in min."""
+    """Return the time to read it, in min."""
     return math.ceil(tutorial.words / WORDS_A_MINUTE)
 
 

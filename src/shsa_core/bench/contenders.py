@@ -1,4 +1,4 @@
-"""What can be done about a failed node: healing, respawn, or starting it by hand."""
+"""Remedies for a failed node: healing, respawn, or starting it by hand."""
 import os
 import signal
 import time
@@ -197,7 +197,7 @@ def _await_obedience(commands: rospy.Publisher) -> None:
 
 
 def _once_over(consumers: Consumers, failed_at: float, period: float) -> Takeover:
-    """What was heard of a failure, as soon as it is over."""
+    """Return what was heard of a failure, as soon as it is over."""
     look = lambda: measured(consumers, failed_at, time.monotonic(), period)
     wait_until(lambda: look().over_ms != NEVER, PATIENCE_S, "the topic is as it was")
     return look()

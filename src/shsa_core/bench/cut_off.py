@@ -70,7 +70,7 @@ class Consumer:
 
     @property
     def heard(self) -> List[Heard]:
-        """What came so far."""
+        """Return what came so far."""
         lines = self._file.read_text().splitlines() if self._file.exists() else []
         rows = [line.split() for line in lines if line.count(" ") == 2]
         return [Heard(float(at), node, float(age)) for at, node, age in rows]
@@ -90,12 +90,12 @@ class Listener:
 
 
 def models(folder: Path) -> Dict[str, str]:
-    """The files of ontology and SOM, as arguments of the launch file."""
+    """Return the files of ontology and SOM, as arguments of the launch file."""
     ontology, som = folder / "ontology.yaml", folder / "som.yaml"
     ontology.write_text(ONTOLOGY)
 
     def hot(topic: str, host: str, other: str) -> Dict[str, object]:
-        """What comes from one computer, and has a substitute on the other."""
+        """Return a topic that comes from one computer, and has a substitute on the other."""
         more = {"needed": True, "standby": "hot", "placement": {"prefer": [other]}}
         return {**service(topic, ORIGINALS[topic], 0.02, host=host), **more}
 
@@ -137,7 +137,7 @@ def start(graph: Graph, far: Computer) -> "List[subprocess.Popen[str]]":
 
 
 def figures(heard: List[Heard], original: str, down: float, up: float) -> Dict[str, float]:
-    """What a consumer heard of a cut."""
+    """Return the cut as a consumer heard it."""
     times = [down, *(each.at for each in heard if down < each.at < up), up]
     back = [each.at for each in heard if each.node == original and each.at > up]
     others = [each.at - each.age for each in heard if each.node != original and each.at > up]
@@ -149,7 +149,7 @@ def figures(heard: List[Heard], original: str, down: float, up: float) -> Dict[s
 
 
 def overheard() -> bool:
-    """Whether a substitute listens for others who publish what it may have to."""
+    """Return whether a substitute listens for other publishers of its topic."""
     _, subscribers, _ = rosgraph.Master(rospy.get_name()).getSystemState()
     return any(
         "/substitute_near" in " ".join(nodes) for topic, nodes in subscribers if topic == NEAR
@@ -179,7 +179,7 @@ def measure(graph: Graph, far: Computer, seconds: float, restart: bool) -> objec
     far.link.restore()
 
     def settled() -> bool:
-        """Whether each consumer hears the original alone."""
+        """Return whether each consumer hears the original alone."""
         since = time.monotonic() - QUIET_S
         alone = True
         for heard, topic in ((there.heard, NEAR), (here.heard, FIRST), (beside.heard, NEAR)):

@@ -1,4 +1,4 @@
-"""How long the monitor takes from a fault to the message on /shsa/failures.
+"""Latency of the monitor, from a fault to the message on /shsa/failures.
 
 Topics at 50 Hz, one rospy node each.
 
@@ -76,7 +76,7 @@ FAULTS: Dict[str, Callable[[Target], None]] = {
 
 
 class Witness:
-    """What the monitor says."""
+    """The messages of the monitor."""
 
     def __init__(self) -> None:
         self.healthy: Dict[str, bool] = {}

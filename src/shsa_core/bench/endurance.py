@@ -33,12 +33,12 @@ NODES = ("/monitor", "/reconfigurator")
 WARM_UP = 5
 """Rounds: memory that Python and rospy take once and keep."""
 ALLOWED = {"rss_kb": 1024.0, "threads": 2.0, "descriptors": 4.0}
-"""What the second half may hold more of than the first: by medians, so that it is a trend."""
+"""Growth that is allowed from the first half to the second, by medians: a trend."""
 TIRELESS = {"hold_off": 0.3, "hold_off_limit": 0.3, "switches": 0}
 
 
 class Held(NamedTuple):
-    """What a node holds after so many incidents."""
+    """The resources that a node holds after so many incidents."""
 
     incidents: int
     node: str
@@ -48,7 +48,7 @@ class Held(NamedTuple):
 
 
 def held(incidents: int, node: str) -> Held:
-    """What a node holds now. Raises AssertionError if it is not up."""
+    """Return the resources that a node holds now. Raises AssertionError if it is not up."""
     process = node_process(node)
     assert process is not None, f"{node} is not up"
     rss = process.memory_info().rss / 1024.0
@@ -120,7 +120,7 @@ class Robot:
 
 
 def grown(rows: Iterable[Held]) -> List[List[str]]:
-    """What each node held in the two halves, and the verdict."""
+    """Print what each node held in the two halves, and the verdict."""
     table = []
     for node in NODES:
         of_node = [row for row in rows if row.node == node][WARM_UP:]

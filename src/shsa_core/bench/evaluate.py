@@ -1,4 +1,4 @@
-"""What one evaluation of a substitute costs, beside a hand-written function.
+"""Cost of one evaluation of a substitute, beside a hand-written function.
 
 Both get the same inputs in turn, in many short rounds, so that other work on the machine hits both;
 the time is that of the processor. Prints the ratio (median and 95th percentile over the rounds) and
@@ -40,7 +40,7 @@ class Case(NamedTuple):
 
 
 def f1_by_hand(x: Sequence[float], now: float) -> Optional[float]:
-    """The published terms of relation f1 of the paper."""
+    """Return the published terms of relation f1 of the paper."""
     return 48.67 - 0.03 * abs(x[0]) - 1.17 * abs(x[1])
 
 
@@ -181,7 +181,7 @@ CONSTANTS = {"mass": Constant("mass", 29.7, "kg")}
 
 
 def compiled(case: Case) -> Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]:
-    """The case as a substitute evaluates it."""
+    """Return the case as a substitute evaluates it."""
     known: Dict[str, Derivation] = {}
     for name in case.inputs:
         provides = (Provision(name, "data"),)

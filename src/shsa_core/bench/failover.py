@@ -52,7 +52,7 @@ def fail(contender: Contender) -> Takeover:
 
 
 def judge(rows: Takeovers) -> Goals:
-    """The goals, at each consumer."""
+    """Return the goals, at each consumer."""
     goals = Goals()
     for consumer in ("rospy", "roscpp"):
 
@@ -131,7 +131,7 @@ def show_goals(goals: Goals) -> None:
 
 
 def read(path: Path) -> Takeovers:
-    """What an earlier run has measured. Raises SystemExit if that cannot be read."""
+    """Read the results of an earlier run. Raises SystemExit if they cannot be read."""
     rows: Takeovers = {row.name: [] for row in ROWS}
     try:
         with open(path, newline="") as file:
@@ -177,7 +177,7 @@ class Bench:
 
 
 def wanted(only: Sequence[str], short: bool) -> List[Row]:
-    """The rows that are asked for, those without other nodes first."""
+    """Return the rows that are asked for, those without other nodes first."""
     rows = [row for row in ROWS if any(part in row.name for part in only)]
     if short:
         rows = [row for row in ROWS if row.name in SHORT]

@@ -72,7 +72,7 @@ def plot(rows: Dict[str, List[Takeover]], path: Path) -> None:
 
 
 def _layout(rows: List[Row]) -> Tuple[List[float], Dict[str, float]]:
-    """Where each row stands, and the name of each fault; the rows are sorted by it."""
+    """Return the place of each row, and the name of each fault; the rows are sorted by it."""
     places: List[float] = []
     groups: Dict[str, float] = {}
     place = 0.0

@@ -13,7 +13,7 @@ UNANSWERED = 5
 NO_BRIDGE: Mapping[str, object] = {"bridge": False}
 BEHIND_GATE: Mapping[str, object] = {"gate": RAW_TOPIC}
 KNOWN = {*SERVICE}
-"""What the SOM of this version can say of a service: rows that say more are left out."""
+"""Keys of a service in this version: rows that need others are left out."""
 
 
 class Row(NamedTuple):
@@ -27,26 +27,26 @@ class Row(NamedTuple):
 
     @property
     def contender(self) -> str:
-        """What helps, and how."""
+        """The remedy, in words."""
         said = (f"behind a {key}" if to else f"no {key}" for key, to in self.som.items())
         return ", ".join((self.help, *said))
 
     @property
     def circumstances(self) -> str:
-        """What is unlike in the other rows; empty: nothing."""
+        """The difference to the other rows; empty: none."""
         rate = f"{1.0 / self.period:.0f} Hz" if self.period != Row().period else ""
         others = f"{self.applications} other nodes" if self.applications else ""
         return ", ".join(filter(None, (rate, others)))
 
     @property
     def name(self) -> str:
-        """What it is called; nothing is said of a `kill -9`."""
+        """The name; nothing is said of a `kill -9`."""
         fault = "" if self.fault == Row().fault else self.fault
         return ", ".join(filter(None, (self.contender, fault, self.circumstances)))
 
     @property
     def title(self) -> str:
-        """What it is called in the documentation."""
+        """The name in the documentation."""
         if self.help == BY_HAND:
             return BY_HAND.replace("rosrun", "`rosrun`")
         fault = f"`{self.fault}`" if self.fault in ("kill -9", "rosnode kill") else self.fault
@@ -55,12 +55,12 @@ class Row(NamedTuple):
 
     @property
     def is_healed(self) -> bool:
-        """Whether healing helps."""
+        """True if healing is the remedy."""
         return self.help in (HOT, WARM, COLD)
 
     @property
     def is_answered(self) -> bool:
-        """Whether what helps can see that the node fails."""
+        """True if the remedy can see that the node fails."""
         return self.is_healed or self.help == BY_HAND or FAULTS[self.fault].ends
 
     @property
@@ -79,7 +79,7 @@ def of_fault(fault: str) -> Tuple[Row, ...]:
 
 
 def of_values(fault: str) -> Tuple[Row, ...]:
-    """A fault of values."""
+    """Return a fault of values."""
     return Row(HOT, fault), Row(HOT, fault, som=BEHIND_GATE), Row("respawn, rospy", fault)
 
 

@@ -18,7 +18,7 @@ ANSWER_S = 5.0
 
 @contextmanager
 def far_graph() -> Iterator[Tuple[Graph, Computer]]:
-    """A graph whose master the other computer reaches as well, and that computer.
+    """Yield a graph whose master the other computer reaches as well, and that computer.
 
     Raises OSError if namespaces are not permitted, or nothing answers at the master's address.
     """

@@ -51,7 +51,7 @@ def slow(patient: Patient) -> None:
 
 
 class Fault(NamedTuple):
-    """How a node fails.
+    """A fault of a node.
 
     `ends`: its process does, and nothing else moves `respawn="true"`. `at_once`: no good message
     comes after it; else they come and go.

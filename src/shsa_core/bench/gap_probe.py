@@ -44,7 +44,7 @@ def connect(topic: str) -> Stream:
 
 
 def complete(buffer: bytearray) -> bool:
-    """Whether a message is complete; removes those that are."""
+    """Remove the messages that are complete; return whether there was one."""
     found, start = False, 0
     while len(buffer) >= start + 4:
         end = start + 4 + struct.unpack_from("<I", buffer, start)[0]

@@ -48,7 +48,7 @@ GOAL_GAP, GOAL_MS = 2.0, 0.5
 
 
 def is_bad(value: float) -> bool:
-    """Whether nobody should have heard a value."""
+    """Return whether nobody should have heard a value."""
     return not (math.isfinite(value) and LOW <= value <= HIGH) or value in (JUMPED, OLD)
 
 
@@ -61,14 +61,14 @@ def added(consumer: Consumer) -> List[float]:
 
 
 def gaps(consumer: Consumer, topic: str, since: float, until: float, node: str = "") -> List[float]:
-    """The pauses of a topic in a time, or of one node on it; in ms."""
+    """Return the pauses of a topic in a time, or of one node on it; in ms."""
     heard = [m for m in consumer.since(since) if m.topic == topic and m.at < until]
     times = [m.at for m in heard if node in ("", m.node)]
     return [1e3 * (b - a) for a, b in zip(times, times[1:])]
 
 
 def table(secret: str) -> TablePublisher:
-    """The signed table that names the substitute, as the reconfigurator sends it."""
+    """Return the signed table that names the substitute, as the reconfigurator sends it."""
     shown = TablePublisher(
         names.SUBSTITUTIONS,
         msg.Substitutions,

@@ -86,12 +86,12 @@ class Graph:
         wait_until(rosgraph.is_master_online, PATIENCE_S, "the master")
 
     def processes(self) -> List[psutil.Process]:
-        """Everything that runs of this graph, save this process."""
+        """Return everything that runs of this graph, save this process."""
         return [each for each in marked(MARK, self._mark) if each.pid != os.getpid()]
 
     @cached_property
     def healing(self) -> HealedRobot:
-        """What healing publishes in this graph."""
+        """Return the messages of healing in this graph."""
         return HealedRobot()
 
     def start(self, *command: str, heard: bool = False) -> "subprocess.Popen[str]":
@@ -107,7 +107,7 @@ class Graph:
             )
 
     def last_words(self, count: int = 15) -> str:
-        """The last lines of what the processes said."""
+        """Return the last lines of what the processes said."""
         return "".join(self._output.read_text(errors="replace").splitlines(True)[-count:])
 
     def python(self, script: Path, *arguments: str, heard: bool = False) -> "subprocess.Popen[str]":
@@ -122,7 +122,7 @@ class Graph:
         return self.start(found[0], *arguments, heard=heard)
 
     def _started(self) -> Iterator[psutil.Process]:
-        """Every process with our mark, until there is none."""
+        """Yield every process with our mark, until there is none."""
         while True:
             ours = self.processes()
             if not ours:
@@ -146,7 +146,7 @@ def ask_to_leave(process: "subprocess.Popen[str]", seconds: float = 10.0) -> Non
 
 
 def uri_of(node: str) -> str:
-    """The URI of a node; empty if the master does not know it."""
+    """Return the URI of a node; empty if the master does not know it."""
     try:
         uri: str = rosgraph.Master(rospy.get_name()).lookupNode(node)
     except rosgraph.MasterException:
@@ -155,7 +155,7 @@ def uri_of(node: str) -> str:
 
 
 def shut_down(node: str) -> None:
-    """What `rosnode kill` does, without the start of a command."""
+    """Do as `rosnode kill`, without the start of a command."""
     with suppress(OSError):  # it may be gone before it can answer
         node_api(uri_of(node)).shutdown(rospy.get_name(), "the benchmark says so")
 
@@ -167,7 +167,7 @@ def service(
     value: Optional[Mapping[str, object]] = None,
     **more: object,
 ) -> Dict[str, object]:
-    """A service on a topic of shsa_msgs/Float64Stamped as in a SOM file.
+    """Return a service on a topic of shsa_msgs/Float64Stamped as in a SOM file.
 
     It provides a property of the topic's name.
 

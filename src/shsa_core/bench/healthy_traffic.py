@@ -29,7 +29,8 @@ from tqdm import tqdm
 from graph import BENCH, Graph, ask_to_leave, service, write_som
 from probe import STARTUP_S, Probe
 from report import Goals, print_table, write_table
-from shsa_core.monitoring.deadline import LEARN_GAPS, LEARN_SHARE, fitted
+from shsa_core.monitoring.deadline import fitted
+from shsa_core.monitoring.settings import LEARN_GAPS, LEARN_SHARE
 from shsa_testing.waiting import wait_until
 
 PERIOD_S = 0.02
@@ -45,7 +46,7 @@ FIXED_S = 0.25
 
 
 class Row(NamedTuple):
-    """What happened to the topics of a kind of deadline; `killed`: nodes, of both kinds."""
+    """The outcome for the topics of a kind of deadline; `killed`: nodes, of both kinds."""
 
     deadline: str
     topics: int
@@ -72,11 +73,11 @@ class Consumer(Probe):
     """The independent consumer, and what its pauses say of bridges."""
 
     def lengths(self, begin: float, end: float) -> List[float]:
-        """The pauses that ended in a time, in s, in order of length."""
+        """Return the pauses that ended in a time, in s, in order of length."""
         return sorted(e - b for _, b, e in list(self.pauses) if begin <= e < end)
 
     def bridges(self, begin: float, end: float) -> Bridges:
-        """What the first half of a time says of the second."""
+        """Judge the second half of a time by the first."""
         wait, half = BRIDGE_PERIODS * PERIOD_S, (end - begin) / 2.0
         noted = self.lengths(begin, begin + half)
         predicted = len(noted) * fitted(noted).share(wait) if len(noted) > 1 else 0.0
@@ -107,7 +108,7 @@ class Deadlines:
 
 
 def write_models(graph: Graph, count: int, standby: str, alarms: float) -> Tuple[Path, Path]:
-    """Each topic can be computed from the one of the same place in the next node.
+    """Let each topic be computed from the one of the same place in the next node.
 
     The deadline of each second one is learned.
     """

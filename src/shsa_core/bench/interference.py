@@ -73,7 +73,7 @@ def _heard(listener: Consumer) -> Set[str]:
 
 
 def intervals(standby: str, listener: Consumer, windows: Windows) -> Iterator[Interval]:
-    """The intervals in each phase."""
+    """Yield the intervals in each phase."""
     for topic in TOPICS:
         messages = [m for m in list(listener.messages) if m.topic == topic]
         for before, after in zip(messages, messages[1:]):
@@ -85,7 +85,7 @@ def intervals(standby: str, listener: Consumer, windows: Windows) -> Iterator[In
 
 
 def jitter(found: List[Interval], standby: str, phase: str) -> np.ndarray:
-    """How far each interval of a phase is from the period, in ms."""
+    """Return the distance of each interval of a phase from the period, in ms."""
     values = [each.ms for each in found if (each.standby, each.phase) == (standby, phase)]
     return np.abs(np.array(values) - 1e3 * PERIOD_S)
 

@@ -53,7 +53,7 @@ class Run(NamedTuple):
     original_ms: float
 
     def columns(self) -> List[float]:
-        """A row of the CSV file, without what names it."""
+        """Return a row of the CSV file, without what names it."""
         outages = (self.takeover.rospy_ms, self.takeover.roscpp_ms)
         steps = (getattr(self.takeover, f"{step}_ms") for step in STEPS)
         return [round(each, 3) for each in (*self[1:], *outages, *steps)]
@@ -92,7 +92,7 @@ class Fast(Healed):
         return Run(takeover, rates[0], rates[1], rates[2], 100.0 * share, lost, *gaps)
 
     def _listen(self, node: str, seconds: float) -> Tuple[List[float], List[float]]:
-        """When messages of a node came to the rospy consumer, and to the roscpp one."""
+        """Return when messages of a node came to the rospy consumer, and to the roscpp one."""
         begin = time.monotonic()
         time.sleep(seconds)
         heard = [[m for m in each.since(begin) if m.node == node] for each in self._consumers]
@@ -100,7 +100,7 @@ class Fast(Healed):
 
 
 def rate(moments: List[float]) -> float:
-    """How often something came, in Hz."""
+    """Return a rate, in Hz."""
     return (len(moments) - 1) / (moments[-1] - moments[0])
 
 
@@ -141,12 +141,12 @@ def main() -> int:
 
 
 def title(period: float) -> str:
-    """How a rate is called."""
+    """Return the name of a rate."""
     return f"{1 / period:g} Hz"
 
 
 def table(runs: Dict[float, List[Run]]) -> List[Tuple[object, ...]]:
-    """A row for each failure."""
+    """Return a row for each failure."""
     return [
         (f"{1 / period:g}", number, *run.columns())
         for period, found in runs.items()

@@ -1,4 +1,4 @@
-"""What it costs to watch large messages whose values nobody judges: the monitor's share of a core.
+"""Cost of watching large messages whose values nobody judges: the monitor's share of a core.
 
 Images at 30 Hz, watched by a monitor that copies every message, as if values were judged, and by
 one that drops the payload in the kernel; in turns. And a monitor of a topic that nobody publishes:

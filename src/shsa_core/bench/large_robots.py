@@ -62,7 +62,7 @@ class Rest(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What one robot showed.
+    """The results of one robot.
 
     `outages` at the rospy consumer and the roscpp one, in ms. `ready`: until all was up that stands
     by, in s. `others`: incidents that nobody caused; `killed`: nodes that nobody asked to be.
@@ -124,7 +124,7 @@ class LargeRobot:
         await_connections()
 
     def _served(self) -> bool:
-        """Whether both consumers are connected to whoever may be the next to publish."""
+        """Return whether both consumers are connected to all that may publish next."""
         time.sleep(0.1)
         service = TOPIC[1:] if self._standby == "hot" else ""
         nodes = [row.node for row in self.healing.substitutions if row.service == service]
@@ -150,7 +150,7 @@ class LargeRobot:
         return outage.rospy_ms, outage.roscpp_ms
 
     def rest(self, seconds: float) -> Rest:
-        """What healing takes while nothing fails."""
+        """Return what healing takes while nothing fails."""
         processes = self._graph.processes()
         prepared = [each for each in processes if "--prepared" in each.cmdline()]
         substitutes = [each for each in processes if is_substitute(each)]
@@ -169,7 +169,7 @@ class LargeRobot:
 
     @property
     def killed(self) -> int:
-        """How many nodes have ended."""
+        """Count the nodes that have ended."""
         return sum(each.poll() is not None for each in (self._failing, *self._others))
 
     def end(self) -> None:
@@ -197,7 +197,7 @@ def a_node(count: int) -> int:
 
 
 def owner(number: int, most: int) -> str:
-    """The node of a topic."""
+    """Return the node of a topic."""
     return NODE if number == 0 else f"/many_{(number - 1) // most * most + 1}"
 
 
@@ -217,17 +217,17 @@ def await_connections() -> None:
 
 
 def is_substitute(process: psutil.Process) -> bool:
-    """Whether a process is one, by its command line."""
+    """Return whether a process is one, by its command line."""
     return any(word.startswith("__name:=substitute_") for word in process.cmdline())
 
 
 def cpu_time(process: psutil.Process) -> float:
-    """The CPU time of all of its threads, of those that have ended as well, in s."""
+    """Return the CPU time of all of its threads, of those that have ended as well, in s."""
     return sum(process.cpu_times()[:2])
 
 
 def pss(pid: int) -> float:
-    """The memory of a process in MB, what it shares divided among those who share it."""
+    """Return the memory of a process in MB, what it shares divided among those who share it."""
     for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
         if line.startswith("Pss:"):
             return int(line.split()[1]) / 1024.0
@@ -283,7 +283,7 @@ def main() -> int:
 
 
 def table(found: Dict[Tuple[int, str], Found]) -> List[Tuple[object, ...]]:
-    """A row for each failure."""
+    """Return a row for each failure."""
     return [
         (
             *(count, standby, number, *(f"{each:.1f}" for each in outage), f"{robot.ready:.2f}"),
@@ -314,7 +314,7 @@ def show(found: Dict[Tuple[int, str], Found]) -> None:
 
 
 def judge(found: Dict[Tuple[int, str], Found]) -> Goals:
-    """The goals of what was measured."""
+    """Return the goals of what was measured."""
     goals = Goals()
     small, large = SIZES[0], SIZES[-1]
     for standby in MODES:

@@ -1,4 +1,4 @@
-"""How many bytes the messages are that the reconfigurator's commands send."""
+"""Sizes of the messages that the reconfigurator's commands send, in bytes."""
 from io import BytesIO
 from typing import Iterable
 
@@ -14,7 +14,7 @@ rospy.rostime.set_rostime_initialized(True)  # there is no node here that would 
 
 
 def bytes_of(commands: Iterable[events.Command]) -> int:
-    """The length of all messages together, each sent to one subscriber."""
+    """Return the length of all messages together, each sent to one subscriber."""
     return sum(_length(command) for command in commands)
 
 

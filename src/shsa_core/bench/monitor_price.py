@@ -70,7 +70,7 @@ def measure(graph: Graph, rate: float, mode: str, seconds: float) -> Dict[str, o
 
 
 def _write_ontology(path: Path) -> Path:
-    """Each stream of the first node follows from one of the second."""
+    """Let each stream of the first node follow from one of the second."""
     model = {
         "properties": {f"stream_{i}": {} for i in range(TOPICS)},
         "relations": {

@@ -1,4 +1,4 @@
-"""What benchmarks share: arguments, and what they say at their end, tables, goals, verdicts."""
+"""Arguments, tables, goals and verdicts of the benchmarks."""
 import argparse
 import csv
 import math
@@ -15,7 +15,7 @@ COLUMNS = ("goal", "consumer", "at most", "measured", "verdict")
 
 
 def arguments(told: str, times: str, default: int, short: str, **flags: str) -> argparse.Namespace:
-    """The arguments of a benchmark that measures rows, each some `times`; makes its folder.
+    """Return the arguments of a benchmark that measures rows, each some `times`; makes its folder.
 
     `short`: what is measured in its short form; `flags`: what it can be told besides, and what for.
     """

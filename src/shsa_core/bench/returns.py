@@ -1,4 +1,4 @@
-"""How long two publishers are heard when an original returns, and whether anybody goes without.
+"""The time that two publishers are heard when an original returns, and gaps.
 
 A node is ended, its substitute publishes, and somebody starts the node again, many times. Two
 consumers listen side by side, one in rospy and one in roscpp. Of each return:

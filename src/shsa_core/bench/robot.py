@@ -81,7 +81,7 @@ class Heard(NamedTuple):
 
     @property
     def good(self) -> bool:
-        """Whether the value is in range."""
+        """True if the value is in range."""
         return abs(self.value) <= LIMIT
 
 
@@ -100,11 +100,11 @@ class Consumer:
         del self.messages[:-100]
 
     def since(self, moment: float) -> List[Heard]:
-        """What came after a moment."""
+        """Return what came after a moment."""
         return [each for each in list(self.messages) if each.at > moment]
 
     def until(self, moment: float) -> Heard:
-        """The last good message up to a moment. Raises AssertionError if there is none."""
+        """Return the last good message up to a moment. Raises AssertionError if there is none."""
         good = [each for each in list(self.messages) if each.at <= moment and each.good]
         assert good, f"{self.node} heard nothing good before the failure"
         return good[-1]
@@ -204,13 +204,13 @@ class HealthyRobot:
             each.forget()
 
     def _served_by(self, node: str) -> bool:
-        """Whether every consumer, or the gate before them, is connected to a node."""
+        """Return whether every consumer, or the gate before them, is connected to a node."""
         gated = self.topic != TOPIC
         of = [GATE] if gated else [each.node for each in self._consumers]
         return all(is_connected(each, self.topic, node) for each in of)
 
     def _fills_in(self, row: Substitution) -> bool:
-        """Whether a substitute hears the node, if it fills in for late messages."""
+        """Return whether a substitute hears the node, if it fills in for late messages."""
         bridge = getattr(row, "bridge", 0.0)
         return not bridge or is_connected(row.node, self.topic, NODE)
 
@@ -219,7 +219,7 @@ class HealthyRobot:
         return incident is not None and incident.state != "ended"
 
     def _pool_ready(self) -> bool:
-        """Whether the pool's processes are up, connected, and have nothing more to do."""
+        """Return whether the pool's processes are up, connected, and have nothing to do."""
         idle = [name for name in registered_nodes() if name.startswith("/substitute_standby")]
         if len(idle) != POOL or not all(self._served_by(name) for name in idle):
             return False
@@ -250,7 +250,7 @@ class HealthyRobot:
 
 
 def talker(node: str, topic: str, value: float, period: float) -> Sequence[str]:
-    """The arguments of the rospy node that can fail on command."""
+    """Return the arguments of the rospy node that can fail on command."""
     name = f"__name:={node[1:]}"
     return (f"_topic:={topic}", f"_value:={value}", f"_period:={period}", name)
 

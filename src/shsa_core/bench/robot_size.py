@@ -1,4 +1,4 @@
-"""What the reconfigurator's decisions cost on robots of 10 to 1000 topics, all of them needed.
+"""Cost of the reconfigurator's decisions on robots of 10 to 1000 topics, all needed.
 
     python3 robot_size.py [--largest N] [--rounds N] [--results DIR]
 
@@ -24,12 +24,12 @@ Sent = Callable[[Iterable[events.Command]], int]
 
 SIZES = (10, 30, 100, 300, 1000)
 STEPS = ("failure", "takeover", "health change", "tick", "plan ahead")
-"""What is measured: the event of a failure until its commands are out; all events from there until
+"""Steps that are measured: the event of a failure until its commands are out; all events until
 the substitute is seen publishing; a changed row of health; a tick; one plan made ahead."""
 
 
 class Costs(NamedTuple):
-    """What one robot costs: s of processor time for each step and for the start.
+    """The cost of one robot: s of processor time for each step and for the start.
 
     And for a failure, lines of Python and bytes sent.
     """
@@ -43,7 +43,7 @@ class Costs(NamedTuple):
 
 
 def sender() -> Optional[Sent]:
-    """What tells how many bytes commands send; None where there is no ROS."""
+    """Return the counter of bytes that commands send; None where there is no ROS."""
     if find_spec("rospy") is None or find_spec("shsa_msgs") is None:
         return None
     from messages_sent import bytes_of
@@ -179,7 +179,7 @@ def main() -> None:
 
 
 def as_dict(costs: Costs) -> Dict[str, Any]:
-    """What a program reads: in s, the median, the 95th percentile and the largest of each step."""
+    """Return the document: median, 95th percentile and largest of each step, in s."""
     steps = {step: summary(values) for step, values in costs.steps.items()}
     return {**costs._asdict(), "steps": steps}
 

@@ -1,4 +1,4 @@
-"""How far healing carries: 10, 100 and 1,000 topics on 3, 10 and 30 computers.
+"""Limits of healing: 10, 100 and 1,000 topics on 3, 10 and 30 computers.
 
     python3 scale.py [--short] [--costs FILE] [--results DIR]
 
@@ -33,7 +33,7 @@ TOLERANCE = 0.3
 KEPT_UP = 0.9
 """A run counts where so much of what should have been sent was handled."""
 QUIET = 0.1
-"""Where the monitor waited for a processor for more of the time, times tell of its neighbours."""
+"""Share of time that the monitor may wait for a processor: else times tell of its neighbours."""
 FOUND_S = 0.05
 USUAL_DESCRIPTORS = 1024
 LOOK_S = 2.0
@@ -51,7 +51,7 @@ def once(work: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def measure(seconds: float, short: bool) -> Tuple[Costs, Dict[str, float]]:
-    """The costs, and what the model is checked against: what was measured, by its name."""
+    """Return the costs, and what the model is checked against: what was measured, by its name."""
     deaths = once(measured.deaths, BURSTS)
     first, each = measured.slope(deaths)
     told("deaths of nodes", deaths)
@@ -104,7 +104,7 @@ def real_runs(seconds: float) -> Dict[str, float]:
 
 
 def modelled(costs: Costs) -> Dict[str, float]:
-    """The same figures by the model."""
+    """Return the same figures by the model."""
     found: Dict[str, float] = {}
     for flow in measured.CHECKED:
         alone = Robot(flow, 1, LINK, 0.0, measured.OF_VICTIM)
@@ -125,7 +125,7 @@ def modelled(costs: Costs) -> Dict[str, float]:
 
 
 def words(flow: Flow) -> str:
-    """A flow in words."""
+    """Return a flow in words."""
     size = model.message_bytes(flow.numbers)
     return f"{flow.topics} topics at {flow.rate:g} Hz, {size} B"
 
@@ -159,7 +159,7 @@ class Row(NamedTuple):
     load: Load
 
     def p95(self, name: str) -> float:
-        """A 95th percentile in s; not a number where a host has no topic."""
+        """Return a 95th percentile in s; not a number where a host has no topic."""
         return summary(getattr(self.load, name))[1]
 
     @property
@@ -169,7 +169,7 @@ class Row(NamedTuple):
         return -(-robot.flow.topics // (robot.hosts if robot.monitor_per_host else 1))
 
     def breaks(self, costs: Costs) -> str:
-        """What has no more to give, or comes too late."""
+        """Return what has no more to give, or comes too late."""
         found = {
             "monitor": self.load.monitor > 1.0,
             "link": self.load.link > 1.0,
@@ -180,7 +180,7 @@ class Row(NamedTuple):
 
 
 def sweep(costs: Costs, sizes: Sequence[int], seconds: float) -> List[Row]:
-    """Every robot by the model."""
+    """Return every robot by the model."""
     rows: List[Row] = []
     robots = [
         (name, Robot(Flow(size, *flow), hosts, LINK, LATENCY_S, 10, split))

@@ -1,4 +1,4 @@
-"""What healing costs on real masters, monitors and links: the figures that `scale.py` goes on from.
+"""Cost of healing on real masters, monitors and links: figures that `scale.py` goes on from.
 
 Costs are processor times, so that they hold beside other work; latencies are of this machine as it
 is. What the model is checked against is measured here as well.
@@ -41,18 +41,18 @@ FITTED = (
     Flow(300, 2.0, 8),
     Flow(100, 10.0, 1000),
 )
-"""What the monitor's costs are computed from."""
+"""Figures from which the monitor's costs are computed."""
 CHECKED = (
     Flow(30, 20.0, 8),
     Flow(300, 10.0, 8),
     Flow(200, 50.0, 8),
     Flow(50, 40.0, 1000),
 )
-"""What the model must tell without having seen it."""
+"""Figures that the model must tell without having seen them."""
 
 
 class Seen(NamedTuple):
-    """What a monitor did: messages/s that it handled, its share of a core, and its detection.
+    """A monitor's work: messages/s that it handled, its share of a core, and its detection.
 
     `waited`: its threads were ready and had no processor for this share of the time. `after`: s
     from the death of a node to the monitor's decision, for each topic.
@@ -76,7 +76,7 @@ class Started(NamedTuple):
 
 
 class Ear:
-    """What monitors say."""
+    """The messages of monitors."""
 
     def __init__(self) -> None:
         self.failed: Dict[str, float] = {}
@@ -101,7 +101,7 @@ class Ear:
 
 
 def service(number: int, node: str, period: float, checked: bool) -> Dict[str, object]:
-    """A service of a source as in a SOM file; `checked`: its values are read."""
+    """Return a service of a source as in a SOM file; `checked`: its values are read."""
     value = {"field": "data[0]", "checks": {"not_a_number": checked}}
     topic = f"/scale_{number}"
     return {
@@ -184,13 +184,13 @@ class Robot:
 
 @contextmanager
 def robot(flow: Flow, victims: Sequence[int] = (OF_VICTIM,) * VICTIMS) -> Iterator[Robot]:
-    """A robot with a master of its own; only once in a process."""
+    """Yield a robot with a master of its own; only once in a process."""
     with Graph() as graph:
         yield Robot(graph, flow, victims)
 
 
 def monitor_at(flow: Flow, seconds: float) -> Seen:
-    """What a flow of messages costs the monitor, and how long deaths take to be seen beside it."""
+    """Measure the monitor's cost of a flow of messages, and its detection of deaths then."""
     with robot(flow) as running:
         rospy.rostime.wallsleep(SETTLING_S)
         share, waited = running.share(seconds)
@@ -210,13 +210,13 @@ def deaths(sizes: Sequence[int]) -> Dict[int, List[float]]:
 
 
 def start_of(topics: int) -> Started:
-    """The start of a monitor on a robot of so many topics."""
+    """Return the start of a monitor on a robot of so many topics."""
     with robot(Flow(topics, 2.0, 8), ()) as running:
         return running.started
 
 
 def storm(topics: int) -> Tuple[float, float]:
-    """A node registers all topics of a robot beside a monitor that waits for them.
+    """Register all topics of a robot beside a monitor that waits for them.
 
     s from the first one that the monitor hears of until all are well, and the master's processor
     time.
@@ -315,7 +315,7 @@ def link_bytes(flow: Flow, seconds: float) -> Tuple[float, float]:
 
 
 def _counters(computer: Computer) -> Tuple[int, int]:
-    """The bytes that a computer has sent and received."""
+    """Return the bytes that a computer has sent and received."""
     lines = computer.run("cat", "/proc/net/dev").splitlines()
     words = next(line for line in lines if "eth0:" in line).split(":")[1].split()
     return int(words[8]), int(words[0])
@@ -329,7 +329,7 @@ class Healed(NamedTuple):
 
 
 def takeovers(topics: int) -> Healed:
-    """A node of so many hot topics dies, and all are taken over at once."""
+    """Kill a node of so many hot topics; all are taken over at once."""
     with Graph() as graph:
         many = ("python3", "-m", "shsa_testing.many_topics")
         nodes = [graph.start(*many, str(k * topics), str(topics), "0.02") for k in range(2)]

@@ -42,7 +42,7 @@ class Flow(NamedTuple):
 
 
 class Costs(NamedTuple):
-    """What was measured, in s; `packet` and `back` in bytes.
+    """Measured figures, in s; `packet` and `back` in bytes.
 
     Monitor: of a turn, a message, a byte, a topic each second, and a failure after another one;
     `sight`: from a death to its first failure on an idle monitor; `connect`: of a new publisher.
@@ -101,7 +101,7 @@ class Load(NamedTuple):
 
 
 def message_bytes(numbers: int) -> int:
-    """A std_msgs/Float64MultiArray of so many numbers, serialised."""
+    """Return a std_msgs/Float64MultiArray of so many numbers, serialised."""
     return 12 + 8 * numbers
 
 
@@ -292,7 +292,7 @@ class _Run:
         )
 
     def _lose(self) -> Generator[simpy.Event, None, None]:
-        """All topics of a computer reach their deadlines, each in its turn of a period.
+        """Yield all topics of a computer reach their deadlines, each in its turn of a period.
 
         One that is lost with its monitor is missed as a whole: by its agent's silence.
         """
@@ -327,7 +327,7 @@ def load(robot: Robot, costs: Costs, seconds: float = 2.0, deaths: int = 8, seed
 
 
 def burst(costs: Costs, size: int) -> List[float]:
-    """A node of so many topics dies, and nothing else runs: s until each failure."""
+    """Kill a node of so many topics while nothing else runs: s until each failure."""
     env = simpy.Environment()
     found: List[float] = []
     monitor = Monitor(env, costs, size, lambda _: found.append(env.now + costs.sight))
@@ -350,11 +350,11 @@ class Master:
             env.process(self._thread(number * MASTER_SLEEP_S / MASTER_THREADS))
 
     def look_up(self) -> Generator[simpy.Event, None, None]:
-        """A node asks where another one is."""
+        """Ask where another node is."""
         yield from self._work(self._costs.look_up)
 
     def register(self, subscriber: int, heard: Callable[[], object]) -> simpy.Event:
-        """A publisher registers; whoever subscribes is told."""
+        """Register a publisher; its subscribers are told."""
         return self._env.process(self._register(subscriber, heard))
 
     def _work(self, seconds: float) -> Generator[simpy.Event, None, None]:
@@ -386,7 +386,7 @@ class Master:
 
 
 def introduced(costs: Costs, topics: int, monitors: int, nodes: int) -> Tuple[float, float]:
-    """All nodes of a robot register at once beside monitors that wait for them.
+    """Yield all nodes of a robot register at once beside monitors that wait for them.
 
     s until the monitors are connected to all, and the master's work in s.
     """

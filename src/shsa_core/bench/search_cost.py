@@ -1,4 +1,4 @@
-"""What the search costs: by size and shape of the ontology, in memory, and for the report.
+"""Cost of the search: by size and shape of the ontology, in memory, and for the report.
 
     python3 search_cost.py [--largest N] [--results DIR]
 
@@ -70,12 +70,12 @@ def source(number: int, quality: float = 1.0) -> Source:
 
 
 def chain(size: int) -> Model:
-    """Each property from the next; the last one is measured."""
+    """Return each property from the next; the last one is measured."""
     return [law(i, i, [i + 1], 0.9) for i in range(size)], [source(size)]
 
 
 def tree(size: int) -> Model:
-    """A balanced binary tree; the leaves are measured."""
+    """Return a balanced binary tree; the leaves are measured."""
     functions = [law(i, i, [2 * i + 1, 2 * i + 2], 0.9) for i in range(size)]
     return functions, [source(i) for i in range(size, 2 * size + 1)]
 
@@ -140,7 +140,7 @@ class Row(NamedTuple):
 
 
 def least(action: Callable[[], object], seconds: float = 1.0) -> float:
-    """The least time of one run, in s; repeated for some time."""
+    """Return the least time of one run, in s; repeated for some time."""
     times: List[float] = []
     gc.collect()
     gc.disable()
@@ -176,13 +176,13 @@ def memory(key: str) -> int:
 
 
 def growth(rows: Iterable[Row], value: Callable[[Row], float]) -> float:
-    """The exponent b of the fit value = a * relations ** b."""
+    """Return the exponent b of the fit value = a * relations ** b."""
     points = np.log([(row.relations, value(row)) for row in rows])
     return float(np.polyfit(points[:, 0], points[:, 1], 1)[0])
 
 
 def by_size(sizes: Sequence[int], say: Say, goals: Goals) -> List[Row]:
-    """Every shape in every size."""
+    """Return every shape in every size."""
     rows = []
     for name, shape in SHAPES.items():
         models = []
@@ -292,7 +292,7 @@ def ready_plans(size: int, say: Say, goals: Goals) -> None:
 
 
 def executable(functions: Iterable[TransferFunction]) -> List[TransferFunction]:
-    """The same with laws that use their inputs: code can be generated for them."""
+    """Return the same with laws that use their inputs: code can be generated for them."""
     return [dataclasses.replace(f, law=parse_law(" + ".join(f.inputs))) for f in functions]
 
 

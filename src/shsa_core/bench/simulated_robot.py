@@ -24,7 +24,7 @@ MOST_PLANS = 100_000
 
 
 def models(size: int, standby: Standby, topics_a_node: int = 1) -> Tuple[Ontology, Som]:
-    """Each property can be computed from either neighbour in a ring; every service is needed."""
+    """Make a ring: each property follows from either neighbour, every service is needed."""
     names = [f"p{number}" for number in range(size)]
     functions = []
     for number, name in enumerate(names):
@@ -106,7 +106,7 @@ class Robot:
         return taken
 
     def send(self, event: events.Event) -> float:
-        """An event, and the answers to all that follows from it; the processor time in s."""
+        """Return an event, and the answers to all that follows from it; the processor time in s."""
         taken = self.handle(event)
         while self._waiting:
             taken += self.handle(self._waiting.popleft())
@@ -129,7 +129,7 @@ class Robot:
         return taken
 
     def row(self, topic: str, node: str, state: PublisherState) -> PublisherHealth:
-        """A row of health as of now."""
+        """Return a row of health as of now."""
         last = self.time if state is PublisherState.HEALTHY else self.time - 0.02
         kind = Kind.NODE_GONE if state is PublisherState.FAILED else None
         first = self.time if state is PublisherState.HEALTHY else None
@@ -139,7 +139,7 @@ class Robot:
         return events.SubstituteStarted(self.time, command.node, self.time)
 
     def _shown(self, change: events.ShowSubstitutions) -> Optional[events.Event]:
-        """The substitutes do as the table says, and the monitor sees that."""
+        """Have the substitutes do as the table says, and the monitor see that."""
         rows: List[PublisherHealth] = []
         for row in change.rows:
             if row.node and row.outputs:
@@ -152,7 +152,7 @@ class Robot:
         return events.HealthSeen(self.time, tuple(rows), removed)
 
     def fail(self, node: str) -> Tuple[float, float]:
-        """A node dies and its services are taken over.
+        """Kill a node and have its services taken over.
 
         Returns the processor time in s of the first event, and of all until the substitutes are
         seen publishing.
@@ -190,7 +190,7 @@ class Robot:
 
 
 def lines_of(work: Callable[[], object]) -> int:
-    """How many lines of Python some work executes; the same on any computer, however busy."""
+    """Count the lines of Python that some work executes: the same on any computer."""
     count = 0
 
     def trace(frame: FrameType, event: str, argument: Any) -> Any:

@@ -34,7 +34,7 @@ DEADLINE_S = 0.25
 
 
 class Start(NamedTuple):
-    """What happened at one start; times in s.
+    """The events of one start; times in s.
 
     `real`: failures by silence for which the consumer saw the same pause. `ready`: until all the
     processes were registered that wait for a failure; `longest`: the longest pause before and
@@ -55,7 +55,7 @@ class Start(NamedTuple):
 
 
 def saw(probe: Probe, topic: str, at: float) -> bool:
-    """Whether a topic paused for the deadline around a moment."""
+    """Return whether a topic paused for the deadline around a moment."""
     return any(
         t == topic and b - 0.1 <= at <= e + 0.1 and e - b > 0.9 * DEADLINE_S
         for t, b, e in list(probe.pauses)
@@ -65,7 +65,7 @@ def saw(probe: Probe, topic: str, at: float) -> bool:
 def write_models(
     graph: Graph, count: int, a_node: int, period: float, standby: str
 ) -> Tuple[Path, Path]:
-    """Each topic can be computed from the one of the same place in the next node."""
+    """Let each topic be computed from the one of the same place in the next node."""
     services, relations = [], {}
     for number in range(count):
         topic, node = f"/stream_{number}", f"/many_{number // a_node * a_node}"
@@ -144,12 +144,12 @@ def start(count: int, standby: str, a_node: int, seconds: float) -> Start:
 
 
 def pace(count: int) -> float:
-    """The period of the topics of a robot in s."""
+    """Return the period of the topics of a robot in s."""
     return max(PERIOD_S, count / MOST_HZ)
 
 
 def up(healing: HealedRobot, standby: str) -> int:
-    """How many substitutes are registered, or how many topics have theirs; some share a process."""
+    """Count registered substitutes, or topics that have theirs; some share a process."""
     names = set(registered_nodes())
     if standby == "warm":
         return sum(name.startswith("/substitute_") for name in names)

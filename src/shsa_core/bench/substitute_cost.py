@@ -1,4 +1,4 @@
-"""What a substitute costs: its share of a core by what it does, and a line through the figures.
+"""Cost of a substitute: its share of a core by what it does, and a line through the figures.
 
 A process that is idle, prepared for a plan (warm), computing but muted (hot), and publishing; with
 1 to 16 inputs of 10 to 500 Hz, its output as often as one input. CPU time is what the kernel
@@ -108,7 +108,7 @@ class Bench:
         return Figure(state, rate, inputs, cores / took, start, (read, sent))
 
     def _row(self, name: str, state: str, rate: float, inputs: int) -> Optional[Substitution]:
-        """What the table says of it; nothing of a process without a plan."""
+        """Return its row in the table; none for a process without a plan."""
         if state == "idle":
             return None
         topics = [f"/stream_{i}" for i in range(inputs)]
@@ -149,7 +149,7 @@ def cpu_time(pid: int) -> float:
 
 
 def fit(figures: List[Figure]) -> Dict[str, float]:
-    """What each part costs, in s of a core."""
+    """Return the cost of each part, in s of a core."""
     counts = np.array([each.counts for each in figures])
     cores = np.array([each.cores for each in figures])
     parts = np.linalg.lstsq(counts / cores[:, None], np.ones(len(cores)), rcond=None)[0]
@@ -157,7 +157,7 @@ def fit(figures: List[Figure]) -> Dict[str, float]:
 
 
 def estimate(parts: Dict[str, float], figure: Figure) -> float:
-    """The cores by the fitted line."""
+    """Return the cores by the fitted line."""
     return float(np.dot(list(parts.values()), figure.counts))
 
 

@@ -50,12 +50,12 @@ class Takeover(NamedTuple):
     substitute: str = ""
 
     def in_words(self) -> List[str]:
-        """A row of a CSV file."""
+        """Return a row of a CSV file."""
         return [f"{each:.3f}" if isinstance(each, float) else str(each) for each in self]
 
 
 def from_words(words: Mapping[str, str]) -> Takeover:
-    """A takeover by a row of a CSV file.
+    """Return a takeover by a row of a CSV file.
 
     Raises KeyError if a column is missing, ValueError if one is no number.
     """
@@ -63,14 +63,14 @@ def from_words(words: Mapping[str, str]) -> Takeover:
 
 
 class Watched(NamedTuple):
-    """What a consumer heard of a failure; s."""
+    """A failure, as a consumer heard it; s."""
 
     outage: float
     over: float
 
 
 def watched(good: Sequence[float], failed_at: float, until: float, period: float) -> Watched:
-    """The longest pause and when all was over, as Takeover has them.
+    """Return the longest pause and when all was over, as Takeover has them.
 
     `good`: when good messages came; looked at `until`. Raises AssertionError if none came before
     `failed_at`.
@@ -89,7 +89,7 @@ def watched(good: Sequence[float], failed_at: float, until: float, period: float
 
 
 def measured(consumers: Consumers, failed_at: float, until: float, period: float) -> Takeover:
-    """What both consumers heard of a failure, without its steps."""
+    """Return what both consumers heard of a failure, without its steps."""
     rospy, roscpp = (
         watched([m.at for m in list(each.messages) if m.good], failed_at, until, period)
         for each in consumers
@@ -108,7 +108,7 @@ def measured(consumers: Consumers, failed_at: float, until: float, period: float
 def with_steps(
     takeover: Takeover, consumers: Consumers, failed_at: float, incident: Incident
 ) -> Takeover:
-    """The same with the steps that an incident tells of, after a failure at once."""
+    """Return the same with the steps that an incident tells of, after a failure at once."""
     node = incident.substitute
     last, first = _edges(consumers.rospy, node, failed_at)
     detected = clock.from_stamp(incident.detected) or 0.0
@@ -130,7 +130,7 @@ def with_steps(
 def with_substitute(
     takeover: Takeover, consumers: Consumers, failed_at: float, incident: Incident
 ) -> Takeover:
-    """The same with what an incident tells of the substitute."""
+    """Return the same with what an incident tells of the substitute."""
     _, first = _edges(consumers.rospy, incident.substitute, failed_at)
     told = max(first, clock.from_stamp(incident.spawned) or 0.0)
     late = sum(m.node == NODE for m in consumers.rospy.since(told))
@@ -138,6 +138,6 @@ def with_substitute(
 
 
 def _edges(consumer: Consumer, node: str, failed_at: float) -> Tuple[float, float]:
-    """When the last good message came before `node` published, and its first good one."""
+    """Return the times of the last good message before `node`'s, and of its first good one."""
     first = next(m.at for m in consumer.since(failed_at) if m.node == node and m.good)
     return max(m.at for m in list(consumer.messages) if m.at < first and m.good), first

@@ -80,7 +80,7 @@ class Results:
         self._write((measure, nodes, len(values), f"{value:.3f}"))
 
     def count(self, measure: str, nodes: int) -> int:
-        """How many rows there are."""
+        """Count the rows."""
         return len(self.values.get((measure, nodes), ()))
 
     def _write(self, row: Tuple[object, ...]) -> None:
@@ -152,7 +152,7 @@ def _kill(node: str, took: List[float]) -> None:
 
 
 def _has_services(node: str) -> bool:
-    """Whether the services of a rospy node, which it unregisters last, are known to the master.
+    """Return whether the master knows a rospy node's services, which it unregisters last.
 
     The node's name will not do: one that has ever logged a warning stays known by a subscribed
     parameter.

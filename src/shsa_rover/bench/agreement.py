@@ -43,7 +43,7 @@ class Ranked:
 def ranked(
     world: str, data: Dataset, ontology: Ontology, som: Som, seconds: float
 ) -> Iterator[Ranked]:
-    """Every derivation of every property that the truth is known of, after the filters settled."""
+    """Yield every derivation of every property with a known truth, after filters settled."""
     rows = min(len(data.time), round(seconds / PERIOD_S))
     settled = min(round(SETTLED_S / PERIOD_S), rows // 3)
     measured = {path: column[:rows] for path, column in data.measured.items()}
@@ -91,6 +91,6 @@ def correlation(group: List[Ranked]) -> float:
 
 
 def covered(group: List[Ranked]) -> float:
-    """The share of all moments within what was stated; not a number where nothing was."""
+    """Return the share of all moments within what was stated; not a number where nothing was."""
     shares = [each.covered for each in group if np.isfinite(each.covered)]
     return float(np.mean(shares)) if shares else float("nan")

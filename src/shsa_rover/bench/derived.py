@@ -1,4 +1,4 @@
-"""What derivations yield on a recorded drive, each relation evaluated once for the same inputs."""
+"""Derivations on a recorded drive, each relation evaluated once for the same inputs."""
 from typing import Dict, Mapping
 
 import numpy as np
@@ -18,7 +18,7 @@ class Columns:
         self._known: Dict[Derivation, np.ndarray] = {}
 
     def of(self, derivation: Derivation) -> np.ndarray:
-        """What it yields at each moment; not a number where it has no output."""
+        """Return its value at each moment; NaN where it has no output."""
         if derivation.source is not None:
             return self._measured[derivation.source.path]
         if derivation not in self._known:

@@ -94,12 +94,12 @@ class DistributedRover:
         wait_until(calm, PATIENCE_S, "the amperemeter alone publishes for a while")
 
     def latest(self) -> int:
-        """The number of the topic's newest incident; 0: there was none."""
+        """Return the number of the topic's newest incident; 0: there was none."""
         incident = self.healing.latest(TOPIC)
         return 0 if incident is None else int(incident.id)
 
     def incidents(self, since: int) -> List[Incident]:
-        """The topic's incidents after one, as they are now."""
+        """Return the topic's incidents after one, as they are now."""
         found = list(self.healing.incidents.values())
         return sorted(
             (each for each in found if each.topic == TOPIC and each.id > since),
@@ -107,7 +107,7 @@ class DistributedRover:
         )
 
     def steps(self, since: int) -> List[Incident]:
-        """The steps of the topic's incidents after one, in order."""
+        """Return the steps of the topic's incidents after one, in order."""
         return [each for each in list(self._steps) if each.topic == TOPIC and each.id > since]
 
     def await_healed(self, since: int) -> None:
@@ -116,12 +116,12 @@ class DistributedRover:
         wait_until(healed, PATIENCE_S, "the topic is healed")
 
     def speakers(self, seconds: float) -> List[str]:
-        """Who was heard in the last seconds."""
+        """Return the publishers of the last seconds."""
         since = time.monotonic() - seconds
         return sorted({each.node for each in self.since(since)})
 
     def since(self, moment: float) -> List[Heard]:
-        """What was heard since a moment."""
+        """Return what was heard since a moment."""
         return [each for each in list(self.heard) if each.at >= moment]
 
     def kill_amperemeter(self) -> None:
@@ -159,7 +159,7 @@ class DistributedRover:
             each.wait()
 
     def last_words(self, lines: int = 40) -> str:
-        """The end of what the nodes said."""
+        """Return the end of what the nodes said."""
         return "\n".join(self._output.read_text(errors="replace").splitlines()[-lines:])
 
     def _incident(self) -> Incident:
@@ -176,7 +176,7 @@ class DistributedRover:
             )
 
     def _simulate(self) -> "subprocess.Popen[bytes]":
-        """The world goes on whatever happens to a computer: it is on none of them."""
+        """Start the world, which goes on whatever happens to a computer: it is on none of them."""
         command = ("rosrun", "shsa_rover", "rover_simulator", f"_port:={self._port}")
         with open(str(self._output), "ab") as file:
             return subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
@@ -212,7 +212,7 @@ class DistributedRover:
 
 @contextlib.contextmanager
 def distributed_rover(standby: str) -> Iterator[DistributedRover]:
-    """The rover while it is needed."""
+    """Return the rover while it is needed."""
     before = {name: os.environ.get(name) for name in ("ROS_IP", "ROS_MASTER_URI")}
     with Computers(*NAMES) as network:
         os.environ["ROS_IP"] = network.here
@@ -228,7 +228,7 @@ def distributed_rover(standby: str) -> Iterator[DistributedRover]:
 
 
 def _som(folder: Path, standby: str) -> Path:
-    """The rover's SOM with another standby of the amperemeter."""
+    """Return the rover's SOM with another standby of the amperemeter."""
     source = Path(rospkg.RosPack().get_path("shsa_rover")) / "ontology" / "rover_hosts_som.yaml"
     som = yaml.safe_load(source.read_text())
     som["services"][NODE[1:]]["standby"] = standby
@@ -238,7 +238,7 @@ def _som(folder: Path, standby: str) -> Path:
 
 
 def _processes(computer: Computer, node: str) -> List[psutil.Process]:
-    """The processes of a node on a computer, without those that start it."""
+    """Return the processes of a node on a computer, without those that start it."""
     found = {each: _words(each) for each in computer.processes()}
     started = lambda words: "rosrun" in " ".join(words)
     return [
@@ -247,7 +247,7 @@ def _processes(computer: Computer, node: str) -> List[psutil.Process]:
 
 
 def _words(process: psutil.Process) -> List[str]:
-    """The command of a process; none if it has ended by now."""
+    """Return the command of a process; none if it has ended by now."""
     try:
         return list(process.cmdline())
     except psutil.NoSuchProcess:

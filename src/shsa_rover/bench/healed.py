@@ -27,7 +27,7 @@ SENSOR, MEAN = "sensor", "mean of the sensor before"
 CHOSEN, SECOND = "chosen", "second choice"
 CALIBRATED = ", calibrated"
 WAYS = (SENSOR, MEAN, CHOSEN, CHOSEN + CALIBRATED, SECOND, SECOND + CALIBRATED)
-"""How the current goes on; as if nothing had been lost, to compare with, is the first."""
+"""Ways in which the current goes on; the first, to compare with, loses nothing."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,14 @@ class Outcome:
 
 
 def drive(world: World, seed: int, seconds: float) -> Dataset:
-    """A drive that nothing was fitted to."""
+    """Return a drive that nothing was fitted to."""
     random = Random(f"{seed}/unseen")
     legs = round(LEGS_A_MINUTE * seconds / 60.0) + 1
     return simulate(random_drive(seed, legs), seconds, seed, random.uniform(*CHARGES), world)
 
 
 def plans(ontology: Ontology, som: Som) -> Tuple[Plan, Plan]:
-    """What healing would do about a lost amperemeter, and the best that is by other relations."""
+    """Return healing's plan for a lost amperemeter, and the best by other relations."""
     service = next(each for each in som if LOST in each.properties)
     question = ontology, service, SourceTable(ontology.network, som.sources)
     errors = predictor(ontology, som.sources)
@@ -76,7 +76,7 @@ def plans(ontology: Ontology, som: Som) -> Tuple[Plan, Plan]:
 def outcomes(
     world: str, seed: int, data: Dataset, ontology: Ontology, choices: Tuple[Plan, Plan]
 ) -> Iterator[Outcome]:
-    """Each way, in the order of WAYS."""
+    """Yield each way, in the order of WAYS."""
     lost_at = Random(f"{seed}/lost").uniform(FIRST, LAST) * float(data.time[-1])
     row = int(lost_at / PERIOD_S)
     for way, values, p95 in _ways(row, data, ontology, choices):
@@ -86,7 +86,7 @@ def outcomes(
 def _ways(
     row: int, data: Dataset, ontology: Ontology, choices: Tuple[Plan, Plan]
 ) -> Iterator[Tuple[str, np.ndarray, Optional[float]]]:
-    """Every way: what it yields from row on, and the p95 error that it states."""
+    """Yield every way: what it yields from row on, and the p95 error that it states."""
     measured = data.measured[CURRENT]
     yield SENSOR, measured, None
     yield MEAN, np.full_like(measured, np.mean(measured[:row])), None
@@ -106,7 +106,7 @@ def _ways(
 def calibrate(
     time: np.ndarray, measured: np.ndarray, derived: np.ndarray, row: int, stated: Optional[float]
 ) -> Calibration:
-    """What is known of a derivation by the row at which the sensor is lost."""
+    """Return what is known of a derivation by the row at which the sensor is lost."""
     calibrator = Calibrator(stated)
     rows = slice(0, row, SAMPLE_ROWS)
     samples = zip(time[rows].tolist(), measured[rows].tolist(), derived[rows].tolist())
@@ -163,7 +163,7 @@ def lag(values: np.ndarray, truth: np.ndarray) -> float:
 
 
 def by_way(found: List[Outcome]) -> Mapping[Tuple[str, str], List[Outcome]]:
-    """The outcomes of each world and way."""
+    """Return the outcomes of each world and way."""
     table: Dict[Tuple[str, str], List[Outcome]] = {}
     for each in found:
         table.setdefault((each.world, each.way), []).append(each)

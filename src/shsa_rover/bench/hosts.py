@@ -1,4 +1,4 @@
-"""What a consumer on the mainboard hears of the current when the Raspberry Pi or its link fails.
+"""The current at a consumer on the mainboard when the Raspberry Pi or its link fails.
 
 The rover runs on three computers made of namespaces, healed from the notebook; deadline: the SOM's.
 Of each repetition: `outage_ms`, the longest pause between fresh messages; `lost`, messages that the
@@ -43,7 +43,7 @@ def repetitions(name: str, count: int) -> Iterator[Outcome]:
 
 
 def judge(rows: Dict[str, List[Outcome]]) -> Goals:
-    """What must hold."""
+    """Return the goals."""
     goals = Goals()
     for name, outcomes in rows.items():
         if outcomes:

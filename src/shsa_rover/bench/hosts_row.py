@@ -18,7 +18,7 @@ PERIOD_S = 0.02
 DEADLINE_S = 0.25
 SETTLED_S = 3.0
 SETTLED_HERE_S = 1.5
-"""Where no link is mended."""
+"""Time of a link that is never mended."""
 LISTEN_S = 1.0
 
 
@@ -52,7 +52,7 @@ class Row(NamedTuple):
 
 
 def cut(seconds: float) -> Row:
-    """The Raspberry Pi's cable is out for so long."""
+    """Take the Raspberry Pi's cable out for so long."""
     restore = lambda rover: rover.link.restore()
     return Row(f"link cut, {seconds:g} s", lambda rover: rover.link.cut(), restore, seconds)
 
@@ -123,7 +123,7 @@ def measure(rover: DistributedRover, row: Row) -> Outcome:
 
 
 def lost(fresh: Sequence[Heard]) -> int:
-    """How many messages were missed in between."""
+    """Count the messages missed in between."""
     count = 0
     for a, b in zip(fresh, fresh[1:]):
         step = b.number - a.number if a.node == b.node else round((b.at - a.at) / PERIOD_S)
@@ -132,7 +132,7 @@ def lost(fresh: Sequence[Heard]) -> int:
 
 
 def counts(time: float, steps: Iterable[Incident]) -> bool:
-    """Whether the amperemeter counted as the publisher at a moment in s, by what healing has said.
+    """Return whether the amperemeter counted as the publisher at a moment in s.
 
     It does up to `detected` and from `returned` on, until it fails again.
     """

@@ -1,4 +1,4 @@
-"""What healing puts on the network between the rover's three computers, in bytes/s.
+"""Traffic of healing between the rover's three computers, in bytes/s.
 
 The rover drives on one computer, and the kernel's counters of each TCP connection (`ss`) say what
 would cross the network if its nodes ran as in the paper's Fig. 6: amperemeter and IMU on the
@@ -35,7 +35,7 @@ _SOCKET = re.compile(r"^\d+\s+\d+\s+(\S+)\s+(\S+)\s+users:\(\(.*?pid=(\d+),")
 
 
 class Sent(NamedTuple):
-    """What one end of a connection has sent: bytes of data, and segments."""
+    """Bytes of data and segments that one end of a connection has sent."""
 
     data: int
     segments: int
@@ -55,12 +55,12 @@ def connections(nodes: Dict[int, str]) -> Dict[Tuple[str, str, str], Sent]:
 
 
 def _address(text: str) -> str:
-    """An address in one way of writing."""
+    """Return an address in one way of writing."""
     return text.replace("[::ffff:", "").replace("]", "")
 
 
 def crossing(seconds: float, nodes: Dict[int, str]) -> Iterator[Tuple[Tuple[str, str, str], Sent]]:
-    """What is sent from one host to another, and for whom."""
+    """Traffic from one host to another, and for whom."""
     before = connections(nodes)
     time.sleep(seconds)
     after = connections(nodes)
@@ -76,7 +76,7 @@ def crossing(seconds: float, nodes: Dict[int, str]) -> Iterator[Tuple[Tuple[str,
 
 
 def nodes_of(graph: Graph) -> Dict[int, str]:
-    """The nodes that run on the three computers, by process."""
+    """Return the nodes that run on the three computers, by process."""
     found = {graph.master.pid: "rosmaster"}
     for process in graph.processes():
         words = process.cmdline()

@@ -1,4 +1,4 @@
-"""How true a substitute is in worlds that nothing was fitted to, and whether it says so itself.
+"""Errors of a substitute in worlds that nothing was fitted to, and if it knows them itself.
 
 In each unseen drive the amperemeter is lost at a random time; the state of charge is counted on by
 what takes over. Then every derivation of every property is compared with the truth, and with the
@@ -40,7 +40,7 @@ def nrmse(rows: Sequence[Outcome]) -> float:
 
 
 def figures(table: Mapping[Tuple[str, str], List[Outcome]]) -> List[List[str]]:
-    """A row for each world and way."""
+    """Return a row for each world and way."""
     rows = []
     for (world, way), found in table.items():
         charges = [each.charge_error for each in found]
@@ -79,7 +79,7 @@ def judge_ways(goals: Goals, table: Mapping[Tuple[str, str], List[Outcome]]) -> 
 
 
 def judge_ranked(goals: Goals, found: List[Ranked]) -> List[List[str]]:
-    """The goals of what is stated; a row for each world and property."""
+    """Return the goals of what is stated; a row for each world and property."""
     rows = []
     groups: Dict[Tuple[str, str], List[Ranked]] = {}
     for each in found:

@@ -48,7 +48,7 @@ ALARMS = ("world", "service", "hours", "false alarms", "doubtful, % of the time"
 
 @dataclass(frozen=True)
 class Watched:
-    """What the monitor found in a drive: failures, and looks at which a service was doubtful."""
+    """Failures that the monitor found in a drive, and looks at which a service was doubtful."""
 
     failures: Tuple[FailureDetected, ...]
     doubtful: Count[str]
@@ -56,7 +56,7 @@ class Watched:
 
 
 def compared(som: Som) -> Som:
-    """The SOM with every value of a periodic service compared by the known errors."""
+    """Return the SOM with every value of a periodic service compared by the known errors."""
     return Som([_compared(service) for service in _slower(som)])
 
 
@@ -79,7 +79,7 @@ def _compared(service: Service) -> Service:
 
 
 def messages(data: Dataset, som: Som) -> Iterator[Tuple[float, Service, Tuple[float, ...]]]:
-    """What the services say in a drive, as each is due."""
+    """Yield the values of the services in a drive, as each is due."""
     columns = []
     for service in som:
         paths = [service.source(each.property) for each in checked_provisions(service)]
@@ -113,7 +113,7 @@ def watch(data: Dataset, som: Som, ontology: Ontology, stop: bool = False) -> Wa
 
 
 def wrong(data: Dataset, fault: Fault) -> Dataset:
-    """The same drive, with an amperemeter that is wrong from half of it on."""
+    """Return the same drive, with an amperemeter that is wrong from half of it on."""
     begin = int(WRONG_FROM * len(data.time))
     current = data.measured[CURRENT].tolist()
     last = current[begin]
@@ -130,7 +130,7 @@ def _only_current(som: Som) -> Som:
 def found_in(
     data: Dataset, som: Som, ontology: Ontology, fault: Fault
 ) -> Tuple[Optional[float], str, float]:
-    """When a fault was found (s since it began; None: never), whom, and how wrong it was (A)."""
+    """Return the delay of a finding (s; None: never), the accused, and the error then (A)."""
     spoilt = wrong(data, fault)
     failures = watch(spoilt, som, ontology, stop=True).failures
     if not failures:

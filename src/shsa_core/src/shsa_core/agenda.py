@@ -1,4 +1,4 @@
-"""What is due when: one moment a key, the earliest at hand."""
+"""Moments at which something is due: one a key, the earliest at hand."""
 from heapq import heappop, heappush
 from math import inf
 from typing import Dict, Generic, List, Optional, Tuple, TypeVar
@@ -18,7 +18,7 @@ class Agenda(Generic[Key]):
         self._count = 0
 
     def set(self, key: Key, due: Optional[float]) -> None:
-        """`key` is due at `due`, in s; None: no more."""
+        """Have `key` due at `due`, in s; None: no more."""
         if due == self._due.get(key):
             return
         if due is None:
@@ -29,22 +29,22 @@ class Agenda(Generic[Key]):
         heappush(self._heap, (due, self._count, key))
 
     def bring_forward(self, key: Key, due: float) -> None:
-        """`key` is due at `due`, in s, or earlier if it was already; never if that is infinite."""
+        """Have `key` due at `due`, in s, or earlier if it was; never if that is infinite."""
         if due < self.when(key):
             self.set(key, due)
 
     def when(self, key: Key) -> float:
-        """When `key` is due, in s; infinite: it is not."""
+        """Return when `key` is due, in s; infinite: it is not."""
         return self._due.get(key, inf)
 
     def next(self) -> Optional[float]:
-        """When the earliest is due, in s; None: nothing is."""
+        """Return when the earliest is due, in s; None: nothing is."""
         while self._heap and self._due.get(self._heap[0][2]) != self._heap[0][0]:
             heappop(self._heap)
         return self._heap[0][0] if self._heap else None
 
     def pop_due(self, time: float) -> List[Key]:
-        """The keys that are due at `time`, earliest first; they are due no more."""
+        """Return the keys that are due at `time`, earliest first; they are due no more."""
         found: List[Key] = []
         due = self.next()
         while due is not None and due <= time:
@@ -56,5 +56,5 @@ class Agenda(Generic[Key]):
 
 
 def doubled(first: float, times: int, longest: float = inf) -> float:
-    """A pause in s that doubles each time, up to `longest`."""
+    """Return a pause in s that doubles each time, up to `longest`."""
     return min(first * 2.0 ** min(times, 60), longest)  # a power of a thousand is an error

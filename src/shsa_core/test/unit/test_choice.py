@@ -1,4 +1,4 @@
-"""Which derivation is best where errors are known."""
+"""The choice of a derivation where errors are known."""
 from dataclasses import replace
 from itertools import islice
 from typing import Any, List, Sequence, Tuple
@@ -142,7 +142,7 @@ def test_what_relations_share_is_searched_once(monkeypatch: pytest.MonkeyPatch) 
     knows = predictor(ontology, [X])
     assert knows is not None
     number = ontology.network.number("y")
-    found = choice.choose(ontology.network, table, lambda function: True, number, knows)
+    found = choice.compare(ontology.network, table, lambda function: True, number, knows)
     assert len(found.rated) == 20 and found.complete
     assert len(made) == 1
 

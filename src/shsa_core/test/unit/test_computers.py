@@ -32,7 +32,7 @@ from shsa_core.ros.trust.seal import (
     REPEATED,
     TWICE,
     UNPROVEN,
-    Gate,
+    Verifier,
     Seal,
 )
 
@@ -93,7 +93,7 @@ class Reader(Robot):
 
     def begin(self) -> None:
         """Begin to listen: nobody can be connected before a call has gone there and back."""
-        self.gate = Gate(SECRET, "/topic", self.computers.find, self.clock)
+        self.verifier = Verifier(SECRET, "/topic", self.computers.find, self.clock)
         self.world.now += 10 * MS
 
     def find(self, node: str) -> str:
@@ -114,10 +114,10 @@ class Reader(Robot):
 
     def hears(self, message: bytes, sender: str = "sender") -> str:
         """Why a message is refused, as a subscriber of ours finds it."""
-        why = self.gate.refusal(message)
+        why = self.verifier.refusal(message)
         if why == UNPROVEN:
             boot = message[-56:-40]
-            why = self.computers.refusal(boot, sender) or self.gate.refusal(message)
+            why = self.computers.refusal(boot, sender) or self.verifier.refusal(message)
         return why
 
 
@@ -350,12 +350,12 @@ def test_strangers_are_not_asked_and_leave_nothing_behind(world: World) -> None:
         stranger.secret = bytes(32)
         assert reader.hears(stranger.says(), stranger.name) == FOREIGN
         assert stranger.asked == 0
-    assert not reader.computers._failed and not reader.gate._senders
+    assert not reader.computers._failed and not reader.verifier._senders
     recorded = [Robot(World(), f"old{number}").says() for number in range(3 * MOST_FAILED)]
     for message in recorded:
         assert "no answer" in reader.hears(message, "nobody")
     assert len(reader.computers._failed) == MOST_FAILED
-    assert len(reader.computers._known) == 1 and not reader.gate._senders
+    assert len(reader.computers._known) == 1 and not reader.verifier._senders
     assert threading.active_count() == threads
 
 
@@ -382,7 +382,7 @@ def test_more_computers_than_are_known_at_once_are_forgotten_and_repeat_nothing(
         world.now += S
         said.append(other.says())
         assert reader.hears(said[-1], other.name) == ""
-    assert len(reader.computers._known) == MOST + 1 == len(reader.gate._senders) + 1
+    assert len(reader.computers._known) == MOST + 1 == len(reader.verifier._senders) + 1
     assert reader.hears(messages[0]) == EARLY, "it proves itself again, and that was before"
     world.now += S
     assert reader.hears(first.says()) == ""

@@ -1,4 +1,4 @@
-"""How long a stream may be silent, learned from its gaps: as often exceeded as was asked for."""
+"""Deadlines learned from the gaps of a stream: as often exceeded as was asked for."""
 from math import exp, log
 from typing import Callable, List, Sequence, Tuple
 
@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shsa_core.monitoring.deadline import BLOCKS, KEEP, SPARE, LearnedDeadline, fitted
+from shsa_core.monitoring.deadline import LearnedDeadline, fitted
+from shsa_core.monitoring.settings import BLOCKS, SPARE, TAIL_KEPT
 from shsa_testing.thorough import many
 
 PERIOD, FIXED, MOST = 0.02, 0.25, 1.0
@@ -59,7 +60,7 @@ Stream = Callable[["np.random.RandomState", int], "np.ndarray"]
 
 
 def alarms(deadline: LearnedDeadline, gaps: Sequence[float]) -> int:
-    """How many gaps are blamed; those teach nothing."""
+    """Count the gaps that are blamed; those teach nothing."""
     count = 0
     for gap in gaps:
         if gap > deadline.allowed:
@@ -205,4 +206,4 @@ def test_whatever_comes_the_deadline_is_within_its_limits(
             assert deadline.allowed >= min(MOST, SPARE * longest)
         oftener = LearnedDeadline(PERIOD, 10.0 * an_hour, FIXED, MOST, deadline)
         assert oftener.allowed <= LearnedDeadline(PERIOD, an_hour, FIXED, MOST, deadline).allowed
-    assert sum(len(block.longest) for block in deadline._blocks) <= KEEP * BLOCKS
+    assert sum(len(block.longest) for block in deadline._blocks) <= TAIL_KEPT * BLOCKS

@@ -28,7 +28,7 @@ PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
 
 
 class AnyRobot(RuleBasedStateMachine):
-    """What was told to the reconfigurator and what it said, beside it."""
+    """An observer beside the reconfigurator, of what it was told and what it said."""
 
     sound = False  # no event was refused
     taken_up = False  # the reconfigurator has started
@@ -160,7 +160,7 @@ class AnyRobot(RuleBasedStateMachine):
     # What always holds
 
     def check_tables(self) -> None:
-        """What was told in changes is how things stand, looked at anew."""
+        """Check that what was told in changes is how things stand, looked at anew."""
         core = self.core
         availability, planner, pool = (
             core.robot.availability,
@@ -172,16 +172,17 @@ class AnyRobot(RuleBasedStateMachine):
             for each in self.som
         }
         rows = {
-            name: Substitution(name, "", (), "", (), host=pool.record(name).host)
+            name: Substitution(name, "", (), "", (), host=pool.processes[name].host)
             for name in pool.processes
         }
         rows.update(pool.plans)
         for name, healing in core.services.items():
-            assert self.incidents.get(name) == healing.incident
+            assert self.incidents.get(name) == core.incident(name)
             plan = healing.substitute.plan
             if plan is not None:
                 service = core.robot.som.services[name]
-                parted = core.robot.parted(service, healing.substitute.host)
+                elsewhere = service.host and core.robot.computers.name(service.host)
+                parted = bool(healing.substitute.host or elsewhere)
                 waits = healing.state in SUBSTITUTED and not healing.publishes
                 speaks = waits or healing.state in (State.WELL, State.RETURNING)
                 alone = len(core.robot.som.of_topic(service.topic)) == 1

@@ -1,4 +1,4 @@
-"""What the reconfigurator makes of nodes, launches, models, and services that share a topic."""
+"""The reconfigurator with nodes, launches, models, and services that share a topic."""
 from dataclasses import replace
 from typing import Any, Callable, List
 
@@ -21,9 +21,12 @@ from core_robot import (
 )
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.incident import State
-from shsa_core.healing.substitute import Substitute
+from shsa_core.healing.incident import WELL, State
+from shsa_core.healing.node import no_accusation
+from shsa_core.healing.process import Substitute
+from shsa_core.healing.records import IdleProcess
 from shsa_core.healing.repair import Trigger
+from shsa_core.healing.settings import AGAIN_S
 from shsa_core.model.kinds import Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Provision, Service
@@ -125,9 +128,12 @@ def test_what_is_named_as_a_substitute_and_not_known_to_be_one_is_left_alone_and
 def test_a_substitute_that_was_left_behind_and_not_found_in_time_is_looked_for_again() -> None:
     robot = Robot()
     robot.handle(events.Started(1.0, ("/substitute_a_7",)))
-    for time in (3.0, 5.0, 7.0, 9.0):
+    for time in (3.0, 7.0, 13.0):
+        assert not has(robot.handle(events.Tick(time)), events.FindNode)
+        time += AGAIN_S * 2 ** [3.0, 7.0, 13.0].index(time)
         assert events.FindNode("/substitute_a_7") in robot.handle(events.Tick(time))
-    assert not has(robot.handle(events.Tick(11.0)), events.FindNode)
+    robot.killed(21.5, "/substitute_a_7")
+    assert not has(robot.handle(events.Tick(100.0)), events.FindNode)
 
 
 def test_at_the_end_every_substitute_is_stopped_and_what_our_launch_had_started_first() -> None:
@@ -350,14 +356,11 @@ def test_safe_values_promise_nothing() -> None:
             "a: unhealed, and nothing will ever be tried again",
         ),
         (
-            lambda core, a: (
-                setattr(a.substitute, "node", ""),
-                setattr(a.substitute, "plan", None),
-            ),
+            lambda core, a: vars(a.substitute).update(node="", plan=None),
             "a: healed without a substitute",
         ),
         (
-            lambda core, a: core.robot.processes.pool.add(a.node, 0.0, ""),
+            lambda core, a: core.robot.processes.pool.add(IdleProcess(a.node, 0.0)),
             "works for a and for the pool",
         ),
         (
@@ -372,12 +375,12 @@ def test_safe_values_promise_nothing() -> None:
         ),
         (
             lambda core, a: a.__dict__.update(
-                incident=None, accusation=None, substitute=Substitute("a", core.robot)
+                incident=WELL, accusation=no_accusation(), substitute=Substitute("a", core.robot)
             ),
             "is in the table of substitutions, but has no owner",
         ),
         (
-            lambda core, a: a.__dict__.update(incident=None, accusation=None),
+            lambda core, a: a.__dict__.update(incident=WELL, accusation=no_accusation()),
             "publishes for a, which is well",
         ),
     ],

@@ -18,8 +18,9 @@ from shsa_core.model.service import LastResort, Provision
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import HealthChanged, PublisherHealth, PublisherState
-from shsa_core.monitoring.last_messages import COUNT, LARGEST_B, OLDEST_S, LastMessages
-from shsa_core.ros.wire.healing import LARGEST_MESSAGE_B, failure_seen
+from shsa_core.monitoring.last_messages import LastMessages
+from shsa_core.monitoring.settings import LAST_MESSAGE_B, MESSAGES_KEPT, OLDEST_MESSAGE_S
+from shsa_core.ros.wire.healing import failure_seen
 from shsa_core.substitution import events
 from shsa_core.substitution.job import Stamps
 
@@ -41,14 +42,14 @@ def test_the_newest_message_that_was_still_good_is_handed_out() -> None:
 
 def test_messages_are_few_small_and_young() -> None:
     kept = LastMessages()
-    for number in range(COUNT + 5):
+    for number in range(MESSAGES_KEPT + 5):
         kept.keep(float(number), "/a", "/node", b"%d" % number)
     assert kept.newest("/a", "/node", 4.0, 20.0) == b""
     assert kept.newest("/a", "/node", 5.0, 20.0) == b"5"
-    assert kept.newest("/a", "/node", 5.0, 5.1 + OLDEST_S) == b""
-    kept.keep(50.0, "/a", "/node", bytes(LARGEST_B + 1))
-    assert kept.newest("/a", "/node", 50.0, 50.0) == b"%d" % (COUNT + 4)
-    kept.keep(100.0 + OLDEST_S, "/b", "/node", b"")
+    assert kept.newest("/a", "/node", 5.0, 5.1 + OLDEST_MESSAGE_S) == b""
+    kept.keep(50.0, "/a", "/node", bytes(LAST_MESSAGE_B + 1))
+    assert kept.newest("/a", "/node", 50.0, 50.0) == b"%d" % (MESSAGES_KEPT + 4)
+    kept.keep(100.0 + OLDEST_MESSAGE_S, "/b", "/node", b"")
     assert kept.newest("/a", "/node", 50.0, 50.0) == b"", "nobody is remembered for ever"
 
 
@@ -75,11 +76,11 @@ def test_the_row_of_a_failed_publisher_has_its_last_good_message_and_keeps_it() 
     kept.keep(91.0, "/a", A, b"good")
     kept.keep(91.5, "/a", A, b"bad")
     assert told(kept, FAILED) == [(A, b"good")]
-    for number in range(COUNT):
+    for number in range(MESSAGES_KEPT):
         kept.keep(93.0 + number, "/a", A, b"bad")
     assert told(kept, replace(FAILED, kind=Kind.NODE_GONE)) == [(A, b"good")]
     assert told(kept, replace(FAILED, state=PublisherState.HEALTHY, since=94.0)) == [(A, b"")]
-    assert kept.failed() == []
+    assert told(kept, gone=A) == []
 
 
 def test_it_has_the_newest_message_of_a_substitute_that_stood_in_once_that_has_left() -> None:
@@ -93,12 +94,10 @@ def test_it_has_the_newest_message_of_a_substitute_that_stood_in_once_that_has_l
     for node in ("/safe", "/muted"):
         assert told(kept, gone=node) == []
     assert told(kept, gone="/standing") == [(A, b"/standing")]
-    assert [row_.last_message for row_ in kept.failed()] == [b"/standing"]
     # A substitute's own failure ends with it.
     substituted(kept, "/other")
     failed = replace(FAILED, publisher="/other", last_good=99.0)
     assert told(kept, failed) == [("/other", b"/other"), (A, b"/other")]
-    assert len(kept.failed()) == 1
 
 
 def test_where_nobody_was_ever_seen_it_has_what_a_substitute_has_computed() -> None:
@@ -116,7 +115,7 @@ def test_a_failure_carries_the_message_unless_it_is_too_large(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
-    for data, seen in ((b"\0\xff", b"\0\xff"), (bytes(LARGEST_MESSAGE_B + 1), b""), (b"", b"")):
+    for data, seen in ((b"\0\xff", b"\0\xff"), (bytes(LAST_MESSAGE_B + 1), b""), (b"", b"")):
         failure = Failure(header=Header(), topic="/a", kind="silent", last_message=data)
         assert failure_seen(failure).last_message == seen
 
@@ -145,6 +144,16 @@ def test_who_takes_a_substitutes_place_goes_on_from_its_last_message() -> None:
     fail(robot, substitute, 11.0, b"newer", "silent")
     (row_,) = robot.working()
     assert (row_.node != substitute, row_.last_message) == (True, b"newer")
+
+
+def test_the_row_brings_the_message_of_a_failure_that_was_told_before() -> None:
+    robot = Robot()
+    fail(robot, A, 10.0, b"")
+    for message in (b"good", b"newer"):  # the second one after its substitute has left
+        died = (PublisherState.FAILED, 10.0, 1.0, 9.98, Kind.NODE_GONE, "died")
+        failed = PublisherHealth("/a", A, *died, last_message=message)
+        robot.handle(healing.HealthSeen(10.01, (failed,)))
+        assert [each.last_message for each in robot.working()] == [message]
 
 
 def test_an_older_message_does_not_take_the_place_of_a_newer_one() -> None:

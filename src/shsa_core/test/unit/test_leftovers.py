@@ -1,4 +1,4 @@
-"""Which processes are substitutes that somebody left behind: by what runs, not by its name."""
+"""Substitutes that somebody left behind, known by what runs, not by its name."""
 import os
 import signal
 import subprocess
@@ -105,7 +105,7 @@ def test_what_was_left_behind_is_found_and_ended_as_our_own(
     is_stopped = lambda: left[NODE].status() == psutil.STATUS_STOPPED
     wait_until(is_stopped, 5.0, "it is stopped")
     began = time.monotonic()
-    known.stop(NODE)
+    known.children.stop(NODE)
     assert started[0].poll() == -signal.SIGKILL and not ended
     assert time.monotonic() - began < settings.PROCESS_END_S  # it was not asked
 

@@ -1,22 +1,22 @@
-"""What is said over a line arrives in order and each once, whatever the line does to it."""
+"""Texts over a line arrive in order and each once, whatever the line does to them."""
 import random
 from typing import List, Tuple
 
 import pytest
 
-from shsa_core.ros.agent.line import Line, Said
-from shsa_core.ros.settings import RESEND_S
+from shsa_core.ros.agent.line import Line, Numbered
+from shsa_core.ros.settings import SILENT_S as RESEND_S
 
 
 def test_what_is_said_is_numbered_and_said_again_until_it_was_heard() -> None:
     line = Line()
-    assert line.say("a", 0.0) == Said(1, "a")
-    assert line.say("b", 0.1) == Said(2, "b")
+    assert line.say("a", 0.0) == Numbered(1, "a")
+    assert line.say("b", 0.1) == Numbered(2, "b")
     assert line.again(RESEND_S - 0.01) == []
-    assert line.again(RESEND_S) == [Said(1, "a"), Said(2, "b")]
+    assert line.again(RESEND_S) == [Numbered(1, "a"), Numbered(2, "b")]
     assert line.again(RESEND_S + 0.01) == []  # not again at once
     line.hear(0, 1, 0.3)
-    assert line.again(0.3 + RESEND_S) == [Said(2, "b")]
+    assert line.again(0.3 + RESEND_S) == [Numbered(2, "b")]
     assert line.since == 0.3
     line.hear(0, 2, 1.0)
     assert line.since is None and line.again(9.0) == []

@@ -1,4 +1,4 @@
-"""What would substitute a service, calibrated by the monitor while the service is well."""
+"""Substitutes of a service, calibrated by the monitor while the service is well."""
 from dataclasses import replace
 from math import sin
 from random import Random
@@ -13,7 +13,7 @@ from shsa_core.model.kinds import Kind
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring import calibrations
+from shsa_core.monitoring import settings
 from shsa_core.monitoring.events import (
     CalibrationsChanged,
     Connected,
@@ -104,7 +104,7 @@ class Robot:
             self.hear(Tick(self.now))
 
     def of(self, name: str, relation_input: str) -> Optional[Calibration]:
-        """What is told of the program for a service that reads one other."""
+        """Return the calibrations of the program for a service that reads one other."""
         found = [
             row[0]
             for (service, program), row in self.rows.items()
@@ -245,7 +245,7 @@ def test_a_source_that_comes_later_is_planned_with(ontology: Ontology) -> None:
 def test_no_more_is_evaluated_than_the_budget_allows(
     ontology: Ontology, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(calibrations, "EVALUATIONS_PER_S", 6.0)
+    monkeypatch.setattr(settings, "EVALUATIONS_PER_S", 6.0)
     robot = Robot(ontology, LOAD, SPEED, POWER)
     robot.run(60.0)
     assert robot.of("load", "speed") is not None and robot.of("load", "power") is None

@@ -3,7 +3,7 @@ invariants after every event.
 """
 from typing import Any, Dict, Optional, Tuple
 
-from hypothesis import settings
+import hypothesis
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from monitor_bench import DEADLINE, PERIOD, Bench, message_checks, provision, row, service
@@ -12,7 +12,7 @@ from shsa_core.model.checks import UnknownPublisher
 from shsa_core.model.service import AdaptiveDeadline
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring import deadline, events
+from shsa_core.monitoring import events, settings
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 from shsa_testing.thorough import many
 
@@ -31,11 +31,11 @@ NODES = ("/m", "/n", "/o", "/substitute_1", "/substitute_2")
 
 
 class AnyRobot(RuleBasedStateMachine):
-    """What the monitor was told and what it said, beside it."""
+    """An observer beside the monitor, of what it was told and what it said."""
 
     @initialize()
     def start(self) -> None:
-        self.learns_after, deadline.LEARN_GAPS = deadline.LEARN_GAPS, 5
+        self.learns_after, settings.LEARN_GAPS = settings.LEARN_GAPS, 5
         self.bench = Bench(SERVICES[0], SERVICES[4])
         self.connected: Dict[Tuple[str, str], bool] = {}
         self.rows: Dict[str, Substitution] = {}
@@ -43,7 +43,7 @@ class AnyRobot(RuleBasedStateMachine):
         self.ended = False
 
     def teardown(self) -> None:
-        deadline.LEARN_GAPS = self.learns_after
+        settings.LEARN_GAPS = self.learns_after
 
     def hear(self, event: events.Event) -> None:
         """Hand over an event, and check what is said against what was told."""
@@ -77,7 +77,7 @@ class AnyRobot(RuleBasedStateMachine):
         before: Dict[Tuple[str, str], PublisherHealth],
         event: events.Event,
     ) -> None:
-        """Who fails had not failed before; and silence is no fault of who is told to be silent.
+        """Check that who fails had not failed before, and was not told to be silent.
 
         Each service that was never there is told of for itself, and so are wrong values of who was
         silent before.
@@ -200,6 +200,6 @@ class AnyRobot(RuleBasedStateMachine):
 
 
 TestAnyRobot = AnyRobot.TestCase
-TestAnyRobot.settings = settings(
+TestAnyRobot.settings = hypothesis.settings(
     max_examples=many(100), stateful_step_count=50, deadline=None, derandomize=True
 )

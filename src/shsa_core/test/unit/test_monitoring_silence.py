@@ -1,5 +1,5 @@
 """Whose silence is a failure, and who has an alibi."""
-from typing import Iterable, Tuple
+from typing import Any, Dict, Iterable, Tuple
 
 import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service
@@ -197,7 +197,7 @@ def test_who_has_no_alibi_is_to_blame(blame: Blame) -> None:
 
 
 def test_each_alibi_clears_of_what_it_says_and_ends() -> None:
-    facts = (
+    facts: Tuple[Dict[str, Any], ...] = (
         dict(due=11.0),
         dict(reconnects_until=11.0),
         dict(connected=9.0),

@@ -1,4 +1,4 @@
-"""What the monitor makes of substitutes: who is muted or stopped on purpose has not failed."""
+"""The monitor and substitutes: one that is muted or stopped on purpose has not failed."""
 from dataclasses import replace
 from typing import List
 
@@ -6,7 +6,7 @@ import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, row
 
 from shsa_core.errors import ShsaError
-from shsa_core.monitoring.bridges import SERVES_S, TELL_S
+from shsa_core.monitoring.settings import SERVES_S, TELL_S
 from shsa_core.monitoring.events import Bridged, Message, SubstitutionsChanged
 
 

@@ -8,7 +8,6 @@ from shsa_core.model.host import Host
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
-from shsa_core.monitoring.share import watched_at, watched_beside
 
 PI, BOARD = "pi", "board"
 
@@ -49,18 +48,18 @@ def names(som: Som) -> Tuple[str, ...]:
 
 
 def test_each_service_is_watched_by_one_monitor() -> None:
-    assert names(watched_at(SOM, BOARD)) == ("speed",)
-    assert names(watched_beside(SOM, [BOARD])) == ("current", "steering", "left", "right")
-    assert names(watched_beside(SOM, [PI, BOARD])) == ("steering",)
-    assert watched_beside(SOM, []) == SOM
+    assert names(SOM.at([BOARD])) == ("speed",)
+    assert names(SOM.at([BOARD], beside=True)) == ("current", "steering", "left", "right")
+    assert names(SOM.at([PI, BOARD], beside=True)) == ("steering",)
+    assert SOM.at([], beside=True) == SOM
 
 
 def test_one_monitor_hears_all_publishers_of_a_topic() -> None:
-    assert names(watched_at(SOM, PI)) == ("current", "left", "right")
+    assert names(SOM.at([PI])) == ("current", "left", "right")
 
 
 def test_the_hosts_stay() -> None:
-    assert watched_at(SOM, PI).hosts == SOM.hosts
+    assert SOM.at([PI]).hosts == SOM.hosts
 
 
 def test_the_whole_table_of_one_monitor_leaves_the_rows_of_the_others() -> None:

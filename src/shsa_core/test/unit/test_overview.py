@@ -1,4 +1,4 @@
-"""What people are shown of each service: how it does by all who publish for it."""
+"""Diagnostics of each service: its state by all its publishers."""
 from dataclasses import replace
 from typing import Dict, List, Optional, Tuple
 
@@ -13,7 +13,7 @@ from shsa_core.monitoring.events import SubstitutionsChanged
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.ros import diagnostics
 from shsa_core.ros.diagnostics import ERROR, OK, WARN, MonitorRows, Values, healing_rows
-from shsa_core.ros.master.master_watch import Told
+from shsa_core.ros.master.master_watch import MasterState
 
 SUBSTITUTE, IDLE, STRANGER = "/substitute_current_1", "/substitute_standby_2", "/stranger"
 
@@ -252,7 +252,7 @@ def test_a_row_of_healing_is_named_after_the_service(state: State, expected: int
     current = replace(service(), needed=True)
     other = replace(current, name="other")
     first, second, master = healing_rows(
-        ([current, other], {"current": incident(state)}, Told(), ())
+        ([current, other], {"current": incident(state)}, MasterState(), ())
     )
     assert (master.name, master.level) == ("ROS master", OK)
     assert (first.name, first.level, first.hardware_id) == ("current", expected, NODE)

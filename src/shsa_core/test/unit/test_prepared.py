@@ -43,7 +43,7 @@ class Bench:
 
     @property
     def forking(self) -> forking.Forking:
-        """What has the prepared process."""
+        """Return the owner of the prepared process."""
         assert self.ours._forking is not None
         return self.ours._forking
 
@@ -56,11 +56,13 @@ class Bench:
         """Start an idle substitute."""
         node = f"{NAMESPACE}/substitute_a_{number}"
         self.ours.start(StartSubstitute(node, None))
-        return psutil.Process(self.ours._running[node].pid)
+        return psutil.Process(self.ours.children._running[node].pid)
 
     def is_forked(self, number: int = 1) -> bool:
         """Or was it started by rosrun?"""
-        return isinstance(self.ours._running[f"{NAMESPACE}/substitute_a_{number}"], Foreign)
+        return isinstance(
+            self.ours.children._running[f"{NAMESPACE}/substitute_a_{number}"], Foreign
+        )
 
 
 @pytest.fixture
@@ -69,8 +71,8 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     monkeypatch.setattr(settings, "FIRST_PAUSE_S", 0.01)
     made = Bench()
     yield made
-    for node in made.ours.running():
-        made.ours.stop(node, answers=False)
+    for node in made.ours.children.running():
+        made.ours.children.stop(node, answers=False)
     made.forking.close()
 
 
@@ -97,8 +99,8 @@ def test_a_fork_with_a_program_shows_its_name_however_long_its_code_is(bench: Be
     signals = [(Signal(t, "data", "std_msgs/Float64", "", 0.1, 0.5),) for t in ("/a", "/b")]
     program = Program(("/a/data",), code, ("/b/data",))
     bench.ours.start(StartSubstitute(node, program, signals[0], signals[1]))
-    process = psutil.Process(bench.ours._running[node].pid)
-    assert isinstance(bench.ours._running[node], Foreign)
+    process = psutil.Process(bench.ours.children._running[node].pid)
+    assert isinstance(bench.ours.children._running[node], Foreign)
     assert "__name:=substitute_b_1" in process.cmdline()
     assert bench.ours.runs_ours(node, process)
 
@@ -127,8 +129,8 @@ def test_a_ros_nodes_sockets_time_out_and_its_prepared_process_waits(
         assert all(made.is_forked(number) for number in range(10))
         wait_until(lambda: time.time() > prepared.create_time() + 3.0, 10.0, "it had nothing to do")
         assert made.forking.pid == prepared.pid and not made.ended
-        for node in made.ours.running():
-            made.ours.stop(node, answers=False)
+        for node in made.ours.children.running():
+            made.ours.children.stop(node, answers=False)
         made.forking.close()
     finally:
         socket.setdefaulttimeout(former)
@@ -139,7 +141,7 @@ def test_twenty_at_once(bench: Bench) -> None:
     started = [bench.start(number) for number in range(1, 21)]
     assert all(bench.is_forked(number) for number in range(1, 21))
     assert len({process.pid for process in started}) == 20
-    bench.ours.stop(f"{NAMESPACE}/substitute_a_3", answers=False)
+    bench.ours.children.stop(f"{NAMESPACE}/substitute_a_3", answers=False)
     wait_until(lambda: not started[2].is_running(), 5.0, "one has ended")
     assert all(each.is_running() for each in started if each != started[2])
 

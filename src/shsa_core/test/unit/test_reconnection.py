@@ -4,12 +4,14 @@ import time
 from typing import Any
 
 import pytest
-from plain_sockets import HOST, Monitor, Node
+from plain_sockets import HOST, Monitor, Node, framed
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
 from shsa_core.ros import settings
 from shsa_core.ros.sockets.frames import Wanted
 from shsa_core.ros.sockets.reconnection import Answered, Reconnection, refuses
+from shsa_core.ros.sockets.subscriptions import Arrived, Looked
+from shsa_testing.waiting import wait_until
 
 
 def test_a_node_that_died_is_told_at_once(monitor: Monitor, node: Node) -> None:
@@ -69,7 +71,7 @@ def test_an_answer_to_an_earlier_question_is_none_to_this_one(monitor: Monitor, 
 
 
 def test_two_connections_of_which_each_end_drops_another(monitor: Monitor, node: Node) -> None:
-    """What a subscriber does that is told twice, and a publisher that sees the second one first."""
+    """Do as a subscriber that is told twice, and a publisher that sees the second one first."""
     monitor.connect(node)
     implementation = monitor.connections._implementations[monitor.topic]
     node.drops = 1
@@ -141,6 +143,37 @@ def test_a_topic_that_is_left_while_its_node_is_in_doubt(monitor: Monitor, node:
     monitor.until(lambda: time.monotonic() > end)
     assert monitor.kinds() == ["Interrupted"]
     monitor.connections.subscribe(monitor.topic)
+
+
+def test_the_look_stands_between_what_came_before_and_after_it(
+    monitor: Monitor, node: Node, monkeypatch: Any
+) -> None:
+    """Time passes only as far as all was read."""
+    other = Node(monitor.topic, "/other", listed="/other")
+    monitor.connect(node)
+    monitor.connect(other)
+    times = monitor.connections._times
+    look = times.look
+
+    def send_while_looking() -> Any:
+        node.send(framed(b"before"))
+        time.sleep(0.02)
+        moment = look()
+        other.send(framed(b"after"))
+        time.sleep(0.02)
+        return moment
+
+    monkeypatch.setattr(times, "look", send_while_looking)
+
+    def is_noted() -> bool:
+        """The kernel does so a little after it was asked to."""
+        found = monitor.connections.read()
+        told = [each.data if isinstance(each, Arrived) else type(each) for each in found]
+        assert told == [b"before", Looked, b"after"] or told[-1] is Looked
+        return told[-1] is not Looked
+
+    wait_until(is_noted, 10.0, "the kernel notes when something comes")
+    other.die()
 
 
 def test_who_sends_large_messages_that_nobody_judges_seldom_wakes(

@@ -40,14 +40,14 @@ def started(tmp_path: Path) -> Iterator[psutil.Process]:
     yield process
     if process.is_running():
         process.kill()
-    wait_until(lambda: agent.running() == [], 5.0, "its end is seen")
+    wait_until(lambda: agent.children.running() == [], 5.0, "its end is seen")
 
 
 def test_a_node_that_was_started_again_is_known_by_what_runs(started: psutil.Process) -> None:
     heir = restarts()
-    assert heir.take_up() == [NODE] and heir.running() == [NODE]
+    assert heir.take_up() == [NODE] and heir.children.running() == [NODE]
     assert not heir.is_with_us(NODE) and heir.left_alone() == []  # we have started it, and live
-    heir.stop(NODE)
+    heir.children.stop(NODE)
     wait_until(lambda: restarts().take_up() == [], 5.0, "it has ended")
 
 
@@ -79,4 +79,4 @@ def test_what_a_node_has_started_is_not_the_node(
         heir = restarts()
         assert heir.take_up() == [NODE]
         child.kill()
-    assert heir.running() == [NODE]
+    assert heir.children.running() == [NODE]

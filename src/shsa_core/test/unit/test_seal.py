@@ -21,7 +21,7 @@ from shsa_core.ros.trust.seal import (
     TWICE,
     UNPROVEN,
     WRONG,
-    Gate,
+    Verifier,
     Seal,
 )
 from shsa_core.ros.trust.signing import Signing
@@ -36,10 +36,10 @@ class Bench:
 
     def __init__(self) -> None:
         self.now = 10**15
-        self.gate = self.reader()
+        self.verifier = self.reader()
 
-    def reader(self) -> Gate:
-        return Gate(KEY, "/topic", {BOOT: Computer(BOOT)}.get, lambda: self.now)
+    def reader(self) -> Verifier:
+        return Verifier(KEY, "/topic", {BOOT: Computer(BOOT)}.get, lambda: self.now)
 
     def message(self, text: bytes = b"text", key: bytes = KEY, topic: str = "/topic") -> bytes:
         self.now += 1000
@@ -50,10 +50,10 @@ class Bench:
 def test_what_is_signed_now_is_believed_once() -> None:
     bench = Bench()
     message = bench.message()
-    assert bench.gate.refusal(message) == ""
-    assert bench.gate.refusal(message) == TWICE
+    assert bench.verifier.refusal(message) == ""
+    assert bench.verifier.refusal(message) == TWICE
     bench.now += HOUR_NS
-    assert bench.gate.refusal(message) == "it was sent before, and is repeated"
+    assert bench.verifier.refusal(message) == "it was sent before, and is repeated"
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_what_is_signed_now_is_believed_once() -> None:
 )
 def test_another_secret_or_another_topic_is_refused(changes: Any) -> None:
     bench = Bench()
-    assert bench.gate.refusal(bench.message(**changes)) == "its signature is wrong"
+    assert bench.verifier.refusal(bench.message(**changes)) == "its signature is wrong"
 
 
 def test_what_was_sent_before_the_reader_began_is_not_meant_for_it() -> None:
@@ -78,8 +78,8 @@ def test_what_is_ahead_of_now_is_refused_and_stops_nothing_after_it() -> None:
     bench.now += HOUR_NS
     ahead = bench.message()
     bench.now -= HOUR_NS
-    assert bench.gate.refusal(ahead) == "it is from the future"
-    assert bench.gate.refusal(bench.message()) == ""
+    assert bench.verifier.refusal(ahead) == "it is from the future"
+    assert bench.verifier.refusal(bench.message()) == ""
     assert AHEAD_NS < HOUR_NS
 
 
@@ -87,17 +87,17 @@ def test_what_waited_long_is_believed_in_whatever_order_it_comes() -> None:
     bench = Bench()
     messages = [bench.message() for _ in range(50)]
     bench.now += HOUR_NS
-    assert {bench.gate.refusal(each) for each in reversed(messages)} == {""}
+    assert {bench.verifier.refusal(each) for each in reversed(messages)} == {""}
 
 
 def test_no_more_is_remembered_than_is_bounded_and_nothing_is_believed_again() -> None:
     bench = Bench()
     messages = [bench.message() for _ in range(REMEMBERED + 100)]
-    assert {bench.gate.refusal(each) for each in messages} == {""}
-    (sender,) = bench.gate._senders.values()
+    assert {bench.verifier.refusal(each) for each in messages} == {""}
+    (sender,) = bench.verifier._senders.values()
     assert len(sender._known) == len(sender._order) == REMEMBERED
     bench.now += HOUR_NS
-    assert "" not in {bench.gate.refusal(each) for each in messages}
+    assert "" not in {bench.verifier.refusal(each) for each in messages}
 
 
 @given(cut=st.integers(0, 200), flip=st.integers(0, 8 * 200 - 1), junk=st.binary(max_size=100))
@@ -105,20 +105,20 @@ def test_whatever_was_changed_is_refused(cut: int, flip: int, junk: bytes) -> No
     bench = Bench()
     message = bench.message(b"x" * 160)
     if cut:
-        assert bench.gate.refusal(message[:-cut])
-        assert bench.gate.refusal(message[cut:])
+        assert bench.verifier.refusal(message[:-cut])
+        assert bench.verifier.refusal(message[cut:])
     flipped = bytearray(message)
     flipped[flip // 8] ^= 1 << flip % 8
-    assert bench.gate.refusal(bytes(flipped)).startswith(WRONG)
-    assert bench.gate.refusal(junk)
-    assert bench.gate.refusal(message) == ""
+    assert bench.verifier.refusal(bytes(flipped)).startswith(WRONG)
+    assert bench.verifier.refusal(junk)
+    assert bench.verifier.refusal(message) == ""
 
 
 def test_of_threads_that_bring_the_same_one_alone_is_believed() -> None:
     bench = Bench()
     messages = [bench.message() for _ in range(200)]
     said: List[str] = []
-    bring = lambda: said.extend([bench.gate.refusal(each) for each in messages])
+    bring = lambda: said.extend([bench.verifier.refusal(each) for each in messages])
     threads = [threading.Thread(target=bring) for _ in range(4)]
     for thread in threads:
         thread.start()

@@ -11,7 +11,7 @@ from shsa_msgs.msg import Failure
 
 from shsa_core.ros import diagnostics
 from shsa_core.ros.trust import places, signing
-from shsa_core.ros.trust.computers import Seen
+from shsa_core.ros.trust.computers import OtherComputer
 from shsa_core.ros.master.node_api import Answer
 from shsa_core.ros.trust.proof import Proof, written
 from shsa_core.ros.trust.seal import FOREIGN, TWICE
@@ -129,7 +129,7 @@ def test_who_does_not_answer_either_is_not_said_to_have_a_secret(pair: Pair) -> 
 
 
 def test_another_computer_has_a_row_with_its_clock() -> None:
-    seen = Seen("pi", "10.0.0.2", -0.25, 0.001, 0.002, 7.0)
+    seen = OtherComputer("pi", "10.0.0.2", -0.25, 0.001, 0.002, 7.0)
     row = diagnostics.computer_row(seen)
     assert (row.name, row.level) == ("computer pi at 10.0.0.2", diagnostics.WARN)
     assert row.message == "its clock is 0.2500 s behind, known within 0.0010 s"

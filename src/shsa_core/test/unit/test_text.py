@@ -148,7 +148,7 @@ def test_diagnostics_are_printable() -> None:
     master_watch = pytest.importorskip("shsa_core.ros.master.master_watch")
     service = Service("s", "/a", "std_msgs/Float64", "/n", 1.0, (Provision("a", "data"),))
     incident = Incident(1, "s", "/a", ("a",), EVIL, Kind.OTHER, EVIL * 1000, 0.0)
-    told = master_watch.Told()
+    told = master_watch.MasterState()
     row, *_ = diagnostics.healing_rows(([service], {"s": incident}, told, ()))
     texts = [row.message, *(value.value for value in row.values)]
     assert any("owned" in text for text in texts)

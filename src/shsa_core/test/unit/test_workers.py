@@ -4,8 +4,7 @@ import subprocess
 import sys
 import threading
 import time
-from functools import partial
-from typing import Dict, List
+from typing import Any, Dict, List
 
 import pytest
 
@@ -79,14 +78,14 @@ assert len(said) == 1 and "no thread" in said[0], said
 
 
 def test_the_end_of_each_process_is_told_by_one_thread() -> None:
-    children = Children()
-    ended: Dict[int, int] = {}
+    ended: Dict[str, Any] = {}
+    children = Children(ended.__setitem__)
     before = threading.active_count()
     for status in range(5):
         process = subprocess.Popen([sys.executable, "-c", f"raise SystemExit({status})"])
-        children.watch(process, partial(ended.__setitem__, status))
+        children.keep(f"/{status}", process)
     wait_until(lambda: len(ended) == 5, 20.0, "all have ended")
-    assert ended == {status: status for status in range(5)}
+    assert ended == {f"/{status}": status for status in range(5)}
     assert threading.active_count() == before
 
 

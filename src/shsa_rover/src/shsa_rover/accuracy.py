@@ -24,7 +24,7 @@ WARM_UP_S = 60.0  # until the slowest filter has settled
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What was measured of `name`: error and span in its unit, and its quality on file."""
+    """The accuracy of `name`: error and span in its unit, and its quality on file."""
 
     name: str
     output: str
@@ -39,7 +39,7 @@ class Accuracy:
 
 
 def services(som: Som, data: Dataset) -> List[Accuracy]:
-    """The accuracy of every value of every service."""
+    """Return the accuracy of every value of every service."""
     return [
         _accuracy(source.path, source.property, source.quality, data.measured[source.path], data)
         for source in som.sources
@@ -47,7 +47,7 @@ def services(som: Som, data: Dataset) -> List[Accuracy]:
 
 
 def relations(ontology: Ontology, data: Dataset) -> List[Accuracy]:
-    """The accuracy of every transfer function that is fed with the truth."""
+    """Return the accuracy of every transfer function that is fed with the truth."""
     results = []
     for function in ontology.functions:
         values = evaluate(function, ontology.constants, data.time, data.truth)
@@ -57,7 +57,7 @@ def relations(ontology: Ontology, data: Dataset) -> List[Accuracy]:
 
 
 def errors(ontology: Ontology, som: Som, drives: Sequence[Dataset]) -> Dict[Tuple[str, str], Error]:
-    """The error of every transfer function with inputs as good as usual, by relation and output.
+    """Return each transfer function's error with inputs as usual, by relation and output.
 
     Each input is what its best service measured, and the truth where it has none.
     """
@@ -86,7 +86,7 @@ def errors(ontology: Ontology, som: Som, drives: Sequence[Dataset]) -> Dict[Tupl
 
 
 def substitutes(ontology: Ontology, som: Som, data: Dataset) -> List[Accuracy]:
-    """How accurate the best substitute of each value of each needed service is.
+    """Return the accuracy of the best substitute of each value of each needed service.
 
     It is fed with measurements.
 
@@ -102,7 +102,7 @@ def substitutes(ontology: Ontology, som: Som, data: Dataset) -> List[Accuracy]:
 
 
 def usual_ranges(ontology: Ontology, drives: Sequence[Dataset]) -> Dict[str, Tuple[float, float]]:
-    """What 5 to 95 % of the true values of each property are within, in its unit, by its name."""
+    """Return the range of the middle 90 % of the true values of each property, in its unit."""
     found = {}
     for name in ontology.properties:
         columns = [data.truth[name][data.time >= WARM_UP_S] for data in drives]

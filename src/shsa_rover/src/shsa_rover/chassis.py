@@ -1,4 +1,4 @@
-"""How a skid-steered rover moves, and the forces that this takes."""
+"""Motion of a skid-steered rover, and the forces that it takes."""
 import math
 from dataclasses import dataclass
 from typing import Callable, Optional, Tuple
@@ -44,7 +44,7 @@ class ChassisParameters:
 
 @dataclass(frozen=True)
 class Effort:
-    """What one side's wheels do: `force` (N) on the ground at `speed` (m/s), forwards positive."""
+    """The wheels of one side: `force` (N) on the ground at `speed` (m/s), forwards positive."""
 
     force: float
     speed: float
@@ -61,7 +61,7 @@ class Axis:
         self._acceleration_time = acceleration_time
 
     def follow(self, target: float, dt: float) -> float:
-        """The acceleration in `dt` s by which it follows `target`.
+        """Return the acceleration in `dt` s by which it follows `target`.
 
         A velocity loop around a torque loop, each of first order. The acceleration is limited.
         """
@@ -141,13 +141,13 @@ class Chassis:
             self._slip = p.slip * math.copysign(pushed, pushed * self.forward.velocity)
 
     def friction(self, speed: float) -> float:
-        """The force (N) that one side's wheels need at a constant `speed` (m/s)."""
+        """Return the force (N) that one side's wheels need at a constant `speed` (m/s)."""
         p = self.parameters
         rolling = 0.5 * p.rolling_friction * p.mass * GRAVITY * self.floor
         return rolling * math.tanh(speed / 0.01) + 0.5 * p.viscous_friction * speed
 
     def scrub(self, velocity: float, turn_rate: float) -> float:
-        """The torque (N m) that drags four tyres sideways, by velocity (m/s) and turn rate (rad/s).
+        """Return the torque (N m) of four tyres sideways, by velocity (m/s), turn rate (rad/s).
 
         In a wide bend the tyres mostly roll: their slip angle, and with it the drag, grows as the
         bend narrows.
@@ -164,7 +164,7 @@ class Chassis:
         return 0.5 * (p.mass + p.rotating_mass) * v * v + 0.5 * self._inertia() * w * w
 
     def efforts(self) -> Tuple[Effort, Effort]:
-        """What the left and the right wheels do now (Newton's law for force and torque)."""
+        """Return the wheels of both sides now, by Newton's law for force and torque."""
         return self._efforts(self.forward.acceleration, self.turn.acceleration)
 
     def wheel_speeds(self) -> Tuple[float, float]:
@@ -191,7 +191,7 @@ class Chassis:
         return p.inertia + p.rotating_mass * (0.5 * p.track) ** 2
 
     def _resistance(self, speed: float) -> float:
-        """The force (N) of one side's wheels against friction and gravity.
+        """Return the force (N) of one side's wheels against friction and gravity.
 
         At rest friction holds the rover on the slope as far as it can.
         """
@@ -205,7 +205,7 @@ class Chassis:
     def _attainable(
         self, acceleration: float, turn_acceleration: float, greatest: Callable[[float], float]
     ) -> Tuple[float, float]:
-        """The accelerations that are left where a side would have to push more than it can."""
+        """Limit the accelerations to what each side can push."""
         p = self.parameters
         left, right = (
             _excess(effort, greatest(effort.speed))
@@ -217,7 +217,7 @@ class Chassis:
 
 
 def _excess(effort: Effort, greatest: float) -> float:
-    """The force (N) by which a side would drive on more than it can; braking is not limited."""
+    """Return the drive (N) that a side lacks; braking is not limited."""
     if effort.force * effort.speed < 0.0 or abs(effort.force) <= greatest:
         return 0.0
     return effort.force - math.copysign(greatest, effort.force)

@@ -10,11 +10,11 @@ import rospy
 from shsa_msgs.msg import Float64Stamped
 
 ENV_LOADER = "~/.ros/shsa_env"
-"""What sets the environment of ROS on another computer; hosts_setup writes it."""
+"""The script that sets the environment of ROS on another computer; hosts_setup writes it."""
 
 
 def command(computer: str) -> Tuple[str, ...]:
-    """What starts the amperemeter on a computer, [USER@]HOST; here if that is empty."""
+    """Return the command that starts the amperemeter on [USER@]HOST; here if that is empty."""
     node = ("rosrun", "shsa_rover", "amperemeter")
     # With a terminal (-tt), the node ends with the connection.
     there = ("ssh", "-tt", "-o", "BatchMode=yes", computer, ENV_LOADER)

@@ -6,7 +6,7 @@ NOT_MEASURED = 1e6
 
 
 def diagonal(size: int, variances: Mapping[int, float]) -> List[float]:
-    """A matrix of `size` rows with these variances by row; the other rows are not measured."""
+    """Return a matrix of `size` rows with these variances; other rows are not measured."""
     matrix = [0.0] * (size * size)
     for row in range(size):
         matrix[row * size + row] = variances.get(row, NOT_MEASURED)

@@ -23,10 +23,10 @@ class CurrentSensor:
         return self.reference / self.levels / self.sensitivity
 
     def counts(self, current: float) -> int:
-        """What the ADC reads at `current` (A): whole counts, saturating at its ends."""
+        """Return the ADC's counts at `current` (A): whole, saturating at its ends."""
         volts = self.zero + self.sensitivity * current
         return min(self.levels - 1, max(0, round(volts / self.reference * self.levels)))
 
     def amperes(self, counts: int) -> float:
-        """The current (A) that `counts` stand for."""
+        """Return the current (A) that `counts` stand for."""
         return (counts * self.reference / self.levels - self.zero) / self.sensitivity

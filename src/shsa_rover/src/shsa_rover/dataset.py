@@ -55,7 +55,7 @@ class Dataset:
 
 
 def random_drive(seed: int, legs: int = 60) -> Drive:
-    """A drive of straight legs, bends, turns on the spot and stops in random order."""
+    """Return a drive of straight legs, bends, turns on the spot and stops in random order."""
     random = Random(seed)
     drive = [Leg(2.0, 0.0, 0.0)]
     for _ in range(legs):
@@ -73,7 +73,7 @@ def simulate(
     soc: Optional[float] = None,
     world: World = AS_FITTED,
 ) -> Dataset:
-    """What would be recorded in `duration` s of `drive` on the simulated rover with `seed`.
+    """Record `duration` s of `drive` on the simulated rover with `seed`.
 
     `soc` (0 to 1) is the state of charge at its beginning; without it, it is the world's.
     """
@@ -118,7 +118,7 @@ def simulate(
 
 
 def _counted(current: np.ndarray, voltage: np.ndarray) -> np.ndarray:
-    """The state of charge, counted from that of the first second: every drive begins at rest."""
+    """Count the state of charge from that of the first second: every drive begins at rest."""
     battery = BatteryParameters()
     charges, voltages = np.array(battery.open_circuit).T
     source = np.mean(voltage[:START_ROWS]) + battery.resting_resistance * np.mean(

@@ -100,13 +100,13 @@ def _report(recording: Recording, results: Path) -> int:
 
 
 def rms_error(series: Series, truth: Series) -> float:
-    """The root mean square of a series against the truth at the same times."""
+    """Return the root mean square of a series against the truth at the same times."""
     squares = [(value - _at(truth, time)) ** 2 for time, value in series]
     return math.sqrt(sum(squares) / len(squares)) if squares else math.nan
 
 
 def max_error(series: Series, truth: Series) -> float:
-    """The largest distance of a series from the truth at the same times."""
+    """Return the largest distance of a series from the truth at the same times."""
     return max((abs(value - _at(truth, time)) for time, value in series), default=math.nan)
 
 

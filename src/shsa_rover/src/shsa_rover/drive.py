@@ -56,7 +56,7 @@ class Drive:
 
 
 def parse_drive(lines: Iterable[str], where: str) -> List[Leg]:
-    """The legs of a script: a line each, `duration (s), velocity (m/s), turn rate (rad/s)`.
+    """Return the legs of a script: a line each, `duration (s), velocity (m/s), turn rate (rad/s)`.
 
     Empty lines and lines that start with # are skipped. Raises ModelError with file (`where`) and
     line.

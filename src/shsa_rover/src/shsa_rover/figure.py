@@ -41,7 +41,7 @@ def draw(recording: Recording, file: Path) -> None:
 
 
 def outages(recording: Recording) -> List[Tuple[float, float]]:
-    """The times without a message, from the last good one to the substitute's first."""
+    """Return the times without a message, from the last good one to the substitute's first."""
     spans = []
     for incident in recording.incidents:
         start, stop = incident["last_good"], incident["first_message"]

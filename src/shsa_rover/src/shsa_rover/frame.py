@@ -36,7 +36,7 @@ class Frame:
 
 @dataclass
 class Counters:
-    """What a parser has seen: good frames, and dropped bytes by reason.
+    """Counts of a parser: good frames, and dropped bytes by reason.
 
     Reasons: `noise` outside any frame, bad `length`, `value` above 10 bits, `checksum`, bad
     `trailer`.
@@ -56,7 +56,7 @@ class Counters:
 
 
 def encode(channels: Sequence[int], checked: bool = False) -> bytes:
-    """The frame for ADC counts, one per channel; raises FrameError for what does not fit.
+    """Return the frame for ADC counts, one per channel; raises FrameError for what does not fit.
 
     `checked`: one with a checksum.
     """
@@ -71,7 +71,7 @@ def encode(channels: Sequence[int], checked: bool = False) -> bytes:
 
 
 def _end(body: bytes, checked: bool) -> bytes:
-    """What follows the number of data bytes and the data."""
+    """Return the bytes that follow the number of data bytes and the data."""
     if not checked:
         return TRAILER
     return binascii.crc_hqx(body, 0xFFFF).to_bytes(CHECKSUM_BYTES, "big") + TRAILER
@@ -100,7 +100,7 @@ class Parser:
         self._drop(len(self._buffer), "noise")
 
     def feed(self, data: bytes) -> List[Frame]:
-        """The frames completed by `data`, oldest first."""
+        """Return the frames completed by `data`, oldest first."""
         self._buffer += data
         frames: List[Frame] = []
         while self._buffer:
@@ -123,7 +123,7 @@ class Parser:
         del self._buffer[:number]
 
     def _fault(self) -> str:
-        """Why what has come so far cannot be a frame; empty if it can."""
+        """Return why the bytes so far cannot be a frame; empty if they can."""
         buffer = self._buffer
         if len(buffer) < 2:
             return ""
@@ -140,7 +140,7 @@ class Parser:
         return "trailer" if end[:checksum] == expected[:checksum] else "checksum"
 
     def _take(self) -> Optional[Frame]:
-        """The frame at the start of the faultless buffer, or None while it is not complete."""
+        """Return the frame at the buffer's start, or None while it is not complete."""
         buffer = self._buffer
         if len(buffer) < 2 or len(buffer) < 2 + buffer[1] + self._end_bytes:
             return None

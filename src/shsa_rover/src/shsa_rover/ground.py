@@ -22,5 +22,5 @@ class Ground:
                 self._waves.append((share * steepest, number, random.uniform(0.0, math.tau)))
 
     def slope(self, distance: float) -> float:
-        """The slope (rad, positive uphill) at `distance` (m) along the way."""
+        """Return the slope (rad, positive uphill) at `distance` (m) along the way."""
         return sum(size * math.sin(n * distance + start) for size, n, start in self._waves)

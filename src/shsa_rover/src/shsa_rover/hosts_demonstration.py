@@ -38,7 +38,7 @@ def prepare(network: Computers) -> None:
 
 
 def launching(network: Computers, *words: str) -> Tuple[str, ...]:
-    """The command that runs roslaunch on the notebook, as a person would start it there."""
+    """Return the command that runs roslaunch on the notebook, as a person would start it there."""
     environment = network[MASTER].home / ".ros" / "shsa_env"
     # No other master is there, whichever we have here.
     cleared = ("env", "-u", "ROS_MASTER_URI")

@@ -91,5 +91,5 @@ def _accuracy_table(title: str, items: List[Accuracy], units: Mapping[str, str])
 
 
 def _table(rows: Sequence[Sequence[str]], *columns: str) -> str:
-    """The rows as they stand in the documentation."""
+    """Return the rows as they stand in the documentation."""
     return "\n" + tabulate(rows, columns, tablefmt="github", disable_numparse=True)

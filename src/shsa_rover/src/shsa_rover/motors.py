@@ -1,4 +1,4 @@
-"""What the motors and the electronics take from the battery, and what the motors can do."""
+"""Power of motors and electronics, and the limits of the motors."""
 from dataclasses import dataclass
 
 from shsa_rover.chassis import Effort
@@ -24,7 +24,7 @@ class PowerParameters:
 
 
 def motor_current(effort: Effort, parameters: PowerParameters) -> float:
-    """The current (A) in the windings of one side's motors, in the direction of the force."""
+    """Return the current (A) of one side's motors, in the direction of the force."""
     p = parameters
     if not p.gears_load_windings:
         return effort.force / p.force_per_ampere
@@ -34,7 +34,7 @@ def motor_current(effort: Effort, parameters: PowerParameters) -> float:
 
 
 def motor_power(effort: Effort, parameters: PowerParameters) -> float:
-    """The electrical power (W) of one side's motors: work through the gears, and copper losses.
+    """Return the electrical power (W) of one side's motors: work, gears and copper losses.
 
     Braking heats gears and windings; nothing flows back into the battery.
     """
@@ -46,7 +46,7 @@ def motor_power(effort: Effort, parameters: PowerParameters) -> float:
 
 
 def greatest_force(speed: float, voltage: float, parameters: PowerParameters) -> float:
-    """The greatest force (N) by which one side's motors can drive on at `speed` (m/s).
+    """Return the greatest force (N) by which one side's motors can drive on at `speed` (m/s).
 
     `voltage` (V) is the battery's. It leaves back EMF + I*R = U; beyond the no-load speed it is 0.
     """

@@ -88,11 +88,11 @@ class Plot:
         return round(self.bottom - share * (self.bottom - self.top), 1)
 
     def path(self, series: Series) -> str:
-        """The line through a series."""
+        """Return the line through a series."""
         return "M" + " ".join(f"{self.across(t)},{self.up(v)}" for t, v in series)
 
     def percent(self, time: float) -> float:
-        """When in the loop, in %, a time of the run is reached."""
+        """Return the part of the loop, in %, at which a time of the run is reached."""
         return round(STAYS * (time - self.start) / (self.end - self.start), 3)
 
 
@@ -117,7 +117,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
 
 
 def moving_picture(recording: Recording) -> str:
-    """The SVG of a run. Raises NoPicture if no failure of it was healed and came to its end."""
+    """Return a run as SVG. Raises NoPicture if no failure of it was healed and ended."""
     incident = _healed(recording)
     dies, speaks, returns, ended = (
         float(str(incident[name])) for name in ("last_good", "first_message", "returned", "ended")

@@ -42,7 +42,7 @@ class PseudoTerminal:
 
     @property
     def connected(self) -> bool:
-        """Whether somebody has the port open."""
+        """Return whether somebody has the port open."""
         return not any(events & select.POLLHUP for _, events in self._poll.poll(0))
 
     def write(self, data: bytes) -> int:

@@ -15,7 +15,7 @@ TRUTH_SOC = "/simulation/state_of_charge"
 
 @dataclass
 class Recording:
-    """What a run left behind; times in s since its first battery current.
+    """The files of a run as series; times in s since its first battery current.
 
     `current` by publishing node (A), `true_current` (A), `soc` and `true_soc` (0 to 1),
     `incidents` as in the incident log, their moments made relative.

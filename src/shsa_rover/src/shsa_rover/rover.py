@@ -77,7 +77,7 @@ class Rover:
         self.battery.draw(self.power, dt)
 
     def truth(self) -> Truth:
-        """The state as it is."""
+        """Return the state as it is."""
         chassis, battery = self.chassis, self.battery
         left, right = chassis.efforts()
         return Truth(
@@ -97,7 +97,7 @@ class Rover:
         )
 
     def measure(self) -> Readings:
-        """A reading of every sensor, with its noise, gain, offset and steps."""
+        """Return a reading of every sensor, with its noise, gain, offset and steps."""
         s, gauss = self._world.sensors, self._sensor_noise.gauss
         chassis, battery = self.chassis, self.battery
         left, right = chassis.wheel_speeds()
@@ -124,5 +124,5 @@ class Rover:
         )
 
     def _specific_force(self) -> float:
-        """What an accelerometer along the rover feels, m/s**2: what holds it up as well."""
+        """Return what an accelerometer along the rover feels, m/s**2, the support included."""
         return self.chassis.forward.acceleration + GRAVITY * math.sin(self.chassis.slope)

@@ -1,4 +1,4 @@
-"""What the rover's sensors make of the truth: noise, gains, offsets and steps."""
+"""Sensors of the rover: noise, gains, offsets and steps."""
 from dataclasses import dataclass
 
 
@@ -46,7 +46,7 @@ class SensorParameters:
 
 @dataclass(frozen=True)
 class Readings:
-    """What the sensors say: ADC counts of the current, and SI units for the rest."""
+    """Readings of the sensors: ADC counts of the current, and SI units for the rest."""
 
     current_counts: int
     battery_voltage: float

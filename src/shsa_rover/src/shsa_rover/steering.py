@@ -1,4 +1,4 @@
-"""What keys mean for the rover."""
+"""Keys that steer the rover."""
 
 HELP = """Drive the rover:
   w or up: faster          s or down: slower, then backwards

@@ -86,11 +86,11 @@ WORLDS: Mapping[str, World] = {
     "carpet": World(floor="carpet"),
     "smooth": World(floor="smooth"),
 }
-"""What was not foreseen when the relations were fitted, one thing at a time."""
+"""Deviations from the world to which the relations were fitted, one at a time."""
 
 
 def named_world(name: str, seed: int = 0) -> World:
-    """The world of this name; `drawn` is drawn by the seed.
+    """Return the world of this name; `drawn` is drawn by the seed.
 
     Raises ShsaError for another name.
     """
@@ -102,7 +102,7 @@ def named_world(name: str, seed: int = 0) -> World:
 
 
 def drawn_world(seed: int) -> World:
-    """A world in which nothing is as it was fitted: load, floor, hills, build and sensors."""
+    """Draw a world in which nothing is as it was fitted: load, floor, hills, sensors."""
     random = Random(f"{seed}/world")
     world = World(
         payload=random.uniform(0.0, 10.0),
@@ -113,7 +113,7 @@ def drawn_world(seed: int) -> World:
 
 
 def imperfect(world: World, seed: int) -> World:
-    """The same surroundings for a rover as it is built: slip, losses, gains, offsets, charge.
+    """Return the world for a rover as it is built: slip, losses, gains, offsets, charge.
 
     Motors obey their circuit. Gain and zero of the current sensor are those of the ACS712's data
     sheet: total output error +-1.5 % (typical, 25 degC); its zero may be off by +-30 mV (an early

@@ -39,7 +39,7 @@ def estimate(rows: Iterable[Tuple[float, float, float]]) -> np.ndarray:
 
 
 def measured(data: Dataset, start: int = 0) -> List[Tuple[float, float, float]]:
-    """What the estimator hears from the row `start` on."""
+    """Return what the estimator hears from the row `start` on."""
     columns = (data.time, data.measured[CURRENT], data.measured[VOLTAGE])
     return list(zip(*(column[start:].tolist() for column in columns)))
 

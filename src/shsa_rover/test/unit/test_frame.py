@@ -129,7 +129,7 @@ def test_a_cut_line_spoils_at_most_the_frame_that_it_cut(
 
 
 def flips(data: bytes, count: int) -> Iterator[bytes]:
-    """The bytes with every choice of so many bits flipped."""
+    """Yield the bytes with every choice of so many bits flipped."""
     for bits in combinations(range(8 * len(data)), count):
         changed = bytearray(data)
         for bit in bits:

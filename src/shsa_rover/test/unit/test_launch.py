@@ -15,7 +15,7 @@ SIMULATED = DRIVERS | {"rover_simulator", "soc_estimator", "driver"}
 
 
 def load(*arguments: str, launch: str = "rover.launch") -> roslaunch.ROSLaunchConfig:
-    """The configuration that `roslaunch shsa_rover LAUNCH ARGUMENTS` would start."""
+    """Return the configuration that `roslaunch shsa_rover LAUNCH ARGUMENTS` would start."""
     file = str(LAUNCH / launch)
     return roslaunch.config.load_config_default(
         [(file, list(arguments))], None, assign_machines=False
@@ -23,7 +23,7 @@ def load(*arguments: str, launch: str = "rover.launch") -> roslaunch.ROSLaunchCo
 
 
 def names(config: roslaunch.ROSLaunchConfig) -> Set[str]:
-    """The names of its nodes."""
+    """Return the names of its nodes."""
     return {node.name for node in config.nodes}
 
 
@@ -60,6 +60,12 @@ def test_the_real_rover_has_the_same_nodes_without_the_simulator() -> None:
 
 def test_healing_is_there_unless_it_is_switched_off() -> None:
     assert names(load()) == SIMULATED | {"monitor", "reconfigurator"}
+
+
+@pytest.mark.parametrize("name", ["dry_run", "operator", "restart_as_root", "unsigned_failures"])
+def test_what_is_neither_true_nor_false_is_refused(name: str) -> None:
+    with pytest.raises(roslaunch.core.RLException, match="no"):
+        load(f"{name}:=no")
 
 
 @pytest.mark.parametrize("more", [(), ("healing:=false",)])
@@ -114,7 +120,7 @@ def test_messages_can_fail_where_that_is_asked_for() -> None:
 
 
 def machines(*arguments: str) -> Dict[str, Set[str]]:
-    """The nodes of rover_distributed.launch by the machine that each runs on."""
+    """Return the nodes of rover_distributed.launch by the machine that each runs on."""
     found: Dict[str, Set[str]] = {}
     for node in load(*arguments, launch="rover_distributed.launch").nodes:
         found.setdefault(str(node.machine_name), set()).add(node.name)

@@ -35,7 +35,7 @@ TYPES: Dict[str, Callable[[], Any]] = {
 
 
 def commands(program: str) -> List[List[str]]:
-    """The tutorial's commands that begin with `program`, as words."""
+    """Return the tutorial's commands that begin with `program`, as words."""
     text = TUTORIAL.read_text(encoding="utf-8").replace("$PWD/", "")
     lines = [line[4:] for line in text.splitlines() if line.startswith("    ")]
     return [shlex.split(line) for line in lines if line.startswith(program)]
@@ -60,7 +60,7 @@ def write_bag(path: Path, data: Dataset) -> None:
 
 
 def run(words: List[str], folder: Path) -> str:
-    """What the command prints; it must succeed."""
+    """Return what the command prints; it must succeed."""
     done = subprocess.run(
         words,
         cwd=str(folder),

@@ -122,7 +122,7 @@ def test_every_needed_service_has_a_substitute_that_follows_the_truth(unseen: Da
 
 
 def chosen(prop: str, *lost: str) -> Substitute:
-    """What healing takes: the smallest expected error comes first."""
+    """Return healing's choice: the smallest expected error."""
     left = [source for source in SOM.sources if source.node not in lost]
     return next(substitutes_by_error(ONTOLOGY, left, prop, predictor(ONTOLOGY, SOM.sources)))[0]
 

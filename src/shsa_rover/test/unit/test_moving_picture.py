@@ -44,7 +44,7 @@ def write_run(folder: Path, **changed: object) -> None:
 
 
 def connection(publisher: str) -> Dict[str, str]:
-    """What the recorder knows of a connection."""
+    """Return the header of a connection, as the recorder writes it."""
     kind = Float64Stamped
     return {
         "callerid": publisher,

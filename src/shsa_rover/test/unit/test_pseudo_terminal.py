@@ -18,7 +18,7 @@ def _line(tmp_path: Path) -> Iterator[PseudoTerminal]:
 
 
 def open_port(line: PseudoTerminal) -> serial.Serial:
-    """The port as the amperemeter opens it."""
+    """Return the port as the amperemeter opens it."""
     return serial.Serial(line.link, 115200, timeout=1.0)
 
 

@@ -17,7 +17,7 @@ STEP = 0.01
 
 
 def drive(rover: Rover, script: Drive, duration: float) -> List[Truth]:
-    """The rover's states while it drives."""
+    """Return the rover's states while it drives."""
     states = []
     for number in range(int(duration / STEP)):
         if number % 5 == 0:

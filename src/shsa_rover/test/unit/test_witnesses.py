@@ -20,7 +20,7 @@ SENSOR = CurrentSensor()
 
 
 def drive(seed: int) -> Iterator[Dict[Tuple[str, str], float]]:
-    """What the rover's services say in the scripted drive, each period."""
+    """Return the values of the rover's services in the scripted drive, each period."""
     rover, odometry, time = Rover(seed=seed), Odometry(), 0.0
     for leg in SCRIPTED:
         for _ in range(round(leg.duration / STEP_S)):
@@ -46,7 +46,7 @@ def drive(seed: int) -> Iterator[Dict[Tuple[str, str], float]]:
 
 
 def failures_of(seed: int, current: Optional[float], begin: float) -> List[FailureDetected]:
-    """What the monitor finds in a drive if the amperemeter says `current` from `begin` s on."""
+    """Run the monitor on a drive in which the amperemeter says `current` from `begin` s on."""
     ontology, errors = load_ontology(str(MODELS / "rover.yaml"))
     assert not errors
     som = read_som(str(MODELS / "rover_som.yaml"))

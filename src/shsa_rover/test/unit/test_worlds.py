@@ -30,7 +30,7 @@ STILL = Drive([Leg(10.0, 0.0, 0.0)])
 
 
 def settled(world: World, velocity: float, turn_rate: float, seconds: float = 6.0) -> Rover:
-    """A rover that has long been driving like that."""
+    """Return a rover that has long been driving like that."""
     rover = Rover(3, world=world)
     for _ in range(int(seconds / STEP)):
         rover.command(velocity, turn_rate)
@@ -153,7 +153,7 @@ def test_wheels_slip_and_skid() -> None:
 
 
 def circuits(world: World, data: Dataset) -> List[Tuple[float, float]]:
-    """What each side's motors need (V), where they drive on, and what the battery gives."""
+    """Return the voltage that each side's motors need to drive on, and the battery's (V)."""
     motors, needed = world.motors, []
     rover = Rover(1, world=world)
     script = random_drive(1)

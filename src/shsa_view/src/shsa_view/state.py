@@ -3,16 +3,16 @@
 docs/view.md describes the document. Time comes in: `now` in s of ROS time.
 """
 from collections import deque
-from typing import Any, Deque, Dict, Iterable, List, Optional, Set, Tuple
+from typing import Deque, Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core import dispatch
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_view import facts
 from shsa_view.graph import elements
 from shsa_view.incidents import Incidents
 from shsa_view.judgement import LETTERS, Condition, Judgement, judge, of_robot
+from shsa_view.rows import Document, place_of, service_row, values_of
 
 VERSION = 1
 STRIP_S = 60
@@ -20,7 +20,6 @@ STRIP_S = 60
 MONITOR, RECONFIGURATOR, MASTER = "monitor", "reconfigurator", "master"
 UNKNOWN, ALIVE = "unknown", "alive"
 
-Document = Dict[str, Any]
 _UNHEARD = Judgement(Condition.UNKNOWN, "nothing was heard of it yet", None)
 
 
@@ -146,40 +145,30 @@ class State:
     def _make(self, name: str) -> None:
         service, running = self.som.services.get(name), self._running.get(name)
         if service is None and running is None:
-            for table in (self._rows, self._strips, self._judged):
-                table.pop(name, None)  # type: ignore[attr-defined]
+            self._rows.pop(name, None)
+            self._strips.pop(name, None)
+            self._judged.pop(name, None)
             return
-        topic = running.topic if running else service.topic if service else ""
-        node = running.node if running else service.node if service else ""
+        topic, node = place_of(service, running)
         named = [row for row in self._substitutes.values() if row.service == name]
         key, incident = self._incidents.open_of(name) or (None, None)
-        publishers = self._publishers(topic)
         alone = len(self.som.of_topic(topic)) < 2
-        judged = judge(node, alone, publishers, named, incident)
+        judged = judge(node, alone, self._publishers(topic), named, incident)
         self._judged[name] = judged
         active = next((row for row in named if row.publishing), None)
-        figures = self._figures.get(name)
-        publisher = judged.publisher or ""
-        rate = figures.rates.get(publisher) if figures else None
         row = {
-            "topic": topic,
-            "type": service.type if service else "",
-            "needed": running.needed if running else bool(service and service.needed),
-            "standby": service.standby.value if service else "",
-            "period": _period(service, running),
-            "host": service.host if service else "",
-            "node": node,
-            "state": judged.condition.value,
-            "detail": judged.detail,
-            "publisher": judged.publisher,
-            "substitute": active.node if active else None,
-            "rate": rate,
-            "bridged": figures.bridged if figures else 0,
+            **service_row(service, running, judged),
             "incident": incident.id if incident else None,
             "incident_key": key,
-            "properties": self._properties(service, active, figures),
-            "derivation": self._derivation(service, active),
             "strip": "".join(self._strips.get(name, ())),
+            **values_of(self.ontology, service, active, self._figures.get(name), judged),
+            "derivation": (
+                elements(
+                    self.ontology, self.som, service.properties, active.relations, active.inputs
+                )
+                if service is not None and active is not None
+                else []
+            ),
         }
         if self._rows.get(name) != row:
             self._rows[name] = row
@@ -190,42 +179,6 @@ class State:
             for (monitor, _), row in self._on_topic.get(topic, {}).items()
             if self._healer_state(_monitor(monitor)) != "lost"
         ]
-
-    def _properties(
-        self,
-        service: Optional[Service],
-        active: Optional[facts.Substitute],
-        figures: Optional[facts.Figures],
-    ) -> Document:
-        """Return the values of a service, each with the expected error of its publisher."""
-        found: Document = {}
-        for source in service.sources if service else ():
-            provision = source.provision
-            error = provision.error
-            rms, p95 = (error.rms, error.p95) if error else (None, None)
-            if active is not None:
-                place = active.outputs.index(source.path) if source.path in active.outputs else -1
-                rms, p95 = _at(active.error_rms, place), _at(active.error_p95, place)
-            known = self.ontology.properties.get(source.property)
-            found[source.property] = {
-                "field": provision.field,
-                "unit": known.unit if known else "",
-                "symbol": known.symbol if known else "",
-                "value": figures.values.get(source.property) if figures else None,
-                "error_rms": rms,
-                "error_p95": p95,
-                "range": list(provision.range) if provision.range else None,
-            }
-        return found
-
-    def _derivation(
-        self, service: Optional[Service], active: Optional[facts.Substitute]
-    ) -> List[str]:
-        if service is None or active is None:
-            return []
-        return elements(
-            self.ontology, self.som, service.properties, active.relations, active.inputs
-        )
 
     def _health_told(self, told: facts.HealthTold) -> None:
         table = self._health.setdefault(told.monitor, {})
@@ -298,12 +251,6 @@ def _monitor(host: str) -> str:
     return f"{MONITOR}_{host}" if host else MONITOR
 
 
-def _period(service: Optional[Service], running: Optional[facts.Running]) -> Optional[float]:
-    if running is not None:
-        return running.period or None
-    return service.period if service else None
-
-
 def _substitute(row: facts.Substitute) -> Document:
     return {
         "service": row.service,
@@ -315,7 +262,3 @@ def _substitute(row: facts.Substitute) -> Document:
         "quality": row.quality,
         "host": row.host,
     }
-
-
-def _at(errors: Tuple[Optional[float], ...], place: int) -> Optional[float]:
-    return errors[place] if 0 <= place < len(errors) else None

@@ -13,7 +13,7 @@ from shsa_core.model.checks import RateHigh, RateLow, StampSample, Stuck, ValueS
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.evidence import RATE_MESSAGES, RATE_SECONDS
+from shsa_core.monitoring.settings import RATE_MESSAGES, RATE_SECONDS
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from shsa_core.analysis.finding import Finding
 from shsa_core.analysis.schedulability import check_placements
 from shsa_core.analysis.takeover import Takeovers, slowest
 from shsa_core.analysis.type_check import MessageTypes, check_healable, check_types
-from shsa_core.codegen.generator import generate
+from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL, compile_program
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, UnitError
@@ -19,10 +19,10 @@ from shsa_core.language.units import Unit, parse_unit
 from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
-from shsa_core.model.service import Provision, Service, Source
+from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.best import BestDerivations
-from shsa_core.search.derivation import Derivation, SourceTable
+from shsa_core.search.derivation import SourceTable
 
 
 def check_files(
@@ -124,17 +124,15 @@ def _check_functions(ontology: Ontology) -> Iterator[Finding]:
                 "Searches count it, but no substitute can be made of it: write it as an expression",
             )
             continue
-        inputs = tuple(
-            Derivation(name, source, None)
-            for name, source in zip(function.inputs, _sources_of(function.inputs))
-        )
-        derivation = Derivation(function.output, None, function, inputs)
         try:
-            program = generate([(derivation, "/output/data")], ontology.constants)
+            program = generate_function(function, ontology.constants)
         except GenerationError as error:
             yield Finding("error", function.where, str(error), "Correct the function or a constant")
             continue
-        if INTEGRAL in program.code and compile_program(program.code, len(inputs), 1).hidden:
+        if (
+            INTEGRAL in program.code
+            and compile_program(program.code, len(function.inputs), 1).hidden
+        ):
             yield Finding(
                 "warning",
                 function.where,
@@ -257,12 +255,6 @@ def _check_plan(service: Service, plan: Plan, causes: Iterable[str]) -> Iterator
             "in between it repeats what is old",
             "Add a faster service, or lower the quality of the slow one",
         )
-
-
-def _sources_of(names: Iterable[str]) -> Tuple[Source, ...]:
-    """Sources of some properties, all of one service."""
-    provides = tuple(Provision(name, name) for name in names)
-    return Service("all", "/all", "package/Type", "/node", None, provides).sources
 
 
 def _name(function: TransferFunction) -> str:

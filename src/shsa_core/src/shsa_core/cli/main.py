@@ -29,12 +29,12 @@ INTERRUPTED, CLOSED_PIPE = 128 + signal.SIGINT, 128 + signal.SIGPIPE  # as the s
 
 def main(arguments: Optional[List[str]] = None) -> int:
     """Run a command. Returns 0 if it is done, 1 if the answer is no, 2 if it was called wrongly."""
-    parser, commands, missing = command_line()
+    words = sys.argv[1:] if arguments is None else arguments
+    parser, commands, missing = command_line(words[0] if words else "")
     if "_ARGCOMPLETE" in os.environ:  # the shell asks for completions
         import argcomplete
 
         argcomplete.autocomplete(parser)
-    words = sys.argv[1:] if arguments is None else arguments
     if words and words[0] in missing:
         return _fail(f"{words[0]} needs {missing[words[0]]}", WRONG)
     given = parser.parse_args(words)
@@ -53,8 +53,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
         return _fail(error, WRONG)
 
 
-def command_line() -> Tuple[argparse.ArgumentParser, Dict[str, Any], Dict[str, str]]:
-    """Return the parser, the commands by name, and what each command that is missing needs."""
+def command_line(only: str = "") -> Tuple[argparse.ArgumentParser, Dict[str, Any], Dict[str, str]]:
+    """Return parser, commands by name, and the needs of missing ones; load `only` if it is one."""
     parser = argparse.ArgumentParser(
         prog="shsa", description="Self-healing by structural adaptation, from the command line."
     )
@@ -63,7 +63,8 @@ def command_line() -> Tuple[argparse.ArgumentParser, Dict[str, Any], Dict[str, s
     subparsers.required = True
     commands: Dict[str, Any] = {}
     missing = {name: f"the package {package}" for name, package in ELSEWHERE.items()}
-    for name, module in sorted(_modules()):
+    modules = _modules()
+    for name, module in [(only, modules[only])] if only in modules else sorted(modules.items()):
         try:
             command: Any = importlib.import_module(module)
         except ImportError as error:
@@ -75,14 +76,14 @@ def command_line() -> Tuple[argparse.ArgumentParser, Dict[str, Any], Dict[str, s
     return parser, commands, missing
 
 
-def _modules() -> List[Tuple[str, str]]:
-    """Return the name and the module of each command that is installed."""
-    found = []
+def _modules() -> Dict[str, str]:
+    """Map the name of each command that is installed to its module."""
+    found = {}
     for package in {each.name for each in pkgutil.iter_modules() if each.name.startswith("shsa_")}:
         spec = importlib.util.find_spec(f"{package}.cli")
         for module in pkgutil.iter_modules(spec.submodule_search_locations if spec else []):
             if module.name != "main" and not module.name.startswith("_"):
-                found.append((module.name.rstrip("_"), f"{package}.cli.{module.name}"))
+                found[module.name.rstrip("_")] = f"{package}.cli.{module.name}"
     return found
 
 

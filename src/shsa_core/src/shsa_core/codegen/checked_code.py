@@ -1,4 +1,4 @@
-"""A substitute's code, read and checked anew, whoever sent it."""
+"""Reads a substitute's code and checks it anew, whoever sent it."""
 import ast
 import re
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from shsa_core.language.trees import name_nodes
 MAX_CODE = 100_000
 MAX_RELATIONS = 1000
 MAX_DELAYS = 200
-"""Each may hold a thousand samples: about 100 kB."""
+"""Delays in the code; each may hold a thousand samples, about 100 kB."""
 
 DELAY = "delay"
 
@@ -22,8 +22,7 @@ _NOT_ALLOWED = re.compile(r"[^A-Za-z0-9_+\-*/%.,<>=!() \[\];:#\n\\]|\\(?!\n)")
 class CheckedRelation:
     """One `def` and its call: `result = expression(arguments)` where the constraint holds.
 
-    `steps` are names and what each stands for, in order: an expression over arguments and the names
-    before it.
+    `steps` are named expressions, in order, over arguments and the names before them.
     """
 
     result: str
@@ -34,14 +33,14 @@ class CheckedRelation:
 
     @property
     def trees(self) -> Tuple[ast.expr, ...]:
-        """Every expression in it."""
+        """All its expressions."""
         constraint = () if self.constraint is None else (self.constraint,)
         return (*constraint, *(tree for _, tree in self.steps), self.expression)
 
 
 @dataclass(frozen=True)
 class CheckedCode:
-    """What a substitute's code says: the relations in order, and the variables of its outputs."""
+    """The relations of a substitute's code in order, and the variables of its outputs."""
 
     n_inputs: int
     relations: Tuple[CheckedRelation, ...]
@@ -49,9 +48,9 @@ class CheckedCode:
 
 
 def check_code(code: str, n_inputs: int, n_outputs: int) -> CheckedCode:
-    """What the code says, if it has the shape of the paper's listing and the generator's code.
+    """Read code that has the shape of the paper's listing and the generator's code.
 
-    Raises CodeError if it has not.
+    Raises CodeError for anything else.
     """
     if len(code) > MAX_CODE:
         raise CodeError(f"the code has {len(code)} characters; at most {MAX_CODE} are allowed")
@@ -79,7 +78,7 @@ class _Reader:
         self._delays = 0
 
     def read(self, n_inputs: int, n_outputs: int) -> CheckedCode:
-        """The meaning of the code."""
+        """Return the meaning of the code."""
         for index in range(n_inputs):
             self._read_input(index)
         relations: List[CheckedRelation] = []
@@ -110,14 +109,9 @@ class _Reader:
         raise CodeError(f"line {node.lineno}: {what}")
 
     def _assignment(self, target: str, what: str) -> ast.expr:
-        """The right side of the next statement, which must be `target=...`."""
+        """Return the right side of the next statement, which must be `target=...`."""
         statement = self._take(what)
-        if (
-            not isinstance(statement, ast.Assign)
-            or len(statement.targets) != 1
-            or not isinstance(statement.targets[0], ast.Name)
-            or statement.targets[0].id != target
-        ):
+        if not isinstance(statement, ast.Assign) or _assigned(statement) != target:
             self._fail(statement, f"{what} is due here")
         return statement.value
 
@@ -125,27 +119,17 @@ class _Reader:
         self._lines[f"t{len(self._lines)}"] = node.lineno
 
     def _use(self, node: ast.expr) -> str:
-        """The variable that the node names."""
+        """Return the variable that the node names."""
         if not isinstance(node, ast.Name) or node.id not in self._lines:
             self._fail(node, "only a variable that has a value, such as t0, is allowed here")
         self._used.add(node.id)
         return node.id
 
     def _read_input(self, index: int) -> None:
-        target = f"t{index}"
-        value = self._assignment(target, f"'{target}=x[{index}]'")
-        subscript: object = getattr(value, "slice", None)
-        if not isinstance(subscript, ast.Constant):  # Python 3.8 wraps it
-            subscript = getattr(subscript, "value", None)
-        if (
-            not isinstance(value, ast.Subscript)
-            or not isinstance(value.value, ast.Name)
-            or value.value.id != "x"
-            or not isinstance(subscript, ast.Constant)
-            or type(subscript.value) is not int
-            or subscript.value != index
-        ):
-            self._fail(value, f"'{target}=x[{index}]' is due here")
+        what = f"'t{index}=x[{index}]'"
+        value = self._assignment(f"t{index}", what)
+        if ast.dump(value) != ast.dump(ast.parse(f"x[{index}]", mode="eval").body):
+            self._fail(value, f"{what} is due here")
         self._new_variable(value)
 
     def _read_relation(self, definition: ast.FunctionDef, number: int) -> CheckedRelation:
@@ -156,9 +140,7 @@ class _Reader:
         call = self._assignment(result, f"'{result}={name}(...)'")
         if (
             not isinstance(call, ast.Call)
-            or not isinstance(call.func, ast.Name)
-            or call.func.id != name
-            or call.keywords
+            or _called(call) != name
             or len(call.args) != len(parameters)
         ):
             self._fail(call, f"'{result}={name}(...)' with {len(parameters)} arguments is due here")
@@ -170,27 +152,18 @@ class _Reader:
         return CheckedRelation(result, inputs, constraint, tuple(steps), expression)
 
     def _read_signature(self, definition: ast.FunctionDef, name: str) -> List[str]:
-        arguments = definition.args
-        parameters = [argument.arg for argument in arguments.args]
-        plain = not (
-            arguments.posonlyargs
-            or arguments.vararg
-            or arguments.kwonlyargs
-            or arguments.kwarg
-            or arguments.defaults
-            or definition.decorator_list
-            or definition.returns
-            or any(argument.annotation for argument in arguments.args)
-        )
-        expected = [f"i{index + 1}" for index in range(len(parameters))]
-        if definition.name != name or not plain or parameters != expected:
+        parameters = [f"i{index + 1}" for index in range(len(definition.args.args))]
+        plain = ast.parse(f"def {name}({','.join(parameters)}): pass").body[0]
+        assert isinstance(plain, ast.FunctionDef)
+        extra = definition.decorator_list or definition.returns
+        if definition.name != name or extra or ast.dump(definition.args) != ast.dump(plain.args):
             self._fail(definition, f"'def {name}(i1,i2,...)' is due here")
         return parameters
 
     def _read_body(
         self, definition: ast.FunctionDef, parameters: Sequence[str]
     ) -> Tuple[Optional[ast.expr], List[Tuple[str, ast.expr]], ast.expr]:
-        """One `require(...)` or none, then `name=...` as often as wanted, then `return ...`."""
+        """Read `require(...)` if it is there, any number of `name=...`, and `return ...`."""
         body = list(definition.body)
         last = body.pop()
         if not isinstance(last, ast.Return) or last.value is None:
@@ -215,14 +188,9 @@ class _Reader:
         return constraint, steps, last.value
 
     def _read_step(self, statement: ast.stmt, known: Set[str]) -> Tuple[str, ast.expr]:
-        """A name that nothing else has, and what it stands for."""
-        if (
-            not isinstance(statement, ast.Assign)
-            or len(statement.targets) != 1
-            or not isinstance(statement.targets[0], ast.Name)
-        ):
+        name = _assigned(statement)
+        if name is None or not isinstance(statement, ast.Assign):
             self._fail(statement, "'name=...' or 'return ...' is due here")
-        name = statement.targets[0].id
         if name in known:
             self._fail(statement, f"{name} has a value already")
         if not is_free(name):
@@ -231,18 +199,12 @@ class _Reader:
 
     def _read_require(self, statement: ast.stmt) -> ast.expr:
         call = statement.value if isinstance(statement, ast.Expr) else None
-        if (
-            not isinstance(call, ast.Call)
-            or not isinstance(call.func, ast.Name)
-            or call.func.id != "require"
-            or call.keywords
-            or len(call.args) != 1
-        ):
+        if not isinstance(call, ast.Call) or _called(call) != "require" or len(call.args) != 1:
             self._fail(statement, "'require(condition)' is due here")
         return call.args[0]
 
     def _check(self, tree: ast.expr, known: Set[str], condition: bool) -> Set[str]:
-        """The names that the tree uses."""
+        """Return the names that the tree uses."""
         try:
             used = check_tree(tree, condition, final=True)
         except ExpressionError as error:
@@ -264,3 +226,15 @@ class _Reader:
         if len(nodes) != n_outputs:
             self._fail(value, f"y must have {n_outputs} values")
         return tuple(self._use(node) for node in nodes)
+
+
+def _assigned(statement: ast.stmt) -> Optional[str]:
+    """Return the name of `name=...`, None for any other statement."""
+    targets = statement.targets if isinstance(statement, ast.Assign) else []
+    alone = targets[0] if len(targets) == 1 else None
+    return alone.id if isinstance(alone, ast.Name) else None
+
+
+def _called(call: ast.Call) -> Optional[str]:
+    """Return the name of `name(...)` without keywords, None for any other call."""
+    return call.func.id if isinstance(call.func, ast.Name) and not call.keywords else None

@@ -1,9 +1,4 @@
-"""Which derivation of a property is best where errors are known: the one of the smallest.
-
-Quality alone says little of errors. So derivations of known error are compared by it; those of none
-keep the order of their qualities, behind them.
-"""
-from dataclasses import replace
+"""Orders derivations by their expected error where errors are known, then by quality."""
 from heapq import heappop, heappush
 from itertools import zip_longest
 from typing import Iterable, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
@@ -14,32 +9,64 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
 from shsa_core.model.network import Network
 from shsa_core.search.best import Usable
-from shsa_core.search.derivation import Derivation, Rated, SourceTable, rate_source
+from shsa_core.search.derivation import Derivation, Rated, SourceTable, rate_joint, rate_source
 from shsa_core.search.ranking import Ranking
-from shsa_core.search.substitutes import SMALLEST_QUALITY, Substitute, iter_substitutes
+from shsa_core.search.substitutes import SMALLEST_QUALITY, Substitute
 
 MOST = 64
-"""So many derivations of a property are compared."""
+"""The most derivations of a property that are compared."""
 MOST_PARTS = 256
-"""Fewer if they are made of more parts than that: healing waits for the answer."""
+"""The most parts that they may have together: healing waits for the answer."""
 KNOWN, UNKNOWN, HARMFUL = range(3)
 """A known error comes before one that is not. One above that of the mean comes last."""
 
 
-class Choice(NamedTuple):
+Listing = Iterator[Tuple[Rated, bool]]
+"""Joint derivations of some properties, best first, and whether each is the best that is left."""
+
+
+def listing(
+    network: Network,
+    table: SourceTable,
+    properties: Sequence[str],
+    usable: Optional[Usable],
+    predictor: Optional[Predictor],
+) -> Listing:
+    """Yield every joint derivation: by expected error, then by quality, or by quality alone."""
+    numbers = [network.number(name) for name in properties]
+    given = set()
+    if predictor is not None:
+        parts = [compare(network, table, usable, number, predictor) for number in numbers]
+        complete = all(each.complete for each in parts)
+        for places in joined([len(each.rated) for each in parts]):
+            rated = rate_joint([each.rated[i] for each, i in zip(parts, places)])
+            given.add(predictor.number(rated.derivation))
+            yield rated, complete
+        if complete:
+            return
+    for rated in Ranking(network, table, usable).joint(numbers):
+        if predictor is None or predictor.number(rated.derivation) not in given:
+            yield rated, predictor is None
+
+
+class Compared(NamedTuple):
     """Derivations of a property, best first; `complete`: there are no others."""
 
     rated: Sequence[Rated]
     complete: bool
 
 
-def choose(
-    network: Network, table: SourceTable, usable: Usable, number: int, predictor: Predictor
-) -> Choice:
-    """The derivations of a property by its number in the network, best first.
+def compare(
+    network: Network,
+    table: SourceTable,
+    usable: Optional[Usable],
+    number: int,
+    predictor: Predictor,
+) -> Compared:
+    """Compare derivations of a property by their errors.
 
-    Those that are compared come by turns from all relations that yield the property: which of them
-    errs least is not to hang on their qualities.
+    They are taken by turns from all relations that yield the property: which of them errs least
+    must not depend on their qualities.
     """
     ranking = Ranking(network, table, usable)
     ways = [map(rate_source, table.of(number)), *ranking.by_function(number)]
@@ -55,7 +82,7 @@ def choose(
     parts.sort(key=lambda rated: rated.key)
     derivations = [part.derivation for part in parts]
     order = ordered(derivations, predictor.of(derivations), predictor)
-    return Choice([parts[i] for i in order], complete)
+    return Compared([parts[i] for i in order], complete)
 
 
 def substitutes(
@@ -64,33 +91,23 @@ def substitutes(
     target: str,
     predictor: Optional[Predictor],
 ) -> Iterator[Tuple[Substitute, Optional[Error]]]:
-    """Every substitute of the property `target`, best first, and its expected error.
+    """Yield every substitute of the property `target`, best first, and its expected error.
 
     `sources`: what may be used. Relations that cannot be executed count as well.
     """
-    rest = iter_substitutes(ontology, sources, target)
-    if predictor is None:
-        yield from ((each, None) for each in rest)
-        return
     network = ontology.network
     table = SourceTable(network, sources)
-    choice = choose(network, table, lambda function: True, network.number(target), predictor)
-    first = choice.complete
-    given = set()
-    for rated, error in zip(choice.rated, predictor.of([r.derivation for r in choice.rated])):
+    for place, (rated, best) in enumerate(listing(network, table, [target], None, predictor)):
+        (derivation,) = rated.derivation.inputs
+        error = None if predictor is None else predictor.of([derivation])[0]
         quality = max(rated.quality, SMALLEST_QUALITY)
-        yield Substitute(rated.derivation, quality, proven_best=first), error
-        first = False
-        given.add(predictor.number(rated.derivation))
-    for each in rest:
-        if predictor.number(each.derivation) not in given:
-            yield replace(each, proven_best=False), predictor.of([each.derivation])[0]
+        yield Substitute(derivation, quality, proven_best=best and place == 0), error
 
 
 def ordered(
     derivations: Sequence[Derivation], errors: Sequence[Optional[Error]], predictor: Predictor
 ) -> List[int]:
-    """The places of some derivations of a property, best first; they come by their quality."""
+    """Return the places of some derivations of a property, best first; they come by quality."""
     return sorted(
         range(len(derivations)), key=lambda i: (_rank(derivations[i], errors[i], predictor), i)
     )
@@ -99,10 +116,10 @@ def ordered(
 def _rank(
     derivation: Derivation, error: Optional[Error], predictor: Predictor
 ) -> Tuple[int, float, float]:
-    """The smaller the better: the group, the share of the baseline, the error.
+    """Return what orders a derivation: the group, the share of the baseline, the error.
 
-    Another service of the property is a measurement, though nobody has said how good: it is not
-    put behind every relation that has figures, but compared by its quality.
+    Another service of the property is a measurement of unknown error: it is compared by its
+    quality, not put behind every relation that has figures.
     """
     baseline = predictor.baseline(derivation.property)
     if error is None:
@@ -114,10 +131,7 @@ def _rank(
 
 
 def joined(counts: Sequence[int]) -> Iterator[Tuple[int, ...]]:
-    """Every choice of one place from each of some lists, those nearest to their beginnings first.
-
-    None if one of the lists is empty.
-    """
+    """Yield every choice of one place from each list, those nearest to their beginnings first."""
     first = (0,) * len(counts)
     heap = [(0, first)] if all(counts) else []
     seen = {first}

@@ -7,7 +7,7 @@ from shsa_core.errors import CodeError, GenerationError, listed
 from shsa_core.language.expression import Condition, Law
 from shsa_core.model.ontology import Constant
 from shsa_core.model.relation import TransferFunction
-from shsa_core.model.service import Source
+from shsa_core.model.service import Provision, Service, Source
 from shsa_core.search.derivation import Derivation
 
 
@@ -23,7 +23,7 @@ class Program:
 def generate(
     derivations: Sequence[Tuple[Derivation, str]], constants: Mapping[str, Constant]
 ) -> Program:
-    """The program that computes each derivation for its output path, in order.
+    """Return the program that computes each derivation for its output path, in order.
 
     Every input is read once and every relation computed once, however often it is used.
     Raises GenerationError, by name, where a relation has no executable function.
@@ -57,8 +57,17 @@ def generate(
     return Program(tuple(path for path, _ in inputs), code, tuple(path for _, path in derivations))
 
 
+def generate_function(function: TransferFunction, constants: Mapping[str, Constant]) -> Program:
+    """Return the program of one function alone, from inputs of its own. Raises GenerationError."""
+    provides = tuple(Provision(name, name) for name in function.inputs)
+    sources = Service("inputs", "/inputs", "", "", None, provides).sources
+    inputs = tuple(Derivation(source.property, source, None) for source in sources)
+    derivation = Derivation(function.output, None, function, inputs)
+    return generate([(derivation, "/output/data")], constants)
+
+
 def generate_values(values: Sequence[Tuple[Source, float]]) -> Program:
-    """The program that gives each of some sources a fixed value."""
+    """Return the program that gives each of some sources a fixed value."""
     lines: List[str] = []
     for i, (source, value) in enumerate(values):
         name = f"_tf{i + 1}"
@@ -73,7 +82,7 @@ def _result(variables: Sequence[str]) -> str:
 
 
 def inputs_of(derivations: Sequence[Derivation]) -> Tuple[Source, ...]:
-    """The sources that the program of some derivations reads, as its inputs are ordered."""
+    """Return the sources that the program of some derivations reads, in its order."""
     sources: Dict[Tuple[str, str], Source] = {}
     for node in in_order(derivations):
         if node.source is not None:
@@ -82,15 +91,12 @@ def inputs_of(derivations: Sequence[Derivation]) -> Tuple[Source, ...]:
 
 
 def _place(source: Source) -> Tuple[str, str]:
-    """What two sources have in common if they are one input.
-
-    Nodes that share a topic give different values.
-    """
+    """Return what identifies an input: nodes that share a topic give different values."""
     return source.path, source.node
 
 
 def in_order(roots: Sequence[Derivation]) -> List[Derivation]:
-    """Every derivation once, inputs before what is made of them, left to right."""
+    """Return every derivation once, inputs before what is made of them, left to right."""
     done: Dict[int, Derivation] = {}
     stack: List[Tuple[Derivation, bool]] = [(root, False) for root in reversed(roots)]
     while stack:

@@ -1,11 +1,10 @@
-"""Plans: what takes a failed service over. One substitute gives all of its values again."""
+"""Plans the substitute of a failed service, which publishes all of its values again."""
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import islice
 from math import prod
-from typing import Callable, Collection, Iterable, Iterator, List, Optional, Sequence, Tuple, Union
+from typing import Collection, Iterable, List, Optional, Sequence, Tuple, Union
 
-from shsa_core.codegen.choice import choose, joined
+from shsa_core.codegen.choice import Listing, listing
 from shsa_core.codegen.generator import Program, generate, generate_values, inputs_of
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, ShsaError
@@ -17,20 +16,18 @@ from shsa_core.model.service import Service, Source
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Derivation, Rated, SourceTable, rate_joint
-from shsa_core.search.ranking import Ranking
 from shsa_core.search.substitutes import SMALLEST_QUALITY
 
 METHODS = ("best", "depth_first", "orr")  # orr: the paper's word for depth_first
-# How many derivations are passed over because no code can be generated for them, as they are too
-# large; then the smallest are looked at, as many again.
 REFUSED_AT_MOST = 20
+"""The most derivations passed over as too large for code, before as many of the smallest."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How a service is taken over: the substitute's program, and where it comes from.
+    """The program of a service's substitute, and where it comes from.
 
-    Plans are equal if they do the same: the same program for the same service from the same inputs.
+    Plans are equal if they have the same program for the same service from the same inputs.
     `inputs` and `outputs` are the sources that the program reads and gives again, in its order.
     `quality`, in (0, 1], is the product over all outputs; `derivations` follow them, and so do
     `errors`, the expected ones in the unit of each property, None: not known. `proven_best`: no
@@ -50,10 +47,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class SafeValues:
-    """How a service is taken over when nothing can be computed.
-
-    The program gives fixed values for `outputs`.
-    """
+    """A program that gives fixed values for `outputs` when nothing can be computed."""
 
     service: str
     program: Program
@@ -69,14 +63,13 @@ def plan_service(
     tried: Collection[Plan] = (),
     predictor: Optional[Predictor] = None,
 ) -> Plan:
-    """The best plan for a lost service, other than those `tried`, from the sources in the table.
+    """Return the best plan for a lost service, other than those `tried`, from the table's sources.
 
-    Neither the service itself is used nor the services, topics, nodes and causes `excluded`. What
-    shares a cause with the service is used only if nothing else will do: it may have failed too,
-    but what is still there is better than nothing. `method`: `best`; or `depth_first`, the first
-    found. `predictor`: who knows errors; with it the best is the one of the smallest, see
-    `codegen.choice`. Raises NoSubstitute with what is missing, GenerationError if only relations
-    that cannot be executed would do, or if its messages cannot be written.
+    It uses neither the service itself nor the services, topics, nodes and causes `excluded`, and
+    what shares a cause with the service only if nothing else will do. `method`: `best`, or
+    `depth_first`, the first found. With a `predictor` the best is that of the smallest error.
+    Raises NoSubstitute with what is missing, GenerationError if only relations that cannot be
+    executed would do, or if its messages cannot be written.
     """
     check_writable(service)
     available = table.excluding([service.name, *excluded])
@@ -99,7 +92,7 @@ def plan_sources(
     tried: Collection[Plan] = (),
     predictor: Optional[Predictor] = None,
 ) -> Plan:
-    """The plan that gives some sources of a service again, from all that is in the table.
+    """Return the best plan for some sources of a service, from all that is in the table.
 
     The rest is as in `plan_service`.
     """
@@ -109,15 +102,11 @@ def plan_sources(
     refused: Optional[GenerationError] = None
     failed = set()
     most = len(tried) + REFUSED_AT_MOST
-    best_first: _Lister = _best_first
-    if predictor is not None and method == "best":
-        best_first = partial(_least_error_first, predictor)
-    for listing in (best_first, _smallest_first):
-        listed = 0
-        for rated, proven_best in islice(
-            listing(ontology.network, table, properties, method), most
-        ):
-            listed += 1
+    question = ontology.network, table, properties
+    for listed in (_listing(*question, method, predictor), _smallest_first(*question)):
+        looked_at = 0
+        for rated, proven_best in islice(listed, most):
+            looked_at += 1
             plan = make_plan(ontology, service, outputs, rated, proven_best, predictor)
             if isinstance(plan, GenerationError):
                 refused = refused or plan
@@ -125,7 +114,7 @@ def plan_sources(
                 return plan
             else:
                 failed.add(plan)
-        if refused is None or listed < most:
+        if refused is None or looked_at < most:
             break
     if refused is not None:
         raise refused
@@ -167,7 +156,7 @@ def make_plan(
 
 
 def safe_values(service: Service) -> Optional[SafeValues]:
-    """The program that publishes the safe values of a service; None if the SOM gives none."""
+    """Return the program of a service's safe values; None if the SOM gives none."""
     values = dict(service.last_resort.values)
     outputs = tuple(source for source in service.sources if source.property in values)
     if not outputs or service.unwritable or read_alone(service):
@@ -177,14 +166,14 @@ def safe_values(service: Service) -> Optional[SafeValues]:
 
 
 def check_writable(service: Service) -> None:
-    """Raises GenerationError if the messages of a service cannot be written, by whatever plan."""
+    """Raise GenerationError if the messages of a service cannot be written, by whatever plan."""
     why = service.unwritable or read_alone(service)
     if why:
         raise GenerationError(f"no substitute for {service.name}: {why}")
 
 
 def read_alone(service: Service) -> str:
-    """Why the fields of a service cannot be written, whatever its type; empty if they can."""
+    """Return why the fields of a service cannot be written by any type; empty if they can."""
     fields = (provision.field for provision in service.provides)
     return next((f"{field} can be read alone" for field in fields if reduces(field)), "")
 
@@ -192,74 +181,47 @@ def read_alone(service: Service) -> str:
 def program_of(
     ontology: Ontology, derivations: Sequence[Derivation], outputs: Sequence[Source]
 ) -> Program:
-    """The program that derives each output. Raises GenerationError."""
+    """Return the program that derives each output. Raises GenerationError."""
     parts = [(derivation, source.output) for derivation, source in zip(derivations, outputs)]
     return generate(parts, ontology.constants)
 
 
-Listing = Iterator[Tuple[Rated, bool]]
-"""Joint derivations of some properties, and whether each is the best of those not given yet."""
-
-
-_Lister = Callable[[Network, SourceTable, Sequence[str], str], Listing]
-
-
-def _best_first(
-    network: Network, table: SourceTable, properties: Sequence[str], method: str
+def _listing(
+    network: Network,
+    table: SourceTable,
+    properties: Sequence[str],
+    method: str,
+    predictor: Optional[Predictor],
 ) -> Listing:
-    """The one by `method`, then all."""
+    """Yield joint derivations: the best by `method`, then all, best first."""
     numbers = [network.number(name) for name in properties]
-    usable = network.executable
-    if method == "best":
-        best = BestDerivations(network, table, usable)
+    if method == "best" and predictor is not None:
+        yield from listing(network, table, properties, network.executable, predictor)
+        return
+    if method == "best":  # much faster than to rank all
+        best = BestDerivations(network, table, network.executable)
         for number in numbers:
             best.settle(number)
         firsts = [best.ratings.rated(number) for number in numbers]
     else:
-        firsts = [first_found(network, table, number, usable) for number in numbers]
+        firsts = [first_found(network, table, number, network.executable) for number in numbers]
     parts = [rated for rated in firsts if rated is not None]
     if len(parts) == len(properties):
         yield rate_joint(parts), method == "best"
-        for rated in Ranking(network, table, usable).joint(numbers):
-            yield rated, True
+        yield from listing(network, table, properties, network.executable, None)
 
 
-def _least_error_first(
-    predictor: Predictor,
-    network: Network,
-    table: SourceTable,
-    properties: Sequence[str],
-    _method: str,
-) -> Listing:
-    """By the errors that are expected, then the rest."""
-    numbers = [network.number(name) for name in properties]
-    usable = network.executable
-    parts = [choose(network, table, usable, number, predictor) for number in numbers]
-    complete = all(each.complete for each in parts)
-    given = set()
-    for places in joined([len(each.rated) for each in parts]):
-        rated = rate_joint([each.rated[i] for each, i in zip(parts, places)])
-        given.add(predictor.number(rated.derivation))
-        yield rated, complete
-    for rated in () if complete else Ranking(network, table, usable).joint(numbers):
-        if predictor.number(rated.derivation) not in given:
-            yield rated, False
-
-
-def _smallest_first(
-    network: Network, table: SourceTable, properties: Sequence[str], _method: str
-) -> Listing:
-    """Those of the fewest relations first."""
-    numbers = [network.number(name) for name in properties]
+def _smallest_first(network: Network, table: SourceTable, properties: Sequence[str]) -> Listing:
+    """Yield joint derivations of the fewest relations first."""
     small = network.smallest_first()
-    for rated in Ranking(small, table, small.executable).joint(numbers):
+    for rated, _best in listing(small, table, properties, small.executable, None):
         yield rated, False
 
 
 def _nothing(
     ontology: Ontology, table: SourceTable, properties: Sequence[str], outputs: Sequence[Source]
 ) -> ShsaError:
-    """Why there is no plan: what is missing, or the relation that cannot be executed."""
+    """Return why there is no plan: what is missing, or the relation that cannot be executed."""
     best = BestDerivations(ontology.network, table)
     numbers = [ontology.network.number(name) for name in properties]
     lost = [number for number in numbers if not best.settle(number)]

@@ -1,44 +1,44 @@
-"""How far what a derivation yields is expected to be from the truth.
+"""Predicts how far the result of a derivation is from the truth.
 
 By first-order propagation (JCGM 100:2008, 5.1 and 5.2): each error of a service or of a relation
 goes on with the derivatives of the relations behind it. What has one cause is added with its sign
-before it is squared, biases as well. docs/ontology.md tells what is taken for granted.
+before it is squared, biases as well. docs/ontology.md has the assumptions.
 """
 from dataclasses import dataclass, replace
 from math import isnan, nan, sqrt
 from random import Random
 from typing import Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
-from shsa_core.codegen.generator import generate, in_order
+from shsa_core.codegen.generator import generate_function, in_order
 from shsa_core.codegen.program import Step, compile_steady
 from shsa_core.errors import GenerationError
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.relation import TransferFunction
-from shsa_core.model.service import Provision, Service, Source
+from shsa_core.model.service import Source
 from shsa_core.model.som import Som
 from shsa_core.search.derivation import Derivation
 
 POINTS = 32
-"""At so many points the derivatives are taken and the errors averaged; the same ones each time."""
+"""The points at which derivatives are taken and errors averaged; the same ones each time."""
 ENOUGH = POINTS // 4
-"""A law that has a value at fewer of them is not known well enough."""
+"""A law that has a value at fewer points is not known well enough."""
 P95 = 1.959964
-"""Of a normal distribution: what its size is within in 95 %, in standard deviations."""
-REMEMBERED = 10_000
-"""So many derivations and parts of them are known again; then it begins anew."""
+"""Standard deviations within which 95 % of a normal distribution lie."""
+REMEMBERED = 4_000
+"""The most derivations and parts of them that are kept; then all are dropped."""
 SMALLEST_STEP = 1e-4
-"""Of a difference quotient, as a share of what is usual."""
+"""Of a difference quotient, as a share of the usual value."""
 
 Cause = Union[Source, Tuple[str, str]]
-"""What an error comes from: a source, or a relation and its output."""
+"""The origin of an error: a source, or a relation and its output."""
 Values = Sequence[float]
 """By point; NaN where there is none."""
 
 
 @dataclass(frozen=True)
 class _Part:
-    """The error of one part of a derivation at each point, its cause by cause.
+    """The error of one part of a derivation at each point, cause by cause.
 
     `told`: the error that is known as a whole, if nothing else is in it.
     """
@@ -50,19 +50,20 @@ class _Part:
 
     @property
     def is_none(self) -> bool:
-        """Whether there is no error in it."""
+        """True if there is no error in it."""
         return not self.spread and not any(self.bias)
 
     def variances(self) -> List[float]:
-        """By point."""
-        sums = [0.0] * POINTS
-        for values in self.spread.values():
-            sums = [sum_ + value * value for sum_, value in zip(sums, values)]
-        return sums
+        """Return the variance at each point."""
+        return [sum(value * value for value in at) for at in zip(_ZERO, *self.spread.values())]
 
     def squares(self) -> List[float]:
-        """The mean square of the error at each point."""
+        """Return the mean square of the error at each point."""
         return [var + bias * bias for var, bias in zip(self.variances(), self.bias)]
+
+
+_ZERO = [0.0] * POINTS
+_EXACT = _Part(_ZERO, {}, 0.0)
 
 
 class Predictor:
@@ -80,7 +81,8 @@ class Predictor:
         self._baselines: Dict[str, float] = {}
         self._steps: Dict[int, Optional[Step]] = {}  # by function
         self._numbers: Dict[Tuple[object, ...], int] = {}  # of what is derived in the same way
-        self._errors: Dict[int, Optional[Error]] = {}  # by such a number
+        self._parts: Dict[int, Optional[_Part]] = {}  # by such a number
+        self._values: Dict[int, Optional[Values]] = {}
         for function in ontology.functions:
             self._take_baseline(function.output, function.error)
         for source in sources:
@@ -96,97 +98,40 @@ class Predictor:
                 self._ranges[name] = property_.usual
 
     def baseline(self, name: str) -> Optional[float]:
-        """The RMS error of who always says the mean of a property; None: not known."""
+        """Return the RMS error of always saying the mean of a property; None: not known."""
         return self._baselines.get(name)
 
     def of(self, derivations: Sequence[Derivation]) -> List[Optional[Error]]:
-        """The expected error of each of some derivations, in its property's unit; None: not known.
-
-        What they share is worked out once.
-        """
+        """Return the expected error of each derivation, in its property's unit; None: not known."""
         if len(self._numbers) > REMEMBERED:
             self._numbers.clear()
-            self._errors.clear()
-        work = _Work(self)
-        found = []
-        for derivation in derivations:
-            number = self.number(derivation)
-            if number not in self._errors:
-                self._errors[number] = work.error(derivation)
-            found.append(self._errors[number])
-        return found
+            self._parts.clear()
+            self._values.clear()
+        return [self._error(derivation) for derivation in derivations]
 
     def number(self, derivation: Derivation) -> int:
-        """The same number for all derivations that do the same."""
+        """Return the same number for all derivations that do the same."""
+        return self._numbered(derivation)[derivation]
+
+    def _numbered(self, derivation: Derivation) -> Dict[Derivation, int]:
+        """Return the numbers of a derivation and its parts, inputs first."""
         numbers: Dict[Derivation, int] = {}
         for node in in_order([derivation]):
             way: Tuple[object, ...] = id(node.function), *(numbers[each] for each in node.inputs)
             if node.source is not None:
                 way = node.source.service.name, node.property
             numbers[node] = self._numbers.setdefault(way, len(self._numbers))
-        return numbers[derivation]
+        return numbers
 
-    def points(self, name: str) -> Optional[Values]:
-        """Values that a property usually has, spread evenly; None if it is not known which."""
-        limits = self._ranges.get(name)
-        if limits is None:
-            return None
-        order = list(range(POINTS))
-        Random(name).shuffle(order)  # of each property another order, and always the same
-        return [limits[0] + (limits[1] - limits[0]) * (k + 0.5) / POINTS for k in order]
-
-    def usual(self, name: str) -> Optional[Error]:
-        """The error of the best service of a property; None: not known."""
-        return self._usual.get(name)
-
-    def is_usual(self, source: Source) -> bool:
-        """Whether a source whose error is not known is as good as any of its property."""
-        name = source.property
-        return name not in self._usual and source.quality >= self._best.get(name, 0.0)
-
-    def step(self, function: TransferFunction) -> Optional[Step]:
-        """What a function yields of inputs that stand still; None if that says nothing of it."""
-        if id(function) not in self._steps:
-            self._steps[id(function)] = _compiled(function, self._ontology)
-        return self._steps[id(function)]
-
-    def _take_baseline(self, name: str, error: Optional[Error]) -> None:
-        if error is not None and error.baseline is not None:
-            self._baselines[name] = max(error.baseline, self._baselines.get(name, 0.0))
-
-
-def predictor(ontology: Ontology, sources: Iterable[Source]) -> Optional[Predictor]:
-    """Who predicts errors by an ontology and the services of a SOM; None if no errors are known."""
-    sources = tuple(sources)
-    errors = any(source.provision.error is not None for source in sources)
-    if not errors and all(function.error is None for function in ontology.functions):
-        return None
-    return Predictor(ontology, sources)
-
-
-def predict(derivation: Derivation, ontology: Ontology, som: Som) -> Optional[Error]:
-    """The expected error of a derivation, in its property's unit; None: not known."""
-    found = predictor(ontology, som.sources)
-    return None if found is None else found.of([derivation])[0]
-
-
-class _Work:
-    """Errors and values of the parts of some derivations, each worked out once."""
-
-    def __init__(self, predictor_: Predictor) -> None:
-        self._predictor = predictor_
-        self._parts: Dict[Derivation, Optional[_Part]] = {}
-        self._values: Dict[Derivation, Optional[Values]] = {}
-
-    def error(self, derivation: Derivation) -> Optional[Error]:
-        """The expected error of a derivation."""
-        for node in in_order([derivation]):
-            if node not in self._parts:
-                self._parts[node] = self._part(node)
-        part = self._parts[derivation]
+    def _error(self, derivation: Derivation) -> Optional[Error]:
+        numbers = self._numbered(derivation)
+        for node, number in numbers.items():
+            if number not in self._parts:
+                self._parts[number] = self._part(node, numbers)
+        part = self._parts[numbers[derivation]]
         if part is None:
             return None
-        baseline = self._predictor.baseline(derivation.property)
+        baseline = self.baseline(derivation.property)
         if part.told is not None:
             told = part.told
             p95 = P95 * told.rms if told.p95 is None else told.p95
@@ -196,7 +141,7 @@ class _Work:
             return None
         return Error(rms, _mean(part.bias), P95 * rms, part.delay, baseline, None, "predicted")
 
-    def _part(self, node: Derivation) -> Optional[_Part]:
+    def _part(self, node: Derivation, numbers: Mapping[Derivation, int]) -> Optional[_Part]:
         if node.source is not None:
             return _told(node.source, node.source.provision.error)
         function = node.function
@@ -206,33 +151,34 @@ class _Work:
         if own is None:
             if function.quality < 1.0:
                 return None  # it is not exact, and nobody knows how far off
-            own = _Part([0.0] * POINTS, {}, 0.0)
-        excess = [self._excess(input_, function.error is not None) for input_ in node.inputs]
-        added = [part for part in excess if part is not None]
-        if len(added) < len(excess):
+            own = _EXACT
+        parts = [self._parts[numbers[input_]] for input_ in node.inputs]
+        if function.error is not None:
+            parts = [self._above_usual(*each) for each in zip(node.inputs, parts)]
+        added = [part for part in parts if part is not None]
+        if len(added) < len(parts):
             return None
         delay = own.delay + max((part.delay for part in added), default=0.0)
         if all(part.is_none for part in added):
             return replace(own, delay=delay)
-        slopes = self._slopes(node, added)
+        slopes = self._slopes(node, added, numbers)
         return None if slopes is None else _sum(own, added, slopes, delay)
 
-    def _excess(self, node: Derivation, measured: bool) -> Optional[_Part]:
-        """What the error of an input adds: all of it, or what it has above the usual one.
+    def _above_usual(self, node: Derivation, part: Optional[_Part]) -> Optional[_Part]:
+        """Return what the error of an input has above the usual one; None: not known.
 
-        The latter where the relation was `measured`. None: not known.
+        A measured relation has the usual errors of its inputs in its own already.
         """
-        part = self._parts[node]
-        usual = self._predictor.usual(node.property)
-        if part is None:
-            unknown = not measured or node.source is None
-            if unknown or not self._predictor.is_usual(node.source):  # type: ignore[arg-type]
-                return None
-            return _Part([0.0] * POINTS, {}, 0.0)
-        if not measured or usual is None:
+        usual = self._usual.get(node.property)
+        if part is None:  # without figures it is as good as the best source of the property, or not
+            source = node.source
+            best = self._best.get(node.property, 0.0)
+            as_good = source is not None and usual is None and source.quality >= best
+            return _EXACT if as_good else None
+        if usual is None:
             return part
         if part.told is not None and part.told == usual:
-            return _Part([0.0] * POINTS, {}, 0.0)
+            return _EXACT
         have = _mean(part.variances())
         share = sqrt(max(0.0, 1.0 - _variance(usual) / have)) if have > 0.0 else 0.0
         return _Part(
@@ -241,24 +187,22 @@ class _Work:
             max(0.0, part.delay - usual.delay),
         )
 
-    def _slopes(self, node: Derivation, added: Sequence[_Part]) -> Optional[List[Values]]:
-        """How fast what a function yields changes with each input, at each point.
+    def _slopes(
+        self, node: Derivation, added: Sequence[_Part], numbers: Mapping[Derivation, int]
+    ) -> Optional[List[Values]]:
+        """Return how fast a function's result changes with each input, at each point.
 
         By differences as wide as the input's error: where a law bends, that is what the error sees.
         """
-        assert node.function is not None
-        step = self._predictor.step(node.function)
-        inputs = [self._values_of(input_) for input_ in node.inputs]
-        if step is None:
-            return None
-        columns = [values for values in inputs if values is not None]
-        if len(columns) < len(inputs):
+        step = self._step(node.function)
+        columns = self._columns(node, numbers)
+        if step is None or columns is None:
             return None
         rows = list(zip(*columns))
         slopes: List[Values] = []
         for number, part in enumerate(added):
             if part.is_none:
-                slopes.append([0.0] * POINTS)
+                slopes.append(_ZERO)
                 continue
             sizes = [abs(value) for value in columns[number] if not isnan(value)]
             least = SMALLEST_STEP * (max(sizes, default=0.0) or 1.0)
@@ -266,20 +210,65 @@ class _Work:
             slopes.append([_slope(step, x, number, width) for x, width in zip(rows, widths)])
         return slopes
 
-    def _values_of(self, derivation: Derivation) -> Optional[Values]:
-        """The true values of a part at each point: usual ones, or computed of its inputs'."""
-        for node in in_order([derivation]):
-            if node not in self._values:
-                self._values[node] = self._computed(node) or self._predictor.points(node.property)
-        return self._values[derivation]
+    def _columns(
+        self, node: Derivation, numbers: Mapping[Derivation, int]
+    ) -> Optional[List[Values]]:
+        """Return the true values of a function's inputs at each point; None: not known."""
+        for part in in_order(node.inputs):
+            if numbers[part] not in self._values:
+                step, columns = self._step(part.function), self._known(part, numbers)
+                values = self._points(part.property)
+                if step is not None and columns is not None:
+                    rows = zip(*columns) if columns else [()] * POINTS
+                    values = [_value(step, x) for x in rows]
+                self._values[numbers[part]] = values
+        return self._known(node, numbers)
 
-    def _computed(self, node: Derivation) -> Optional[Values]:
-        step = None if node.function is None else self._predictor.step(node.function)
-        columns = [self._values[input_] for input_ in node.inputs]
+    def _known(self, node: Derivation, numbers: Mapping[Derivation, int]) -> Optional[List[Values]]:
+        columns = [self._values[numbers[input_]] for input_ in node.inputs]
         known = [column for column in columns if column is not None]
-        if step is None or len(known) < len(columns):
+        return known if len(known) == len(columns) else None
+
+    def _points(self, name: str) -> Optional[Values]:
+        """Return values that a property usually has, spread evenly; None: not known."""
+        limits = self._ranges.get(name)
+        if limits is None:
             return None
-        return [_value(step, x) for x in (zip(*known) if known else [()] * POINTS)]
+        order = list(range(POINTS))
+        Random(name).shuffle(order)  # of each property another order, and always the same
+        return [limits[0] + (limits[1] - limits[0]) * (k + 0.5) / POINTS for k in order]
+
+    def _step(self, function: Optional[TransferFunction]) -> Optional[Step]:
+        """Return a function of inputs that stand still; None if that says nothing of it."""
+        if function is None:
+            return None
+        if id(function) not in self._steps:
+            try:
+                code = generate_function(function, self._ontology.constants).code
+                step = compile_steady(code, len(function.inputs), 1)
+            except GenerationError:
+                step = None
+            self._steps[id(function)] = step
+        return self._steps[id(function)]
+
+    def _take_baseline(self, name: str, error: Optional[Error]) -> None:
+        if error is not None and error.baseline is not None:
+            self._baselines[name] = max(error.baseline, self._baselines.get(name, 0.0))
+
+
+def predictor(ontology: Ontology, sources: Iterable[Source]) -> Optional[Predictor]:
+    """Return a predictor for an ontology and the services of a SOM; None if no errors are known."""
+    sources = tuple(sources)
+    errors = any(source.provision.error is not None for source in sources)
+    if not errors and all(function.error is None for function in ontology.functions):
+        return None
+    return Predictor(ontology, sources)
+
+
+def predict(derivation: Derivation, ontology: Ontology, som: Som) -> Optional[Error]:
+    """Return the expected error of a derivation, in its property's unit; None: not known."""
+    found = predictor(ontology, som.sources)
+    return None if found is None else found.of([derivation])[0]
 
 
 def _told(cause: Cause, error: Optional[Error]) -> Optional[_Part]:
@@ -295,7 +284,7 @@ def _variance(error: Error) -> float:
 
 
 def _sum(own: _Part, added: Sequence[_Part], slopes: Sequence[Values], delay: float) -> _Part:
-    """The error of a function's result: its own, and its inputs' as it passes them on."""
+    """Return the error of a function's result: its own, and its inputs' as it passes them on."""
     bias = own.bias
     spread: Dict[Cause, Values] = dict(own.spread)
     for part, slope in zip(added, slopes):
@@ -309,7 +298,7 @@ def _sum(own: _Part, added: Sequence[_Part], slopes: Sequence[Values], delay: fl
 
 
 def _slope(step: Step, x: Sequence[float], number: int, width: float) -> float:
-    """The difference quotient about a point, to one side where the other has no value."""
+    """Return the difference quotient at a point, to one side where the other has no value."""
     there = list(x)
     there[number] = low = x[number] - width
     before = _value(step, there)
@@ -332,21 +321,6 @@ def _times(values: Values, factor: float) -> Values:
 
 
 def _mean(values: Values) -> float:
-    """Over the points that have a value; NaN if they are too few."""
+    """Return the mean over the points that have a value; NaN if they are too few."""
     known = [value for value in values if not isnan(value)]
     return sum(known) / len(known) if len(known) >= ENOUGH else nan
-
-
-def _compiled(function: TransferFunction, ontology: Ontology) -> Optional[Step]:
-    """A function alone, as a substitute would compute it once its inputs stand still."""
-    inputs = tuple(Derivation(name, _source(name), None) for name in function.inputs)
-    derivation = Derivation(function.output, None, function, inputs)
-    try:
-        program = generate([(derivation, "/output/data")], ontology.constants)
-    except GenerationError:
-        return None
-    return compile_steady(program.code, len(inputs), 1)
-
-
-def _source(name: str) -> Source:
-    return Service(name, "/" + name, "", "", None, (Provision(name, "data"),)).sources[0]

@@ -1,14 +1,14 @@
-"""Compiles a substitute's code, once it is checked, so that it can be evaluated at every step."""
+"""Compiles a substitute's checked code into one Python function."""
 import ast
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
-from shsa_core.codegen.rewriting import Fill, Inline, Rest
+from shsa_core.codegen.rewriting import Fill, Inline
 from shsa_core.errors import CodeError
 from shsa_core.language.functions import ELAPSED, STATEFUL, namespace, power
-from shsa_core.language.memory import MAX_GAP_S, Memory, elapsed, integral
+from shsa_core.language.memory import MAX_GAP_S, Memory, integral, previous
 from shsa_core.language.trees import name_nodes
 
 INTEGRAL = "integral"
@@ -24,9 +24,9 @@ class CompiledProgram:
     defined (a division by zero, the root of a negative number, an overflow), or a stateful function
     needs more samples.
 
-    `integrals`: of each output that is nothing but an integral, its sum, which may be set; None of
-    the others. `hidden`: whether it has other integrals, which start at 0. `remembers`: whether it
-    must see every sample.
+    `integrals`: for each output that is nothing but an integral, its sum, which may be set; else
+    None. `hidden`: there are other integrals, which start at 0. `remembers`: it must see every
+    sample.
     """
 
     step: Step
@@ -38,37 +38,24 @@ class CompiledProgram:
 def compile_program(
     code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S
 ) -> CompiledProgram:
-    """Checks the code and compiles it.
+    """Check the code and compile it. Raises CodeError.
 
     Stateful functions start anew after a gap of more than `max_gap` (s).
-
-    Raises CodeError for everything that has not the shape of the generator's code.
     """
     return _Compiler(max_gap).compile(check_code(code, n_inputs, n_outputs))
 
 
 def compile_steady(code: str, n_inputs: int, n_outputs: int) -> Optional[Step]:
-    """What the code computes once its inputs have stood still for long; the time does not matter.
+    """Compile what the code computes once its inputs have stood still for long. Raises CodeError.
 
-    None if that depends on how they change (`derivative`, `integral`, `dt`). Raises CodeError.
+    Return None if that depends on how they change (`derivative`, `integral`, `dt`).
     """
     checked = check_code(code, n_inputs, n_outputs)
     moving = {ELAPSED, *(name for name, each in STATEFUL.items() if not each.rests)}
-    rest = Rest()
-    relations = []
-    for relation in checked.relations:
-        nodes = (node for tree in relation.trees for node in ast.walk(tree))
-        if any(isinstance(node, ast.Name) and node.id in moving for node in nodes):
-            return None
-        relations.append(
-            replace(
-                relation,
-                constraint=relation.constraint and rest.visit(relation.constraint),
-                steps=tuple((name, rest.visit(tree)) for name, tree in relation.steps),
-                expression=rest.visit(relation.expression),
-            )
-        )
-    return _Compiler(MAX_GAP_S).compile(replace(checked, relations=tuple(relations))).step
+    nodes = [n for relation in checked.relations for tree in relation.trees for n in ast.walk(tree)]
+    if any(isinstance(node, ast.Name) and node.id in moving for node in nodes):
+        return None
+    return _Compiler(None).compile(checked).step
 
 
 class _Compiler:
@@ -76,11 +63,12 @@ class _Compiler:
 
     A variable that is not finite has no value: a relation is evaluated where its inputs have values
     and its constraint holds. Stateful functions are taken out of the expressions and evaluated
-    before, so that each sees every sample.
+    before, so that each sees every sample. Without `max_gap` (s) the inputs stand still.
     """
 
-    def __init__(self, max_gap: float) -> None:
-        self._max_gap = max_gap
+    def __init__(self, max_gap: Optional[float]) -> None:
+        self._max_gap = MAX_GAP_S if max_gap is None else max_gap
+        self._steady = max_gap is None
         self._memories = 0
         self._sums: Dict[str, List[float]] = {}  # of integrals, by the variable that holds them
         self._parts: Dict[str, ast.expr] = {}
@@ -89,7 +77,7 @@ class _Compiler:
         self._names.update({"ArithmeticError": ArithmeticError, "ValueError": ValueError})
 
     def compile(self, code: CheckedCode) -> CompiledProgram:
-        """The function of the whole program."""
+        """Compile the whole program."""
         lines = ["def step(x, now):"]
         inputs = [f"t{i}" for i in range(code.n_inputs)]
         if inputs:
@@ -101,7 +89,7 @@ class _Compiler:
             for n in ast.walk(tree)
         )
         if uses_time:
-            lines.append(f"  {ELAPSED} = {self._remember(elapsed(self._max_gap))}(0.0, now)")
+            lines.append(f"  {ELAPSED} = now - {self._remember(previous(self._max_gap))}(now, now)")
         for relation in code.relations:
             lines += ["  " + line for line in self._relation(relation)]
         lines.append(f"  if {_finite(code.outputs)}: return ({', '.join(code.outputs)},)")
@@ -120,12 +108,12 @@ class _Compiler:
         return CompiledProgram(self._names["step"], sums, hidden, self._memories > 0)
 
     def _relation(self, relation: CheckedRelation) -> List[str]:
-        """What gives the relation its value.
+        """Return the lines that give the relation its value.
 
-        Steps that a function with memory hears are evaluated before the constraint is, each for
+        Steps that a function with memory hears are evaluated before the constraint, each for
         itself; the others only where there may be a value.
         """
-        inline = Inline(relation.arguments, self.memory_of)
+        inline = Inline(relation.arguments, None if self._steady else self.memory_of)
         constraint = inline.visit(relation.constraint) if relation.constraint else None
         lines = self._take_calls(inline)
         heard = _heard(relation)
@@ -162,7 +150,7 @@ class _Compiler:
         return [f"{relation.result} = nan"] + lines
 
     def _take_calls(self, inline: Inline) -> List[str]:
-        """The stateful calls met since the last time, each evaluated into its variable."""
+        """Evaluate the stateful calls met since the last time, each into its variable."""
         lines: List[str] = []
         for name, call in inline.calls:
             lines += self._assign(name, call, inline.ready)
@@ -171,7 +159,7 @@ class _Compiler:
         return lines
 
     def _assign(self, name: str, tree: ast.expr, ready: Sequence[str]) -> List[str]:
-        """Evaluates the tree into a variable, where those of `ready` that it uses have values."""
+        """Evaluate the tree into a variable, if those of `ready` that it uses have values."""
         used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
         needed = [each for each in ready if each in used]
         holds = f"if {_finite(needed)}: " if needed else ""
@@ -189,7 +177,7 @@ class _Compiler:
         return name
 
     def memory_of(self, function: str) -> Tuple[str, str]:
-        """The names of a new memory for one use of a stateful function, and of its value."""
+        """Make a memory for one use of a stateful function; return its name and its value's."""
         total = [0.0]
         if function == INTEGRAL:
             memory = self._remember(integral(self._max_gap, total))
@@ -200,13 +188,13 @@ class _Compiler:
 
 
 def _attempt(block: Iterable[str]) -> List[str]:
-    """The block, left where something has no value."""
+    """Return the block, which ends where something has no value."""
     lines = ["  " + line for line in block]
     return ["try:", *lines, "except (ArithmeticError, ValueError): pass"]
 
 
 def _heard(relation: CheckedRelation) -> Set[str]:
-    """The names of the relation's steps that a function with memory is given, in some way."""
+    """Return the names of the relation's steps that reach a function with memory."""
     heard = {
         name.id
         for tree in relation.trees
@@ -222,5 +210,5 @@ def _heard(relation: CheckedRelation) -> Set[str]:
 
 
 def _finite(names: Iterable[str]) -> str:
-    """The fastest test in Python that floats are finite: inf - inf and nan - nan are not 0."""
+    """Return the fastest test that floats are finite: inf - inf and nan - nan are not 0."""
     return " == ".join([f"{name} - {name}" for name in names] + ["0.0"])

@@ -5,30 +5,14 @@ Operations in a row are taken one after the other: they may be deeper than calls
 import ast
 import functools
 import math
-from typing import Callable, List, Mapping, Tuple
+from typing import Callable, List, Mapping, Optional, Tuple
 
 from shsa_core.language.functions import CONSTANTS, ELAPSED, STATEFUL
 from shsa_core.language.trees import literal, row
 
 MOST_WRITTEN_OUT = 64  # arguments
 MemoryOf = Callable[[str], Tuple[str, str]]
-"""Makes a memory for one use of a stateful function: its name, and that of its value."""
-
-
-class Rest(ast.NodeTransformer):
-    """Puts its argument in the place of each function that comes to rest at it."""
-
-    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
-        first, operations = row(node)
-        operations[0].left = self.visit(first)
-        for each in operations:
-            each.right = self.visit(each.right)
-        return node
-
-    def visit_Call(self, node: ast.Call) -> ast.expr:
-        self.generic_visit(node)
-        assert isinstance(node.func, ast.Name)
-        return node.args[0] if node.func.id in STATEFUL else node
+"""Make a memory for one use of a stateful function; return its name and its value's."""
 
 
 class Fill(ast.NodeTransformer):
@@ -45,10 +29,11 @@ class Inline(ast.NodeTransformer):
     """Rewrites the expressions of one relation over the program's variables.
 
     `calls`: variables, and the stateful calls that give their values; `ready`: the variables that
-    must have values before the relation has one.
+    must have values before the relation has one. Without `memory_of` a stateful call is its first
+    argument, which it becomes once all arguments stand still.
     """
 
-    def __init__(self, arguments: Mapping[str, str], memory_of: MemoryOf) -> None:
+    def __init__(self, arguments: Mapping[str, str], memory_of: Optional[MemoryOf]) -> None:
         self.variables = dict(arguments)
         self._memory_of = memory_of
         self.calls: List[Tuple[str, ast.expr]] = []
@@ -83,6 +68,8 @@ class Inline(ast.NodeTransformer):
             return _written_out(node)
         if node.func.id not in STATEFUL:
             return node
+        if self._memory_of is None:
+            return node.args[0]
         memory, result = self._memory_of(node.func.id)
         arguments = [*node.args, ast.Name("now", ast.Load())]
         self.calls.append((result, ast.Call(ast.Name(memory, ast.Load()), arguments, [])))
@@ -90,7 +77,7 @@ class Inline(ast.NodeTransformer):
 
 
 def _written_out(dot: ast.Call) -> ast.expr:
-    """A short sum of products of numbers and variables as such: a call would cost as much again."""
+    """Write out a short sum of products of numbers and variables: a call costs as much again."""
     if len(dot.args) > MOST_WRITTEN_OUT or not all(
         literal(a) is not None or isinstance(a, ast.Name) for a in dot.args
     ):

@@ -1,1 +1,1 @@
-"""What is done about a failure."""
+"""The reconfigurator's core: decides about failures."""

@@ -1,11 +1,22 @@
 """Decides about a faulty node by what would be lost with it."""
 from dataclasses import dataclass
-from typing import Callable, List, Optional, Sequence, Set, Tuple
+from typing import (
+    Dict,
+    FrozenSet,
+    Iterable,
+    List,
+    NamedTuple,
+    Optional,
+    Sequence,
+    Set,
+    Tuple,
+)
 
-from shsa_core.healing.health import Health
-from shsa_core.healing.indexes import Indexes
+from shsa_core.codegen.plans import Plan
+
+from shsa_core.healing.health import MISSED, Health
 from shsa_core.healing.naming import Names
-from shsa_core.healing.planner import Planner
+from shsa_core.healing.planner import AnyPlan, Planner
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.kinds import QUIET, Contain, Kind
 from shsa_core.model.service import Service
@@ -88,12 +99,50 @@ def _enumerated(topics: Sequence[str]) -> str:
     return " and ".join([", ".join(topics[:-1]), topics[-1]] if len(topics) > 1 else topics)
 
 
+class Computed(NamedTuple):
+    """A service whose value is computed: without which node, and which plans were tried in vain."""
+
+    faulty_node: str
+    tried: FrozenSet[Plan]
+
+
+class Indexes:
+    """Services by what they read and wait for, kept up as they decide.
+
+    `stuck`: those that nothing can heal now. `kept`: those whose faulty node is kept. `computed`:
+    those that a substitute computes, or is to.
+    """
+
+    def __init__(self) -> None:
+        self.stuck: Dict[str, None] = {}
+        self.kept: Dict[str, None] = {}
+        self.computed: Dict[str, Computed] = {}
+        self.working: Dict[str, Tuple[float, AnyPlan]] = {}
+        self.refused: Dict[str, str] = {}
+        self._reads: Dict[str, Tuple[str, ...]] = {}
+        self._readers: Dict[str, Set[str]] = {}
+
+    def readers(self, services: Iterable[str]) -> List[str]:
+        """Return the services whose substitute reads one of some services."""
+        return sorted({name for each in services for name in self._readers.get(each, ())})
+
+    def follow(self, name: str, reads: Tuple[str, ...]) -> None:
+        """Note what the substitute of a service reads now; nothing more is known of it yet."""
+        self.stuck.pop(name, None)
+        self.kept.pop(name, None)
+        self.computed.pop(name, None)
+        self.refused.pop(name, None)
+        for read in self._reads.get(name, ()):
+            self._readers[read].discard(name)
+        self._reads[name] = reads
+        for read in reads:
+            self._readers.setdefault(read, set()).add(name)
+
+
 class Stakes:
     """Looks what a node still does well, and who relies on it: that costs what it publishes."""
 
-    def __init__(
-        self, names: Names, health: Health, indexes: Indexes, planner: Callable[[], Planner]
-    ) -> None:
+    def __init__(self, names: Names, health: Health, indexes: Indexes, planner: Planner) -> None:
         self._names = names
         self._health = health
         self._indexes = indexes
@@ -136,8 +185,7 @@ class Stakes:
         doomed = others | {node}
         lost: Set[str] = set()
         for service, row in published:
-            awake = row.kind in QUIET and row.kind is not Kind.NODE_GONE
-            may_speak = row.state is not PublisherState.FAILED or awake
+            may_speak = row.state is not PublisherState.FAILED or row.kind in MISSED
             if service.needed and service.name != failed.name and may_speak:
                 if not self._remains(service, doomed):
                     lost.add(service.topic)
@@ -154,7 +202,7 @@ class Stakes:
 
     def _published(self, node: str) -> List[Tuple[Service, PublisherHealth]]:
         """Return what a node publishes, and how that does."""
-        service_of, rows = self._planner().som.service_of, self._health.rows
+        service_of, rows = self._planner.som.service_of, self._health.rows
         topics = sorted(self._health.topics.get(node, ()))
         found = ((service_of(topic, node), rows[topic][node]) for topic in topics)
         return [(service, row) for service, row in found if service is not None]
@@ -165,16 +213,16 @@ class Stakes:
             if row.state is PublisherState.HEALTHY and row.publisher not in doomed:
                 if row.publisher not in self._health.substitutes:
                     return True
-        return self._planner().replaceable(service, doomed)
+        return self._planner.replaceable(service, doomed)
 
     def _relying(self, service: Service, doomed: Set[str]) -> List[str]:
         """Return the topics that a substitute computes from a service, and nothing else gives."""
         found = []
         for name in self._indexes.readers([service.name]):
             computed = self._indexes.computed.get(name)
-            read = self._planner().som.services.get(name)
+            read = self._planner.som.services.get(name)
             if read is not None and computed is not None:
                 without = doomed | {computed.faulty_node}
-                if not self._planner().replaceable(read, without, computed.tried):
+                if not self._planner.replaceable(read, without, computed.tried):
                     found.append(read.topic)
         return found

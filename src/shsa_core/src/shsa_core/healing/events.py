@@ -1,4 +1,4 @@
-"""What the reconfigurator hears (events) and what it wants done (commands).
+"""The reconfigurator's events (it hears them) and commands (it wants them done).
 
 Times in s on one clock.
 """
@@ -17,7 +17,7 @@ from shsa_core.monitoring.events import CalibrationRow, PublisherHealth
 
 
 class Level(Word):
-    """How urgent a line of the log is."""
+    """The urgency of a line of the log."""
 
     INFO = "info"
     WARN = "warn"
@@ -25,31 +25,25 @@ class Level(Word):
 
 
 class Where(Word):
-    """Where the process of a node runs, as far as can be told.
-
-    UNKNOWN: it cannot be verified which process it is. ANOTHER: it is not the one that failed.
-    UNREACHABLE: its computer was lost, so that nothing can be said of it.
-    """
+    """The place where the process of a node runs, as far as can be told."""
 
     HERE = "here"
     STOPPED = "stopped"
     DEAD = "dead"
     ELSEWHERE = "elsewhere"
     NOWHERE = "nowhere"
-    UNKNOWN = "unknown"
-    ANOTHER = "another"
-    UNREACHABLE = "unreachable"
+    UNKNOWN = "unknown"  # it cannot be verified which process it is
+    ANOTHER = "another"  # it is not the one that failed
+    UNREACHABLE = "unreachable"  # its computer was lost
 
 
 @dataclass(frozen=True)
 class Started:
-    """The reconfigurator is up.
+    """The reconfigurator is up; `preparing`: what substitutes are forked from comes up (Prepared).
 
-    `records`: what a former one has written down; `running`: the substitutes, and the nodes that
-    were started again, whose processes are known to run on. `leftovers`: other nodes of a
-    substitute's name that run our substitute, or are dead; `strangers`: nodes whose names begin as
-    a substitute's do, and of which nobody knows that. `preparing`: the process from which
-    substitutes are forked comes up; see Prepared.
+    `records`: what a former one has written down. `running`: the substitutes, and the nodes that
+    were started again, that run on. `leftovers`: other nodes named as a substitute that run ours,
+    or are dead; `strangers`: nodes whose names begin so, and of which nobody knows that.
     """
 
     time: float
@@ -83,10 +77,10 @@ class LaunchEnding:
 
 @dataclass(frozen=True)
 class FailureSeen:
-    """The monitor reports that `publisher` (empty if none was ever seen) of a service has failed.
+    """A monitor reports that `publisher` (empty if none was ever seen) of a service has failed.
 
-    `service` may be empty: then it is told by topic and publisher. `last_message` is the last good
-    one, serialized; empty: not known.
+    `service` may be empty: then topic and publisher tell it. `last_message`: the last good one,
+    serialized; empty: not known.
     """
 
     time: float
@@ -101,10 +95,10 @@ class FailureSeen:
 
 @dataclass(frozen=True)
 class HealthSeen:
-    """What has changed in the monitor's table; `whole`: this is all of it.
+    """This has changed in a monitor's table; `whole`: this is all of it.
 
-    `removed`: topics and publishers. `anew`: another monitor tells it, that has just started.
-    `host`: the computer whose monitor tells it; empty: the monitor of all others.
+    `removed`: topics and publishers. `anew`: the monitor has just started. `host`: the computer
+    that it watches; empty: all others.
     """
 
     time: float
@@ -134,9 +128,9 @@ class ModelsReloaded:
 
 @dataclass(frozen=True)
 class NodeLearned:
-    """It was looked which process a node is; `known`: that succeeded, and was verified.
+    """It was looked which process a node is; `known`: that is verified.
 
-    `protected`: why that is never to be killed unless the SOM says so; empty: it may be.
+    `protected`: why it is never killed unless the SOM says so; empty: it may be.
     """
 
     time: float
@@ -155,11 +149,11 @@ class NodeCameUp:
 
 @dataclass(frozen=True)
 class NodeFound:
-    """Where the process of a node runs that is to be killed.
+    """It was looked where the process of a node runs that is to be killed.
 
-    `detail`: why it is not touched. `starter`: the process that has started it, in words; empty:
-    not known. `rate`: messages/s that it has sent since to those who are connected to it, 0 as well
-    if it does not answer; None: nobody is connected, or it was not to be counted.
+    `detail`: why it is not touched. `starter`: who has started it, in words; empty: not known.
+    `rate`: messages/s that it sends to those that are connected to it, 0 as well if it does not
+    answer; None: nobody is connected, or it was not to be counted.
     """
 
     time: float
@@ -172,10 +166,7 @@ class NodeFound:
 
 @dataclass(frozen=True)
 class NodeLeft:
-    """The process of a node has ended.
-
-    Elsewhere: it has answered `rosnode kill`, and nobody listens there any more.
-    """
+    """The process of a node has ended; elsewhere: it said that it leaves, and listens no more."""
 
     time: float
     node: str
@@ -200,7 +191,7 @@ class ProcessUntouchable:
 
 @dataclass(frozen=True)
 class SubstituteStarted:
-    """The process of the substitute `node` was started; the search for it had ended at `found`."""
+    """The process of a substitute was set to work; `found`: when the search had ended."""
 
     time: float
     node: str
@@ -209,7 +200,7 @@ class SubstituteStarted:
 
 @dataclass(frozen=True)
 class ProcessExited:
-    """The process of the substitute `node` ended, or never started."""
+    """The process of a substitute ended, or never started."""
 
     time: float
     node: str
@@ -218,7 +209,7 @@ class ProcessExited:
 
 @dataclass(frozen=True)
 class ProcessSilent:
-    """The process of the substitute `node` gives no sign of life just now: it hangs, or is slow."""
+    """The process of a substitute gives no sign of life just now: it hangs, or is slow."""
 
     time: float
     node: str
@@ -226,7 +217,7 @@ class ProcessSilent:
 
 @dataclass(frozen=True)
 class ProcessHeard:
-    """The process of a substitute gives its first sign of life, or again one after none."""
+    """The process of a substitute gives its first sign of life, or again one."""
 
     time: float
     node: str
@@ -234,7 +225,7 @@ class ProcessHeard:
 
 @dataclass(frozen=True)
 class ProcessHung:
-    """The process of the substitute `node` has given no sign of life for long: it hangs."""
+    """The process of a substitute has given no sign of life for long: it hangs."""
 
     time: float
     node: str
@@ -242,10 +233,7 @@ class ProcessHung:
 
 @dataclass(frozen=True)
 class SubstituteRequested:
-    """Somebody wants `service` substituted now.
-
-    `last_message` is the newest one, serialized; empty: not known.
-    """
+    """Somebody wants `service` substituted now; `last_message` as in FailureSeen."""
 
     time: float
     service: str
@@ -254,10 +242,7 @@ class SubstituteRequested:
 
 @dataclass(frozen=True)
 class NodeRestarted:
-    """A node was started again.
-
-    `with_us`: whoever started it first has started the reconfigurator too.
-    """
+    """A node was started again; `with_us`: who started it first has started us too."""
 
     time: float
     node: str
@@ -275,7 +260,7 @@ class RestartFailed:
 
 @dataclass(frozen=True)
 class StarterEnded:
-    """Whoever started `node` first has ended: roslaunch, or a terminal."""
+    """Those who started `node` first have ended: roslaunch, or a terminal."""
 
     time: float
     node: str
@@ -293,7 +278,7 @@ class Released:
 class CalibrationsHeard:
     """The monitor tells how what may substitute services is calibrated.
 
-    `removed`: a service and a program that is calibrated no more.
+    `removed`: services and programs that are calibrated no more.
     """
 
     time: float
@@ -303,7 +288,7 @@ class CalibrationsHeard:
 
 @dataclass(frozen=True)
 class HostSeen:
-    """The agent of a computer tells that it is there, again and again.
+    """The agent of a computer tells that it is there.
 
     `load`: how many of its `cores` are busy; `sent` and `received`: bytes/s on its network.
     """
@@ -398,9 +383,9 @@ class AskMonitor:
 class FindNode:
     """Find out where the process of a node runs that is to be killed; answered by NodeFound.
 
-    `successor`: if the process that was learned is dead, the one that has its name now is meant.
-    `topic`: what it failed on, so that it must be a publisher of that; empty: a substitute of ours.
-    `listen`: for how many s it is counted on its own computer what it sends of that.
+    `successor`: if the process that was learned is dead, the one with its name now is meant.
+    `topic`: what it must publish; empty: it is a substitute of ours. `listen`: for how many s it is
+    counted on its own computer what it sends.
     """
 
     node: str
@@ -425,10 +410,7 @@ class EndProcess:
 
 @dataclass(frozen=True)
 class ClearNode:
-    """Clear what a node that is gone has left registered at the master.
-
-    Answered by NodeUnregistered if that is nothing.
-    """
+    """Clear what a node that is gone has left registered; NodeUnregistered if that is nothing."""
 
     node: str
 
@@ -437,9 +419,8 @@ class ClearNode:
 class StartSubstitute:
     """Start a substitute's process, muted until the table of substitutions says that it publishes.
 
-    Without a program it waits, idle, until the table gives it one. `inputs` and `outputs` are those
-    of the program. `host`: the computer to start it on, empty: the reconfigurator's own. `shared`:
-    the table gives it several.
+    Without a program it waits until the table gives it one, `shared`: several. `host`: the computer
+    to start it on; empty: the reconfigurator's own.
     """
 
     node: str
@@ -452,10 +433,7 @@ class StartSubstitute:
 
 @dataclass(frozen=True)
 class AssignSubstitute:
-    """A running process has a program now: the table of substitutions tells it.
-
-    Answered by SubstituteStarted.
-    """
+    """Have a running process see its program in the table; answered by SubstituteStarted."""
 
     node: str
 
@@ -469,10 +447,7 @@ class StopSubstitute:
 
 @dataclass(frozen=True)
 class RestartNode:
-    """Start a faulty node again, as it was started before.
-
-    Answered by NodeRestarted or RestartFailed.
-    """
+    """Start a node again as it was started; answered by NodeRestarted or RestartFailed."""
 
     node: str
 
@@ -494,10 +469,9 @@ class RunCommand:
 
 @dataclass(frozen=True)
 class ShowSubstitutions:
-    """What has changed in the table of substitutions; they heed it.
+    """Show what has changed in the table of substitutions; they heed it.
 
-    Rows without a node are the plans of warm services, which idle processes prepare for. `removed`:
-    their nodes, or the services of those plans.
+    Rows without a node are plans that idle processes prepare for. `removed`: their keys.
     """
 
     rows: Tuple[Substitution, ...]
@@ -506,10 +480,9 @@ class ShowSubstitutions:
 
 @dataclass(frozen=True)
 class WriteDown:
-    """Write down what was decided, before anything of it is done.
+    """Write down what was decided, before it is done; the next reconfigurator goes on from it.
 
-    Should the reconfigurator be killed, the next one goes on from there. `removed`: the keys of the
-    records that are gone.
+    `removed`: the keys of the records that are gone.
     """
 
     records: Tuple[Record, ...]
@@ -527,8 +500,7 @@ class ShowIncident:
 class ServiceState:
     """One row of the running SOM: who provides the service now, and whether it is available.
 
-    `healthy`: all originals that do well, as a monitor that starts anew must know. `verified`:
-    those of them whose process is known.
+    `healthy`: all originals that do well; `verified`: those of them whose process is known.
     """
 
     service: Service
@@ -541,7 +513,7 @@ class ServiceState:
 
 @dataclass(frozen=True)
 class ShowSom:
-    """What has changed in the running SOM."""
+    """Show what has changed in the running SOM."""
 
     rows: Tuple[ServiceState, ...]
     removed: Tuple[str, ...] = ()

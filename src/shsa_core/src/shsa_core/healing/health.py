@@ -1,4 +1,4 @@
-"""How the publishers of each topic do, as the monitors tell, and what was done to their nodes."""
+"""The health of the publishers of each topic, as the monitors tell it."""
 from dataclasses import replace
 from typing import Collection, Dict, FrozenSet, Iterable, List, Mapping, Optional, Set, Tuple
 
@@ -11,6 +11,8 @@ from shsa_core.model.som import Som
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 
 HEALTHY, FAILED = PublisherState.HEALTHY, PublisherState.FAILED
+MISSED = (Kind.SILENT, Kind.NEVER_PUBLISHED)
+"""The failures of a node that may wake, or be cut off: nobody says that it is gone."""
 
 
 class Health:
@@ -111,6 +113,13 @@ class Health:
         if before is not None and before.state is FAILED and not self._begins(before, row):
             return None
         return self.failure(row)
+
+    def goes_on(self, row: PublisherHealth) -> bool:
+        """Return true if a row has another message for a failure that is known."""
+        before = self.row(row.key)
+        if before is None or before.state is not FAILED or row.state is not FAILED:
+            return False
+        return bool(row.last_message) and row.last_message != before.last_message
 
     @staticmethod
     def failure(row: PublisherHealth) -> FailureSeen:

@@ -1,4 +1,4 @@
-"""What the monitors tell: failures and health, and what follows where a monitor is lost.
+"""Hears the monitors: failures and health, and the loss of a monitor.
 
 A row of health that turns failed is the failure; one that somebody tells of besides is the same
 fact. A monitor of one computer is lost with it. Nobody tells then of what only it watched, and
@@ -6,7 +6,7 @@ nobody says so: the monitor is asked for its whole table, and if that does not c
 watched count as silent. When the computer is back, it is asked again: what did not change it never
 tells.
 """
-from typing import TYPE_CHECKING, Dict, Iterable, List, Optional
+from typing import TYPE_CHECKING, Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.healing.events import (
     AskMonitor,
@@ -16,8 +16,9 @@ from shsa_core.healing.events import (
     Level,
     Log,
 )
+from shsa_core.healing.health import MISSED
 from shsa_core.healing.records import Healthy
-from shsa_core.model.kinds import QUIET, Kind, OnPartition
+from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 
@@ -33,11 +34,12 @@ def failure_seen(core: "Reconfigurator", event: FailureSeen) -> List[Command]:
 def failed(core: "Reconfigurator", event: FailureSeen, told: bool = True) -> List[Command]:
     """Have a service decide about a failure; `told`: the table of health tells of it."""
     robot = core.robot
-    service = _service_of(core, event)
+    topic, publisher = event.topic, event.publisher
+    served = robot.processes.served(publisher)
+    service = _service_of(core, event, served)
     if core.ending or service is None:
         return []
-    name, topic, publisher = service.name, event.topic, event.publisher
-    served = robot.processes.served(publisher)
+    name = service.name
     if publisher in robot.health.substitutes and name not in served:
         return []  # it was a substitute, long ago
     if event.kind is Kind.NO_VALUE and not served:
@@ -46,6 +48,9 @@ def failed(core: "Reconfigurator", event: FailureSeen, told: bool = True) -> Lis
         text = f"{topic}: a failure of {publisher or 'nobody'} is told without saying what was seen"
         return [Log(Level.WARN, f"{text}. Nothing is healed without evidence.")]
     if not service.needed:
+        row = robot.health.row((topic, publisher))
+        if not told and row is not None and row.state is PublisherState.FAILED:
+            return []  # said when the table told it
         why = event.detail.rstrip(".")
         return [Log(Level.WARN, f"{topic} failed: {why}. It is not marked `needed`, ignored.")]
     # A node that is asked about does well, and so does a substitute that tells of its law.
@@ -53,37 +58,42 @@ def failed(core: "Reconfigurator", event: FailureSeen, told: bool = True) -> Lis
         if not told and not robot.health.note(event):
             core.services[name].note_message(event)
             return core.ask(name, lambda each: [])
-        _doubt(core, service, event)
+        if robot.som.hosts:
+            _doubt(core, service, event)
         _write_health(core, (topic, publisher))
     core.unsettle([name, *core.concerned(topic, publisher)])
     return core.ask(name, lambda each: each.failed(event))
 
 
-def _service_of(core: "Reconfigurator", event: FailureSeen) -> Optional[Service]:
+def _service_of(
+    core: "Reconfigurator", event: FailureSeen, served: Tuple[str, ...]
+) -> Optional[Service]:
     som = core.robot.som
     if event.service:
         return som.services.get(event.service)
-    for name in _substituted(core, event.topic, event.publisher)[:1]:
+    if not served:
+        return som.service_of(event.topic, event.publisher)
+    for name in _substituted(core, event.topic, served)[:1]:
         return som.services.get(name)
     return som.service_of(event.topic, event.publisher)
 
 
-def _substituted(core: "Reconfigurator", topic: str, process: str) -> List[str]:
+def _substituted(core: "Reconfigurator", topic: str, served: Tuple[str, ...]) -> Tuple[str, ...]:
     """Return the services of a topic that the substitutes in a process work for.
 
     One that is nobody else's may have advertised other topics before it was set to work.
     """
-    served, services = core.robot.processes.served(process), core.robot.som.services
+    services = core.robot.som.services
     if len(served) == 1:
-        return list(served)
-    return [name for name in served if services[name].topic == topic]
+        return served
+    return tuple(name for name in served if services[name].topic == topic)
 
 
 def _doubt(core: "Reconfigurator", service: Service, event: FailureSeen) -> None:
     """Note that somebody is silent: it is not known yet whether the computer is lost."""
     robot = core.robot
     host = robot.host_of(event.publisher or service.node)
-    if not host or event.kind not in QUIET or event.kind is Kind.NODE_GONE:
+    if not host or event.kind not in MISSED:
         return
     computers = robot.computers
     computers.doubt(host, event.time)
@@ -97,19 +107,26 @@ def health_seen(core: "Reconfigurator", event: HealthSeen) -> List[Command]:
     """Take over what a monitor tells, and have those decide whom it concerns."""
     if event.whole:
         core.asked.set(core.robot.computers.name(event.host), None)
-    return _changed(core, *core.robot.health.heed(event))
+    health = core.robot.health
+    going_on = [health.failure(row) for row in event.rows if health.goes_on(row)]
+    commands = _changed(core, *health.heed(event))
+    for failure in going_on:
+        commands += failed(core, failure, told=False)
+    return commands
 
 
 def _changed(
     core: "Reconfigurator", keys: Iterable[Key], failures: Iterable[FailureSeen]
 ) -> List[Command]:
-    robot, commands = core.robot, []  # type: ignore[var-annotated]
+    robot = core.robot
+    commands: List[Command] = []
     concerned: Dict[str, None] = {}
     judged: Dict[str, None] = {}
     for topic, publisher in keys:
         _write_health(core, (topic, publisher))
-        if robot.processes.served(publisher):
-            concerned.update(dict.fromkeys(_substituted(core, topic, publisher)))
+        served = robot.processes.served(publisher)
+        if served:
+            concerned.update(dict.fromkeys(_substituted(core, topic, served)))
         elif publisher not in robot.health.substitutes:
             services = core.concerned(topic, publisher)
             concerned.update(dict.fromkeys(services))
@@ -128,7 +145,8 @@ def _changed(
 
 def look_again(core: "Reconfigurator") -> List[Command]:
     """Heal what has failed before it was needed, as the SOM is another one now."""
-    robot, commands = core.robot, []  # type: ignore[var-annotated]
+    robot = core.robot
+    commands: List[Command] = []
     for service in robot.som.needed():
         rows = robot.health.originals(robot.som, service)
         well = any(row.state is PublisherState.HEALTHY for row in rows)
@@ -152,15 +170,17 @@ def acquaint(core: "Reconfigurator", node: str, row: Optional[PublisherHealth]) 
 
 
 def _write_health(core: "Reconfigurator", key: Key) -> None:
-    row = core.robot.health.row(key)
+    topic, node = key
+    row = core.robot.health.rows.get(topic, {}).get(node)
     well = row is not None and row.state is PublisherState.HEALTHY
-    record = Healthy(*key, row.since) if row is not None and well else None
-    core.robot.records.set(Healthy(*key, 0.0).key, record)
+    record = Healthy(topic, node, row.since) if row is not None and well else None
+    core.robot.records.set(f"healthy {topic} {node}", record)
 
 
 def tick(core: "Reconfigurator", time: float) -> List[Command]:
     """Act on monitors that should have told something by now, and have not."""
-    robot, commands = core.robot, []  # type: ignore[var-annotated]
+    robot = core.robot
+    commands: List[Command] = []
     for host in core.asked.pop_due(time):
         why = f"{host} is lost, and its monitor: {robot.computers.lost(host).rstrip('.')}"
         processes = robot.processes.nodes

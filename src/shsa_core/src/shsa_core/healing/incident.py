@@ -7,7 +7,7 @@ from shsa_core.model.kinds import Kind, Word
 
 
 class State(Word):
-    """How a service does: WELL, or where its incident stands, as in shsa_msgs/Incident."""
+    """The state of a service: WELL, or where its incident stands, as in shsa_msgs/Incident."""
 
     WELL = "well"
     HEALING = "healing"
@@ -81,3 +81,7 @@ class Incident:
         record["state"], record["kind"] = self.state.value, self.kind.value
         record["outage"] = self.outage
         return record
+
+
+WELL = Incident(0, "", "", (), "", Kind.OTHER, "", 0.0, State.WELL)
+"""No incident."""

@@ -1,4 +1,4 @@
-"""How a node is ended: asked first, then its process is ended; and what counts as certain."""
+"""Ends a node: asks it first, then ends its process; and says what is certain of that."""
 from dataclasses import dataclass, field
 from typing import Dict, List, Optional, Tuple, Union
 

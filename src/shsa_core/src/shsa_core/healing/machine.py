@@ -7,6 +7,7 @@ so that a decision costs the same on a large robot.
 """
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from typing import Any, Callable, Collection, Dict, Iterable, List, Optional, Tuple, Type
 
 from shsa_core import dispatch
@@ -15,24 +16,25 @@ from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events, hearing, reach, succession
 from shsa_core.healing.events import Command, Event, FailureSeen
-from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.node import NODE_EVENTS, Said
-from shsa_core.healing.records import Counters, RestartedNode, ServiceRecord
+from shsa_core.healing.incident import WELL, Incident, State
+from shsa_core.healing.node import NODE_EVENTS, RestartVain, Said
+from shsa_core.healing.process import is_warm
+from shsa_core.healing.records import Counters, RestartedNode, ServiceRecord, Table
 from shsa_core.healing.repair import STUCK, SUBSTITUTED
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.service import ServiceMachine
 from shsa_core.healing.settings import Settings
-from shsa_core.healing.tables import running_som
-from shsa_core.healing.indexes import Computed
+from shsa_core.healing.containment import Computed
 from shsa_core.model.kinds import Kind, Policy
 from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import row_key
 from shsa_core.monitoring.events import PublisherState
 
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
-"""What only tells people comes after what acts: a line of the log takes as long as a takeover."""
+"""Commands for people come after those that act: a line of the log takes as long as a takeover."""
 
 Ask = Callable[[ServiceMachine], List[Command]]
 
@@ -72,7 +74,7 @@ class Reconfigurator:
         self.asked: Agenda[str] = Agenda()  # computers whose monitor owes its table
         self._agenda: Agenda[str] = Agenda()
         self._unsettled: Dict[str, bool] = {}  # services whose availability may have changed
-        self._states = running_som()
+        self._states: Table[events.ServiceState, events.ShowSom] = Table(events.ShowSom)
         self._watched: Tuple[str, ...] = ()
         self._ended: List[str] = []  # services whose incident has ended with the last event
         self._nodes, self._processes = nodes, _ = robot.nodes, robot.processes
@@ -102,7 +104,9 @@ class Reconfigurator:
                 events.ProcessHung: self._process_hung,
                 events.SubstituteRequested: self._requested,
                 events.NodeRestarted: self._node_restarted,
-                events.RestartFailed: lambda event: self.deliver(nodes.restart_failed(event)),
+                events.RestartFailed: lambda e: self.deliver(
+                    [RestartVain(e.time, e.node, e.detail)]
+                ),
                 events.StarterEnded: self._starter_ended,
                 events.Released: lambda e: self.ask(e.service, lambda each: each.released()),
                 events.CalibrationsHeard: self._calibrations_heard,
@@ -121,20 +125,24 @@ class Reconfigurator:
         robot.time = max(robot.time, event.time)  # a failure is heard after it was seen
         self._forget_ended()
         commands = self._handlers[type(event)](event)
-        for name in processes.starts.due(robot.time):
-            commands += self.ask(name, lambda each: each.replan())
+        if processes.starts.waiting:
+            turns = processes.starts.due(robot.time)
+            commands += self.ask_all(turns, lambda each: each.replan())
         commands += self.settle()
         if not self._over:
             commands += processes.refill(robot.time)
-        watched = tuple(sorted(set(robot.indexes.refused.values())))
+        watched = tuple(sorted({*robot.indexes.refused.values()}))
         if watched != self._watched:
             self._watched = watched
             commands.append(events.WatchNodes(watched))
         robot.records.set("counters", Counters(robot.incidents, robot.names.next))
         # What is written down comes first; then the table, which decides who publishes.
         first: List[Command] = [*robot.records.change(), *processes.wanted.change()]
-        commands = [*first, *commands, *self._states.change()]
-        return sorted(commands, key=lambda command: isinstance(command, TELLING))
+        acting: List[Command] = []
+        telling: List[Command] = []
+        for command in (*first, *commands, *self._states.change()):
+            (telling if isinstance(command, TELLING) else acting).append(command)
+        return acting + telling
 
     @property
     def plans_ahead(self) -> bool:
@@ -187,7 +195,7 @@ class Reconfigurator:
     def incident(self, service: str) -> Optional[Incident]:
         """Return the open incident of a service."""
         machine = self.services.get(service)
-        return machine.incident if machine else None
+        return machine.incident if machine and machine.incident is not WELL else None
 
     # Asking services, and keeping up what follows.
 
@@ -197,45 +205,48 @@ class Reconfigurator:
         service = removed or robot.som.services.get(name)
         if machine is None or service is None:
             return []
-        machine.spec = robot.spec(service)
+        machine.spec = service
+        if service.host and removed is None:
+            machine.spec = robot.spec(name) or service
         before = machine.incident
-        decided = before, machine.node, machine.substitute.plan
+        decided = before, machine.substitute.node, machine.substitute.plan
         commands = ask(machine)
-        incident = machine.incident
-        self._agenda.set(name, machine.deadline)
-        if (incident, machine.node, machine.substitute.plan) != decided:
-            self._follow(machine)
-        row = machine.row()
-        if row is not None:
-            self._processes.show(row)
+        incident, substitute = machine.incident, machine.substitute
+        row, due, refuses = machine.row(), machine.deadline, machine.refuses
         record = machine.record(row)
-        if before is not None and incident is None:
-            shown = [each.incident for each in commands if isinstance(each, events.ShowIncident)]
-            record = replace(record, incident=shown[-1])  # until it is told, and logged
+        if (incident, substitute.node, substitute.plan) != decided:
+            self._follow(machine, refuses)
+        self._agenda.set(name, due)
+        if row is not None:
+            self._processes.wanted.set(row_key(row), row)
+        shown: Optional[Incident] = None
+        for each in commands:
+            shown = each.incident if isinstance(each, events.ShowIncident) else shown
+        if shown is not None and incident is WELL:
+            record = replace(record, incident=shown)  # until it is told, and logged
             self._ended.append(name)
             robot.calibrations.healed(name)
-        robot.records.set(record.key, None if record == ServiceRecord(name) else record)
-        if (before is None) != (incident is None):
+        empty = record == ServiceRecord(name)
+        robot.records.set(f"service {name}", None if empty else record)
+        if (before is WELL) != (incident is WELL):
             self.unsettle([name])
         return commands
 
-    def _follow(self, machine: ServiceMachine) -> None:
+    def _follow(self, machine: ServiceMachine, refuses: bool) -> None:
         """Keep up the indexes of a service that has decided."""
-        name, state, indexes = machine.spec.name, machine.state, self.robot.indexes
+        name, indexes = machine.spec.name, self.robot.indexes
         incident, plan = machine.incident, machine.substitute.plan
         reads = plan.inputs if isinstance(plan, Plan) else ()
-        indexes.follow(name, tuple(dict.fromkeys(source.service.name for source in reads)))
-        for index in (indexes.stuck, indexes.kept, indexes.computed, indexes.refused):
-            index.pop(name, None)  # type: ignore[attr-defined]
-        if incident is None:
+        indexes.follow(name, tuple(dict.fromkeys([source.service.name for source in reads])))
+        if incident is WELL:
             return
-        if state in STUCK:
+        if incident.state in STUCK:
             indexes.stuck[name] = None
-        if state is State.KEPT or incident.kept:
+        if incident.state is State.KEPT or incident.kept:
             indexes.kept[name] = None
-        if state in SUBSTITUTED:
+        if incident.state in SUBSTITUTED:
             indexes.computed[name] = Computed(incident.faulty_node, machine.substitute.tried)
-        if machine.refuses:
+        if refuses:
             indexes.refused[name] = incident.faulty_node
 
     def ask_all(self, names: Iterable[str], ask: Ask) -> List[Command]:
@@ -265,13 +276,13 @@ class Reconfigurator:
         while self._unsettled:
             names, self._unsettled = self._unsettled, {}
             looked = [(name, another, self._missing(name)) for name, another in names.items()]
+            others = [name for name, another in names.items() if another]
             gone, come = robot.availability.update(robot.som, looked)
             for name in names:
                 self._states.set(name, robot.availability.states.get(name))
             robot.planner.plans.change(gone, come)
-            others = [name for name, another in names.items() if another]
-            readers = indexes.readers([*others, *(service.name for service in gone)])
-            commands += self.ask_all(readers, lambda each: each.changed())
+            for name in indexes.readers((*others, *map(attrgetter("name"), gone))):
+                commands += self.ask(name, lambda each: each.changed())
             if come:
                 waiting = [*indexes.stuck, *indexes.kept]
                 commands += self.ask_all(waiting, lambda each: each.changed(service_came=True))
@@ -280,7 +291,7 @@ class Reconfigurator:
     def _missing(self, name: str) -> str:
         """Return why a service is not available whoever is well; empty: it may be."""
         machine, service = self.services.get(name), self.robot.som.services.get(name)
-        if machine is not None and machine.incident is not None:
+        if machine is not None and machine.incident is not WELL:
             return "failed"
         if service is None or not service.host or not service.event_driven:
             return ""
@@ -359,7 +370,7 @@ class Reconfigurator:
             plans.serve(service)
         else:
             plans.forget(service.name)
-        if self._processes.pool.serves(service):
+        if is_warm(service):
             self.robot.stand_by(service, None)
         else:
             self._processes.no_stand_by(service.name)
@@ -389,8 +400,7 @@ class Reconfigurator:
 
     def _models_reloaded(self, event: events.ModelsReloaded) -> List[Command]:
         """Let plans follow the new models; what runs goes on."""
-        self.robot.planner = planner = self.robot.plan_by(event.ontology)
-        planner.plans.change((), self.robot.availability.services.values())
+        self.robot.planner.load(event.ontology, self.robot.som)
         return self._som_changed(events.SomChanged(event.time, event.som))
 
     # The rest of the events.
@@ -485,12 +495,12 @@ class Reconfigurator:
         if name is None:
             return []
         service = self.robot.som.services[name]
-        if self._processes.pool.serves(service):
+        if is_warm(service):
             self.robot.stand_by(service, plans.plan(name))
         return self.ask(name, lambda each: each.replan())
 
     def _tick(self, event: events.Tick) -> List[Command]:
-        commands = self.deliver(self._nodes.tick(event.time))
+        commands = self.deliver(self._nodes.tick())
         if self.robot.computers.settled(event.time):  # what stands by goes where it belongs
             commands += reach.rehost(self)
         commands += hearing.tick(self, event.time)
@@ -499,8 +509,8 @@ class Reconfigurator:
     def validate(self) -> None:
         """Raise ShsaError if an invariant is broken.
 
-        These are: one publisher a service, no process without an owner, none that stands by where
-        it cannot be told, and something that will happen next in each incident.
+        These are those of each machine, one publisher a service, one owner a process, none that
+        stands by where it cannot be told, and something that will happen next in each incident.
         """
         robot, processes = self.robot, self._processes
         owners: Dict[str, str] = {node: "the pool" for node in processes.pool.processes}
@@ -512,19 +522,16 @@ class Reconfigurator:
                 raise ShsaError(f"{node} works for {name} and for {owners[node]}")
             if node:
                 owners[node] = name
-            waits = incident and state is State.HEALING and machine.deadline is None
-            if waits and incident and not self._nodes.busy(incident.faulty_node):
+            waits = state is State.HEALING and machine.deadline is None
+            if waits and not self._nodes.busy(incident.faulty_node):
                 raise ShsaError(f"{name} is being healed, and nothing will ever happen")
             if state is not State.WELL and robot.availability.states[name].available:
                 raise ShsaError(f"{name} is {state} and available at the same time")
             host = machine.substitute.host
             if node and robot.computers.lost(host) and not machine.publishes:
                 raise ShsaError(f"{node} stands by for {name} on {host}, which is lost")
+        processes.validate(owners)
+        self._nodes.validate()
         for row in processes.wanted.rows.values():
-            if row.node and row.node not in owners:
-                raise ShsaError(f"{row.node} is in the table of substitutions, but has no owner")
             if row.publishing and self.services[row.service].state is State.WELL:
                 raise ShsaError(f"{row.node} publishes for {row.service}, which is well")
-        for idle in processes.pool.processes.values():
-            if robot.computers.lost(idle.host):
-                raise ShsaError(f"{idle.node} stands by on a computer that is lost")

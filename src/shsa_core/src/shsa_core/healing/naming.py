@@ -3,7 +3,7 @@ import re
 
 PREFIX = "substitute_"
 NUMBERED = re.compile(r"[A-Za-z0-9_]+_([0-9]{1,9})")
-"""What follows the prefix. `[0-9]`: no digits but ours; `{1,9}`: no number that nobody reaches."""
+"""The rest of a name. `[0-9]`: no digits but ours; `{1,9}`: no number that nobody reaches."""
 
 
 HEALERS = ("monitor", "reconfigurator")
@@ -13,24 +13,21 @@ OF_ROS = ("/master", "/rosout")
 class Names:
     """The names of substitutes in a namespace: `substitute_`, what for, and a number.
 
-    And those of other nodes that healing and ROS need.
+    And those of other nodes that healing and ROS need. `next`: the number of the next name.
     """
 
     def __init__(self, namespace: str) -> None:
         self.prefix = namespace.rstrip("/") + "/" + PREFIX
         self._ours = {*OF_ROS, *(namespace.rstrip("/") + "/" + name for name in HEALERS)}
-        self._next = 1
+        self.next = 1
 
     def fresh(self, of: str) -> str:
-        """A node name that was never used before, and never is after `use`."""
-        return f"{self.prefix}{of}_{self._next}"
-
-    def use(self) -> None:
-        """The name given last is used now."""
-        self._next += 1
+        """Return a node name that was never used before, and never is again."""
+        self.next += 1
+        return f"{self.prefix}{of}_{self.next - 1}"
 
     def of_healing(self, node: str, in_som: bool) -> bool:
-        """Whether a node has the name of a healer, or of a part of ROS.
+        """Tell that a node has the name of a healer, or of a part of ROS.
 
         In another namespace, and as substitutes are named, the SOM may name nodes of the user's.
         """
@@ -40,14 +37,9 @@ class Names:
         substitute = name.startswith(PREFIX) and NUMBERED.fullmatch(name[len(PREFIX) :])
         return name in HEALERS or bool(substitute)
 
-    @property
-    def next(self) -> int:
-        """The number of the next name."""
-        return self._next
-
     def go_on(self, number: int) -> None:
         """The next name has this number at least."""
-        self._next = max(self._next, number)
+        self.next = max(self.next, number)
 
     def avoid(self, node: str) -> bool:
         """Use no number up to that in a node name; False: the name has another form."""
@@ -55,5 +47,5 @@ class Names:
         found = NUMBERED.fullmatch(rest)
         if found is None:
             return False
-        self._next = max(self._next, 1 + int(found.group(1)))
+        self.next = max(self.next, 1 + int(found.group(1)))
         return True

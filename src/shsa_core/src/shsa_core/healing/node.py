@@ -8,14 +8,25 @@ it is kept out. A relapse that may be its link's makes the hold-off longer, and 
 """
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Union
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Callable,
+    Dict,
+    List,
+    NamedTuple,
+    Optional,
+    Sequence,
+    Set,
+    Union,
+)
 
 from shsa_core.agenda import Agenda, doubled
+from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.containment import Stakes, Verdict, decide
 from shsa_core.healing.events import Command, Level, Log
-from shsa_core.healing.health import Health
-from shsa_core.healing.hosts import Computers
+from shsa_core.healing.health import MISSED
 from shsa_core.healing.kill import (
     KillNode,
     KillOutcome,
@@ -25,11 +36,13 @@ from shsa_core.healing.kill import (
     NodeSpared,
     NodeUnreached,
 )
-from shsa_core.healing.records import Fate, NodeRecord, Record, Trust
-from shsa_core.healing.settings import CERTAIN_S, LEARN_PAUSES_S, ORPHAN_KILLS, Settings
-from shsa_core.healing.tables import Table
+from shsa_core.healing.records import Fate, NodeRecord, Trust
+from shsa_core.healing.settings import CERTAIN_S, LEARN_PAUSES_S
 from shsa_core.model.kinds import BY_LINK, QUIET, Contain, Kind, Policy
 from shsa_core.model.service import Service
+
+if TYPE_CHECKING:
+    from shsa_core.healing.robot import Robot
 
 UNTRIED = Trust()
 
@@ -86,12 +99,17 @@ class Accusation:
     @property
     def silent(self) -> bool:
         """Tell that the node is silent, as one is whose computer is cut off."""
-        return self.kind in QUIET and self.kind is not Kind.NODE_GONE
+        return self.kind in MISSED
+
+
+def no_accusation() -> Accusation:
+    """Return what is held against nobody."""
+    return Accusation("", Kind.OTHER, Fate.NONE, False)
 
 
 @dataclass
 class Case:
-    """What is held against a node, by service, and how far it is trusted.
+    """The accusations against a node, by service, and how far it is trusted.
 
     `before`: the trust before its last failure. `failing`: since that it was not back. `refusals`:
     how often it was killed as it came back while it is kept out.
@@ -118,37 +136,34 @@ class _Pending(NamedTuple):
 class Nodes:
     """The cases of all nodes.
 
-    `spec`: a service as it counts now, by its name. `host_of`: the computer that a node runs on.
     `restarted`: the nodes that were started again, and whether whoever ends us has started them
     first.
     """
 
-    def __init__(
-        self,
-        settings: Settings,
-        health: Health,
-        stakes: Stakes,
-        computers: Computers,
-        spec: Callable[[str], Optional[Service]],
-        host_of: Callable[[str], str],
-        records: "Table[Record, events.WriteDown]",
-    ) -> None:
-        self.kills = Kills(health, settings.kill_patience)
+    def __init__(self, robot: "Robot", stakes: Stakes) -> None:
+        self.kills = Kills(robot.health, robot.settings.kill_patience)
         self.restarted: Dict[str, bool] = {}
-        self._settings = settings
-        self._health = health
+        self._robot = robot
         self._stakes = stakes
-        self._computers = computers
-        self._spec = spec
-        self._host_of = host_of
-        self._records = records
+        self._settings = robot.settings
+        self._health = robot.health
         self._cases: Dict[str, Case] = {}
         self._returns: Agenda[str] = Agenda()  # nodes that are to be started, or to come up
         self._pending: Dict[str, _Pending] = {}
-        self._orphans: Dict[str, int] = {}  # what was left behind, and how often to try yet
+        self._orphans: Set[str] = set()  # what was left behind
         self._tries: Dict[str, int] = {}  # to learn which process a node is
         self._topics: Dict[str, str] = {}
         self._learning: Agenda[str] = Agenda()
+        self._notes: Dict[type, Callable[[Any], List[Said]]] = {
+            NodeKilled: self._gone,
+            NodeSpared: self._spared,
+            NodeUnreached: self._unreached,
+            NodeAlive: self._alive,
+        }
+
+    def _host_of(self, node: str) -> str:
+        """Return the other computer that a node runs on; empty: our own, or not known."""
+        return self._robot.host_of(node) if self._robot.som.hosts else ""
 
     @property
     def deadline(self) -> Optional[float]:
@@ -190,34 +205,32 @@ class Nodes:
         case.failing = False
         self._pending.pop(node, None)
         well = case.trust.well_since if well_at is None else well_at
-        self._trust(node, case, start_at=None, awaited_by=None, well_since=well)
-        if node != service.node:  # a stranger; there may be any number of them
-            self._trust(node, case, **vars(UNTRIED))
+        trust = replace(case.trust, start_at=None, awaited_by=None, well_since=well)
+        stranger = node != service.node  # there may be any number of them
+        self._trust(node, case, UNTRIED if stranger else trust)
+        if stranger:
             del self._cases[node]
 
     def judge(
         self,
-        time: float,
         service: Service,
         accusation: Accusation,
         replaced: bool,
         taken_over: bool,
-        waiting: str,
         parted: bool,
     ) -> List[Command]:
         """Kill a node, or keep it, unless that is decided.
 
         `replaced`: something could take the service over; `taken_over`: that publishes it already.
         A silent node is not killed before: what its substitute reads may be as silent as it is.
-        `waiting`: why nothing is done for the time being. `parted`: a cut may part the substitute
-        from us or from the node.
+        `parted`: a cut may part the substitute from us or from the node.
         """
         if accusation.fate in (Fate.NONE, Fate.KILLED):
             return []
         node, gone, was_kept = accusation.node, accusation.kind is Kind.NODE_GONE, accusation.kept
         before = accusation.decision if was_kept else ""
         restarted = service.policy.restarts and node == service.node and self.may_restart(node)
-        verdict = self.verdict(service, node, accusation.kind, replaced, restarted, waiting)
+        verdict = self.verdict(service, node, accusation.kind, replaced, restarted)
         forced = not accusation.silent or service.contain is Contain.NODE
         if verdict.kill and not (taken_over or restarted or forced):
             accusation.decision = f"{node} is killed as soon as its substitute publishes"
@@ -233,30 +246,24 @@ class Nodes:
                 accusation.decision, accusation.asks_there = text, True
             if order.only_here and parted:
                 accusation.heard = False  # its kill may wait for its computer, and nobody hears it
-            commands += self.kill(time, order)
+            commands += self.kill(order)
         else:
             accusation.fate = Fate.KEPT
             accusation.heard = accusation.kind not in QUIET and not service.gated
             if gone and not was_kept and service.policy is not Policy.ADVISE:
-                commands += self.kill(time, KillNode(node, False, True, service.topic))
+                commands += self.kill(KillNode(node, False, True, service.topic))
         if accusation.decision != before and not gone:
             commands.append(Log(Level.WARN, f"{service.topic}: {accusation.decision}."))
         return commands
 
     def verdict(
-        self,
-        service: Service,
-        node: str,
-        kind: Kind,
-        replaced: bool,
-        restarted: bool = False,
-        waiting: str = "",
+        self, service: Service, node: str, kind: Kind, replaced: bool, restarted: bool = False
     ) -> Verdict:
         """Decide about a node by all that is at stake."""
         verdict = decide(self._stakes.case(service, node, kind, replaced, restarted))
         if service.policy is not Policy.ADVISE:
             return verdict
-        why = waiting or "the policy is advise"
+        why = self._robot.waiting(service) or "the policy is advise"
         return Verdict(False, f"nothing is done, as {why}; else {verdict.why}")
 
     @staticmethod
@@ -269,14 +276,15 @@ class Nodes:
         urgent = kind is not Kind.NODE_GONE
         return KillNode(node, urgent, topic=service.topic, only_here=silent, period=period)
 
-    def kill(self, time: float, order: KillNode) -> List[Command]:
+    def kill(self, order: KillNode) -> List[Command]:
         """Begin a kill, or let it wait for the computer of the node."""
         host = self._host_of(order.node)
-        if host and order.only_here and self._computers.reachable(host):
-            self._pending[order.node] = _Pending(host, time, True)
+        if host and order.only_here and self._robot.computers.reachable(host):
+            self._pending[order.node] = _Pending(host, self._robot.time, True)
             return []
         self._pending.pop(order.node, None)
-        return self.kills.begin(time, order if host else replace(order, period=0.0))  # no link
+        order = order if host else replace(order, period=0.0)  # there is no link
+        return self.kills.begin(self._robot.time, order)
 
     # A kill goes on, and is over.
 
@@ -284,25 +292,26 @@ class Nodes:
         self, event: Union[events.NodeFound, events.NodeLeft, events.ProcessUntouchable]
     ) -> List[Said]:
         """Go on with a kill."""
-        strained = self._computers.strained(self._host_of(event.node))
+        strained = self._robot.computers.strained(self._host_of(event.node))
         return self._outcomes(self.kills.handle(event, strained))
 
-    def tick(self, time: float) -> List[Said]:
+    def tick(self) -> List[Said]:
         """Let time pass: go on with kills, restarts, and looks which process a node is."""
+        time = self._robot.time
         said = self._outcomes(self.kills.tick(time))
         for node in self.kills.again.pop_due(time):
-            said += self._kill_again(time, node)
+            said += self._kill_again(node)
         for node in self._returns.pop_due(time):
-            said += self._return_due(time, node, self._cases[node])
+            said += self._return_due(node, self._cases[node])
         for node in self._learning.pop_due(time):
             said.append(events.LearnNode(node, self._topics[node]))
         return said
 
-    def computer_heard(self, time: float, host: str) -> List[Said]:
+    def computer_heard(self, host: str) -> List[Said]:
         """Begin the kills that have waited for a computer."""
-        if not self._computers.reachable(host):
+        if not self._robot.computers.reachable(host):
             return []
-        steady = self._computers.steady_since(host)
+        steady, time = self._robot.computers.steady_since(host), self._robot.time
         due = [
             node
             for node, each in self._pending.items()
@@ -312,41 +321,35 @@ class Nodes:
         said: List[Said] = []
         for node in due:
             del self._pending[node]
-            said += self._kill_again(time, node)
+            said += self._kill_again(node)
         return said
 
-    def computer_lost(self, time: float, host: str, why: str) -> List[Said]:
+    def computer_lost(self, host: str, why: str) -> List[Said]:
         """End the kills on a computer that is lost: they go on when it is back."""
         said: List[Said] = []
         for node in sorted(self._health.dying):
             if self._host_of(node) == host:
-                said += self._outcomes(self.kills.unreached(time, node, why))
+                said += self._outcomes(self.kills.unreached(self._robot.time, node, why))
         return said
 
-    def _kill_again(self, time: float, node: str) -> List[Said]:
-        """Kill a node that is still accused, and has not returned."""
+    def _kill_again(self, node: str) -> List[Said]:
+        """Kill a node that is still accused, and has not returned, or was left behind."""
         said: List[Said] = []
+        if node in self._orphans:
+            said += self.kill(KillNode(node, urgent=True))
         for name in self.accusers(node):
-            service, accusation = self._spec(name), self._cases[node].accusations[name]
+            service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
             if service is not None and not accusation.back and not accusation.kept:
                 order = self._order(service, accusation)
-                said += self.kill(time, replace(order, urgent=True, only_here=False))
+                said += self.kill(replace(order, urgent=True, only_here=False))
         return said
 
     def _outcomes(self, said: Sequence[Said]) -> List[Said]:
         """Note how kills ended, for all that accuse the node."""
         found: List[Said] = []
         for each in said:
-            if isinstance(each, NodeKilled):
-                found += self._gone(each)
-            elif isinstance(each, NodeSpared):
-                found += self._spared(each)
-            elif isinstance(each, NodeUnreached):
-                found += self._unreached(each)
-            elif isinstance(each, NodeAlive):
-                found += self._alive(each)
-            else:
-                found.append(each)
+            note = self._notes.get(type(each))
+            found += [each] if note is None else note(each)
         return found
 
     def _gone(self, kill: NodeKilled) -> List[Said]:
@@ -361,75 +364,65 @@ class Nodes:
                     said += self.came_up(node, topic)
         self.forget_restarted(node)
         if kill.certain:
-            self._orphans.pop(node, None)
-        elif self._orphans.get(node):
-            said += self._kill_orphan(time, node)
-        for accusation in case.accusations.values() if case else ():
-            self._settle(accusation, kill.certain)
-        if kill.certain and case:  # its last failure was its own
-            trust = case.trust
-            self._trust(node, case, doubtful=min(trust.doubtful, case.before.doubtful))
+            self._orphans.discard(node)
+        self._settle(node, kill.certain)
+        if case and kill.certain:  # its last failure was its own
+            doubtful = min(case.trust.doubtful, case.before.doubtful)
+            self._trust(node, case, replace(case.trust, doubtful=doubtful))
         elif case:
             self._left_alone(node, case)
         return [kill, *said]
 
     def _spared(self, kill: NodeSpared) -> List[Said]:
-        case = self._cases.get(kill.node)
-        for accusation in case.accusations.values() if case else ():
-            if kill.detail:
-                self._settle(accusation)
-            else:  # its connection was lost, but it still runs: it is as good as silent
+        if not kill.detail:  # its connection was lost, but it still runs
+            for accusation in self._accusations(kill.node):
                 accusation.kind = Kind.SILENT
-        if not kill.detail:
             return [kill]
-        if case:
-            self._left_alone(kill.node, case)
+        self._settle(kill.node)
+        if kill.node in self._cases:
+            self._left_alone(kill.node, self._cases[kill.node])
         return [Log(Level.ERROR, f"{kill.node} is not touched: {kill.detail}."), kill]
 
     def _unreached(self, kill: NodeUnreached) -> List[Said]:
         """Finish the kill of a node when its computer is back."""
-        host, case = self._host_of(kill.node), self._cases.get(kill.node)
+        host = self._host_of(kill.node)
         if not host:
             return self._gone(NodeKilled(kill.time, kill.node, False, kill.detail))
-        accusations = list(case.accusations.values()) if case else []
-        silent = all(each.silent for each in accusations)
+        silent = all(each.silent for each in self._accusations(kill.node))
         self._pending[kill.node] = _Pending(host, kill.time, silent)
-        for accusation in accusations:
-            self._settle(accusation)
+        self._settle(kill.node)
         return [kill]
 
     def _alive(self, kill: NodeAlive) -> List[Said]:
         """Ask the computer of a node again while it is missed here, as it may do well there."""
-        case = self._cases.get(kill.node)
         self._pending[kill.node] = _Pending(self._host_of(kill.node), kill.time, True)
-        accusations = list(case.accusations.values()) if case else []
+        accusations = self._accusations(kill.node)
         news = any(each.excuse != kill.cause for each in accusations)
         for each in accusations:
             each.decision = f"{kill.node} is not killed: {kill.detail}, {kill.cause}"
             each.fate, each.heard, each.excuse = Fate.NONE, False, kill.cause
         return [kill] if news else []
 
-    @staticmethod
-    def _settle(accusation: Accusation, certain: bool = False) -> None:
+    def _accusations(self, node: str) -> List[Accusation]:
+        return list(self._cases[node].accusations.values()) if node in self._cases else []
+
+    def _settle(self, node: str, certain: bool = False) -> None:
         """Note that a node is gone, or cannot be reached to make sure."""
-        if accusation.kept or (certain and accusation.asks_there):
-            accusation.decision = f"{accusation.node} is gone"
-        accusation.fate, accusation.heard = Fate.NONE, False
+        for each in self._accusations(node):
+            if each.kept or (certain and each.asks_there):
+                each.decision = f"{node} is gone"
+            each.fate, each.heard = Fate.NONE, False
 
     def _left_alone(self, node: str, case: Case) -> None:
         """Do no more about a node: two of one name would end each other, so it is not restarted."""
         if case.refusals:
             self.trust(node)  # it cannot be kept out, and two publishers are worse than one
-        self._trust(node, case, start_at=None, awaited_by=None, exhausted=True)
+        self._trust(node, case, replace(case.trust, start_at=None, awaited_by=None, exhausted=True))
 
-    def end_orphan(self, time: float, node: str) -> List[Command]:
-        """End a substitute that was left behind."""
-        self._orphans[node] = ORPHAN_KILLS
-        return self._kill_orphan(time, node)
-
-    def _kill_orphan(self, time: float, node: str) -> List[Command]:
-        self._orphans[node] -= 1
-        return self.kill(time, KillNode(node, urgent=True))
+    def end_orphan(self, node: str) -> List[Command]:
+        """End a substitute that was left behind; a busy computer may not find it at once."""
+        self._orphans.add(node)
+        return self.kill(KillNode(node, urgent=True))
 
     # The way back.
 
@@ -442,6 +435,15 @@ class Nodes:
         """Tell that a node relapsed too often in a row to return."""
         trust = self._cases[node].trust
         return 0 < self._settings.switches <= trust.relapses - trust.doubtful
+
+    def shown(self, accusation: Accusation) -> Dict[str, object]:
+        """Return what an incident shows of the node that it blames."""
+        return {
+            "restarts": self.restarts(accusation.node),
+            "kept_out": self.kept_out(accusation.node),
+            "kept": accusation.kept,
+            "decision": accusation.decision,
+        }
 
     def restarts(self, node: str) -> int:
         """Return how often a node was started again."""
@@ -461,27 +463,27 @@ class Nodes:
         """Tell that a node is to be started, or to come up."""
         return self._returns.when(node) < math.inf
 
-    def failed(self, time: float, node: str, own: bool, soon: bool) -> None:
-        """Count a failure; `own`: not its link's, for certain. `soon`: within its hold-off.
+    def failed(self, time: float, service: Service, node: str, kind: Kind, soon: bool) -> None:
+        """Count a failure of a node; `soon`: within its hold-off.
 
-        It counts once until the node is back, whoever tells of it.
+        It counts once until the node is back, whichever service tells of it.
         """
-        case = self._cases[node]
-        if case.failing:
+        case, settings = self._cases[node], self._settings
+        if case.failing or kind is Kind.REQUESTED:
             return
-        case.failing, case.failed_at, case.before = True, time, case.trust
-        trust, settings = case.trust, self._settings
+        trust = case.trust
+        case.failing, case.failed_at, case.before = True, time, trust
         if not soon:
-            well = trust.well_since
-            calm = well is not None and time - well > settings.stable
-            restarts = 0 if calm else trust.restarts
-            self._trust(node, case, restarts=restarts, exhausted=False)
+            calm = trust.well_since is not None and time - trust.well_since > settings.stable
+            trust = replace(trust, restarts=0 if calm else trust.restarts, exhausted=False)
             within = settings.relapse * settings.hold_off
             if trust.returned is None or time - trust.returned > within:
-                self.trust(node)
+                self._forgive(node, case, trust)
                 return
-        doubtful = trust.doubtful + (not own)
-        self._trust(node, case, relapses=trust.relapses + 1, doubtful=doubtful, soon=not soon)
+        doubtful = trust.doubtful + (kind in BY_LINK and bool(self._host_of(service.node)))
+        relapses = trust.relapses + 1
+        trust = replace(trust, relapses=relapses, doubtful=doubtful, soon=not soon)
+        self._trust(node, case, trust)
 
     def excuse(self, host: str, heard: float) -> List[Said]:
         """Blame no node for its silence since its computer was heard, which was cut off."""
@@ -490,8 +492,8 @@ class Nodes:
             silent = any(each.silent for each in case.accusations.values())
             if silent and case.failed_at >= heard and self._host_of(node) == host:
                 former = case.before
-                changes = former.relapses, former.doubtful, former.soon
-                self._trust(node, case, relapses=changes[0], doubtful=changes[1], soon=changes[2])
+                trust = replace(case.trust, relapses=former.relapses, doubtful=former.doubtful)
+                self._trust(node, case, replace(trust, soon=former.soon))
                 said.append(TrustChanged(heard, node))
         return said
 
@@ -503,7 +505,7 @@ class Nodes:
             self.trust(event.node)
         return [TrustChanged(event.time, event.node)] if gone else []
 
-    def returned(self, time: float, service: str, node: str, since: float) -> None:
+    def returned(self, service: str, node: str, since: float) -> None:
         """A node publishes a service again, `since` a moment."""
         case = self._cases[node]
         case.failing = False
@@ -511,28 +513,30 @@ class Nodes:
             case.accusations[service].back = True
         trust, awaited = case.trust, None
         if not all(each.back for each in case.accusations.values()) and self.awaited(node):
-            awaited = trust.awaited_by or time + self._settings.restart_timeout
-        self._trust(node, case, returned=since, start_at=None, awaited_by=awaited)
+            due = self._robot.time + self._settings.restart_timeout
+            awaited = trust.awaited_by or due
+        self._trust(node, case, replace(trust, returned=since, start_at=None, awaited_by=awaited))
 
-    def start_again(self, time: float, node: str) -> None:
+    def start_again(self, node: str) -> None:
         """Start a node that is gone again after a pause, unless it was too often."""
         case, settings = self._cases[node], self._settings
         trust = case.trust
         if trust.start_at is not None:
             return
         if self.kept_out(node) or trust.restarts >= settings.node_restarts:
-            self._trust(node, case, exhausted=True, awaited_by=None)
+            self._trust(node, case, replace(trust, exhausted=True, awaited_by=None))
             return
-        due = time + doubled(settings.restart_pause, trust.restarts)
-        self._trust(node, case, start_at=due, awaited_by=None, restarts=trust.restarts + 1)
+        due = self._robot.time + doubled(settings.restart_pause, trust.restarts)
+        restarts = trust.restarts + 1
+        self._trust(node, case, replace(trust, start_at=due, awaited_by=None, restarts=restarts))
 
-    def _return_due(self, time: float, node: str, case: Case) -> List[Said]:
+    def _return_due(self, node: str, case: Case) -> List[Said]:
         """Start a node, or end one that did not come up in time."""
-        specs = [self._spec(name) for name in case.accusations]
+        specs = [self._robot.spec(name) for name in case.accusations]
         own = [s for s in specs if s is not None and s.policy.restarts and s.node == node]
         starts = case.trust.start_at is not None
-        due = time + self._settings.restart_timeout if starts and own else None
-        self._trust(node, case, start_at=None, awaited_by=due)
+        due = self._robot.time + self._settings.restart_timeout if starts and own else None
+        self._trust(node, case, replace(case.trust, start_at=None, awaited_by=due))
         if not own:  # the policy is another by now, or the node
             return []
         topics = ", ".join(each.topic for each in own)
@@ -541,50 +545,50 @@ class Nodes:
             return [Log(Level.INFO, text), events.RestartNode(node)]
         text = f"{topics}: {node} did not come back in time."
         order = KillNode(node, True, topic=own[0].topic)
-        return [Log(Level.WARN, text), *self.kill(time, order)]
+        return [Log(Level.WARN, text), *self.kill(order)]
 
     def trust(self, node: str) -> None:
         """Forget the relapses of a node."""
-        case = self._cases[node]
+        self._forgive(node, self._cases[node], self._cases[node].trust)
+
+    def _forgive(self, node: str, case: Case, trust: Trust) -> None:
         case.refusals = case.told = 0
         case.tell_at = -math.inf
-        self._trust(node, case, relapses=0, doubtful=0, soon=False, returned=None)
+        forgiven = replace(trust, relapses=0, doubtful=0, soon=False, returned=None)
+        self._trust(node, case, forgiven)
 
-    def refuse(self, time: float, order: KillNode) -> List[Command]:
+    def refuse(self, order: KillNode) -> List[Command]:
         """Kill a node that is kept out, and has come up."""
         self._cases[order.node].refusals += 1
-        return self.kill(time, order)
+        return self.kill(order)
 
-    def refusals(self, time: float, node: str) -> int:
+    def refusals(self, node: str) -> int:
         """Return how often a node was refused if that is to be told: ever more seldom; else 0."""
-        case, settings = self._cases[node], self._settings
+        case, settings, time = self._cases[node], self._settings, self._robot.time
         if not case.refusals or time < case.tell_at:
             return 0
         case.tell_at = time + doubled(settings.retry, case.told, settings.retry_limit)
         case.told += 1
         return case.refusals
 
-    def restart_failed(self, event: events.RestartFailed) -> List[Said]:
-        """Tell that a node could not be started again."""
-        return [RestartVain(event.time, event.node, event.detail)]
-
     def forget_restarted(self, node: str) -> bool:
         """Note that a node that was started again is gone, or is ended. Returns that it was one."""
-        self._records.set(f"restarted {node}", None)
+        self._robot.records.set(f"restarted {node}", None)
         return self.restarted.pop(node, None) is not None
 
     def recall(self, record: NodeRecord) -> None:
         """Trust a node as a former reconfigurator did."""
         case = self._cases.setdefault(record.node, Case())
-        self._trust(record.node, case, **vars(record.trust))
+        self._trust(record.node, case, record.trust)
 
-    def _trust(self, node: str, case: Case, **changes: Any) -> None:
+    def _trust(self, node: str, case: Case, trust: Trust) -> None:
         """Change the trust in a node, and write that down."""
-        case.trust = trust = replace(case.trust, **changes)
+        if trust == case.trust:
+            return
+        case.trust = trust
         record = None if trust == UNTRIED else NodeRecord(node, trust)
-        self._records.set(f"node {node}", record)
-        due = trust.awaited_by if trust.start_at is None else trust.start_at
-        self._returns.set(node, due)
+        self._robot.records.set(f"node {node}", record)
+        self._returns.set(node, trust.awaited_by if trust.start_at is None else trust.start_at)
 
     # Which process a node is: looked at while it is healthy, once each time that it comes up.
 
@@ -613,3 +617,10 @@ class Nodes:
         """Forget which process a node is: what comes up under its name is another one."""
         if self._tries.pop(node, None) is not None:
             self._learning.set(node, None)
+
+    def validate(self) -> None:
+        """Raise ShsaError if a node is to be killed, and nothing will happen."""
+        for node, case in self._cases.items():
+            killed = any(each.fate is Fate.KILLED for each in case.accusations.values())
+            if killed and node not in self._health.dying and node not in self._pending:
+                raise ShsaError(f"{node} is to be killed, and nothing will ever happen")

@@ -1,4 +1,4 @@
-"""Where a substitute runs: the computer that it is placed on, and whether it fits there.
+"""Places substitutes: chooses the computer for each, where it fits.
 
 Section IV-A of the paper: a substitute may run on dedicated hardware.
 """

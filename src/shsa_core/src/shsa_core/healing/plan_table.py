@@ -60,7 +60,7 @@ class PlanTable:
 
     @property
     def stale(self) -> bool:
-        """Whether there is an answer to be made."""
+        """Tell that there is an answer to be made."""
         return bool(self._stale)
 
     def serve(self, service: Service) -> None:
@@ -81,7 +81,7 @@ class PlanTable:
             self._of_property[self._ontology.network.number(property_)].discard(name)
 
     def change(self, gone: Iterable[Service], come: Iterable[Service]) -> None:
-        """Some services are available no more, some are now."""
+        """Note that some services are available no more, and some are now."""
         gone, come = tuple(gone), tuple(come)
         for service in gone:
             for source in service.readable:
@@ -130,22 +130,22 @@ class PlanTable:
         return name
 
     def plan(self, name: str) -> Optional[Plan]:
-        """The plan for a service; None if it is to be searched for, or there is none."""
+        """Return the plan for a service; None if it is to be searched for, or there is none."""
         answer = self._answers.get(name)
         return answer if isinstance(answer, Plan) else None
 
     def hopeless(self, name: str, excluded: Collection[str]) -> bool:
-        """Whether it is known that a service has no plan without some nodes."""
+        """Tell that a service is known to have no plan without some nodes."""
         known = isinstance(self._answers.get(name), ShsaError)
         return known and self._avoided[name] <= set(excluded)
 
     def to_avoid(self, name: str) -> FrozenSet[str]:
-        """The nodes that are to publish a service, or did last."""
+        """Return the nodes that are to publish a service, or did last."""
         nodes = {self._needed[name].node, self._publishers.get(name, "")}
         return frozenset(nodes - {""})
 
     def _improved(self, come: Iterable[Service]) -> List[str]:
-        """The needed services that may have a better plan now.
+        """Return the needed services that may have a better plan now.
 
         A service that is back as it was concerns only those whose plan was made without it.
         """
@@ -163,7 +163,7 @@ class PlanTable:
         return found + self._derived_from(new)
 
     def _derived_from(self, services: Iterable[Service]) -> List[str]:
-        """The needed services with a property derived from one that some services provide."""
+        """Return the needed services of properties that are derived from what services provide."""
         numbers = [self._ontology.network.number(p) for s in services for p in s.properties]
         stack = list(dict.fromkeys(numbers))
         seen = set(stack)

@@ -1,4 +1,4 @@
-"""What could take a service over now: questions that change nothing."""
+"""Answers what could take a service over now; no question changes anything."""
 from dataclasses import replace
 from typing import Collection, Dict, List, Optional, Sequence, Tuple, Union
 
@@ -82,10 +82,7 @@ class Planner:
         availability: Availability,
         calibrations: Calibrations,
     ) -> None:
-        self.ontology = ontology
-        self.som = som
         self.calibrations = calibrations
-        self.plans = PlanTable(ontology, som.needed(), settings.method, lambda: self.predictor)
         self._method = settings.method
         self._deadlines = settings.deadlines
         self._health = health
@@ -94,6 +91,14 @@ class Planner:
         self._predicts_for: Optional[Som] = None
         self._answered: Tuple[object, ...] = (None,) * 3
         self._answer: Tuple[Signal, ...] = ()
+        self.load(ontology, som)
+
+    def load(self, ontology: Ontology, som: Som) -> None:
+        """Plan by these models from now on."""
+        self.ontology, self.som, self._predicts_for = ontology, som, None
+        method = self._method
+        self.plans = PlanTable(ontology, som.needed(), method, lambda: self.predictor)
+        self.plans.change((), self._availability.services.values())
 
     @property
     def predictor(self) -> Optional[Predictor]:

@@ -1,5 +1,4 @@
-"""What stands by: the idle processes that the warm services share, and the pace of starts."""
-from dataclasses import dataclass
+"""The idle processes that the warm services share, and the pace of starts."""
 from math import inf
 from typing import Counter, Dict, List, Optional, Set
 
@@ -15,20 +14,8 @@ from shsa_core.healing.settings import (
     PREPARING_S,
     Settings,
 )
-from shsa_core.model.kinds import Standby
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
-
-
-@dataclass
-class Idle:
-    """An idle process: the computer that it runs on, when it was started, in s, and its life."""
-
-    node: str
-    host: str
-    started: float
-    heard: bool = False  # it has given a sign of life
-    silent: bool = False  # it gives none now
 
 
 class Pool:
@@ -36,20 +23,18 @@ class Pool:
 
     They prepare for `plans`, one row a warm service: they listen to its inputs and have advertised
     its outputs, so that the consumers are connected; a roscpp consumer takes 0.2 s for that.
+    `heard`: those that have given a sign of life; `silent`: those that give none now.
     """
 
     def __init__(self, settings: Settings) -> None:
-        self.processes: Dict[str, Idle] = {}
+        self.processes: Dict[str, IdleProcess] = {}
+        self.heard: Set[str] = set()
+        self.silent: Set[str] = set()
         self.plans: Dict[str, Substitution] = {}
         self._settings = settings
         self._wanted: Counter[str] = Counter()  # how many plans each computer has
         self._refill_at: Dict[str, float] = {}  # by computer
         self._deaths: Dict[str, int] = {}  # one after the other, soon after their starts
-
-    @staticmethod
-    def serves(service: Service) -> bool:
-        """Tell that a service is warm."""
-        return service.needed and service.standby is Standby.WARM and service.policy.substitutes
 
     @property
     def deadline(self) -> Optional[float]:
@@ -77,12 +62,15 @@ class Pool:
 
     def hosts(self) -> Set[str]:
         """Return the computers that have a process to set to work."""
-        return {each.host for each in self.processes.values() if not each.silent}
+        idle = self.processes.values()
+        return {each.host for each in idle if each.node not in self.silent}
 
-    def spare(self, host: str) -> Optional[Idle]:
+    def spare(self, host: str) -> Optional[IdleProcess]:
         """Return a process on a computer to set to work, rather one that was heard already."""
-        ready = [e for e in self.processes.values() if e.host == host and not e.silent]
-        return next((each for each in ready if each.heard), ready[0] if ready else None)
+        here = [each for each in self.processes.values() if each.host == host]
+        ready = [each for each in here if each.node not in self.silent]
+        heard = [each for each in ready if each.node in self.heard]
+        return next(iter(heard or ready), None)
 
     def serve(
         self, service: Service, planner: Planner, plan: Optional[Plan], host: str = ""
@@ -110,52 +98,52 @@ class Pool:
             self._wanted[former.host] -= 1
             self._wanted = +self._wanted  # without those that have none left
 
-    def add(self, node: str, started: float, host: str) -> None:
-        """An idle process runs on a computer."""
-        self.processes[node] = Idle(node, host, started)
-        self._refill_at[host] = max(self._refill_at.get(host, -inf), started + PAUSE_S)
+    def add(self, idle: IdleProcess) -> None:
+        """Note that an idle process runs."""
+        self.processes[idle.node] = idle
+        due = self._refill_at.get(idle.host, -inf)
+        self._refill_at[idle.host] = max(due, idle.started + PAUSE_S)
 
-    def remove(self, time: float, node: str) -> None:
-        """An idle process is set to work, or ended; the next one follows after a pause."""
-        host = self.processes.pop(node).host
+    def take(self, time: float, node: str) -> None:
+        """Note that an idle process is set to work; the next one follows after a pause."""
+        host = self._remove(node).host
         self._refill_at[host] = time + PAUSE_S
         self._deaths[host] = 0
 
     def died(self, time: float, node: str) -> None:
-        """An idle process has ended by itself; it is replaced after a pause, which doubles."""
-        idle = self.processes.pop(node)
+        """Note that an idle process has ended by itself; the next pause is longer each time."""
+        idle, settings = self._remove(node), self._settings
         early = time - idle.started <= LIVED_S
         self._deaths[idle.host] = deaths = self._deaths.get(idle.host, 0) + 1 if early else 0
-        longest = max(self._settings.retry, self._settings.retry_limit)
-        pause = doubled(self._settings.retry, max(0, deaths - 1), longest)
+        longest = max(settings.retry, settings.retry_limit)
+        pause = doubled(settings.retry, max(0, deaths - 1), longest)
         self._refill_at[idle.host] = time + pause
 
     def drop(self, node: str) -> None:
-        """An idle process is ended: another one is due at once where it is wanted."""
-        host = self.processes.pop(node).host
-        self._refill_at.pop(host, None)
+        """Note that an idle process is ended: another one is due at once where it is wanted."""
+        self._refill_at.pop(self._remove(node).host, None)
 
-    def record(self, node: str) -> IdleProcess:
-        """Return what is to be known of an idle process after a death."""
-        idle = self.processes[node]
-        return IdleProcess(node, idle.started, idle.host)
+    def _remove(self, node: str) -> IdleProcess:
+        self.heard.discard(node)
+        self.silent.discard(node)
+        return self.processes.pop(node)
 
 
 class Starts:
     """The pace of starts, so that the robot's own nodes are not starved by what stands by.
 
-    A failure never waits: only what is prepared asks for room.
+    A failure never waits: only what is prepared asks for room. `waiting`: services that do.
     """
 
     def __init__(self) -> None:
         self._began: Dict[str, float] = {}  # processes that come up
-        self._waiting: Dict[str, None] = {}  # services that wait for a hot substitute
+        self.waiting: Dict[str, None] = {}
         self._held = -inf
 
     @property
     def deadline(self) -> Optional[float]:
         """Return when the next one may be started at the latest, in s; None: nobody waits."""
-        if not self._waiting:
+        if not self.waiting:
             return None
         ends = sorted(began + PATIENCE_S for began in self._began.values())
         room = ends[-AT_ONCE] if len(ends) >= AT_ONCE else -inf
@@ -190,20 +178,18 @@ class Starts:
         """Tell that a service may have a hot substitute started now; else it waits for its turn."""
         if self._room(time):
             return True
-        self._waiting[service] = None
+        self.waiting[service] = None
         return False
 
     def forget(self) -> None:
         """Let nobody wait any more: we are about to end."""
-        self._waiting.clear()
+        self.waiting.clear()
 
     def due(self, time: float) -> List[str]:
         """Return the services whose turn it is now: no more than have room."""
-        if not self._waiting:
-            return []
-        names = list(self._waiting)[: self._room(time)]
+        names = list(self.waiting)[: self._room(time)]
         for name in names:
-            del self._waiting[name]
+            del self.waiting[name]
         return names
 
     def _room(self, time: float) -> int:

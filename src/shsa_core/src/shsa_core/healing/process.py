@@ -3,33 +3,27 @@
 Each computer starts and ends processes as it is told here, and ends by itself those of ours that
 nothing wants, as after a cut.
 """
-from typing import Dict, List, NamedTuple, Optional, Set, Tuple
+from typing import TYPE_CHECKING, Collection, Dict, FrozenSet, List, Optional, Set, Tuple
 
-from shsa_core.codegen.plans import Plan
+from shsa_core.codegen.plans import Plan, safe_values
+from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Level, Log
-from shsa_core.healing.health import Health
-from shsa_core.healing.naming import Names
-from shsa_core.healing.planner import AnyPlan, Planner
-from shsa_core.healing.pool import Idle, Pool, Starts
-from shsa_core.healing.records import IdleProcess, Record
-from shsa_core.healing.settings import Settings
-from shsa_core.healing.tables import Table, substitutions
+from shsa_core.healing.planner import AnyPlan
+from shsa_core.healing.pool import Pool, Starts
+from shsa_core.healing.records import IdleProcess, Table
+from shsa_core.healing.settings import CHANGEOVER_S, LONGEST_START_S, TAKEOVER_S
+from shsa_core.model.kinds import Standby
 from shsa_core.model.service import Service
-from shsa_core.model.substitution import Substitution, row_key, shared_key
+from shsa_core.model.substitution import Substitution, shared_key
 
 
-class Worker(NamedTuple):
-    """A process that was set to work: when it was started, in s, and whether several share it."""
-
-    node: str
-    started: float
-    shared: bool
-    command: Command
+if TYPE_CHECKING:
+    from shsa_core.healing.robot import Robot
 
 
 class Processes:
-    """Which processes run, where, and for which services.
+    """The processes that run: where, and for which services.
 
     `wanted`: the table of substitutions. The first `hot_hosts` hot substitutes on our own computer
     have a process each; those after them share processes of so many at most. None share one whose
@@ -37,20 +31,12 @@ class Processes:
     of a process takes no more away than where each has its own.
     """
 
-    def __init__(
-        self,
-        settings: Settings,
-        names: Names,
-        health: Health,
-        records: "Table[Record, events.WriteDown]",
-    ) -> None:
-        self.wanted = substitutions()
-        self.pool = Pool(settings)
+    def __init__(self, robot: "Robot") -> None:
+        self.wanted: Table[Substitution, events.ShowSubstitutions] = Table(events.ShowSubstitutions)
+        self.pool = Pool(robot.settings)
         self.starts = Starts()
-        self._most = settings.hot_hosts
-        self._names = names
-        self._health = health
-        self._records = records
+        self._most = robot.settings.hot_hosts
+        self._robot = robot
         self._services: Dict[str, Dict[str, str]] = {}  # by process; and whose they are
         self._elsewhere: Dict[str, str] = {}  # the other computers that processes run on
         self._shared: Dict[str, bool] = {}  # processes that several share; another may join
@@ -86,52 +72,46 @@ class Processes:
 
     # One is started, or set to work.
 
-    def set_to_work(
-        self,
-        time: float,
-        service: Service,
-        plan: AnyPlan,
-        planner: Planner,
-        host: str,
-        hot: bool,
-        ahead: bool,
-    ) -> Worker:
+    def set_to_work(self, service: Service, substitute: "Substitute", ahead: bool) -> Command:
         """Set an idle process on a computer to work, let one be shared, or start another.
 
-        `hot`: the service is. `ahead`: nothing has failed yet; then several may share it.
+        `ahead`: nothing has failed yet; then several may share it.
         """
+        plan, host = substitute.plan, substitute.host
+        time, planner = self._robot.time, self._robot.planner
+        assert plan is not None
         shared = ahead and isinstance(plan, Plan) and not host and self._shares(service, plan)
         spare = None if shared else self.spare(service, host)
-        node, started = "", time
+        substitute.shared, substitute.started = shared, time if spare is None else spare.started
+        node = "" if spare is None else spare.node
         if shared:
             roomy = (each for each, room in self._shared.items() if room)
             fits = (n for n in roomy if service.node not in self._services[n].values())
             node = next(fits, "")
-        elif spare is not None:
-            node, started = spare.node, spare.started
-            self.pool.remove(time, node)
-            self._records.set(f"idle {node}", None)
+        elif node:
+            self.pool.take(time, node)
+            self._robot.records.set(f"idle {node}", None)
         command: Command = events.AssignSubstitute(node)
         if not node and shared:
-            node = self._names.fresh("host")
-            command = self._start(time, events.StartSubstitute(node, None, shared=True))
+            node = self._robot.names.fresh("host")
+            command = self._start(events.StartSubstitute(node, None, shared=True))
         elif not node:
-            node = self._names.fresh(service.topic.strip("/").replace("/", "_"))
+            node = self._robot.names.fresh(service.topic.strip("/").replace("/", "_"))
             inputs, outputs = planner.inputs(plan), planner.outputs(plan)
             start = events.StartSubstitute(node, plan.program, inputs, outputs, host)
-            command = self._start(time, start)
-        self.take_up(service, node, host, shared, hot)
-        return Worker(node, started, shared, command)
+            command = self._start(start)
+        substitute.node = node
+        self.take_up(service, node, host, shared)
+        return command
 
-    def _start(self, time: float, command: events.StartSubstitute) -> events.StartSubstitute:
-        self._names.use()
-        self._health.substitutes.add(command.node, self.nodes)
-        self.starts.began(time, command.node)
+    def _start(self, command: events.StartSubstitute) -> events.StartSubstitute:
+        self._robot.health.substitutes.add(command.node, self.nodes)
+        self.starts.began(self._robot.time, command.node)
         if command.host:
             self._elsewhere[command.node] = command.host
         return command
 
-    def take_up(self, service: Service, node: str, host: str, shared: bool, hot: bool) -> None:
+    def take_up(self, service: Service, node: str, host: str, shared: bool) -> None:
         """Note that a process works for a service."""
         services = self._services.setdefault(node, {})
         services[service.name] = service.node
@@ -139,7 +119,7 @@ class Processes:
             self._elsewhere[node] = host
         if shared:
             self._shared[node] = len(services) < self._most
-        elif hot:
+        elif is_hot(service):
             self._alone.add(service.name)
 
     def _shares(self, service: Service, plan: Plan) -> bool:
@@ -151,9 +131,9 @@ class Processes:
         crowded = 0 < self._most <= len(self._alone - {service.name})
         return crowded and all(source.service.period is not None for source in plan.inputs)
 
-    def spare(self, service: Service, host: str) -> Optional[Idle]:
+    def spare(self, service: Service, host: str) -> Optional[IdleProcess]:
         """Return an idle process on a computer for a warm service; None: there is none."""
-        return self.pool.spare(host) if self.pool.serves(service) else None
+        return self.pool.spare(host) if is_warm(service) else None
 
     # One ends, or is to end.
 
@@ -195,13 +175,14 @@ class Processes:
     def silent(self, node: str) -> None:
         """Note that a process gives no sign of life just now: it is not set to work."""
         if node in self.pool.processes:
-            self.pool.processes[node].silent = True
+            self.pool.silent.add(node)
 
     def heard(self, node: str) -> None:
         """Note that a process gives a sign of life."""
         self.starts.over(node)
         if node in self.pool.processes:
-            self.pool.processes[node].silent, self.pool.processes[node].heard = False, True
+            self.pool.silent.discard(node)
+            self.pool.heard.add(node)
 
     def drop_idle(self, node: str) -> List[Command]:
         """End an idle process."""
@@ -214,13 +195,13 @@ class Processes:
         self._shared.pop(node, None)
         self._elsewhere.pop(node, None)
         self.wanted.set(node, None)
-        self._records.set(f"idle {node}", None)
+        self._robot.records.set(f"idle {node}", None)
 
     # The pool.
 
-    def stand_by(self, service: Service, planner: Planner, plan: Optional[Plan], host: str) -> None:
+    def stand_by(self, service: Service, plan: Optional[Plan], host: str) -> None:
         """Let idle processes prepare for a warm service on a computer."""
-        self.wanted.set(service.name, self.pool.serve(service, planner, plan, host))
+        self.wanted.set(service.name, self.pool.serve(service, self._robot.planner, plan, host))
 
     def no_stand_by(self, service: str) -> None:
         """Prepare for a service no more."""
@@ -230,25 +211,193 @@ class Processes:
     def refill(self, time: float) -> List[Command]:
         """Start the idle processes that are due, and end those on computers that want none."""
         commands: List[Command] = []
+        if not self.pool.plans and not self.pool.processes:
+            return commands
         for node in self.pool.surplus():
             commands += self.drop_idle(node)
         host = None if self.starts.held(time) else self.pool.due(time)
         while host is not None:
-            command = events.StartSubstitute(self._names.fresh("standby"), None, host=host)
-            commands.append(self._start(time, command))
+            command = events.StartSubstitute(self._robot.names.fresh("standby"), None, host=host)
+            commands.append(self._start(command))
             self.add_idle(IdleProcess(command.node, time, host))
             host = self.pool.due(time)
         return commands
 
-    def add_idle(self, record: IdleProcess) -> None:
+    def add_idle(self, idle: IdleProcess) -> None:
         """Note that an idle process runs."""
-        node, host = record.node, record.host
-        if host:
-            self._elsewhere[node] = host
-        self.pool.add(node, record.started, host)
-        self.wanted.set(node, Substitution(node, "", (), "", (), host=host))
-        self._records.set(record.key, record)
+        if idle.host:
+            self._elsewhere[idle.node] = idle.host
+        self.pool.add(idle)
+        self.wanted.set(idle.node, Substitution(idle.node, "", (), "", (), host=idle.host))
+        self._robot.records.set(idle.key, idle)
 
-    def show(self, row: Substitution) -> None:
-        """Put the row of a service's substitute into the table."""
-        self.wanted.set(row_key(row), row)
+    def validate(self, owned: Collection[str]) -> None:
+        """Raise ShsaError if a row of the table has no process that somebody has, as `owned`."""
+        for row in self.wanted.rows.values():
+            if row.node and row.node not in owned:
+                raise ShsaError(f"{row.node} is in the table of substitutions, but has no owner")
+        for idle in self.pool.processes.values():
+            if self._robot.computers.lost(idle.host):
+                raise ShsaError(f"{idle.node} stands by on a computer that is lost")
+
+
+def is_warm(service: Service) -> bool:
+    """Tell that idle processes are ready for a service."""
+    return service.needed and service.standby is Standby.WARM and service.policy.substitutes
+
+
+def is_hot(service: Service) -> bool:
+    """Tell that a substitute of a service computes before it is needed."""
+    return service.needed and service.standby is Standby.HOT and service.policy.substitutes
+
+
+class Substitute:
+    """At most one process that substitutes a service, and its plan.
+
+    `node` is its name, empty without a process; `host`: its computer, empty: the reconfigurator's
+    own; `shared`: whether it is that of other services too; `changed`: when it was given its
+    program. `working_since` is when it was set to work: what it has published since counts.
+    `patience` is how long its first message may take, in s; if that does not come, `plan_to_blame`,
+    or else the process is. `tried`: the plans that were tried in vain.
+    """
+
+    def __init__(self, service: str, robot: "Robot") -> None:
+        self.node = self.host = ""
+        self.shared = False
+        self.plan: Optional[AnyPlan] = None
+        self.working_since = self.changed = 0.0
+        self.patience = TAKEOVER_S
+        self.plan_to_blame = True
+        self._service = service
+        self._robot = robot
+        self.started = 0.0
+        self.tried: FrozenSet[Plan] = frozenset()
+        self._values_tried = False
+        self._deaths = 0
+
+    @property
+    def computes(self) -> bool:
+        """Tell that it computes the lost values, and not just safe ones."""
+        return isinstance(self.plan, Plan)
+
+    @property
+    def changing(self) -> bool:
+        """Tell that it may be silent, as it has changed its program."""
+        return self._robot.time < self.changed + CHANGEOVER_S
+
+    @property
+    def starting(self) -> bool:
+        """Tell that its process may still be on its way up, as on a busy machine."""
+        return self._robot.time < self.started + LONGEST_START_S
+
+    @property
+    def lost_input(self) -> bool:
+        """Tell that something that it reads is not available any more."""
+        return isinstance(self.plan, Plan) and not self._robot.planner.usable(self.plan)
+
+    def find(self, service: Service, faulty: str) -> Plan:
+        """Return the plan to follow now: the one that is followed, if it still holds.
+
+        Raises ShsaError if there is none.
+        """
+        plan, planner = self.plan, self._robot.planner
+        if isinstance(plan, Plan) and plan not in self.tried and planner.usable(plan, {faulty}):
+            return plan
+        return planner.plan(service, self.tried, faulty)
+
+    def another(self, service: Service, faulty: str) -> Optional[Plan]:
+        """Return the best plan but for that followed and those tried; None: there is none."""
+        tried = self.tried | {self.plan} if isinstance(self.plan, Plan) else self.tried
+        try:
+            return self._robot.planner.plan(service, tried, faulty)
+        except ShsaError:
+            return None
+
+    def leave_plan(self) -> None:
+        """Count the plan that is followed as tried; the process goes on."""
+        if isinstance(self.plan, Plan):
+            self.tried |= {self.plan}
+        elif self.plan is not None:
+            self._values_tried = True
+
+    def use(
+        self, service: Service, plan: AnyPlan, publishes: bool = False, ahead: bool = False
+    ) -> List[Command]:
+        """Set the process at hand, which may publish already, or another to work on a plan.
+
+        `ahead`: nothing has failed yet; then that may be one that several share. Raises ShsaError
+        if there is no computer for another.
+        """
+        robot, now = self._robot, self._robot.time
+        chosen = bool(self.node) or not robot.som.hosts
+        host = self.host if chosen else robot.place(service, plan).host
+        self.plan, self.changed, starts = plan, now, False
+        commands: List[Command] = []
+        if self.node:
+            commands.append(events.AssignSubstitute(self.node))
+        else:
+            self.working_since, self.host = now, host
+            command = robot.processes.set_to_work(service, self, ahead)
+            commands.append(command)
+            starts = isinstance(command, events.StartSubstitute)
+        # One that was started a moment ago is on its way: another one would come up no sooner.
+        coming_up = self.started + robot.settings.start_timeout - now
+        self.patience = max(TAKEOVER_S, coming_up)
+        self.plan_to_blame = starts or publishes
+        robot.indexes.working[service.name] = now, plan
+        return commands
+
+    def take_up(self, row: Substitution, plan: AnyPlan, working_since: float) -> None:
+        """Go on with a process of a former reconfigurator that works on a plan."""
+        self.node, self.host, self.shared, self.plan = row.node, row.host, row.shared, plan
+        self._robot.indexes.working[self._service] = self._robot.time, plan
+        self.working_since = self.started = working_since
+        self.changed = self._robot.time
+        self.plan_to_blame = False
+
+    def use_safe_values(self, service: Service) -> List[Command]:
+        """Have the service's safe values published, if it has any; else no process is left."""
+        plan = safe_values(service)
+        if plan is None or self._values_tried:
+            return self.drop()
+        try:
+            return [] if plan == self.plan else self.use(service, plan)
+        except ShsaError:
+            return self.drop()
+
+    def prepare(self, service: Service) -> List[Command]:
+        """Follow the best plan for the case that the service's node fails.
+
+        A process is started for it once there is room.
+        """
+        robot = self._robot
+        try:
+            plan = robot.planner.ahead(service)
+            if plan == self.plan:
+                return []
+            if not self.node and not robot.processes.starts.may(robot.time, service.name):
+                return []
+            return self.use(service, plan, ahead=True)
+        except ShsaError:
+            return self.drop()
+
+    def drop(self) -> List[Command]:
+        """End the process."""
+        node, self.node, self.host, self.shared, self.plan = self.node, "", "", False, None
+        self._robot.indexes.working.pop(self._service, None)
+        return self._robot.processes.leave(self._service, node) if node else []
+
+    def failed(self, tried: bool) -> List[Command]:
+        """End the process, which failed.
+
+        Its plan counts as tried at once if `tried`; else after it died more than `restarts` times.
+        """
+        self._deaths += 1
+        if self.plan is not None and (tried or self._deaths > self._robot.settings.restarts):
+            self.leave_plan()
+            self._deaths = 0
+        return self.drop()
+
+    def forget(self) -> None:
+        """Let every plan be tried again."""
+        self.tried, self._values_tried, self._deaths = frozenset(), False, 0

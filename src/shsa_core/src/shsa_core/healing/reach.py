@@ -1,4 +1,4 @@
-"""What follows where a computer of the robot is lost, and where it is back.
+"""Reacts to a computer of the robot that is lost, and to one that is back.
 
 A computer is lost when its agent is not heard. Only then it can be told from a node's own failure,
 and a node's silence is found sooner: what was decided in between is looked at again. When the
@@ -33,7 +33,7 @@ def host_seen(core: "Reconfigurator", event: HostSeen) -> List[Command]:
                 robot.doubted[service.name] = time + CERTAIN_S
     if back:
         commands += core.deliver(robot.nodes.excuse(host, heard))
-    commands += core.deliver(robot.nodes.computer_heard(time, host))
+    commands += core.deliver(robot.nodes.computer_heard(host))
     if time >= robot.room_at:  # what no computer had room for is tried again
         robot.room_at = time + ROOM_S
         lacking = [name for name in robot.indexes.stuck if core.services[name].lacks_room]
@@ -59,7 +59,7 @@ def host_lost(core: "Reconfigurator", event: HostLost) -> List[Command]:
             text = f"Whether anybody publishes {service.topic} cannot be told by its silence"
             commands.append(Log(Level.WARN, f"{text}: it is not healed while {host} is lost."))
     commands += core.settle() + core.deliver(robot.nodes.excuse(host, heard))
-    commands += core.deliver(robot.nodes.computer_lost(event.time, host, why))
+    commands += core.deliver(robot.nodes.computer_lost(host, why))
     for node in processes.pool.on(host):
         commands += processes.drop_idle(node)
     _place_warm(core)

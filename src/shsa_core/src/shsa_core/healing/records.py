@@ -1,17 +1,22 @@
-"""What the reconfigurator writes down before it acts, for the one that comes after it.
+"""The records that the reconfigurator writes before it acts, for the one that comes after it.
 
-Each record has a key; the newest of a key counts. Times in s of the monotonic clock.
+Each record has a key; the newest of a key counts. Times in s of the monotonic clock. A table of
+them, as any table that is shown, travels as changes.
 """
 from dataclasses import dataclass
-from typing import Iterable, Optional, Tuple, Union
+from typing import Callable, Dict, Generic, Iterable, List, Optional, Tuple, TypeVar, Union
 
 from shsa_core.healing.incident import Incident
 from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.substitution import Substitution
 
 
+Row = TypeVar("Row")
+Shown = TypeVar("Shown")
+
+
 class Fate(Word):
-    """What becomes of a node for one accusation."""
+    """The fate of a node for one accusation."""
 
     NONE = "none"  # nothing more: it is gone, or can be neither reached nor verified
     OPEN = "open"  # it is to be judged
@@ -22,7 +27,7 @@ class Fate(Word):
 
 @dataclass(frozen=True)
 class Trust:
-    """How far a node is trusted, and what brings it back.
+    """The trust in a node, and what brings it back.
 
     `relapses` in a row; `doubtful`: those that may be its link's. `returned`: when it was well
     again last; `soon`: its last relapse came after its hold-off. `start_at`: when it is started
@@ -55,7 +60,7 @@ class Counters:
 
 @dataclass(frozen=True)
 class NodeRecord:
-    """How far a node is trusted."""
+    """The trust in a node."""
 
     node: str
     trust: Trust
@@ -68,7 +73,7 @@ class NodeRecord:
 
 @dataclass(frozen=True)
 class ServiceRecord:
-    """How a service stands: its incident, what is decided about its node, its substitute's row.
+    """The standing of a service: its incident, the fate of its node, its substitute's row.
 
     `heard`: the node may still publish. Its `kind` of failure may be another than the incident's.
     """
@@ -145,3 +150,31 @@ def of_this_robot(
     if same_run or not named.isdisjoint(running):
         return records
     return tuple(each for each in records if isinstance(each, Counters))
+
+
+class Table(Generic[Row, Shown]):
+    """Rows by key, and which of them differ from what `show` was made of last."""
+
+    def __init__(self, show: Callable[[Tuple[Row, ...], Tuple[str, ...]], Shown]) -> None:
+        self.rows: Dict[str, Row] = {}
+        self._show = show
+        self._before: Dict[str, Optional[Row]] = {}  # of those that were set
+
+    def set(self, key: str, row: Optional[Row]) -> None:
+        """Put the row of a key; None: it has none."""
+        before = self.rows.get(key)
+        if row == before:
+            return
+        self._before.setdefault(key, before)
+        if row is None:
+            del self.rows[key]
+        else:
+            self.rows[key] = row
+
+    def change(self) -> List[Shown]:
+        """Return what is to be shown now: one change, or none."""
+        set_, self._before = self._before, {}
+        keys = [key for key, before in set_.items() if self.rows.get(key) != before]
+        changed = tuple(self.rows[key] for key in keys if key in self.rows)
+        removed = tuple(key for key in keys if key not in self.rows)
+        return [self._show(changed, removed)] if keys else []

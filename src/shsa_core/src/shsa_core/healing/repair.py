@@ -2,6 +2,7 @@
 
 The diagram in docs/architecture.md is this table.
 """
+from dataclasses import replace
 from typing import TYPE_CHECKING, Callable, Dict, FrozenSet, Iterable, List, Optional, Tuple
 
 from shsa_core.agenda import doubled
@@ -17,10 +18,12 @@ from shsa_core.healing.events import (
     ShowIncident,
     StartSubstitute,
 )
-from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.placement import NoRoom
+from shsa_core.healing.incident import WELL, Incident, State
+from shsa_core.healing.node import no_accusation
+from shsa_core.healing.placement import NoRoom, Place
+from shsa_core.healing.planner import AnyPlan
 from shsa_core.healing.records import Fate
-from shsa_core.healing.substitute import is_hot
+from shsa_core.healing.process import is_hot
 from shsa_core.model.kinds import Kind, Policy, Standby, Word
 
 if TYPE_CHECKING:
@@ -37,7 +40,7 @@ Action = Callable[["ServiceMachine", Failure], List[Command]]
 
 
 class Trigger(Word):
-    """What may change the state of a service."""
+    """Causes of a change of the state of a service."""
 
     FAILED = "its node failed"
     SUBSTITUTE_FAILED = "substitute failed"
@@ -66,9 +69,7 @@ def begin(service: "ServiceMachine", failure: Failure) -> List[Command]:
     service.substitute.working_since = failure.time
     service.pauses = 0
     service.accusation = robot.nodes.accuse(spec.name, node, failure.kind)
-    if failure.kind is not Kind.REQUESTED:
-        own = not robot.by_link(spec, failure.kind)
-        robot.nodes.failed(failure.time, node, own, soon=False)
+    robot.nodes.failed(failure.time, spec, node, failure.kind, soon=False)
     robot.incidents += 1
     service.incident = Incident(
         id=robot.incidents,
@@ -92,7 +93,7 @@ def begin(service: "ServiceMachine", failure: Failure) -> List[Command]:
 
 def still_failing(service: "ServiceMachine", failure: Failure) -> List[Command]:
     """Judge a node that failed once more, or another one beside it."""
-    assert failure is not None and service.incident is not None
+    assert failure is not None
     nodes, name, node = service.robot.nodes, service.spec.name, failure.publisher
     text = f"{service.spec.topic}: {node} failed again: {failure.detail}."
     commands: List[Command] = [Log(Level.WARN, text)]
@@ -103,23 +104,23 @@ def still_failing(service: "ServiceMachine", failure: Failure) -> List[Command]:
         if not accusation.babbles:  # it is killed, or silent
             nodes.acquit(service.spec, node)
             return commands
-        blame(service, node, failure.kind)
+        commands += blame(service, node, failure.kind)
     return commands + judge_again(service)
 
 
-def blame(service: "ServiceMachine", node: str, kind: Kind) -> None:
-    """Blame a node, in place of the one that the incident blames."""
-    assert service.incident is not None
+def blame(service: "ServiceMachine", node: str, kind: Kind) -> List[Command]:
+    """Blame a node, in place of another that the incident blames."""
     nodes, former = service.robot.nodes, service.incident.faulty_node
-    if node != former:
-        nodes.acquit(service.spec, former)
-        service.accusation = nodes.accuse(service.spec.name, node, kind)
-        service.step(faulty_node=node)
+    service.accusation = nodes.accuse(service.spec.name, node, kind)
+    if node == former:
+        return []
+    service.incident = replace(service.incident, faulty_node=node)
+    nodes.acquit(service.spec, former)
+    return service.step()
 
 
 def judge_again(service: "ServiceMachine", _: Failure = None) -> List[Command]:
     """Decide about the node anew: what it costs may have changed."""
-    assert service.incident is not None and service.accusation is not None
     if service.incident.state is State.KEPT:
         return heal(service)
     plan, none = search(service)
@@ -131,15 +132,15 @@ def judge_again(service: "ServiceMachine", _: Failure = None) -> List[Command]:
 
 def failed_again(service: "ServiceMachine", failure: Failure) -> List[Command]:
     """Go on after the node failed within its hold-off."""
-    assert failure is not None and service.incident is not None
+    assert failure is not None
     spec, robot, node = service.spec, service.robot, failure.publisher
-    blame(service, node, failure.kind)
-    service.accusation = accusation = robot.nodes.accuse(spec.name, node, failure.kind)
-    robot.nodes.failed(failure.time, node, not robot.by_link(spec, failure.kind), soon=True)
+    commands = blame(service, node, failure.kind)
+    accusation = service.accusation
+    robot.nodes.failed(failure.time, spec, node, failure.kind, soon=True)
     service.timers.clear()
     plan, none = search(service)
     text = f"{spec.topic}: {node} failed again: {failure.detail}."
-    commands: List[Command] = [Log(Level.WARN, text), *service.judge(accusation, plan is not None)]
+    commands += [Log(Level.WARN, text), *service.judge(accusation, plan is not None)]
     detail = f"{node} failed again: {failure.detail}"
     if robot.nodes.kept_out(node) and not accusation.kept:
         detail = f"{node} keeps failing. It is kept out until it is released."
@@ -183,8 +184,13 @@ def replace_late(service: "ServiceMachine", _: Failure) -> List[Command]:
     robot, spec, substitute = service.robot, service.spec, service.substitute
     unseen = robot.health.row((spec.topic, service.node)) is None
     spare = robot.processes.spare(spec, substitute.host)
-    starting = unseen and substitute.starting and not (spare is not None and spare.heard)
-    if starting or not robot.health.watched(spec.topic, away=not robot.heard(spec)):
+    away = not robot.computers.reachable(robot.computers.name(spec.host))
+    starting = (
+        unseen
+        and substitute.starting
+        and not (spare is not None and spare.node in robot.processes.pool.heard)
+    )
+    if starting or not robot.health.watched(spec.topic, away):
         # It is not up yet: a new process would only make the machine busier. Or nobody can say.
         service.timers[Trigger.LATE] = robot.time + substitute.patience
         return []
@@ -205,13 +211,14 @@ def change_law(service: "ServiceMachine", _: Failure) -> List[Command]:
     Before an incident, the better law is looked at again after a while.
     """
     spec, substitute, robot = service.spec, service.substitute, service.robot
-    faulty = service.incident.faulty_node if service.incident else spec.node
+    well = service.state is State.WELL
+    faulty = spec.node if well else service.incident.faulty_node
     another = substitute.another(spec, faulty)
     text = f"{spec.topic}: the substitute's law does not hold now"
     if another is None:
         return [Log(Level.WARN, f"{text}, and there is no other.")]
     said = Log(Level.WARN, f"{text}. The next best takes its place.")
-    if service.incident is not None:
+    if not well:
         substitute.leave_plan()
         return [said, *heal(service)]
     service.timers[Trigger.RETRY] = robot.time + robot.settings.retry_limit
@@ -226,7 +233,6 @@ def retry(service: "ServiceMachine", _: Failure) -> List[Command]:
 
 def heal(service: "ServiceMachine", _: Failure = None) -> List[Command]:
     """Search, decide about the node, and set a process to work: the one at hand, or another."""
-    assert service.accusation is not None
     plan, none = search(service)
     commands = service.judge(service.accusation, plan is not None)
     if service.accusation.babbles or idle(service):
@@ -240,15 +246,14 @@ def heal(service: "ServiceMachine", _: Failure = None) -> List[Command]:
 
 def search(service: "ServiceMachine") -> Tuple[Optional[Plan], ShsaError]:
     """Return the plan to follow now; None: there is none, and why."""
-    assert service.incident is not None
-    spec, policy = service.spec, service.spec.policy
+    spec, policy, substitute = service.spec, service.spec.policy, service.substitute
     service.lacks_room = False
     try:
         if not policy.plans:
             raise ShsaError(f"its policy is {policy}")
-        plan = service.substitute.find(spec, service.incident.faulty_node)
-        if policy.substitutes:
-            service.substitute.place(spec, plan)  # is there a computer for it?
+        plan = substitute.find(spec, service.incident.faulty_node)
+        if policy.substitutes and not substitute.node and service.robot.som.hosts:
+            service.robot.place(spec, plan)  # is there a computer for it?
         return plan, NOT_MISSED
     except ShsaError as none:
         service.lacks_room = isinstance(none, NoRoom)
@@ -257,61 +262,72 @@ def search(service: "ServiceMachine") -> Tuple[Optional[Plan], ShsaError]:
 
 def idle(service: "ServiceMachine") -> bool:
     """Tell that nothing is done: by its policy, or as a kept node is not to be replaced."""
-    policy, accusation = service.spec.policy, service.accusation
-    kept = accusation is not None and accusation.kept
+    policy, kept = service.spec.policy, service.accusation.fate is Fate.KEPT
     return policy is Policy.ADVISE or (kept and not policy.substitutes)
 
 
 def follow(service: "ServiceMachine", plan: Plan) -> List[Command]:
     """Set a process to work on a plan."""
-    assert service.incident is not None
     spec, robot, substitute = service.spec, service.robot, service.substitute
     state, first_message = service.incident.state, service.incident.first_message
     if state is State.KEPT:
         substitute.working_since = robot.time
-    publishes = bool(service.node) and state in (State.HEALED, State.SAFE)
+    publishes = bool(substitute.node) and state in (State.HEALED, State.SAFE)
     text = f"{spec.topic}: found a substitute of {told(plan)}."
-    place = substitute.place(spec, plan)
+    at_hand = Place(substitute.host) if substitute.node else None
+    where = (at_hand or robot.place(spec, plan)).words if robot.som.hosts else ""
     commands = substitute.use(spec, plan, publishes)
     if spec.standby is Standby.WARM and isinstance(commands[0], StartSubstitute):
         text += " No idle process is left: this is a cold start."
-    if robot.som.hosts:
-        text += place.words
+    text += where
     commands.append(Log(Level.INFO, text))
     service.timers.clear()
     state = State.HEALED
     if not publishes:
         service.timers[Trigger.LATE] = robot.time + substitute.patience
         state, first_message = State.HEALING, None
-    calibrated = robot.planner.outputs(plan)
     return commands + service.step(
         state=state,
         first_message=first_message,
         detail=text,
-        substitute=service.node,
-        inputs=plan.program.inputs,
-        code=plan.program.code,
-        outputs=plan.program.outputs,
-        relations=plan.relations,
-        gains=tuple(each.gain for each in calibrated),
-        offsets=tuple(each.offset for each in calibrated),
-        quality=plan.quality,
-        errors=tuple(each.error for each in calibrated),
+        substitute=substitute.node,
         missing=(),
-        unavailable=robot.planner.unavailable(spec.name),
+        **carried_out(service, plan),
     )
+
+
+def carried_out(service: "ServiceMachine", plan: Optional[AnyPlan]) -> Dict[str, object]:
+    """Return what an incident shows of the plan that is carried out, or could be."""
+    planner = service.robot.planner
+    program, computes = plan.program if plan else NOTHING, isinstance(plan, Plan)
+    outputs = planner.outputs(plan) if isinstance(plan, Plan) else ()
+    return {
+        "unavailable": planner.unavailable(service.spec.name),
+        "inputs": program.inputs if computes else (),
+        "code": program.code,
+        "outputs": program.outputs,
+        "relations": plan.relations if isinstance(plan, Plan) else (),
+        "gains": tuple([each.gain for each in outputs]),
+        "offsets": tuple([each.offset for each in outputs]),
+        "quality": plan.quality if isinstance(plan, Plan) else None,
+        "errors": tuple([each.error for each in outputs]),
+    }
+
+
+def wait(service: "ServiceMachine") -> bool:
+    """Set the time of the next try. Returns that it is waited for already."""
+    waits = service.state in WAITING
+    due = service.timers.get(Trigger.RETRY) if waits else None
+    service.timers.clear()
+    service.timers[Trigger.RETRY] = service.robot.time + pause(service) if due is None else due
+    return waits
 
 
 def keep(service: "ServiceMachine", plan: Optional[Plan], none: ShsaError) -> List[Command]:
     """Say what could be done: the node is kept, and nobody publishes beside it."""
-    assert service.incident is not None and service.accusation is not None
-    spec, robot, incident = service.spec, service.robot, service.incident
-    waits = incident.state in WAITING
-    due = service.timers.get(Trigger.RETRY) if waits else None
+    spec, incident = service.spec, service.incident
     commands = [] if is_hot(spec) else service.substitute.drop()
-    service.timers.clear()
-    service.timers[Trigger.RETRY] = robot.time + pause(service) if due is None else due
-    words = spec.last_resort.command
+    waits, words = wait(service), spec.last_resort.command
     acts = spec.policy is not Policy.ADVISE and incident.kind is not Kind.REQUESTED
     if words and acts and not waits:
         commands.append(RunCommand(spec.name, words))
@@ -321,35 +337,23 @@ def keep(service: "ServiceMachine", plan: Optional[Plan], none: ShsaError) -> Li
     detail = f"{spec.topic}: {service.accusation.decision}. {could}."
     if incident.state is State.KEPT and incident.detail == detail:
         return commands
-    program = plan.program if plan else NOTHING
     return commands + service.step(
         state=State.KEPT,
         killed=None if service.accusation.kept else incident.killed,
         detail=detail,
         missing=none.missing if isinstance(none, NoSubstitute) else (),
-        unavailable=robot.planner.unavailable(spec.name),
         substitute="",
-        inputs=program.inputs,
-        code=program.code,
-        outputs=program.outputs,
-        relations=plan.relations if plan else (),
-        quality=plan.quality if plan else None,
-        errors=robot.planner.errors(plan) if plan else (),
+        **carried_out(service, plan),
     )
 
 
 def give_up(service: "ServiceMachine", none: ShsaError) -> List[Command]:
     """Say what is missing, and try again later: nothing can substitute."""
-    assert service.incident is not None and service.accusation is not None
-    spec, robot, incident = service.spec, service.robot, service.incident
-    stuck = incident.state in WAITING
-    due = service.timers.get(Trigger.RETRY) if stuck else None
+    spec, incident = service.spec, service.incident
     commands = service.substitute.use_safe_values(spec)
-    service.timers.clear()
-    service.timers[Trigger.RETRY] = robot.time + pause(service) if due is None else due
-    robot.nodes.trust(incident.faulty_node)  # a node that keeps failing is better than none
+    waits, words, plan = wait(service), spec.last_resort.command, service.substitute.plan
+    service.robot.nodes.trust(incident.faulty_node)  # one that keeps failing is better than none
     missing = none.missing if isinstance(none, NoSubstitute) else ()
-    words, plan = spec.last_resort.command, service.substitute.plan
     state = State.SAFE if plan or words else State.UNHEALED
     before = (incident.state, incident.missing, incident.substitute, incident.decision)
     if before == (state, missing, service.node, service.accusation.decision):
@@ -357,30 +361,17 @@ def give_up(service: "ServiceMachine", none: ShsaError) -> List[Command]:
     text = f"{spec.topic} cannot be healed now: {none}."
     if plan:
         text += " Its safe values are published."
-    if words and not stuck:
+    if words and not waits:
         commands.append(RunCommand(spec.name, words))
-    program = plan.program if plan else NOTHING
     commands.append(Log(Level.ERROR, text))
+    shown = carried_out(service, plan)
     return commands + service.step(
-        state=state,
-        detail=text,
-        missing=missing,
-        unavailable=robot.planner.unavailable(spec.name),
-        substitute=service.node,
-        inputs=(),
-        code=program.code,
-        outputs=program.outputs,
-        relations=(),
-        gains=(),
-        offsets=(),
-        quality=None,
-        errors=(),
+        state=state, detail=text, missing=missing, substitute=service.node, **shown
     )
 
 
 def wait_for_node(service: "ServiceMachine") -> List[Command]:
     """Wait for the node's start, which is all that can heal the service; give up in the end."""
-    assert service.incident is not None
     incident, robot = service.incident, service.robot
     if incident.killed is not None and not robot.nodes.awaited(incident.faulty_node):
         service.start_node()  # the policy may have been another one when it was killed
@@ -395,7 +386,6 @@ def wait_for_node(service: "ServiceMachine") -> List[Command]:
 
 def exhausted(service: "ServiceMachine", _: Failure = None) -> List[Command]:
     """Give up: the node was started again too often."""
-    assert service.incident is not None
     node = service.incident.faulty_node
     count = service.robot.nodes.restarts(node)
     return give_up(service, ShsaError(f"{node} was started again {count} times in vain"))
@@ -413,19 +403,13 @@ def pause_standby(service: "ServiceMachine", _: Failure) -> List[Command]:
     return []
 
 
-def lose_standby(service: "ServiceMachine", _: Failure) -> List[Command]:
-    """Note that nobody stands by."""
-    return service.step(substitute="")
-
-
 def show(service: "ServiceMachine", _: Failure) -> List[Command]:
-    """Show the incident."""
-    return service.step()
+    """Show the incident as it is now."""
+    return service.step(substitute=service.node)
 
 
 def publish(service: "ServiceMachine", _: Failure) -> List[Command]:
     """Note that the substitute publishes; what was silent can be killed now."""
-    assert service.incident is not None and service.accusation is not None
     service.timers.clear()
     commands = service.step(state=State.HEALED, first_message=service.first_message())
     outage = service.incident.outage
@@ -440,8 +424,8 @@ def publish(service: "ServiceMachine", _: Failure) -> List[Command]:
 def hold_off(service: "ServiceMachine", _: Failure) -> List[Command]:
     """Wait whether an original that is back stays healthy."""
     incident, row, robot = service.incident, service.returned(), service.robot
-    assert incident is not None and row is not None
-    robot.nodes.returned(robot.time, service.spec.name, incident.faulty_node, row.since)
+    assert row is not None
+    robot.nodes.returned(service.spec.name, incident.faulty_node, row.since)
     length = robot.nodes.hold_off(incident.faulty_node)
     service.timers.clear()
     service.timers[Trigger.STEADY] = robot.time + length
@@ -452,7 +436,6 @@ def hold_off(service: "ServiceMachine", _: Failure) -> List[Command]:
 
 def end(service: "ServiceMachine", _: Failure) -> List[Command]:
     """End the incident: the original is well again."""
-    assert service.incident is not None
     hot = is_hot(service.spec)
     stopped = " The substitute has stopped." if service.node and not hot else ""
     commands = [] if hot else service.substitute.drop()
@@ -467,10 +450,9 @@ def withdraw(service: "ServiceMachine", _: Failure) -> List[Command]:
 
 def close(service: "ServiceMachine", why: str) -> List[Command]:
     """Close the incident."""
-    assert service.incident is not None
     node, time = service.incident.faulty_node, service.robot.time
     commands = service.step(state=State.ENDED, ended=time, detail=why)
-    service.incident = service.accusation = None
+    service.incident, service.accusation = WELL, no_accusation()
     service.last_message = b""
     service.timers.clear()
     service.pauses = 0
@@ -534,14 +516,14 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
         yield kept, trigger, act, _STUCK_OR_HEALING
     for trigger in (Trigger.RETRY, Trigger.RELEASED, Trigger.PREPARE):
         yield kept, trigger, heal, _STUCK_OR_HEALING
-    yield kept, Trigger.SUBSTITUTE_FAILED, lose_standby, (kept,)
+    yield kept, Trigger.SUBSTITUTE_FAILED, show, (kept,)
     for state in (healing, healed, unhealed, safe, kept):
         yield state, Trigger.RETURNED, hold_off, (returning,)
     for state in (healing, healed, returning):
         yield state, Trigger.RELEASED, show, (state,)
 
     yield returning, Trigger.FAILED, failed_again, (healed, *_STUCK_OR_HEALING)
-    yield returning, Trigger.SUBSTITUTE_FAILED, lose_standby, (returning,)
+    yield returning, Trigger.SUBSTITUTE_FAILED, show, (returning,)
     yield returning, Trigger.STEADY, end, (well,)
     for state in (healing, healed, returning, unhealed, safe, kept):
         yield state, Trigger.WITHDRAWN, withdraw, (well,)

@@ -18,14 +18,14 @@ from shsa_core.healing.events import (
     ShowIncident,
     SubstituteStarted,
 )
-from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.incident import WELL, State
 from shsa_core.healing.kill import KillNode, NodeAlive, NodeKilled, NodeSpared, NodeUnreached
-from shsa_core.healing.node import Accusation, NodeEvent, RestartVain
+from shsa_core.healing.node import Accusation, NodeEvent, RestartVain, no_accusation
 from shsa_core.healing.records import Fate, ServiceRecord
 from shsa_core.healing.repair import STUCK, SUBSTITUTED, TRANSITIONS, WAITING, Trigger
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import LOOK_AROUND_S, SAME_S
-from shsa_core.healing.substitute import Substitute
+from shsa_core.healing.process import Substitute
 from shsa_core.model.kinds import Kind, OnPartition, Policy
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
@@ -51,8 +51,8 @@ class ServiceMachine:
     def __init__(self, spec: Service, robot: Robot) -> None:
         self.spec = spec
         self.robot = robot
-        self.incident: Optional[Incident] = None
-        self.accusation: Optional[Accusation] = None
+        self.incident = WELL
+        self.accusation = no_accusation()
         self.substitute = Substitute(spec.name, robot)
         self.timers: Dict[Trigger, float] = {}
         self.pauses = 0
@@ -64,7 +64,7 @@ class ServiceMachine:
     @property
     def state(self) -> State:
         """Return how the service does."""
-        return State.WELL if self.incident is None else self.incident.state
+        return self.incident.state
 
     @property
     def node(self) -> str:
@@ -79,12 +79,12 @@ class ServiceMachine:
     @property
     def publishes(self) -> bool:
         """Tell that the substitute publishes: the node is gone, and the original is not back."""
-        return self.state in PUBLISHED and not (self.accusation and self.accusation.heard)
+        return self.state in PUBLISHED and not self.accusation.heard
 
     @property
     def original(self) -> str:
         """Return the node that the substitute stands in for, once that is gone; empty before."""
-        return self.incident.faulty_node if self.incident and self.incident.killed else ""
+        return self.incident.faulty_node if self.incident.killed else ""
 
     @property
     def yields(self) -> bool:
@@ -92,22 +92,25 @@ class ServiceMachine:
 
         It is if that was only silent, and nobody has made sure that it is gone.
         """
-        if self.incident is None or self.incident.killed is not None or not self.publishes:
-            return False
-        return self.accusation is not None and self.accusation.silent
+        return self.incident.killed is None and self.publishes and self.accusation.silent
+
+    @property
+    def parted(self) -> bool:
+        """Tell that a cut may part the substitute from us, or from the original."""
+        host = self.spec.host
+        return bool(self.substitute.host or (host and self.robot.computers.name(host)))
 
     @property
     def kept_out(self) -> bool:
         """Tell that the faulty node may not return."""
-        return self.incident is not None and self.robot.nodes.kept_out(self.incident.faulty_node)
+        node = self.incident.faulty_node
+        return self.state is not State.WELL and self.robot.nodes.kept_out(node)
 
     @property
     def refuses(self) -> bool:
         """Tell that the faulty node is gone, and may not return."""
-        incident = self.incident
-        if incident is None or incident.killed is None or incident.state is State.RETURNING:
-            return False
-        return self.kept_out
+        gone = self.incident.killed is not None and self.state is not State.RETURNING
+        return gone and self.kept_out
 
     @property
     def originals(self) -> Tuple[PublisherHealth, ...]:
@@ -133,14 +136,7 @@ class ServiceMachine:
 
     def step(self, **changes: object) -> List[Command]:
         """Change the incident, and show it."""
-        assert self.incident is not None and self.accusation is not None
-        nodes, node = self.robot.nodes, self.incident.faulty_node
-        changes.update(
-            restarts=nodes.restarts(node),
-            kept_out=nodes.kept_out(node),
-            kept=self.accusation.kept,
-            decision=self.accusation.decision,
-        )
+        changes.update(self.robot.nodes.shown(self.accusation))
         self.incident = replace(self.incident, **changes)  # type: ignore[arg-type]
         return [ShowIncident(self.incident)]
 
@@ -153,8 +149,7 @@ class ServiceMachine:
             return self._own_failed(event)
         node, incident = event.publisher or self.spec.node, self.incident
         gone, dying = event.kind is Kind.NODE_GONE, node in self.robot.health.dying
-        if incident is not None and node == incident.faulty_node:
-            assert self.accusation is not None
+        if node == incident.faulty_node:
             if gone and dying and incident.state is not State.RETURNING:
                 self.accusation.heard = False  # its process may take a while longer
                 return []
@@ -162,7 +157,7 @@ class ServiceMachine:
                 return []  # it came back, and is killed for that
             if event.time <= (incident.killed or -math.inf):
                 return []  # that process is gone
-        if incident is None:
+        if incident.state is State.WELL:
             well = (row.publisher for row in self.originals if row.state is PublisherState.HEALTHY)
             others = [each for each in well if each != node and each not in self.robot.health.dying]
             if others:
@@ -176,16 +171,8 @@ class ServiceMachine:
 
     def judge(self, accusation: Accusation, replaced: bool) -> List[Command]:
         """Have it decided what becomes of a node."""
-        robot = self.robot
-        return robot.nodes.judge(
-            robot.time,
-            self.spec,
-            accusation,
-            replaced,
-            self.state is State.HEALED,
-            robot.waiting(self.spec),
-            robot.parted(self.spec, self.substitute.host),
-        )
+        taken_over = self.state is State.HEALED
+        return self.robot.nodes.judge(self.spec, accusation, replaced, taken_over, self.parted)
 
     def note_message(self, event: FailureSeen) -> None:
         """Keep the newest last good message: of the original, or of what was computed for it."""
@@ -203,10 +190,9 @@ class ServiceMachine:
         changing = event.kind is Kind.SILENT and self.substitute.changing
         if changing and self.state not in SUBSTITUTED:
             return []
-        parted = self.robot.parted(self.spec, self.substitute.host)
-        if event.kind is Kind.SILENT and parted and self.yields:
+        if event.kind is Kind.SILENT and self.parted and self.yields:
             changing = True  # the original is heard again, or may be
-        if self.incident is not None and event.last_good is not None:
+        if self.state is not State.WELL and event.last_good is not None:
             self.incident = replace(self.incident, last_good=event.last_good)
         if changing:
             return self.fire(Trigger.SILENT, event) + self._notice_first_message()
@@ -219,7 +205,7 @@ class ServiceMachine:
 
     def _is_all_there_is(self) -> bool:
         """Tell that the service is computed, and cannot be otherwise."""
-        if self.incident is None or self.state is not State.HEALED:
+        if self.state is not State.HEALED:
             return False
         return self.substitute.another(self.spec, self.incident.faulty_node) is None
 
@@ -227,7 +213,6 @@ class ServiceMachine:
 
     def heed(self, event: NodeEvent) -> List[Command]:
         """Go on by what became of the faulty node."""
-        assert self.incident is not None
         topic, node = self.incident.topic, event.node
         if isinstance(event, NodeKilled) and event.certain:
             return self._killed(event) + self.changed()
@@ -239,7 +224,6 @@ class ServiceMachine:
         if isinstance(event, NodeSpared):
             return self.step()
         if isinstance(event, (NodeUnreached, NodeAlive)):
-            assert self.accusation is not None
             text = f"{topic}: {self.accusation.decision}."
             if isinstance(event, NodeUnreached):
                 text = f"{topic}: {node} may still run: {event.detail}."
@@ -252,12 +236,11 @@ class ServiceMachine:
 
     def _killed(self, event: NodeKilled) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
-        assert self.incident is not None
         if self.incident.state is not State.RETURNING and not self.kept_out:
             self.start_node()
         commands: List[Command] = []
         node, topic = event.node, self.incident.topic
-        count = self.robot.nodes.refusals(self.robot.time, node)
+        count = self.robot.nodes.refusals(node)
         if count:
             times = "once" if count == 1 else f"{count} times"
             text = f"{node} is kept out, and was started again {times}"
@@ -269,14 +252,12 @@ class ServiceMachine:
 
     def start_node(self) -> None:
         """Have the faulty node started again, if that is its policy."""
-        assert self.incident is not None
         node = self.incident.faulty_node
         if self.spec.policy.restarts and node == self.spec.node:
-            self.robot.nodes.start_again(self.robot.time, node)
+            self.robot.nodes.start_again(node)
 
     def _left_alone(self, why: str) -> List[Command]:
         """Go on beside the faulty node: no more can be done about it."""
-        assert self.incident is not None
         text = f"{self.incident.topic}: {why}."
         said: List[Command] = [Log(Level.ERROR, text), *self.step(detail=text)]
         return said + self._notice_exhaustion() + self.reconsider()
@@ -284,7 +265,6 @@ class ServiceMachine:
     @property
     def exhausted(self) -> bool:
         """Tell that the faulty node is not started again any more."""
-        assert self.incident is not None
         node = self.incident.faulty_node  # how a stranger was started is not known
         stranger = node != self.spec.node and self.incident.killed is not None
         return stranger or self.robot.nodes.exhausted(node)
@@ -300,34 +280,27 @@ class ServiceMachine:
 
         The substitute goes on. Who costs what nothing replaces is let in once it publishes.
         """
-        assert self.incident is not None and self.accusation is not None
         node, nodes, health = self.incident.faulty_node, self.robot.nodes, self.robot.health
         if not self.refuses or self.accusation.kept or node in health.dying or self._awaited():
             return []
         if not nodes.verdict(self.spec, node, Kind.OTHER, self.substitute.computes).kill:
             return []
         order = KillNode(node, urgent=True, at_once=True, topic=self.spec.topic)
-        return nodes.refuse(self.robot.time, order)
+        return nodes.refuse(order)
 
     def _awaited(self) -> bool:
         """Tell that the faulty node may bring another service that nothing else gives."""
-        assert self.incident is not None
         accusers = self.robot.nodes.accusers(self.incident.faulty_node)
         return any(n in self.robot.indexes.stuck for n in accusers if n != self.spec.name)
 
     def reconsider(self) -> List[Command]:
         """Judge the faulty node again if it was kept: what it costs may be something else now."""
-        incident = self.incident
-        if incident is None or incident.state is State.RETURNING:
-            return []
-        assert self.accusation is not None
-        if self.accusation.kept or incident.state is State.KEPT:
-            return self.fire(Trigger.NODE_CHANGED)
-        return []
+        kept = self.accusation.kept or self.state is State.KEPT
+        return self.fire(Trigger.NODE_CHANGED) if kept and self.state is not State.RETURNING else []
 
     def released(self) -> List[Command]:
         """Let return what is kept out, and try again what was given up."""
-        if self.incident is None:
+        if self.state is State.WELL:
             return []
         self.robot.nodes.trust(self.incident.faulty_node)
         return self.fire(Trigger.RELEASED)
@@ -336,7 +309,8 @@ class ServiceMachine:
 
     def started(self, event: SubstituteStarted) -> List[Command]:
         """Note that the substitute was set to work."""
-        return self.step(found=event.found, spawned=event.time) if self.incident else []
+        well = self.state is State.WELL
+        return [] if well else self.step(found=event.found, spawned=event.time)
 
     def exited(self, detail: str) -> List[Command]:
         """Replace the substitute's process, which has ended."""
@@ -426,19 +400,20 @@ class ServiceMachine:
 
     def close(self) -> List[Command]:
         """Heal the service no longer."""
-        if self.incident is not None:
+        if self.state is not State.WELL:
             return self.fire(Trigger.WITHDRAWN)
         self.timers.clear()
         return self.substitute.drop()
 
     def first_message(self) -> Optional[float]:
         """Return when the substitute published first in this takeover, or had recovered."""
-        row = self.robot.health.row((self.spec.topic, self.node))
+        row = self.robot.health.rows.get(self.spec.topic, {}).get(self.substitute.node)
         if row is None or row.state is not PublisherState.HEALTHY:
             return None
         least = self.substitute.working_since - SAME_S
-        moments = (row.first_message, row.since)
-        return next((moment for moment in moments if moment is not None and moment >= least), None)
+        if row.first_message is not None and row.first_message >= least:
+            return row.first_message
+        return row.since if row.since >= least else None
 
     def _notice_first_message(self) -> List[Command]:
         if self.state is not State.HEALING or not self.node or self.first_message() is None:
@@ -447,7 +422,7 @@ class ServiceMachine:
 
     def _refuse(self) -> List[Command]:
         incident = self.incident
-        if incident is None or incident.killed is None:
+        if incident.killed is None:
             return []
         came = any(
             row.publisher == incident.faulty_node
@@ -460,7 +435,7 @@ class ServiceMachine:
     def returned(self) -> Optional[PublisherHealth]:
         """Return the row of an original that is well since the failure; None: there is none."""
         incident = self.incident
-        if incident is None or incident.state is State.RETURNING:
+        if incident.state in (State.WELL, State.RETURNING):
             return None
         if incident.faulty_node in self.robot.health.dying:
             return None
@@ -470,7 +445,7 @@ class ServiceMachine:
 
     def _notice_return(self) -> List[Command]:
         row, incident = self.returned(), self.incident
-        if row is None or incident is None:
+        if row is None:
             return []
         if self.kept_out and row.publisher == incident.faulty_node and not self._awaited():
             nodes = self.robot.nodes
@@ -488,7 +463,7 @@ class ServiceMachine:
         if plan is None or not substitute.node:
             return None
         planner, publishes = self.robot.planner, self.publishes
-        parted = self.robot.parted(spec, substitute.host)
+        parted = self.parted
         return Substitution(
             substitute.node,
             spec.name,
@@ -519,18 +494,16 @@ class ServiceMachine:
         spec, robot = self.spec, self.robot
         if self.state not in (State.WELL, State.RETURNING, *SUBSTITUTED):
             return 0.0
-        here = self.substitute.host == robot.host_of(spec.node)
+        here = not robot.som.hosts or self.substitute.host == robot.host_of(spec.node)
         alone = len(robot.som.of_topic(spec.topic)) == 1
         fits = here and alone and self.spec.policy.substitutes and self.substitute.computes
         return (spec.bridges or 0.0) * (spec.period or 0.0) if fits else 0.0
 
     def record(self, row: Optional[Substitution]) -> ServiceRecord:
         """Return what is to be known after a death, with the substitute's row."""
-        found = ServiceRecord(self.spec.name, self.incident, substitution=row)
-        accused = self.accusation
-        if accused is None:
-            return found
-        return replace(found, kind=accused.kind, fate=accused.fate, heard=accused.heard)
+        incident, accused = self.incident, self.accusation
+        shown = None if incident is WELL else incident
+        return ServiceRecord(self.spec.name, shown, accused.kind, accused.fate, accused.heard, row)
 
     def take_up(self, record: ServiceRecord, runs: bool) -> List[Command]:
         """Go on as a record says; `runs`: the substitute's process does.
@@ -543,8 +516,8 @@ class ServiceMachine:
             return [ShowIncident(incident)]  # it may not have been written to the log
         if incident is not None and incident.topic != self.spec.topic:
             return []
-        self.incident = incident
         if incident is not None:
+            self.incident = incident
             node, decision = incident.faulty_node, incident.decision
             fate = record.fate if incident.killed is None else Fate.NONE
             fate = Fate.OPEN if fate is Fate.KILLED else fate
@@ -579,7 +552,6 @@ class ServiceMachine:
         if state is State.HEALING:
             self.timers[Trigger.LATE if self.substitute.node else Trigger.PREPARE] = later
         elif state is State.RETURNING:
-            assert self.incident is not None
             hold_off = self.robot.nodes.hold_off(self.incident.faulty_node)
             self.timers[Trigger.STEADY] = self.robot.time + max(LOOK_AROUND_S, hold_off)
         elif state in WAITING:
@@ -602,5 +574,5 @@ class ServiceMachine:
             raise ShsaError(f"{name}: {self.state}, and nothing will ever be tried again")
         if self.state is State.HEALED and not self.substitute.computes:
             raise ShsaError(f"{name}: healed without a substitute")
-        if (self.incident is None) != (self.accusation is None):
-            raise ShsaError(f"{name}: an incident without an accusation, or the other way round")
+        if self.incident.faulty_node != self.accusation.node:
+            raise ShsaError(f"{name}: its incident blames another node than it accuses")

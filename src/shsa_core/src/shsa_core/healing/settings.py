@@ -62,7 +62,6 @@ FIND_TIMEOUT_S = 2.0  # that the search for a node's process may take
 EXIT_TIMEOUT_S = 1.0  # that a process may take to end
 AGAIN_S = 2.0  # before a kill that failed here is tried again; it doubles
 LONGEST_AGAIN_S = 60.0  # that this doubles up to
-ORPHAN_KILLS = 5  # tries to end what was left behind: a busy computer may not find it in time
 LEARN_PAUSES_S = (0.5, 2.0, 10.0)  # before each further look which process a node is; last repeats
 LISTEN_S, LISTEN_PERIODS = (
     0.5,

@@ -1,4 +1,4 @@
-"""How a reconfigurator goes on with what a former one has left.
+"""Goes on with what a former reconfigurator has left.
 
 Nothing in its records is believed that does not fit: a process counts if it is known to run, a
 program if it is a plan of the models as they are now, a health until the monitor tells another.
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, List
 
 from shsa_core.healing import events, hearing
 from shsa_core.healing.events import Command, Level, Log
+from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.planner import program_of
 from shsa_core.healing.records import (
@@ -18,8 +19,6 @@ from shsa_core.healing.records import (
     RestartedNode,
     ServiceRecord,
 )
-from shsa_core.healing.substitute import is_hot
-from shsa_core.model.kinds import QUIET, Kind
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ def started(core: "Reconfigurator", event: events.Started) -> List[Command]:
             commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
             commands.append(events.StopSubstitute(node))
     if event.records:
-        incidents = sum(each.incident is not None for each in core.services.values())
+        incidents = sum(each.state is not State.WELL for each in core.services.values())
         working, idle = len(robot.processes.substituted), len(robot.processes.pool.processes)
         text = f"{incidents} incidents, {working} substitutes, {idle} idle processes"
         commands.append(Log(Level.INFO, f"Taking up what was left behind: {text}."))
@@ -55,7 +54,7 @@ def started(core: "Reconfigurator", event: events.Started) -> List[Command]:
         commands.append(Log(Level.WARN, f"{text} If it was left behind: rosnode kill {node}"))
     for node in filter(names.avoid, event.leftovers):
         commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-        commands += robot.nodes.end_orphan(event.time, node)
+        commands += robot.nodes.end_orphan(node)
     return commands
 
 
@@ -79,7 +78,7 @@ def _take_up(core: "Reconfigurator", event: events.Started) -> List[Command]:
             health.substitutes.add(row.node)
             service = services.get(each.service)
             if service is not None:
-                processes.take_up(service, row.node, row.host, row.shared, is_hot(service))
+                processes.take_up(service, row.node, row.host, row.shared)
     commands: List[Command] = []
     for record in event.records:
         if isinstance(record, Healthy):
@@ -122,8 +121,9 @@ def _take_up_service(
     if incident is not None and incident.last_good is not None:
         robot.health.good.add((incident.topic, incident.faulty_node))
     if incident is not None and incident.killed is None:
-        silent = incident.kind in QUIET and incident.kind is not Kind.NODE_GONE
-        if silent and robot.host_of(incident.faulty_node):  # it may have been cut off, and be back
+        if incident.kind in MISSED and robot.host_of(
+            incident.faulty_node
+        ):  # it may have been cut off, and be back
             robot.health.doubt((incident.topic, incident.faulty_node))
     if row is not None:
         robot.calibrations.recall(record.service, program_of(row), row.outputs)

@@ -1,6 +1,6 @@
 """The service-to-ontology mapping (SOM): which services provide which properties."""
 import dataclasses
-from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
+from typing import Collection, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
 
 from shsa_core.model.host import Host
 from shsa_core.model.names import full_name
@@ -99,6 +99,15 @@ class Som:
         """Return a name in full: of a service, host or cause as it is, else of a topic or node."""
         known = name in self.hosts or any(name in (each.name, *each.shared) for each in self)
         return name if known else full_name(name, namespace)
+
+    def at(self, hosts: Collection[str], beside: bool = False) -> "Som":
+        """Return the services whose topic is of one of some hosts, or of none of them: `beside`.
+
+        A topic is of the host of its first service, so that one monitor hears all its publishers.
+        """
+        return self.with_services(
+            each for each in self if (self._of_topic[each.topic][0].host in hosts) is not beside
+        )
 
     def needed(self) -> Tuple[Service, ...]:
         """Return the services that are healed when they fail."""

@@ -1,1 +1,1 @@
-"""How each publisher of each topic is doing."""
+"""Judges how each publisher of each topic is doing."""

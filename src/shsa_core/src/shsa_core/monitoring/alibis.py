@@ -12,7 +12,7 @@ from shsa_core.monitoring.settings import COMING_UP_S, CONNECT_S, TOGETHER_NODES
 
 
 class Blame(Enum):
-    """What a publisher could be blamed for."""
+    """The faults that a publisher could be blamed for."""
 
     SILENCE = "silence"
     RATE = "rate"

@@ -1,4 +1,4 @@
-"""The table of health as it is kept up: who publishes what, how each is doing, and what changed."""
+"""Keeps up the table of health: who publishes what, how each is doing, and what changed."""
 from dataclasses import dataclass
 from math import inf
 from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
@@ -7,7 +7,6 @@ from shsa_core.agenda import Agenda
 from shsa_core.errors import ShsaError
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.bridges import Bridges
 from shsa_core.monitoring.events import (
     ChangeAdopted,
     ChangeRefused,
@@ -19,7 +18,7 @@ from shsa_core.monitoring.events import (
     PublisherState,
 )
 from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedService, WatchedTopic
-from shsa_core.monitoring.substitutes import Substitutes
+from shsa_core.monitoring.substitutes import Bridges, Substitutes
 
 UNKNOWN, HEALTHY, FAILED = PublisherState.UNKNOWN, PublisherState.HEALTHY, PublisherState.FAILED
 
@@ -65,19 +64,19 @@ class Board:
         self._touched: Dict[Key, None] = {}
 
     def all(self) -> Iterable[Tuple[WatchedTopic, Publisher]]:
-        """Every publisher with its topic."""
+        """Yield every publisher with its topic."""
         for topic in self.topics.values():
             for publisher in topic.publishers.values():
                 yield topic, publisher
 
     def find(self, topic: str, name: str) -> Optional[Tuple[WatchedTopic, Publisher]]:
-        """A publisher with its topic; None if there is none of that name."""
+        """Return a publisher with its topic; None if there is none of that name."""
         found = self.topics.get(topic)
         publisher = found.publishers.get(name) if found else None
         return (found, publisher) if found and publisher else None
 
     def table(self) -> Tuple[PublisherHealth, ...]:
-        """The row of every publisher."""
+        """Return the row of every publisher."""
         return tuple(publisher.row(topic.name) for topic, publisher in self.all())
 
     def commands(self, time: float) -> List[Command]:
@@ -95,22 +94,26 @@ class Board:
     # Who is who
 
     def watched_of(self, topic: WatchedTopic, publisher: str) -> Optional[WatchedService]:
-        """The service that a publisher provides; None if nobody can tell."""
+        """Return the service that a publisher provides; None if nobody can tell."""
         return topic.service_of(publisher, self.substitutes.service(topic.name, publisher))
 
     def is_named(self, topic: WatchedTopic, publisher: Publisher) -> bool:
-        """Whether the SOM or the table of substitutions names a publisher, or did until now."""
+        """Tell if the SOM or the table of substitutions names a publisher, or did until now."""
         name = publisher.name
         return name in topic.nodes or self.substitutes.is_known(topic.name, name)
 
     def may_be_silent(self, topic: WatchedTopic, publisher: Publisher) -> bool:
-        """Whether a publisher is a substitute that need not publish here."""
+        """Tell if a publisher is a substitute that need not publish here."""
         return self.substitutes.may_be_silent(topic.name, publisher.name)
 
     # Changes
 
+    def look_when_due(self, topic: WatchedTopic, publisher: Publisher) -> None:
+        """Have a publisher looked at once its silence is due."""
+        self.agenda.bring_forward(Silence(topic.name, publisher.name), publisher.deadline)
+
     def bridge(self, topic: WatchedTopic, publisher: str, time: float) -> bool:
-        """Count a message of a muted substitute that fills in; whether it was one.
+        """Count a message of a muted substitute that fills in; tell if it was one.
 
         Once the original has failed it is none: the substitute may know sooner that it took over.
         """
@@ -127,7 +130,7 @@ class Board:
         return True
 
     def meet(self, topic: WatchedTopic, name: str, time: float) -> Publisher:
-        """A new publisher, in place of an old one of that name."""
+        """Put a new publisher in place of an old one of that name."""
         self.substitutes.retired.discard((topic.name, name))
         publisher = topic.meet(name, time, self.watched_of(topic, name))
         self.touch(topic, name)
@@ -149,7 +152,7 @@ class Board:
             self.touch(topic, publisher.name)
 
     def notice(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
-        """A publisher is connected: all that is asked of the node of an event-driven service."""
+        """Note that a publisher is connected: all that an event-driven service asks of its node."""
         watched = publisher.watched
         if watched is None or not publisher.connected or self.may_be_silent(topic, publisher):
             return
@@ -162,14 +165,14 @@ class Board:
                 self.mute(topic, publisher, time)
 
     def expect(self, topic: WatchedTopic, time: float) -> Publisher:
-        """The publisher without a name: somebody should be there."""
+        """Return the publisher without a name: somebody should be there."""
         self.touch(topic, NOBODY)
         if NOBODY not in topic.publishers:
             topic.meet(NOBODY, time, None).connected = False
         return topic.publishers[NOBODY]
 
     def miss(self, topic: WatchedTopic, name: str, time: float) -> Publisher:
-        """A publisher that should be there, and is not connected."""
+        """Put a publisher that should be there, and is not connected."""
         if NOBODY in topic.publishers:
             self.drop(topic, NOBODY)
         missed = self.meet(topic, name, time)
@@ -179,7 +182,7 @@ class Board:
     def fail(
         self, topic: WatchedTopic, publisher: Publisher, time: float, kind: Kind, detail: str
     ) -> None:
-        """A publisher has failed."""
+        """Fail a publisher."""
         if _never_good(publisher, kind):
             detail = f"{detail}; {NEVER_GOOD}"
         publisher.become(time, FAILED, kind, detail)
@@ -196,30 +199,30 @@ class Board:
             self.touch(topic, publisher.name)
 
     def decide(self, change: Union[ChangeAdopted, ChangeRefused]) -> None:
-        """A change of the SOM counts, or does not."""
+        """Tell that a change of the SOM counts, or does not."""
         self._changes.append(change)
 
     def become_healthy(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
-        """A publisher is as it should be."""
+        """Find a publisher healthy."""
         publisher.become(time, HEALTHY)
-        self.agenda.bring_forward(Silence(topic.name, publisher.name), publisher.deadline)
+        self.look_when_due(topic, publisher)
         self.touch(topic, publisher.name)
         self._miss_no_more(topic, publisher.watched)
         self.forget_gone(topic)
 
     def mute(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
-        """A publisher publishes no more, as it should; it begins anew when it does."""
+        """Mute a publisher, which need not publish; it begins anew when it does."""
         publisher.mute(time)
         self.touch(topic, publisher.name)
 
     def drop(self, topic: WatchedTopic, name: str) -> None:
-        """A publisher is nobody's business any more."""
+        """Forget a publisher."""
         del topic.publishers[name]
         self.substitutes.retired.discard((topic.name, name))
         self.touch(topic, name)
 
     def drop_topic(self, name: str) -> None:
-        """A topic is watched no more."""
+        """Watch a topic no more."""
         topic = self.topics[name]
         for publisher in list(topic.publishers):
             self.drop(topic, publisher)
@@ -240,7 +243,7 @@ class Board:
             self.drop(topic, NOBODY)
 
     def touch(self, topic: WatchedTopic, publisher: str) -> None:
-        """A row has changed."""
+        """Have a row told: it has changed."""
         self._touched[topic.name, publisher] = None
 
     # For tests
@@ -276,7 +279,7 @@ class Board:
 
 
 def _never_good(publisher: Publisher, kind: Kind) -> bool:
-    """Whether a publisher does what it is blamed for since it was first seen."""
+    """Tell if a publisher does what it is blamed for since it was first seen."""
     if kind in BY_RATE:
         return publisher.evidence is not None and not publisher.evidence.rate_was_good
     if kind is Kind.SILENT:

@@ -15,22 +15,7 @@ from typing import Deque, List, Optional, Tuple
 
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
-from shsa_core.monitoring.settings import (
-    DRIFTS,
-    DRIFT_S,
-    ERRORS,
-    EXCITED,
-    FEWEST_ERRORS,
-    GAINS,
-    GAIN_STEP,
-    GUARD_S,
-    LARGEST,
-    MEMORY_S,
-    PRIOR_GAIN,
-    SAMPLE_COUNTS_S,
-    SAMPLE_S,
-    SETTLING_S,
-)
+from shsa_core.monitoring import settings
 
 SOURCE = "compared with the sensor while it lived"
 
@@ -52,17 +37,18 @@ class Calibrator:
         self._gain = _Limited()
         self._shift = _Limited()  # calibrated minus derived, at a fixed derived value
         self._at = 0.0
-        self._errors: Deque[Tuple[float, float]] = deque(maxlen=ERRORS)
+        self._errors: Deque[Tuple[float, float]] = deque(maxlen=settings.ERRORS)
         self._noted: Optional[float] = None
         self._whole = True
 
-    def due(self, time: float) -> bool:
-        """Whether a sample would be taken; nothing need be derived for one that is not."""
-        return self._taken is None or not 0.0 <= time - self._taken < SAMPLE_S
+    def _due(self, time: float) -> bool:
+        return self._taken is None or not 0.0 <= time - self._taken < settings.SAMPLE_S
 
     def take(self, time: float, measured: float, derived: float) -> None:
-        """What a healthy sensor measured, and what was derived at the same time."""
-        if not (abs(measured) < LARGEST and abs(derived) < LARGEST and self.due(time)):
+        """Take what a healthy sensor measured, and what was derived at the same time."""
+        if not (
+            abs(measured) < settings.LARGEST and abs(derived) < settings.LARGEST and self._due(time)
+        ):
             return
         if self._taken is not None and time < self._taken:
             self.doubt()
@@ -70,20 +56,20 @@ class Calibrator:
         self._taken = time
         self._whole = self._whole and measured == int(measured)
         self._waiting.append((time, measured, derived))
-        while self._waiting[0][0] <= time - GUARD_S:
+        while self._waiting[0][0] <= time - settings.GUARD_S:
             self._learn(*self._waiting.popleft())
 
     def doubt(self) -> None:
-        """Something is doubted now: what was taken in the last GUARD_S teaches nothing."""
+        """Doubt something: what was taken in the last GUARD_S teaches nothing."""
         self._waiting.clear()
 
     def snapshot(self) -> Calibration:
-        """Gain, offset and error as of GUARD_S before the last sample; older if one was doubted.
+        """Return gain, offset and error as of GUARD_S before the last sample, or before a doubt.
 
         Gain 1 and offset 0 where others would not be better, and for what has only been whole
         numbers: they may be states. The error is None until it is known.
         """
-        if len(self._errors) < FEWEST_ERRORS:
+        if len(self._errors) < settings.FEWEST_ERRORS:
             return UNCALIBRATED
         calibrated = _error([each for each, _ in self._errors])
         plain = _error([each for _, each in self._errors])
@@ -97,15 +83,19 @@ class Calibrator:
         return gain, self._shift.value - self._gain.value * self._at
 
     def _learn(self, time: float, measured: float, derived: float) -> None:
-        passed = SAMPLE_S if self._learned is None else min(time - self._learned, SAMPLE_COUNTS_S)
+        passed = (
+            settings.SAMPLE_S
+            if self._learned is None
+            else min(time - self._learned, settings.SAMPLE_COUNTS_S)
+        )
         self._learned = time
         residual = measured - derived
         self._note(time, derived, residual)
         means = self._means
         told = self._slope.learn(passed, derived - means.derived, residual - means.residual)
         means.learn(passed, derived, residual)
-        gain = min(max(self._slope.gain, GAINS[0]), GAINS[1]) - 1.0
-        self._gain.follow(gain, passed, told, GAIN_STEP)
+        gain = min(max(self._slope.gain, settings.GAINS[0]), settings.GAINS[1]) - 1.0
+        self._gain.follow(gain, passed, told, settings.GAIN_STEP)
         if not self._shift.settled:
             self._at = means.derived
         shift = means.residual + self._gain.value * (self._at - means.derived)
@@ -113,8 +103,8 @@ class Calibrator:
 
     def _note(self, time: float, derived: float, residual: float) -> None:
         """Note what would have been published, less what was measured: before it is learned."""
-        known = self._shift.seen >= GUARD_S
-        if known and (self._noted is None or time - self._noted >= SAMPLE_COUNTS_S):
+        known = self._shift.seen >= settings.GUARD_S
+        if known and (self._noted is None or time - self._noted >= settings.SAMPLE_COUNTS_S):
             self._noted = time
             gain, offset = self._applied
             self._errors.append(((gain - 1.0) * derived + offset - residual, -residual))
@@ -137,7 +127,7 @@ class _Means:
 
     def learn(self, passed: float, derived: float, residual: float) -> None:
         """A sample that stands for `passed` s."""
-        self._seen = self._seen * exp(-passed / MEMORY_S) + passed
+        self._seen = self._seen * exp(-passed / settings.MEMORY_S) + passed
         share = passed / self._seen
         self.derived += share * (derived - self.derived)
         self.residual += share * (residual - self.residual)
@@ -154,9 +144,9 @@ class _Slope:
 
     def learn(self, passed: float, derived: float, residual: float) -> float:
         """Deviations from the means in `passed` s; the seconds by which it tells of a gain."""
-        usual = self._derived / MEMORY_S
+        usual = self._derived / settings.MEMORY_S
         told = passed * (min(1.0, derived * derived / usual) if usual > 0.0 else 1.0)
-        kept = exp(-told / MEMORY_S)
+        kept = exp(-told / settings.MEMORY_S)
         self._seen = kept * self._seen + told
         self._derived = kept * self._derived + told * derived * derived
         self._product = kept * self._product + told * derived * residual
@@ -165,14 +155,16 @@ class _Slope:
 
     @property
     def _excited(self) -> bool:
-        return self._derived > EXCITED * self._residual
+        return self._derived > settings.EXCITED * self._residual
 
     @property
     def gain(self) -> float:
         """1 while too little is known of it."""
         if not self._excited:
             return 1.0
-        expected = self._residual / max(self._seen, SAMPLE_COUNTS_S) / PRIOR_GAIN**2
+        expected = (
+            self._residual / max(self._seen, settings.SAMPLE_COUNTS_S) / settings.PRIOR_GAIN**2
+        )
         return 1.0 + self._product / (self._derived + expected)
 
 
@@ -188,8 +180,7 @@ class _Limited:
 
     @property
     def settled(self) -> bool:
-        """Whether there was enough data to know it."""
-        return self.seen >= SETTLING_S
+        return self.seen >= settings.SETTLING_S
 
     def follow(self, wanted: float, passed: float, told: float, step: float) -> None:
         """`passed` s of data came, of which `told` tell of it; `step` counts once it settles."""
@@ -197,8 +188,8 @@ class _Limited:
             self.value = self._settled_at = wanted
             self.step, self.seen = step, self.seen + told
             return
-        wanted = _bounded(wanted, self._settled_at, DRIFTS * self.step)
-        self.value = _bounded(wanted, self.value, self.step * passed / DRIFT_S)
+        wanted = _bounded(wanted, self._settled_at, settings.DRIFTS * self.step)
+        self.value = _bounded(wanted, self.value, self.step * passed / settings.DRIFT_S)
 
 
 def _bounded(value: float, around: float, most: float) -> float:

@@ -1,4 +1,4 @@
-"""What would substitute each needed service, calibrated by its node while that is healthy.
+"""Calibrates what would substitute each needed service, by its node while that is healthy.
 
 For each service the best plan is followed, and the best one without each node that this plan
 reads: what healing would choose now, and after one more failure. Angles, which wrap, and integrals,
@@ -19,9 +19,9 @@ from shsa_core.model.field import is_angle
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
+from shsa_core.monitoring import settings
 from shsa_core.monitoring.derivations import Derivations, FollowedPlan, Output
 from shsa_core.monitoring.events import CalibrationRow, CalibrationsChanged, Command
-from shsa_core.monitoring.settings import EVALUATIONS_PER_S, PLANS, REPLAN_S, SEARCH_S, TOLD_SHARE
 from shsa_core.search.derivation import SourceTable
 
 UNITS_OF_ANGLES = ("rad", "radian", "radians", "mrad", "deg", "degree", "degrees", "°")
@@ -64,10 +64,10 @@ class Calibrations:
             if followed.substitutes:
                 self._tell(followed)
         if time >= self._replan_at:
-            self._replan_at = time + REPLAN_S
+            self._replan_at = time + settings.REPLAN_S
             self._plan_with(frozenset(there()))
         if self._wanted and time >= self._search_at:
-            self._search_at = time + SEARCH_S
+            self._search_at = time + settings.SEARCH_S
             self._search(self._wanted.popleft())
 
     def changed(self, time: float) -> List[Command]:
@@ -125,10 +125,10 @@ class Calibrations:
     def _follow(self, plans: Dict[Program, FollowedPlan], followed: FollowedPlan) -> None:
         """Follow a plan from now on, unless there are enough, or it teaches nothing."""
         now = [each for all_ in self._plans.values() for each in all_.values() if each.substitutes]
-        enough = sum(each.substitutes for each in plans.values()) == PLANS
+        enough = sum(each.substitutes for each in plans.values()) == settings.PLANS
         rate = sum(each.rate for each in now) + followed.rate
         told = list(filter(self._is_told, followed.outputs))
-        if followed.substitutes or enough or rate > EVALUATIONS_PER_S or not told:
+        if followed.substitutes or enough or rate > settings.EVALUATIONS_PER_S or not told:
             return
         for output in told:
             output.calibrate()
@@ -136,7 +136,7 @@ class Calibrations:
         self._derivations.follow(followed)
         plans.pop(followed.program, None)
         plans[followed.program] = followed
-        for program in list(plans)[: -2 * PLANS]:
+        for program in list(plans)[: -2 * settings.PLANS]:
             del plans[program]
             self._changed[followed.service, program] = None
 
@@ -156,7 +156,7 @@ def _moved(before: Calibration, now: Calibration) -> bool:
     """Tell if a calibration is worth being told anew."""
     if before.error is None or now.error is None:
         return now != before
-    share, rms = TOLD_SHARE, now.error.rms
+    share, rms = settings.TOLD_SHARE, now.error.rms
     return (
         abs(now.gain - before.gain) > share**2
         or abs(now.offset - before.offset) > share * rms

@@ -1,4 +1,4 @@
-"""How long a healthy stream may be silent: learned from the tail of its gaps.
+"""Learns from the tail of its gaps how long a healthy stream may be silent.
 
 Peaks over a threshold: whatever the stream, what its gaps are beyond a high quantile `u` is about
 generalised Pareto distributed (Pickands, Annals of Statistics 3, 1975; Coles, An Introduction to
@@ -15,27 +15,10 @@ from collections import deque
 from math import ceil, exp, inf, log
 from typing import Deque, List, NamedTuple, Optional, Sequence
 
-KEEP = 100
-"""So many of the longest gaps of each block are kept: all that is beyond them is a count."""
-TAIL = 20
-"""One gap in so many, at most, is tail."""
-BLOCK_S, BLOCKS = 1800.0, 4
-"""Of the stream: what was seen in the oldest block is forgotten when a new one begins."""
-LEARN_GAPS = 1000
-LEARN_SHARE = 1e-3
-"""Of the mean time between false alarms: it must have been seen before that can be told."""
-SPARE = 1.5
-"""The longest healthy gap of the blocks is always allowed, so many times over."""
-LOOK_S = 10.0
-"""The tail is looked at so often, and at once at a gap that comes near to what is allowed."""
-MOST_SHAPE = 0.25
-"""Few gaps may look like any tail. What is heavier than this SPARE has to cover."""
-LEAST_PERIODS = 2.5
-BUSY_S = 0.08
-"""Late by this was a healthy 50 Hz stream beside 8 busy processes on 2 cores, docs/experiments.md:
-what was learned on an idle computer must hold when it becomes busy."""
+from shsa_core.monitoring import settings
+from shsa_core.watch import INSTANT_S
+
 HOUR_S = 3600.0
-INSTANT_S = 1e-9
 
 
 class LearnedDeadline:
@@ -57,10 +40,12 @@ class LearnedDeadline:
         bridge: float = 0.0,
     ) -> None:
         self.period, self.false_alarms, self._fixed, self._most = period, false_alarms, fixed, most
-        least = max(max(LEAST_PERIODS, bridge) * period, period + BUSY_S)
+        least = max(max(settings.LEAST_PERIODS, bridge) * period, period + settings.BUSY_S)
         self._least = min(fixed, least)
-        self.needed = max(LEARN_GAPS, ceil(LEARN_SHARE * HOUR_S / (false_alarms * period)))
-        self._every = max(1, round(LOOK_S / period))
+        self.needed = max(
+            settings.LEARN_GAPS, ceil(settings.LEARN_SHARE * HOUR_S / (false_alarms * period))
+        )
+        self._every = max(1, round(settings.TAIL_LOOK_S / period))
         same = before is not None and before.period == period
         self._blocks: Deque[_Block] = before._blocks if before and same else deque([_Block()])
         self.allowed = fixed
@@ -68,26 +53,26 @@ class LearnedDeadline:
 
     @property
     def gaps(self) -> int:
-        """How many gaps it stands on."""
+        """The number of gaps that it stands on."""
         return sum(block.count for block in self._blocks)
 
     @property
     def is_learned(self) -> bool:
-        """Whether enough is known."""
+        """True once enough is known."""
         return self.gaps >= self.needed
 
     def is_long(self, gap: float) -> bool:
-        """Whether a gap would be one of those that are kept."""
+        """Tell if a gap would be one of those that are kept."""
         return gap > self._blocks[-1].threshold
 
     def add(self, gap: float) -> bool:
         """A gap of the healthy stream, in s; whether another silence is allowed now."""
         self._blocks[-1].add(gap)
         self._to_look -= 1
-        return (self._to_look <= 0 or gap * SPARE > self.allowed) and self._look()
+        return (self._to_look <= 0 or gap * settings.SPARE > self.allowed) and self._look()
 
     def told(self) -> str:
-        """What it stands on, in words."""
+        """Return in words on what it stands."""
         if not self.is_learned:
             return f"the fixed deadline until {self.needed} gaps are known, {self.gaps} are so far"
         return f"learned from {self.gaps} gaps, {self.false_alarms:g} false alarms an hour"
@@ -96,13 +81,15 @@ class LearnedDeadline:
         before, missing = self.allowed, self.needed - self.gaps
         self._to_look = min(self._every, missing) if missing > 0 else self._every
         newest = self._blocks[-1]
-        if newest.seconds >= BLOCK_S and newest.count >= self.needed / (BLOCKS - 1):
+        if newest.seconds >= settings.BLOCK_S and newest.count >= self.needed / (
+            settings.BLOCKS - 1
+        ):
             self._blocks.append(_Block())
-            if len(self._blocks) > BLOCKS:
+            if len(self._blocks) > settings.BLOCKS:
                 self._blocks.popleft()
         self.allowed = self._fixed
         if missing <= 0:
-            wanted = max(self._return_level(), SPARE * self._longest())
+            wanted = max(self._return_level(), settings.SPARE * self._longest())
             self.allowed = min(max(wanted, self._least), self._most)
         return self.allowed != before
 
@@ -113,7 +100,7 @@ class LearnedDeadline:
         """The silence that is exceeded so many times an hour as is asked for."""
         beyond = max(block.threshold for block in self._blocks)
         tail = sorted(gap for block in self._blocks for gap in block.longest if gap >= beyond)
-        tail = tail[-(self.gaps // TAIL) :]
+        tail = tail[-(self.gaps // settings.TAIL) :]
         hours = max(INSTANT_S, sum(block.seconds for block in self._blocks)) / HOUR_S
         return fitted(tail).level(len(tail) / (hours * self.false_alarms))
 
@@ -132,20 +119,20 @@ class _Block:
         if gap <= self.threshold:
             return
         insort(self.longest, gap)
-        if len(self.longest) > KEEP:
+        if len(self.longest) > settings.TAIL_KEPT:
             del self.longest[0]
             self.threshold = self.longest[0]
 
 
 class Tail(NamedTuple):
-    """What the gaps beyond `least` are like: generalised Pareto; `least` and `scale` in s."""
+    """The gaps beyond `least`, generalised Pareto distributed; `least` and `scale` in s."""
 
     least: float
     scale: float
     shape: float
 
     def level(self, ratio: float) -> float:
-        """What one gap in `ratio` of the tail is longer than."""
+        """Return the length that one gap in `ratio` of the tail exceeds."""
         if ratio <= 1.0:
             return self.least
         if self.shape <= 0.0:
@@ -153,7 +140,7 @@ class Tail(NamedTuple):
         return self.least + self.scale / self.shape * (ratio**self.shape - 1.0)
 
     def share(self, gap: float) -> float:
-        """The share of the tail that is longer than a gap."""
+        """Return the share of the tail that is longer than a gap."""
         if gap <= self.least:
             return 1.0
         beyond = (gap - self.least) / max(self.scale, INSTANT_S)
@@ -163,7 +150,7 @@ class Tail(NamedTuple):
 
 
 def fitted(gaps: Sequence[float]) -> Tail:
-    """The tail of these gaps, which are at least two, and in order."""
+    """Return the tail of these gaps, which are at least two, and in order."""
     count, least = len(gaps), gaps[0]
     mean = sum(gaps) / count - least
     weighted = sum((count - 1 - i) * (gap - least) for i, gap in enumerate(gaps))
@@ -171,7 +158,7 @@ def fitted(gaps: Sequence[float]) -> Tail:
     spread = mean - 2.0 * weighted
     if mean <= INSTANT_S or spread <= 0.0:
         return Tail(gaps[-1], 0.0, 0.0)
-    shape = min(2.0 - mean / spread, MOST_SHAPE)
+    shape = min(2.0 - mean / spread, settings.MOST_SHAPE)
     if shape <= 0.0:
         return Tail(least, mean, 0.0)
     return Tail(least, 2.0 * mean * weighted / spread, shape)

@@ -1,4 +1,4 @@
-"""What other services tell of a service's values: programs that are evaluated once for all who ask.
+"""Derives a service's values from others: programs that are evaluated once for all who ask.
 
 A program is evaluated with a message of the service's own node, a few times a second, from the
 newest values of healthy nodes. While nothing is held against anybody it is calibrated by that node.
@@ -16,8 +16,8 @@ from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.service import Deadlines, Service, Source
 from shsa_core.model.som import Som
+from shsa_core.monitoring import settings
 from shsa_core.monitoring.calibration import Calibrator
-from shsa_core.monitoring.settings import GAP_PERIODS, REFRESHES_PER_S, REFRESH_S, SAMPLE_S
 
 
 @dataclass
@@ -84,7 +84,7 @@ class FollowedPlan:
 
 @dataclass
 class _Heard:
-    """What the own node of a service told while healthy: value and time by property.
+    """The values that a service's own node told while healthy, by property, with their times.
 
     `sound`: nothing is held against its newest message. `disputed`: the properties that others
     contradict. `read`: those that some program reads; `readers`: these programs.
@@ -135,10 +135,10 @@ class Derivations:
             if each.program == plan.program:
                 return each
         period = plan.outputs[0].service.period or 0.0
-        gap = max(MAX_GAP_S, GAP_PERIODS * period)
+        gap = max(MAX_GAP_S, settings.GAP_PERIODS * period)
         program = compile_program(plan.program.code, len(plan.inputs), len(plan.outputs), gap)
         integrates = [program.hidden or sum_ is not None for sum_ in program.integrals]
-        pause = period if program.remembers else max(period, SAMPLE_S)
+        pause = period if program.remembers else max(period, settings.SAMPLE_S)
         return FollowedPlan(
             plan.service,
             plan.program,
@@ -176,7 +176,7 @@ class Derivations:
         heard = self._services[service.name]
         if good:
             heard.values.update((name, (time, values[name])) for name in heard.read & values.keys())
-        looks = not 0.0 <= time - heard.looked < SAMPLE_S
+        looks = not 0.0 <= time - heard.looked < settings.SAMPLE_S
         if looks:
             heard.looked = time
         for each in heard.followed:
@@ -213,8 +213,8 @@ class Derivations:
         """Look at what programs have learned, one after the other; return those looked at."""
         passed, self._ticked = time - self._ticked, time
         found: List[FollowedPlan] = []
-        for _ in range(1 + int(min(passed, REFRESH_S) * REFRESHES_PER_S)):
-            if not self._turn or time - self._turn[0].looked < REFRESH_S:
+        for _ in range(1 + int(min(passed, settings.REFRESH_S) * settings.REFRESHES_PER_S)):
+            if not self._turn or time - self._turn[0].looked < settings.REFRESH_S:
                 break
             self._turn[0].refresh(time)
             found.append(self._turn[0])

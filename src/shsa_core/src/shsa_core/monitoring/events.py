@@ -1,4 +1,7 @@
-"""What the monitor's core hears (events) and says (commands). Times in s on one monotonic clock."""
+"""The events that the monitor's core hears, and the commands that it says.
+
+Times in s on one monotonic clock.
+"""
 from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
@@ -14,7 +17,7 @@ Key = Tuple[str, str]
 
 
 class PublisherState(Word):
-    """How a publisher is doing; see shsa_msgs/PublisherHealth."""
+    """The state of a publisher; see shsa_msgs/PublisherHealth."""
 
     UNKNOWN = "unknown"
     HEALTHY = "healthy"
@@ -43,13 +46,13 @@ class PublisherHealth:
 
     @property
     def key(self) -> Key:
-        """What names the row."""
+        """The row's topic and publisher."""
         return self.topic, self.publisher
 
 
 @dataclass(frozen=True)
 class CalibrationRow:
-    """How a program that would substitute a service is calibrated, output by output."""
+    """The calibration of a program that would substitute a service, output by output."""
 
     service: str
     program: Program

@@ -2,45 +2,49 @@
 from collections import deque
 from dataclasses import dataclass
 from math import ceil, isfinite
-from typing import Any, Deque, Dict, Iterable, Iterator, Optional, Tuple, Type
+from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Tuple, Type
 
-from shsa_core.model.checks import Check, OutOfRange, RateSample, StampSample, ValueSample
+from shsa_core.model.checks import (
+    LONG_WINDOW,
+    Check,
+    Checks,
+    OutOfRange,
+    RateSample,
+    StampSample,
+    ValueSample,
+)
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
-from shsa_core.monitoring.stamps import Stamps
+from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS
+from shsa_core.monitoring.stamps import StampAges
 from shsa_core.monitoring.stillness import Run, Stillness
-from shsa_core.monitoring.verdict import Verdict
-
-RATE_MESSAGES = 20
-RATE_SECONDS = 1.0
-"""A rate is taken over so many messages, or over so many seconds' worth if these are more."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found wrong: the kind of failure, and in words what was seen and what is allowed."""
+    """A kind of failure, and in words what was seen and what is allowed."""
 
     kind: Kind
     detail: str
 
 
 Learned = Dict[Tuple[str, str], Stillness]
-"""What is known of the values of one node, by property and field."""
+"""Knowledge of the values of one node, by property and field."""
 
 
 def checked_provisions(service: Service) -> Tuple[Provision, ...]:
-    """The provisions whose values some check needs; a message is decoded for no others."""
+    """Return the provisions whose values some check needs; a message is decoded for no others."""
     return tuple(provision for provision in service.provides if _checks_of(provision))
 
 
 def checks_stamps(service: Service) -> bool:
-    """Whether any check needs the stamp in the header."""
+    """Tell if any check needs the stamp in the header."""
     return bool(_of(service.checks.each, StampSample))
 
 
 def judge(checks: Iterable[Check], sample: Any) -> Optional[Finding]:
-    """What the first of the checks finds wrong with a sample."""
+    """Return what the first of the checks finds wrong with a sample."""
     for check in checks:
         detail = check.judge(sample)
         if detail is not None:
@@ -58,7 +62,7 @@ def _checks_of(provision: Provision) -> Tuple[Check, ...]:
 
 
 class _Value:
-    """What is remembered of one value of one publisher."""
+    """One value of one publisher, and the checks of it."""
 
     def __init__(self, provision: Provision, learned: Optional[Learned]) -> None:
         self._name, self._range = provision.property, provision.range
@@ -70,7 +74,7 @@ class _Value:
         self._newest: Optional[float] = None
 
     def look(self, value: float, time: float, failed: bool) -> Optional[Finding]:
-        """What is wrong with a new value.
+        """Return what is wrong with a new value.
 
         A failed publisher may start anew elsewhere, but must be steady there.
         """
@@ -87,6 +91,35 @@ class _Value:
         else:
             self._good = value if isfinite(value) else None  # after a gap it may be anywhere
         return finding
+
+
+class Verdict:
+    """Counts the bad messages among the last ones: noise is no fault, what comes and goes is."""
+
+    def __init__(self, checks: Checks) -> None:
+        self._bad, self._seldom, self._least = checks.bad, checks.seldom, checks.recovery
+        self._short, self._long = (1 << checks.of) - 1, (1 << LONG_WINDOW * checks.of) - 1
+        self._history = self._past = 0
+        self.recovery = checks.recovery
+        """So many good messages in a row end a failure: more if it came and went before."""
+
+    def add(self, bad: bool) -> bool:
+        """Count a message; tell if it was one bad one too many."""
+        self._history = (self._history << 1 | bad) & self._long
+        self._past = (self._past << 1 | bad) & self._long
+        if not bad:
+            return False
+        recent = _count(self._history & self._short)
+        guilty = recent >= self._bad or _count(self._history) >= self._seldom
+        if guilty:
+            gaps = _gaps(self._past)
+            comes_and_goes = len(gaps) >= COMES_AND_GOES
+            self.recovery = max(self._least, COMES_AND_GOES * max(gaps) if comes_and_goes else 0)
+        return guilty
+
+    def clear(self) -> None:
+        """Forget what was bad."""
+        self._history = 0
 
 
 class Evidence:
@@ -106,7 +139,7 @@ class Evidence:
         self.properties = tuple(each.property for each in checked)
         self._values = [_Value(provision, learned) for provision in checked]
         self._stamp_checks = _of(checks.each, StampSample)
-        self._stamps = Stamps(None if learned is None else service.period)
+        self._stamps = StampAges(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
         self._period = service.period or 0.0
         count = max(RATE_MESSAGES, ceil(RATE_SECONDS / self._period)) if self._rate_checks else 0
@@ -116,12 +149,12 @@ class Evidence:
 
     @property
     def knows_rate(self) -> bool:
-        """Whether there are enough messages to judge the rate by, or it is not judged."""
+        """True once there are enough messages to judge the rate by, or if it is not judged."""
         return not self._rate_checks or len(self._times) >= self._enough
 
     @property
     def pace(self) -> Optional[float]:
-        """How often messages came lately, of what the period gives; None: not known yet."""
+        """The rate of the last messages as a share of the service's; None: not known yet."""
         if not self._rate_checks or len(self._times) < self._enough:
             return None
         passed = self.span
@@ -151,11 +184,11 @@ class Evidence:
         self._verdict.clear()
 
     def clock_jumped(self) -> None:
-        """What was learned of stamps holds no more."""
+        """Forget what was learned of stamps."""
         self._stamps.forget()
 
     def weigh(self, message: Message, failed: bool) -> Tuple[bool, Optional[Finding]]:
-        """Whether a message is good, and the failure that it completes, if any.
+        """Tell if a message is good, and which failure it completes, if any.
 
         `failed`: there was one already.
         """
@@ -167,7 +200,7 @@ class Evidence:
         return finding is None, finding if guilty else None
 
     def findings(self, message: Message, failed: bool) -> Iterator[Optional[Finding]]:
-        """What each check that is due finds wrong with a message."""
+        """Yield what each check that is due finds wrong with a message."""
         for value, seen in zip(self._values, message.values or ()):
             if seen is not None:
                 yield value.look(seen, message.time, failed)
@@ -204,3 +237,13 @@ class Evidence:
         finding = judge(self._rate_checks, sample)
         self.rate_was_good = self.rate_was_good or finding is None
         return finding
+
+
+def _count(history: int) -> int:
+    return bin(history).count("1")
+
+
+def _gaps(history: int) -> List[int]:
+    """Return the numbers of good messages in a row between bad ones."""
+    gaps = bin(history)[2:].rstrip("0").split("1")
+    return [len(gap) for gap in gaps if gap]

@@ -7,13 +7,7 @@ from typing import Deque, Dict, Iterable, List, Optional, Tuple
 from shsa_core.model.names import RecentNames
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import HealthChanged, Key, PublisherHealth, PublisherState
-
-COUNT = 20
-"""So many are kept of each publisher: the evidence against it begins with one of the last `of`."""
-LARGEST_B = 65536
-"""A larger message is not kept: it would travel in a table."""
-OLDEST_S = 60.0
-"""An older message is not handed out."""
+from shsa_core.monitoring.settings import LAST_MESSAGE_B, MESSAGES_KEPT, OLDEST_MESSAGE_S
 
 
 class LastMessages:
@@ -27,12 +21,12 @@ class LastMessages:
 
     def keep(self, time: float, topic: str, publisher: str, data: bytes) -> None:
         """Keep a message; it takes the place of the oldest."""
-        if len(data) > LARGEST_B:
+        if len(data) > LAST_MESSAGE_B:
             return
         kept = self._kept.get((topic, publisher))
         if kept is None:
-            self._forget_before(time - OLDEST_S)
-            kept = self._kept[topic, publisher] = deque(maxlen=COUNT)
+            self._forget_before(time - OLDEST_MESSAGE_S)
+            kept = self._kept[topic, publisher] = deque(maxlen=MESSAGES_KEPT)
         kept.append((time, data))
 
     def newest(self, topic: str, publisher: str, last: Optional[float], now: float) -> bytes:
@@ -41,7 +35,7 @@ class LastMessages:
             return b""
         for time, data in reversed(self._kept.get((topic, publisher), ())):
             if time <= last:
-                return data if time >= now - OLDEST_S else b""
+                return data if time >= now - OLDEST_MESSAGE_S else b""
         return b""
 
     def substitutions(self, rows: Iterable[Substitution]) -> None:
@@ -50,10 +44,6 @@ class LastMessages:
             self._substitutes.add(row.node)
             if row.publishing and row.quality > 0.0:
                 self._stand_ins[row.service] = row.node
-
-    def failed(self) -> List[PublisherHealth]:
-        """Return the rows of those that have failed, as they were told last."""
-        return list(self._failed.values())
 
     def rows(self, change: HealthChanged) -> List[PublisherHealth]:
         """Return changed rows, each failed one with the message from which a substitute goes on.

@@ -1,4 +1,4 @@
-"""How each service is doing, by all who publish for it: what people are shown."""
+"""Sums up for people how each service is doing, by all who publish for it."""
 from dataclasses import dataclass
 from typing import Collection, List, Tuple
 
@@ -11,7 +11,7 @@ from shsa_core.monitoring.publishers import NOBODY, Publisher
 
 
 class Condition(Word):
-    """How a service is doing.
+    """The condition of a service.
 
     DOUBTFUL: it is healthy, but other services contradict what is derived from it.
     DISTURBED: its node is healthy, and somebody who fails publishes beside it.
@@ -66,7 +66,7 @@ def _health(service: Service, board: Board, muted: Collection[Key], doubt: str) 
 
 
 def _concerns(publisher: Publisher, service: Service) -> bool:
-    """Whether it publishes for a service, or on its topic without anybody knowing what for."""
+    """Tell if it publishes for a service, or on its topic without anybody knowing what for."""
     if publisher.service is None:
         return publisher.name != NOBODY
     return publisher.service.name == service.name

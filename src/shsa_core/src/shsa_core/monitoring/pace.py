@@ -18,9 +18,7 @@ from shsa_core.monitoring.events import (
     Message,
     PublisherHealth,
 )
-
-JUMP_S = 0.1
-"""Clocks that are set little by little change by far less from one look to the next."""
+from shsa_core.monitoring.settings import CLOCK_JUMP_S
 
 
 class Pace:
@@ -34,7 +32,7 @@ class Pace:
 
     @property
     def simulated(self) -> bool:
-        """Whether there is a /clock to follow."""
+        """True if there is a /clock to follow."""
         return self._tick is not None and self._tick.simulated
 
     def _look(self, tick: ClockTicked) -> None:
@@ -46,10 +44,10 @@ class Pace:
         ours, theirs = tick.time - before.time, tick.ros_time - before.ros_time
         self._slow += min(ours, max(0.0, theirs))
         self._fast += max(ours, theirs)
-        self.jumped = not tick.simulated and abs(theirs - ours) > JUMP_S
+        self.jumped = not tick.simulated and abs(theirs - ours) > CLOCK_JUMP_S
 
     def judged(self, event: Event) -> Event:
-        """An event at the time by which it is judged."""
+        """Return an event at the time by which it is judged."""
         if isinstance(event, ClockTicked):
             self._look(event)
         self._now, tick = event.time, self._tick
@@ -61,14 +59,15 @@ class Pace:
         return replace(event, time=self._slow)
 
     def due(self, moment: float) -> float:
-        """When a moment can be reached at the earliest."""
+        """Return when a moment can be reached at the earliest."""
         if not self.simulated or moment == inf:
             return moment
         return self._now + (moment - self._slow)
 
     def ours(self, commands: List[Command]) -> List[Command]:
-        """Commands at our time again; what lies back lies as far back as the publisher's clock
-        says.
+        """Return commands at our time again.
+
+        What lies back lies as far back as the publisher's clock says.
         """
         if not self.simulated:
             return commands
@@ -82,7 +81,7 @@ class Pace:
         return replace(command, time=self._now)
 
     def rows(self, rows: Tuple[PublisherHealth, ...]) -> Tuple[PublisherHealth, ...]:
-        """Rows of the table at our time again."""
+        """Return rows of the table at our time again."""
         return tuple(self._row(row) for row in rows) if self.simulated else rows
 
     def _row(self, row: PublisherHealth) -> PublisherHealth:

@@ -1,19 +1,16 @@
-"""What the monitor knows of the services of a watched topic and of their publishers."""
+"""Watched topics, their services and their publishers."""
 from dataclasses import dataclass, field
 from math import inf
-from typing import TYPE_CHECKING, Dict, List, Optional, Sequence, Tuple
+from typing import Dict, List, Optional, Sequence, Tuple
 
 from shsa_core.model.checks import Check, IntruderSample
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
-from shsa_core.monitoring.backlog import Backlog
 from shsa_core.monitoring.deadline import LearnedDeadline
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import Evidence, Learned
+from shsa_core.monitoring.stamps import Backlog
 from shsa_core.monitoring.witness import Suspicion
-
-if TYPE_CHECKING:
-    from shsa_core.monitoring.probation import Probation
 
 NOBODY = ""
 """The name of the publisher that should be there, while there is none."""
@@ -42,12 +39,12 @@ class WatchedService:
     gaps: Optional[LearnedDeadline] = None
 
     def judge_by(self, service: Service, deadlines: Deadlines) -> None:
-        """These numbers count from now on."""
+        """Judge by these numbers from now on."""
         self.gaps = self._learned(service, deadlines)
         self.service, self.deadline = service, _seconds(deadlines.of(service))
 
     def would_allow(self, service: Service, deadlines: Deadlines) -> float:
-        """The silence in s that its node would be allowed by these numbers."""
+        """Return the silence in s that its node would be allowed by these numbers."""
         learned = self._learned(service, deadlines)
         return _seconds(deadlines.of(service)) if learned is None else learned.allowed
 
@@ -72,7 +69,7 @@ class WatchedService:
 
 @dataclass
 class Publisher:
-    """What is known of one publisher of one topic. Times in s.
+    """One life of one publisher of one topic, and all that is held against it. Times in s.
 
     `silent_since`: since its last message, or since it could be heard again after that.
     `excused_until`: until then its silence has an alibi. `interrupted`: its connection was lost
@@ -125,7 +122,7 @@ class Publisher:
 
     @property
     def learned(self) -> Optional[LearnedDeadline]:
-        """What is known of its gaps, if it is the node of a service whose deadline is learned."""
+        """The knowledge of its gaps, if it is the node of a service whose deadline is learned."""
         watched = self.watched
         if watched is None or watched.gaps is None or watched.service.node != self.name:
             return None
@@ -138,14 +135,13 @@ class Publisher:
 
     @property
     def deadline(self) -> float:
-        """When silence becomes a failure; inf: it does not."""
+        """The moment at which silence becomes a failure; inf: it does not."""
         if self.silent_since is None or self.state is PublisherState.FAILED:
             return inf
         return max(self.silent_since + self.allowed, self.excused_until)
 
     @property
     def is_healthy(self) -> bool:
-        """Whether it does as it should."""
         return self.state is PublisherState.HEALTHY
 
     def interrupt(self, until: float) -> None:
@@ -225,10 +221,9 @@ class WatchedTopic:
     publishers: Dict[str, Publisher] = field(default_factory=dict)
     nodes: Dict[str, WatchedService] = field(default_factory=dict)
     intruder_checks: Tuple[Check, ...] = ()
-    probations: Dict[str, "Probation"] = field(default_factory=dict)
 
     def serve(self, services: Sequence[Service], deadlines: Deadlines, due: float) -> List[str]:
-        """Carry these services from now on; the names of those that are new."""
+        """Carry these services from now on; return the names of those that are new."""
         old, self.services = self.services, {}
         for service in services:
             watched = old.get(service.name)
@@ -243,7 +238,7 @@ class WatchedTopic:
         return [name for name, watched in self.services.items() if watched is not old.get(name)]
 
     def service_of(self, publisher: str, substituted: str) -> Optional[WatchedService]:
-        """The service that a publisher provides.
+        """Return the service that a publisher provides.
 
         `substituted`: the one whose place it takes, if it is a substitute.
 
@@ -255,16 +250,16 @@ class WatchedTopic:
         return found
 
     def meet(self, name: str, time: float, watched: Optional[WatchedService]) -> Publisher:
-        """A new publisher, in place of an old one of that name."""
+        """Put a new publisher in place of an old one of that name."""
         self.publishers[name] = Publisher(name, time, watched)
         return self.publishers[name]
 
     def healthy(self) -> List[Publisher]:
-        """The healthy publishers."""
+        """Return the healthy publishers."""
         return [p for p in self.publishers.values() if p.state is PublisherState.HEALTHY]
 
     def missed_by_nobody(self) -> List[str]:
-        """Publishers that may be forgotten: neither a node of the SOM nor the last hope."""
+        """Return who may be forgotten: neither a node of the SOM nor the last hope."""
         if not self.healthy():
             return []
         gone = [p.name for p in self.publishers.values() if not p.connected and p.name != NOBODY]

@@ -9,18 +9,16 @@ class Settings:
     """The monitor's settings.
 
     `startup_grace`: s until a service that has never been there has failed.
-    `deadline`: periods without a message after which a publisher is silent.
-    `minimum_deadline`: s; the least silence that it is blamed for by that.
+    `minimum_deadline`: s; the least silence that a publisher is blamed for by its period.
     """
 
     startup_grace: float = 15.0
-    deadline: float = Deadlines.periods
     minimum_deadline: float = Deadlines.minimum
 
     @property
     def deadlines(self) -> Deadlines:
-        """How long a service may be silent."""
-        return Deadlines(self.deadline, self.minimum_deadline)
+        """The silence that services are allowed."""
+        return Deadlines(minimum=self.minimum_deadline)
 
 
 # Alibis. Times in s.
@@ -38,13 +36,81 @@ TOGETHER_NODES = 3
 TOGETHER_S = 5.0
 """So long several nodes that are not heard together count as not connected yet."""
 MISSED_PERIODS = 1.5
-"""Who is silent for so many periods has missed a message."""
+"""A publisher that is silent for so many periods has missed a message."""
 SLOW_PACE = 0.8
 """Of its rate: half way to what counts as too low where the SOM says nothing."""
 LOOK_S = 0.1
-"""Who is slow is looked at so often: every message of a slow node asks for it."""
+"""Slow nodes are counted so often: every message of one asks for it."""
 REMEMBERED = 200
 """Connections, and gaps, that are remembered."""
+
+# Evidence.
+RATE_MESSAGES, RATE_SECONDS = 20, 1.0
+"""A rate is taken over so many messages, or over so many seconds' worth if these are more."""
+COMES_AND_GOES = 3
+"""So many times must a fault have gone away before it counts as one that comes and goes. Then it is
+over only after so many times the longest such gap."""
+BURST_PERIODS = 0.5
+"""Messages that come sooner after each other have waited somewhere."""
+CLOCK_JUMP_S = 0.1
+"""Clocks that are set little by little change by far less from one look to the next."""
+LEARN_MESSAGES = 200
+"""So many tell what is usual of a value, and if stamps always grow; and a signal that went through
+0 so often reads 0 as any value."""
+
+# Stamps.
+AGES = 50
+"""So many messages tell how old stamps usually are."""
+AGE_FOLLOWS = 0.001
+"""Of a message's difference the usual age follows: clocks drift apart by parts in a million."""
+AGE_LEAST_S, AGE_PERIODS, AGE_SPREADS = 0.5, 10.0, 3.0
+"""A stamp may differ by this, by so many periods or by so many times the largest difference while
+learning, whichever is most."""
+STANDS_MESSAGES = 10
+"""Stamps always grow, unless one does not and so many after it do."""
+
+# Values that stand still.
+STILL_FACTOR, STILL_LEAST_S = 10, 1.0
+"""A run must be so many times longer than the longest one that was seen, and than this."""
+MOST_REPEATS = 0.1
+"""Of the messages, may have the value of the one before: noise of about three steps has as many."""
+LEAST_TURNS = 0.25
+"""Of the changes go the other way than the one before: with white noise two in three do."""
+FORGET_MESSAGES = 10000
+"""Counts are halved then: the noise may become another one. The longest run is never forgotten."""
+
+# Learned deadlines.
+TAIL_KEPT = 100
+"""So many of the longest gaps of each block are kept: all that is beyond them is a count."""
+TAIL = 20
+"""One gap in so many, at most, is tail."""
+BLOCK_S, BLOCKS = 1800.0, 4
+"""Of the stream: what was seen in the oldest block is forgotten when a new one begins."""
+LEARN_GAPS, LEARN_SHARE = 1000, 1e-3
+"""So many gaps, and so much of the mean time between false alarms, must have been seen."""
+SPARE = 1.5
+"""The longest healthy gap of the blocks is always allowed, so many times over."""
+TAIL_LOOK_S = 10.0
+"""The tail is looked at so often, and at once at a gap that comes near to what is allowed."""
+MOST_SHAPE = 0.25
+"""Few gaps may look like any tail. What is heavier than this SPARE has to cover."""
+LEAST_PERIODS, BUSY_S = 2.5, 0.08
+"""The least that is allowed. Late by the second was a healthy 50 Hz stream beside 8 busy processes
+on 2 cores, docs/experiments.md: what was learned on an idle computer must hold when it is busy."""
+
+# What is kept and told.
+MESSAGES_KEPT = 20
+"""Of each publisher: the evidence against it begins with one of the last `of`."""
+LAST_MESSAGE_B = 65536
+"""A larger message is not kept: it would travel in a table."""
+OLDEST_MESSAGE_S = 60.0
+"""An older message is not handed out."""
+BRIDGES_APART = 2.0
+"""After so many of a substitute's bridges without a message of its it is another time."""
+SERVES_S = 1.0
+"""So long one that was muted serves consumers to whom the original is not connected yet."""
+TELL_S = 60.0
+"""People are told that a substitute filled in at the first time, and then so often at most."""
 
 # Calibration: what a value is compared with. Times in s.
 SAMPLE_S = 0.2
@@ -52,7 +118,7 @@ SAMPLE_S = 0.2
 SAMPLE_COUNTS_S = 1.0
 """A sample tells of the time since the one before, up to this; errors are noted so far apart."""
 MEMORY_S = 200.0
-"""What is older counts less than 1/e."""
+"""Samples that are older count less than 1/e."""
 LARGEST = 1e100
 """The square of a value beyond could be infinite, and its table of calibrations refused."""
 GUARD_S = 5.0

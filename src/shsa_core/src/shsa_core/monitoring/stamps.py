@@ -4,28 +4,16 @@ Another computer's clock may differ from ours, and a driver may stamp what it me
 it does all the time is no fault. A jump of our own clock is one of all publishers at once: it is
 told, and everything is learned anew.
 """
+from math import inf
 from statistics import median
 from typing import List, Optional
 
 from shsa_core.model.checks import StampSample
-
-LEARN_MESSAGES = 50
-FOLLOW = 0.001
-"""Of a message's difference the usual age follows: clocks drift apart by parts in a million."""
-LEAST_S = 0.5
-PERIODS = 10.0
-SPREADS = 3.0
-"""A stamp may differ by this, by so many periods or by so many times the largest difference while
-learning, whichever is most."""
-LEARN_GROWING = 200
-GRACE_MESSAGES = 10
-"""Stamps that grew so often always grow, unless one does not and so many after it do."""
-STAND_PERIODS = 0.5
-"""Some clocks are coarse, and a node may send in a burst what it was held up with: a stamp stands
-only once it did so for this."""
+from shsa_core.monitoring import settings
+from shsa_core.monitoring.events import Message
 
 
-class Stamps:
+class StampAges:
     """The stamps of one publisher; nothing is learned without the `period` of its service."""
 
     def __init__(self, period: Optional[float]) -> None:
@@ -33,7 +21,7 @@ class Stamps:
         self.forget()
 
     def forget(self) -> None:
-        """Our clock jumped: learn anew."""
+        """Learn anew: our clock jumped."""
         self._ages: List[float] = []
         self._usual: Optional[float] = None
         self._allowed = 0.0
@@ -43,15 +31,15 @@ class Stamps:
         self._stood = False
 
     def sample(self, time: float, stamp: int, age: float, waited: float) -> StampSample:
-        """What is to be judged of what came at `time` s, `age` s after its `stamp` in ns."""
+        """Return what is to be judged of what came at `time` s, `age` s after its `stamp` in ns."""
         if self._usual is None:
             return StampSample(age, waited)
-        always = self._growing is not None and self._growing >= LEARN_GROWING
+        always = self._growing is not None and self._growing >= settings.LEARN_MESSAGES
         again = always and not self._grows(stamp) and self._stands(time)
         return StampSample(age, waited, self._usual, self._allowed, again)
 
     def heard(self, time: float, stamp: int, age: float, good: bool) -> None:
-        """A message has been judged; learn from it if it was `good`."""
+        """Learn from a message that has been judged, if it was `good`."""
         grows = self._grows(stamp)
         self._last = stamp
         if self.period is None:
@@ -67,7 +55,7 @@ class Stamps:
         return self._last is None or stamp > self._last
 
     def _stands(self, time: float) -> bool:
-        return time - self._grew > STAND_PERIODS * (self.period or 0.0)
+        return time - self._grew > settings.BURST_PERIODS * (self.period or 0.0)
 
     def _learn_growth(self, grows: bool) -> None:
         """Stamps that now and then do not grow need not; those of a fault do so again and again."""
@@ -75,22 +63,71 @@ class Stamps:
             return
         if grows:
             self._growing += 1
-            if self._stood and self._growing >= LEARN_GROWING + GRACE_MESSAGES:
+            if self._stood and self._growing >= settings.LEARN_MESSAGES + settings.STANDS_MESSAGES:
                 self._growing = None
-        elif self._growing < LEARN_GROWING:
+        elif self._growing < settings.LEARN_MESSAGES:
             self._growing = None
         else:
-            self._stood, self._growing = True, LEARN_GROWING
+            self._stood, self._growing = True, settings.LEARN_MESSAGES
 
     def _learn(self, age: float) -> None:
-        if self._usual is not None and age < self._usual - LEAST_S / 2:
+        if self._usual is not None and age < self._usual - settings.AGE_LEAST_S / 2:
             self._usual = None  # it was learned of messages that had waited before we came
         if self._usual is not None:
-            self._usual += FOLLOW * (age - self._usual)
+            self._usual += settings.AGE_FOLLOWS * (age - self._usual)
             return
         self._ages.append(age)
-        if len(self._ages) >= LEARN_MESSAGES:
+        if len(self._ages) >= settings.AGES:
             self._usual = median(self._ages)
             spread = max(abs(each - self._usual) for each in self._ages)
-            self._allowed = max(LEAST_S, PERIODS * (self.period or 0.0), SPREADS * spread)
+            self._allowed = max(
+                settings.AGE_LEAST_S,
+                settings.AGE_PERIODS * (self.period or 0.0),
+                settings.AGE_SPREADS * spread,
+            )
             self._ages.clear()
+
+
+class Backlog:
+    """Tells the messages of one publisher that it sent while it could not be heard.
+
+    So it is where a link to another computer was down. They come all at once: they are as old as
+    the silence was, and come faster than it ever publishes.
+    """
+
+    def __init__(self) -> None:
+        self._age: Optional[float] = None  # of its messages as they come, in s
+        self._catches_up = False
+        self._until = -inf
+
+    def holds(
+        self, message: Message, previous: Optional[float], allowed: float, period: Optional[float]
+    ) -> bool:
+        """Tell if a message tells of the past; `previous`: when the one before it came.
+
+        After a silence of more than `allowed` s a message counts once its stamp is about as old as
+        usual, and it comes half a period after another one. Where no stamp tells, the first of
+        them might be old. What comes old for longer than the silence was is no backlog: a clock
+        was set.
+        """
+        if previous is None or period is None:
+            return self._count(message)
+        passed = message.time - previous
+        began = passed - message.waited > allowed
+        self._catches_up = self._catches_up or began
+        if began:
+            self._until = message.time + passed
+        if not self._catches_up:
+            return self._count(message)
+        late = began
+        if message.age is not None and self._age is not None:
+            late = message.age - self._age > allowed and message.time < self._until
+        if late or passed < settings.BURST_PERIODS * period:
+            return True
+        return self._count(message)
+
+    def _count(self, message: Message) -> bool:
+        self._catches_up = False
+        if message.age is not None:
+            self._age = message.age
+        return False

@@ -1,4 +1,4 @@
-"""How long a value may stay the same: learned from the runs of equal values in its healthy stream.
+"""Learns how long a value may stay the same: from the runs of equal values in its healthy stream.
 
 Only noise tells: a sensor whose reading differs from message to message does not read the same bits
 for long. What moves without noise, or in coarse steps, stands still whenever the robot does, and is
@@ -8,24 +8,11 @@ from math import inf, isfinite
 from typing import Optional
 
 from shsa_core.model.checks import Hold
-
-LEARN_MESSAGES = 200
-FACTOR = 10
-"""A run must be so many times longer than the longest one that was seen."""
-LEAST_S = 1.0
-MOST_REPEATS = 0.1
-"""Of the messages, may have the value of the one before: noise of about three steps has as many."""
-LEAST_TURNS = 0.25
-"""Of the changes, at least, go the other way than the one before: with white noise two in three
-do."""
-LEAST_CROSSINGS = 200
-"""0 counts as any value for a signal that went through it so often, and never stayed."""
-FORGET_MESSAGES = 10000
-"""Counts are halved then: the noise may become another one. The longest run is never forgotten."""
+from shsa_core.monitoring import settings
 
 
 class Stillness:
-    """What was learned of one value. Outlives connections: a longest run only ever allows more."""
+    """The habits of one value. Outlives connections: a longest run only ever allows more."""
 
     def __init__(self) -> None:
         self._count = self._repeats = self._turns = self._crossings = 0
@@ -43,28 +30,35 @@ class Stillness:
         self._crossings += value * (value + step) < 0.0
         self._longest = max(self._longest, run)
         self._low, self._high = min(self._low, value), max(self._high, value)
-        if self._count > FORGET_MESSAGES:
+        if self._count > settings.FORGET_MESSAGES:
             self._count //= 2
             self._repeats //= 2
             self._turns //= 2
 
     def allowed(self, value: float) -> Optional[Hold]:
-        """How long `value` may stay the same; None: for ever, or nobody knows yet."""
+        """Return how long `value` may stay the same; None: for ever, or nobody knows yet."""
         changes = self._count - self._repeats
-        if self._count < LEARN_MESSAGES or self._repeats > MOST_REPEATS * self._count:
+        if (
+            self._count < settings.LEARN_MESSAGES
+            or self._repeats > settings.MOST_REPEATS * self._count
+        ):
             return None
-        if self._turns < LEAST_TURNS * changes:
+        if self._turns < settings.LEAST_TURNS * changes:
             return None
-        if value == 0.0 and (self._crossings < LEAST_CROSSINGS or self._longest_zero > 1):
+        if value == 0.0 and (self._crossings < settings.LEARN_MESSAGES or self._longest_zero > 1):
             return None
         # Whoever reads more than he can tell reads his limit, as long as that lasts.
         inside = self._low < value < self._high
-        factor = 1 if inside else FACTOR
-        return Hold(FACTOR * factor * self._longest, LEAST_S * factor, self._longest)
+        factor = 1 if inside else settings.STILL_FACTOR
+        return Hold(
+            settings.STILL_FACTOR * factor * self._longest,
+            settings.STILL_LEAST_S * factor,
+            self._longest,
+        )
 
 
 class Run:
-    """How often the newest value of one publisher came in a row. Times in s."""
+    """Counts how often the newest value of one publisher came in a row. Times in s."""
 
     def __init__(self, stillness: Stillness) -> None:
         self._stillness = stillness
@@ -95,5 +89,5 @@ class Run:
 
     @property
     def allowed(self) -> Optional[Hold]:
-        """How long it may go on, as learned; None: for ever."""
+        """The longest that it may go on, as learned; None: for ever."""
         return None if self._value is None else self._stillness.allowed(self._value)

@@ -1,9 +1,12 @@
-"""What the monitor knows of substitutes: their rows, and those that are being stopped."""
+"""The table of substitutions as the monitor needs it, and who fills in for late messages."""
 from collections import defaultdict
+from dataclasses import dataclass
+from math import inf
 from typing import DefaultDict, Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.monitoring.events import Key, SubstitutionsChanged
+from shsa_core.monitoring.events import Bridged, Key, SubstitutionsChanged
+from shsa_core.monitoring.settings import BRIDGES_APART, SERVES_S, TELL_S
 
 Change = Tuple[str, Optional[Substitution], Optional[Substitution]]
 """A node, and its row before and now."""
@@ -18,7 +21,7 @@ class Substitutes:
         self.retired: Set[Key] = set()
 
     def change(self, event: SubstitutionsChanged) -> List[Change]:
-        """Take a change of the table; which rows it changes."""
+        """Take a change of the table; return which rows it changes."""
         new = {row_key(row): row for row in event.rows if row.node}  # the others are plans
         gone = list(self._rows) if event.whole else event.removed
         changes: List[Change] = []
@@ -34,7 +37,7 @@ class Substitutes:
         return changes
 
     def _row(self, topic: str, node: str) -> Optional[Substitution]:
-        """The row of a node that has to do with a topic; None: the node is no substitute.
+        """Return the row of a node that has to do with a topic; None: the node is no substitute.
 
         An idle one, or one that publishes elsewhere, may have advertised this topic as well.
         """
@@ -46,38 +49,76 @@ class Substitutes:
         )
 
     def service(self, topic: str, node: str) -> str:
-        """The service whose place a node takes on a topic; empty: none."""
+        """Return the service whose place a node takes on a topic; empty: none."""
         row = self._row(topic, node)
         return row.service if row else ""
 
     def is_known(self, topic: str, node: str) -> bool:
-        """Whether the table names a node, or did until now."""
+        """Tell if the table names a node, or did until now."""
         return self._row(topic, node) is not None or (topic, node) in self.retired
 
     def bridging(self, topic: str, node: str) -> Optional[Substitution]:
-        """The row of a muted substitute that may fill in on `topic`; None: it is none."""
+        """Return the row of a muted substitute that may fill in on `topic`; None: it is none."""
         row = self._row(topic, node)
         fills_in = row is not None and row.bridge > 0.0 and not row.publishing
         return row if row is not None and fills_in and topic in row.topics else None
 
     def may_be_silent(self, topic: str, node: str) -> bool:
-        """Whether silence is no fault: a muted substitute, or one that is being stopped."""
+        """Tell if silence is no fault: of a muted substitute, or of one that is being stopped."""
         if (topic, node) in self.retired:
             return True
         row = self._row(topic, node)
         return row is not None and not publishes(row, topic)
 
     def is_kept_back(self, topic: str, node: str) -> bool:
-        """Whether what a substitute publishes is kept back by a gate for the time being."""
+        """Tell if a gate keeps back for the time being what a substitute publishes."""
         row = self._row(topic, node)
         return row is not None and row.gated and topic in row.topics and not row.publishing
 
 
+@dataclass
+class _Count:
+    """The bridges of a service so far; `tell`: when the next one is told."""
+
+    times: int = 0
+    tell: float = -inf
+
+
+class Bridges:
+    """The messages of muted substitutes. Times in s."""
+
+    def __init__(self) -> None:
+        self._counts: Dict[str, _Count] = {}
+        self._latest: Dict[Key, float] = {}
+
+    def muted(self, key: Key, time: float) -> None:
+        """Mute a substitute: what comes soon is for those whom it still serves."""
+        self._latest[key] = time + SERVES_S
+
+    def heard(self, key: Key, row: Substitution, time: float) -> Optional[Bridged]:
+        """Count a bridge of a muted substitute; return what people are told of that now."""
+        latest = self._latest.get(key, -inf)
+        self._latest[key] = max(time, latest)
+        if time - latest <= BRIDGES_APART * row.bridge:
+            return None
+        count = self._counts.setdefault(row.service, _Count())
+        count.times += 1
+        if time < count.tell:
+            return None
+        count.tell = time + TELL_S
+        return Bridged(time, row.service, *key, count.times)
+
+    def times(self, service: str) -> int:
+        """Return how often a service was bridged so far."""
+        count = self._counts.get(service)
+        return 0 if count is None else count.times
+
+
 def publishes(row: Optional[Substitution], topic: str) -> bool:
-    """Whether a substitute is to publish on `topic`."""
+    """Tell if a substitute is to publish on `topic`."""
     return row is not None and row.publishing and topic in row.topics
 
 
 def topics_of(rows: Iterable[Optional[Substitution]]) -> List[str]:
-    """The topics of some rows, each once."""
+    """Return the topics of some rows, each once."""
     return list(dict.fromkeys(topic for row in rows if row for topic in row.topics))

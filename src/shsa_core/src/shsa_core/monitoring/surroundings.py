@@ -1,18 +1,12 @@
-"""What else was going on while a publisher was late, and which of its gaps teach a deadline."""
+"""Remembers what else was going on while a publisher was late, and which gaps teach a deadline."""
 from collections import deque
 from math import inf
 from typing import Callable, Deque, Iterable, List, NamedTuple, Optional, Set, Tuple
 
+from shsa_core.monitoring import settings
 from shsa_core.monitoring.alibis import Blame, Case, decide
 from shsa_core.monitoring.events import Key
 from shsa_core.monitoring.publishers import Publisher
-from shsa_core.monitoring.settings import (
-    LOOK_S,
-    MISSED_PERIODS,
-    REMEMBERED,
-    SLOW_PACE,
-    TOGETHER_NODES,
-)
 from shsa_core.watch import Watch
 
 
@@ -30,9 +24,9 @@ class Surroundings:
     def __init__(self, everybody: Callable[[], Iterable[Publisher]]) -> None:
         self._everybody = everybody
         self.watch = Watch()
-        self._connected: Deque[Tuple[str, float]] = deque(maxlen=REMEMBERED)
+        self._connected: Deque[Tuple[str, float]] = deque(maxlen=settings.REMEMBERED)
         self._came_up = -inf
-        self._gaps: Deque[_Gap] = deque(maxlen=REMEMBERED)
+        self._gaps: Deque[_Gap] = deque(maxlen=settings.REMEMBERED)
         self._waiting: List[Tuple[str, Publisher, _Gap]] = []
         self._silent: Optional[List[_Gap]] = None  # those that have not ended, as of this look
         self._slow, self._looked = 0, -inf
@@ -67,7 +61,7 @@ class Surroundings:
     def rate(self, publisher: Publisher, time: float) -> Case:
         """Return the case of a publisher whose messages come too seldom."""
         span = publisher.evidence.span if publisher.evidence is not None else 0.0
-        if not 0.0 <= time - self._looked < LOOK_S:
+        if not 0.0 <= time - self._looked < settings.LOOK_S:
             self._looked = time
             self._slow = len({each.name for each in self._everybody() if _is_slow(each)})
         connected = self._connection(publisher.name)
@@ -80,7 +74,7 @@ class Surroundings:
         One that is long waits for `learn`: only then it is known if the monitor was held up.
         """
         learned, service, length = publisher.learned, publisher.service, time - began
-        if service is not None and length >= MISSED_PERIODS * (service.period or length):
+        if service is not None and length >= settings.MISSED_PERIODS * (service.period or length):
             gap = _Gap(publisher.name, began, time)
             self._gaps.append(gap)
             if learned is not None and learned.is_long(length):
@@ -118,7 +112,7 @@ class Surroundings:
                 both = min(gap.ended, other.ended) - max(gap.began, other.began)
                 if both >= (gap.ended - gap.began) / 2.0:
                     nodes.add(other.node)
-                if len(nodes) >= TOGETHER_NODES:
+                if len(nodes) >= settings.TOGETHER_NODES:
                     return len(nodes)
         return len(nodes)
 
@@ -128,9 +122,9 @@ def _is_late(publisher: Publisher, time: float) -> bool:
     service, last = publisher.service, publisher.last_message
     if last is None or service is None or service.period is None or not publisher.is_healthy:
         return False
-    return time - last >= MISSED_PERIODS * service.period
+    return time - last >= settings.MISSED_PERIODS * service.period
 
 
 def _is_slow(publisher: Publisher) -> bool:
     pace = publisher.evidence.pace if publisher.evidence is not None else None
-    return publisher.is_healthy and pace is not None and pace < SLOW_PACE
+    return publisher.is_healthy and pace is not None and pace < settings.SLOW_PACE

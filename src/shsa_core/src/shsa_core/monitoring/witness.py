@@ -16,15 +16,9 @@ from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
+from shsa_core.monitoring import settings
 from shsa_core.monitoring.derivations import Derivations, FollowedPlan, Output
 from shsa_core.monitoring.evidence import Finding, judge
-from shsa_core.monitoring.settings import (
-    SPREAD_P95,
-    SPREAD_RMS,
-    WITNESS_LOOKS,
-    WITNESS_MEMORY_S,
-    WITNESS_SAMPLES,
-)
 from shsa_core.search.derivation import SourceTable
 
 
@@ -58,7 +52,7 @@ class _Witness:
 
     @property
     def derived(self) -> Optional[float]:
-        """What it tells now; None: it cannot."""
+        """The value that it tells now; None: it cannot."""
         raw = self.output.derived
         return self.output.calibration(raw) if self.calibrated and raw is not None else raw
 
@@ -73,13 +67,13 @@ class _Witness:
         What is seen now may be widened by what shall be found, a sensor that drifts.
         """
         error, seen = self.output.calibration.error, self.seen
-        enough = error is not None and (error.n or 0) >= WITNESS_SAMPLES
+        enough = error is not None and (error.n or 0) >= settings.WITNESS_SAMPLES
         if error is not None and enough and (not seen or seen[-1][1] is not error):
             seen.append((time, error))
-        while len(seen) > 1 and seen[1][0] <= time - WITNESS_MEMORY_S:
+        while len(seen) > 1 and seen[1][0] <= time - settings.WITNESS_MEMORY_S:
             seen.popleft()
         known = [] if self.stated is None else [self.stated]
-        if seen and seen[0][0] <= time - WITNESS_MEMORY_S:
+        if seen and seen[0][0] <= time - settings.WITNESS_MEMORY_S:
             known.append(_spread(seen[0][1]) or 0.0)
         return min(known, default=None)
 
@@ -98,7 +92,7 @@ class _Gap:
     """The differences of two values at the last looks in a row at which both were there."""
 
     def __init__(self) -> None:
-        self._differences: Deque[float] = deque(maxlen=WITNESS_LOOKS)
+        self._differences: Deque[float] = deque(maxlen=settings.WITNESS_LOOKS)
 
     def add(self, one: Optional[float], other: Optional[float]) -> None:
         """Take a look; a value that is missing makes it begin anew."""
@@ -111,11 +105,11 @@ class _Gap:
     def mean(self) -> Optional[float]:
         """The mean of the magnitudes; None: there were too few looks."""
         count = len(self._differences)
-        return sum(self._differences) / count if count == WITNESS_LOOKS else None
+        return sum(self._differences) / count if count == settings.WITNESS_LOOKS else None
 
 
 class Suspicion:
-    """What others hold against one value in one life of its node.
+    """The evidence of others against one value in one life of its node.
 
     `disputed`: at so many looks in a row it was wrong by all who tell; `doubtful`: by any.
     `doubts`: by service, what people are told of it though nobody is blamed.
@@ -220,10 +214,10 @@ class Witnesses:
         suspicion.doubtful = suspicion.doubtful + 1 if wrong else 0
         suspicion.finding, suspicion.doubts = None, {}
         alone = len(told) == 1 and (suspect.by_errors or self._in_dispute(told[0][0]))
-        if suspicion.disputed > WITNESS_LOOKS and findings[0] is not None and not alone:
+        if suspicion.disputed > settings.WITNESS_LOOKS and findings[0] is not None and not alone:
             more = (f"; by {each.names} it is {sample.derived:g}" for each, sample in told[1:])
             suspicion.finding = Finding(findings[0].kind, findings[0].detail + "".join(more))
-        elif suspicion.doubtful > WITNESS_LOOKS:
+        elif suspicion.doubtful > settings.WITNESS_LOOKS:
             suspicion.doubts = _doubts(suspect, wrong, all_differ)
 
     def _in_dispute(self, witness: _Witness) -> bool:
@@ -264,7 +258,7 @@ def _spread(error: Optional[Error]) -> Optional[float]:
     """
     if error is None:
         return None
-    return max(SPREAD_RMS * error.rms, SPREAD_P95 * (error.p95 or 0.0))
+    return max(settings.SPREAD_RMS * error.rms, settings.SPREAD_P95 * (error.p95 or 0.0))
 
 
 def _apart(one: Optional[float], other: Optional[float]) -> Optional[float]:

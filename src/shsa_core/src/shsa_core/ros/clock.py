@@ -70,8 +70,8 @@ def to_stamp(moment: Optional[float], ahead: Optional[float] = None) -> rospy.Ti
     return rospy.Time.from_sec(max(0.0, moment + (offset() if ahead is None else ahead)))
 
 
-class Stamps(NamedTuple):
-    """The stamps of one message, by the wall clock of its sender, which may be anywhere.
+class SenderClock(NamedTuple):
+    """The wall clock of a message's sender, which may be anywhere.
 
     That clock showed `ros` s when ours showed `moment` s.
     """
@@ -89,24 +89,24 @@ class Stamps(NamedTuple):
         return min(now(), self.moment - (self.ros - stamp.to_sec()))
 
 
-def stamps(told: rospy.Time, sent_here: int) -> Stamps:
-    """Return the stamps of a message that was sent at `told`, by its sender's wall clock.
+def sender_clock(told: rospy.Time, sent_here: int) -> SenderClock:
+    """Return the clock of who sent a message at `told` by that clock.
 
     `sent_here`: by our monotonic clock in ns; 0: not known, and the sender's clock counts as ours.
     """
     if sent_here and not told.is_zero():
-        return Stamps(told.to_sec(), sent_here / 1e9)
+        return SenderClock(told.to_sec(), sent_here / 1e9)
     moment, ros = both()
-    return Stamps(ros, moment)
+    return SenderClock(ros, moment)
 
 
 def from_stamp(stamp: rospy.Time) -> Optional[float]:
     """Return the moment of a stamp by the clock of this computer, in s; None for zero."""
-    return stamps(rospy.Time(), 0).at(stamp)
+    return sender_clock(rospy.Time(), 0).at(stamp)
 
 
 def ros_ns() -> int:
-    """ROS time in ns."""
+    """Return ROS time in ns."""
     return int(rospy.Time.now().to_nsec()) if is_simulated() else time.time_ns()
 
 

@@ -1,4 +1,4 @@
-"""What /diagnostics shows, once a second, for display; no decision reads it.
+"""Shows rows on /diagnostics, once a second, for display; no decision reads them.
 
 The rows are named after services, `monitor: battery_current`, since an analyzer misses for ever
 what has been there once. As everywhere in ROS, the topic is one for all robots on a master, and a
@@ -19,10 +19,10 @@ from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.ros import clock, settings
 from shsa_core.ros.processes.watching import Companion
-from shsa_core.ros.trust.computers import Seen
-from shsa_core.ros.master.master_watch import Told
+from shsa_core.ros.trust.computers import OtherComputer
+from shsa_core.ros.master.master_watch import MasterState
 from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.agent.remote import Told as HostTold
+from shsa_core.ros.agent.remote import HostState
 from shsa_core.text import shown
 
 BRIDGED = "times bridged"
@@ -79,7 +79,7 @@ class Diagnostics:
             )
 
 
-def computer_row(seen: Seen) -> DiagnosticStatus:
+def computer_row(seen: OtherComputer) -> DiagnosticStatus:
     """Another computer, and how its wall clock differs from ours."""
     text = f"its clock is {abs(seen.offset):.4f} s {'ahead' if seen.offset > 0.0 else 'behind'}"
     values = {
@@ -117,7 +117,7 @@ def every_period(call: Callable[[], object]) -> None:
 Values = Dict[Key, Optional[Tuple[Optional[float], ...]]]
 """The values in the newest message of each publisher: those of `checked_provisions`."""
 Overview = Tuple[Iterable[ServiceHealth], Dict[Key, int], Values]
-"""How every service is doing, how many messages came from each publisher, and the newest values."""
+"""The health of every service, the number of messages of each publisher, and the newest values."""
 
 
 class MonitorRows:
@@ -159,6 +159,8 @@ class MonitorRows:
         told = [f"{row.state}"]
         if row.kind is not None:
             told.append(f"{row.kind}, {row.detail}")
+        elif row.detail:
+            told.append(row.detail)
         if elapsed and row.key in self._counts:
             told.append(f"{(counts[row.key] - self._counts[row.key]) / elapsed:.1f} Hz")
         if row.last_good is not None:
@@ -175,7 +177,7 @@ def newest(health: ServiceHealth, values: Values) -> Iterator[Tuple[str, float]]
             yield provision.property, value
 
 
-Healing = Tuple[Iterable[Service], Mapping[str, Incident], Told, Iterable[HostTold]]
+Healing = Tuple[Iterable[Service], Mapping[str, Incident], MasterState, Iterable[HostState]]
 """The needed services, their open incidents, and how the master and other computers do."""
 
 
@@ -186,7 +188,7 @@ def healing_rows(given: Healing) -> List[DiagnosticStatus]:
     return [*rows, _master_row(master), *map(_host_row, hosts)]
 
 
-def _host_row(host: HostTold) -> DiagnosticStatus:
+def _host_row(host: HostState) -> DiagnosticStatus:
     name = f"host {host.name}"
     if host.silent is None:
         return DiagnosticStatus(level=WARN, name=name, message="its agent was not heard yet")
@@ -204,7 +206,7 @@ def _host_row(host: HostTold) -> DiagnosticStatus:
     return DiagnosticStatus(level=level, name=name, message=text, values=values)
 
 
-def _master_row(master: Told) -> DiagnosticStatus:
+def _master_row(master: MasterState) -> DiagnosticStatus:
     level, text = OK, "it answers"
     if not master.answers:
         level, text = ERROR, "it does not answer; healing goes on, but no new node can come"
@@ -232,7 +234,7 @@ def _healing_row(service: Service, incident: Optional[Incident]) -> DiagnosticSt
 
 
 def refused_row(counts: List[Tuple[str, int]]) -> DiagnosticStatus:
-    """How many messages were refused since the start, of whom, and why."""
+    """Return the row of the messages that were refused since the start, of whom, and why."""
     total = sum(count for _, count in counts)
     return DiagnosticStatus(
         level=WARN if total else OK,

@@ -32,7 +32,7 @@ def log_path(log_file: str) -> str:
 class Incidents:
     """Publishes incidents, logs those that have ended, and lets threads wait for one.
 
-    Who subscribes late is told of those that are open. `log_file`: one JSON line an incident, for
+    A late subscriber is told of those that are open. `log_file`: one JSON line an incident, for
     us alone to read; see log_path.
     """
 

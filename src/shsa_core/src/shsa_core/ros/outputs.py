@@ -91,14 +91,16 @@ class Outputs:
         if publisher is None:
             return  # withdrawn already
         message = self._composed[topic].message(command)
-        if command.only or command.served:
-            wanted = (
-                lambda name: name == command.only if command.only else name not in command.served
-            )
-            connections = connections_of(publisher)
-            send(publisher, message, (each for each in connections if wanted(each.endpoint_id)))
-        else:
+        if not command.only and not command.served:
             publisher.publish(message)
+            return
+        connections = connections_of(publisher)
+        send(publisher, message, [each for each in connections if _goes_to(command, each)])
+
+
+def _goes_to(command: Publish, connection: Any) -> bool:
+    consumer = connection.endpoint_id
+    return bool(consumer == command.only if command.only else consumer not in command.served)
 
 
 class _Composed:

@@ -5,14 +5,14 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
-from shsa_core.monitoring.last_messages import LARGEST_B
+from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.ros.messages.fields import STAMP_END, Decoder, stamp
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.sockets.frames import Wanted
 from shsa_core.ros.sockets.subscriptions import Arrived
 
 ALL = Wanted()
-HEAD = Wanted(LARGEST_B, STAMP_END)
+HEAD = Wanted(LAST_MESSAGE_B, STAMP_END)
 """Nobody judges values: of a message too large to be kept, the stamp is all that is looked at."""
 
 

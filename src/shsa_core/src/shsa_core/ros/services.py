@@ -90,7 +90,7 @@ class Services:
             return srv.FindSubstituteResponse(found=False, detail=str(error))
 
     def _asked_to_act(self, name: str) -> Service:
-        """As _needed, for who may ask. Raises ShsaError."""
+        """Return the same if it may be asked for. Raises ShsaError."""
         if not self._operator:
             raise ShsaError(NO_OPERATOR)
         return self._needed(name)

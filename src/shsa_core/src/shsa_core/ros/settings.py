@@ -12,7 +12,7 @@ REST_S = 0.002
 CLOCK_CHANGE_S = 0.002
 """A change of ROS time beside ours that the monitor is told of at once, and else now and then."""
 LOOP_ANSWER_S = 5.0
-"""So long the thread that does a node's work is given to answer, or to end."""
+"""So long the thread that does a node's work is given to answer, or to end; it may be busy."""
 DIAGNOSTICS_PERIOD_S = 1.0
 """As an aggregator of /diagnostics expects."""
 
@@ -91,25 +91,24 @@ CLOSE_LOG_S = 1.0
 
 # Signs of life.
 TICK_S = 0.05
-"""Between two looks at who is silent, here and on other computers."""
+"""Between two looks for silent processes, here and on other computers."""
 HEARTBEAT_S = 0.1
 """Between two signs of life, of a process and of an agent."""
 SILENT_S = 0.3
-"""Three heartbeats: a takeover does not wait for a process that is silent for longer."""
+"""Three heartbeats: a takeover does not wait for a process that is silent for longer, and what an
+agent has not answered by then is said again."""
 HUNG_S = 1.5
 """A substitute that is silent for so long is ended."""
 STARVED_S = 15.0
 """A process that waits for a processor may be silent for so long: then another one is needed."""
 HUNG_HEALER_S = {"monitor": 3.0, "reconfigurator": 5.0}
 """A healer that is silent for so long is ended by the other; they differ: one of both stays."""
-AT_WORK_S = 0.4
-"""A healer's loop turns more often than this, or is not at work."""
-ANSWER_HOLDS_S = 0.5
-"""So long an answer holds that a heartbeat got; without one nobody is cut off."""
 
 # Processes.
-EXIT_LOOK_S = 0.01
-"""Between two looks whether a process has ended or come up: a hundredth of what starting takes."""
+EXIT_LOOK_S = 0.002
+"""Between two looks whether a process has ended, while somebody waits for that."""
+PROCESS_LOOK_S = 0.02
+"""Between two looks whether any has ended or come up: starting takes many times that."""
 PROCESS_END_S = 2.0
 """So long a process is given to end, once it was asked or killed."""
 EXIT_STATUS_S = 0.1
@@ -117,15 +116,13 @@ EXIT_STATUS_S = 0.1
 FORK_S = 1.0
 """So long a fork is waited for, which takes 10 ms; then a process is started by rosrun."""
 LOOK_S = 1.0
-"""Between two looks at what changes seldom: who has started a node, how busy a computer is."""
+"""Between two looks at what changes seldom: the starter of a node, the load of a computer."""
+RECENT_S = 0.5
+"""So long an answer holds: of the master, who publishes what; of a hearer, that we are cut off."""
 LEARN_PAUSE_S = 0.02
 """After each node that is learned: all of a large robot become healthy in the same moment."""
 GATHER_S = 0.5
 """So long it is waited for more nodes that have come before their launches are looked for."""
-LISTING_AGE_S = 0.4
-"""What the master has listed may be so old when a node is learned, as many are together."""
-MASTER_AGE_S = 10.0
-"""So old may be which process the master is: to look through all connections takes long."""
 
 # Calls, and tries again.
 CALL_S = 0.5
@@ -134,31 +131,23 @@ FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 60.0
 """Between two tries of what fails: the pause doubles each time."""
 
 # Agents on other computers.
-RESEND_S = 0.2
-"""Without an answer for so long, all that is not answered is said again."""
 LOST_S = 1.0
 """An agent that is silent for so long cannot be reached, and its computer is lost."""
 RETURN_S = 4.0
 """An agent that has ended is started again within this time: its computer is there."""
-STOP_S = 3.0
-"""So long at most the end of ROS waits until agents have heard what is to be stopped."""
-START_S = 1.5
-"""So long an agent that is registered is given to tell what runs there."""
+AGENT_ANSWER_S = 3.0
+"""So long agents are given to tell what runs there at our start, and to hear us at our end."""
 
 # The master.
 MASTER_LOOK_S = 0.25
-"""Between two looks which process the master is: a new one is told all within a second."""
+"""Between two looks at the master and at shsa/som: what is new counts within a second."""
 MASTER_PAUSE_S, LONGEST_MASTER_PAUSE_S = 2.0, 10.0
 """Between two looks at where everybody is, and at the parameters: at least, and at most."""
 LOOKING_SHARE = 0.02
 """Of the time at most this much goes into looking: it takes long on a large robot."""
 MASTER_CALL_S = 2.0
 """So long the master is given to answer, as it may be a while on a large robot."""
-BUSY_S = 5.0
-"""So long nodes may only be busy that do not answer a new master: they are asked at every look."""
 HUNG_NODE_S = 600.0
 """So long a node that does not answer is asked what it had registered at the former master."""
 INTRODUCTION_LOOKS_S = (0.3, 1.0, 3.0)
 """After a publisher has come; the master takes 0.1 s, and a connection a moment."""
-SOM_LOOK_S = 0.4
-"""Between two looks at shsa/som: a change counts within a second."""

@@ -237,7 +237,7 @@ class SubstituteNode:
 
     @functools.lru_cache(maxsize=None)
     def _failures(self) -> Callable[[msg.Failure], None]:
-        """Return what publishes its failures; made once, by the thread that may wait for the master."""
+        """Return what publishes its failures; made once, where it may wait for the master."""
         assert self._signing is not None
         sign = self._signing.signer(names.FAILURES, msg.Failure)
         publisher = rospy.Publisher(names.FAILURES, msg.Failure, queue_size=10)

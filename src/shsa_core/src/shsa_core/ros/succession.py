@@ -48,7 +48,7 @@ def take_over(host: LocalHost, elsewhere: Collection[str] = ()) -> Heritage:
 
 
 def _registered(host: LocalHost, left: Set[str]) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
-    """Return who else is registered with a substitute's name: ours or dead; others."""
+    """Return the other nodes registered with a substitute's name: ours or dead; strangers."""
     publishers, _, _ = master_api().getSystemState()
     nodes = {node for _, nodes in publishers for node in nodes}
     leftovers: List[str] = []

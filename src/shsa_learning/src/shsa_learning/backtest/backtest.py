@@ -62,7 +62,7 @@ class Trial:
         return math.inf if self.score is None else self.score.charged, self.place
 
 
-class Refused(NamedTuple):
+class NotExecutable(NamedTuple):
     """A derivation of which no program can be made, and why."""
 
     relations: Tuple[str, ...]
@@ -70,7 +70,7 @@ class Refused(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Tested:
+class Ranking:
     """A property as one service measured it, and all that derives it: `trials`, best first.
 
     `chosen`: what healing takes; None if there are no trials. `baseline`: the rms of who always
@@ -82,7 +82,7 @@ class Tested:
     target: Source
     trials: Tuple[Trial, ...]
     chosen: Optional[Trial]
-    refused: Tuple[Refused, ...]
+    refused: Tuple[NotExecutable, ...]
     complete: bool
     baseline: float
     seconds: float
@@ -127,7 +127,7 @@ class Backtest:
             found += [source for source in own if source.service.needed] or own[:1]
         return tuple(found)
 
-    def test(self, target: Source, limit: int, watch: Watch = unwatched) -> Tested:
+    def rank(self, target: Source, limit: int, watch: Watch = unwatched) -> Ranking:
         """Try every derivation of a measured source, `limit` at most, on all recordings of it."""
         stages = self._stages(target)
         sources = self._usable(target)
@@ -150,7 +150,7 @@ class Backtest:
             trials.append(trial)
         chosen = (t for t in trials if planned is not None and t.program == planned.program)
         measured = [stage.measured[np.isfinite(stage.measured)] for stage in stages]
-        return Tested(
+        return Ranking(
             target,
             tuple(sorted(trials, key=lambda trial: trial.rank)),
             next(chosen, None),
@@ -198,16 +198,16 @@ class Backtest:
 
     def _derivations(
         self, target: Source, sources: Sequence[Source], limit: int
-    ) -> Tuple[Dict[Program, Tuple[Derivation, float]], List[Refused], bool]:
+    ) -> Tuple[Dict[Program, Tuple[Derivation, float]], List[NotExecutable], bool]:
         """Yield the derivations of the target with their quality, best first; each program once."""
         found: Dict[Program, Tuple[Derivation, float]] = {}
-        refused: List[Refused] = []
+        refused: List[NotExecutable] = []
         listing = iter_substitutes(self._ontology, sources, target.property)
         for each in islice(listing, limit):
             try:
                 program = program_of(self._ontology, [each.derivation], [target])
             except GenerationError as error:
-                refused.append(Refused(each.derivation.relations(), str(error)))
+                refused.append(NotExecutable(each.derivation.relations(), str(error)))
                 continue
             found.setdefault(program, (each.derivation, each.quality))
         return found, refused, next(listing, None) is None

@@ -10,7 +10,7 @@ from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_learning.cli._explain_pictures import comparison, timeline
-from shsa_learning.explain.heard import Heard, Values, read_published
+from shsa_learning.explain.bag import BagIncidents, Values, read_published
 from shsa_learning.explain.searched import Found, Search, search_again
 from shsa_learning.explain.truth import Truth, compare
 from shsa_learning.explain.words import KINDS, duration, figure, steps, summary, title
@@ -26,14 +26,14 @@ class Record:
 
     def __init__(self, path: str, told: Any, models: Optional[Tuple[Ontology, Som]]) -> None:
         self.path = path
-        self.heard: Optional[Heard] = told if isinstance(told, Heard) else None
+        self.bag: Optional[BagIncidents] = told if isinstance(told, BagIncidents) else None
         self.models = models
         self._recording: Optional[Recording] = None
 
     @property
     def recording(self) -> Recording:
         """The values of the services. Raises ShsaError, with why, if they are not known."""
-        if self.heard is None:
+        if self.bag is None:
             raise ShsaError("the incident log has no values; a rosbag of the run has")
         if self.models is None:
             raise ShsaError("--ontology and --som are not given, which tell what the topics mean")
@@ -105,7 +105,7 @@ def _believed(record: Record, incident: Incident) -> Sequence[str]:
     said = [f"{incident.kind}: {KINDS[incident.kind]}."]
     if incident.evidence:
         said.append(f"What was seen: {_ended(incident.evidence)}")
-    for each in record.heard.evidence(incident) if record.heard is not None else ():
+    for each in record.bag.evidence(incident) if record.bag is not None else ():
         late = duration(each.time - (incident.last_good or incident.detected))
         said.append(
             f"{late} after the last good message /shsa/failures told of {each.publisher}: "

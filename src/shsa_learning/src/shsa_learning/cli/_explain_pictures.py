@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from shsa_core.analysis.incident_log import MOMENTS
 from shsa_core.healing.incident import Incident
-from shsa_learning.explain.heard import Values
+from shsa_learning.explain.bag import Values
 from shsa_learning.explain.truth import Truth
 from shsa_learning.explain.words import STEPS
 

@@ -17,7 +17,7 @@ MEASURED, SAID = "#1f5fa8", "#d1592a"
 def page(learned: Learned, summary: Sequence[str]) -> str:
     """Return the page: what is said of it in words, and the pictures, if anything was fitted."""
     pictures: List[Tuple[str, str]] = []
-    if learned.tested is not None:
+    if learned.validation is not None:
         pictures = [
             ("Measured, and predicted without having seen it", _png(_over_time(learned))),
             ("Predicted by measured", _png(_scatter(learned))),
@@ -34,14 +34,14 @@ def page(learned: Learned, summary: Sequence[str]) -> str:
 
 
 def _over_time(learned: Learned) -> Figure:
-    columns, tested = learned.columns, learned.tested
-    assert columns is not None and tested is not None
+    columns, validation = learned.columns, learned.validation
+    assert columns is not None and validation is not None
     figure = Figure(figsize=(11, 4))
     axes = figure.add_subplot()
     rows = np.arange(len(columns.target))  # recordings follow one another without the time between
     axes.plot(rows, columns.target, color=MEASURED, lw=1, label="measured")
-    axes.plot(rows, tested.predicted, color=SAID, lw=1, label="predicted")
-    for edge in np.flatnonzero(np.diff(tested.block)):
+    axes.plot(rows, validation.predicted, color=SAID, lw=1, label="predicted")
+    for edge in np.flatnonzero(np.diff(validation.block)):
         axes.axvline(edge + 0.5, color="#999999", lw=0.8, ls=":")
     axes.set_xlabel("row")
     axes.set_ylabel(learned.target)
@@ -50,11 +50,11 @@ def _over_time(learned: Learned) -> Figure:
 
 
 def _scatter(learned: Learned) -> Figure:
-    columns, tested = learned.columns, learned.tested
-    assert columns is not None and tested is not None
+    columns, validation = learned.columns, learned.validation
+    assert columns is not None and validation is not None
     figure = Figure(figsize=(5, 5))
     axes = figure.add_subplot()
-    axes.plot(columns.target, tested.predicted, ".", ms=2, color=SAID)
+    axes.plot(columns.target, validation.predicted, ".", ms=2, color=SAID)
     ends = [float(np.min(columns.target)), float(np.max(columns.target))]
     axes.plot(ends, ends, color="#555555", lw=0.8)
     axes.set_xlabel("measured")
@@ -63,19 +63,19 @@ def _scatter(learned: Learned) -> Figure:
 
 
 def _blocks(learned: Learned) -> Figure:
-    columns, tested = learned.columns, learned.tested
-    assert columns is not None and tested is not None
-    numbers = np.unique(tested.block)
+    columns, validation = learned.columns, learned.validation
+    assert columns is not None and validation is not None
+    numbers = np.unique(validation.block)
     figure = Figure(figsize=(8, 3))
     axes = figure.add_subplot()
     for values, shift, colour, label in (
-        (tested.predicted, -0.2, SAID, "model"),
-        (tested.mean, 0.2, "#999999", "mean"),
+        (validation.predicted, -0.2, SAID, "model"),
+        (validation.mean, 0.2, "#999999", "mean"),
     ):
         off = values - columns.target
-        errors = [rms(off[(tested.block == number) & np.isfinite(off)]) for number in numbers]
+        errors = [rms(off[(validation.block == number) & np.isfinite(off)]) for number in numbers]
         axes.bar(numbers + 1 + shift, errors, 0.4, color=colour, label=label)
-    names = [str(choice.recipe) for choice in tested.choices]
+    names = [str(choice.recipe) for choice in validation.choices]
     axes.set_xticks(numbers + 1)
     axes.set_xticklabels([f"{number + 1}\n{name}" for number, name in zip(numbers, names)])
     axes.set_ylabel("RMS error")

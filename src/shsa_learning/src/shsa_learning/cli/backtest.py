@@ -10,7 +10,7 @@ from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 
 if TYPE_CHECKING:
-    from shsa_learning.backtest.backtest import Tested, Trial
+    from shsa_learning.backtest.backtest import Ranking, Trial
 
 SHOWN = 10
 """Derivations in a table; all are in --json."""
@@ -66,11 +66,11 @@ def run(args: argparse.Namespace) -> int:
     missing = [source.path for source in backtest.unrecorded]
     if missing:
         notes.append(f"not recorded, so that nothing is derived from it: {', '.join(missing)}")
-    tested: "List[Tested]" = []
+    rankings: "List[Ranking]" = []
     for target in backtest.targets(args.property):
-        tested.append(backtest.test(target, args.limit, _watch))
-    tried = [each for each in tested if each.best is not None]
-    if not tested:
+        rankings.append(backtest.rank(target, args.limit, _watch))
+    tried = [each for each in rankings if each.best is not None]
+    if not rankings:
         what = "nothing that the SOM provides was"
         if args.property is not None:
             what = f"{args.property} was not"
@@ -78,12 +78,12 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         document = {
             "data": [each.name for each in recordings],
-            "properties": [_document(each) for each in tested],
+            "properties": [_document(each) for each in rankings],
             "notes": notes,
         }
         print(json.dumps(_plain(document), indent=2, allow_nan=False))
     else:
-        for each in tested:
+        for each in rankings:
             _print(each, ontology)
         for note in notes:
             say(f"Note: {note}.")
@@ -111,28 +111,28 @@ def _watch(work: Iterable[Any], total: int, what: str) -> Iterable[Any]:
     return shown
 
 
-def _document(tested: "Tested") -> Dict[str, Any]:
+def _document(ranking: "Ranking") -> Dict[str, Any]:
     """Return all that was found of a property, for programs."""
-    target = tested.target
+    target = ranking.target
     return {
         "property": target.property,
         "service": target.service.name,
         "output": target.path,
-        "baseline": tested.baseline,
-        "seconds": tested.seconds,
-        "points": tested.points,
-        "derivations": [_trial(each) for each in tested.trials],
-        "refused": [each._asdict() for each in tested.refused],
-        "complete": tested.complete,
-        "chosen": _place(tested, tested.chosen),
-        "best": _place(tested, tested.best),
-        "rank_correlation": {"predicted": tested.by_prediction, "quality": tested.by_quality},
+        "baseline": ranking.baseline,
+        "seconds": ranking.seconds,
+        "points": ranking.points,
+        "derivations": [_trial(each) for each in ranking.trials],
+        "refused": [each._asdict() for each in ranking.refused],
+        "complete": ranking.complete,
+        "chosen": _place(ranking, ranking.chosen),
+        "best": _place(ranking, ranking.best),
+        "rank_correlation": {"predicted": ranking.by_prediction, "quality": ranking.by_quality},
     }
 
 
-def _place(tested: "Tested", trial: "Optional[Trial]") -> Optional[int]:
+def _place(ranking: "Ranking", trial: "Optional[Trial]") -> Optional[int]:
     """Return the place of a trial among the derivations, from 0."""
-    return tested.trials.index(trial) if trial is not None else None
+    return ranking.trials.index(trial) if trial is not None else None
 
 
 def _trial(trial: "Trial") -> Dict[str, Any]:
@@ -165,42 +165,42 @@ def _figures(error: Optional[Error]) -> Optional[Dict[str, Any]]:
     return {name: getattr(error, name) for name in names}
 
 
-def _print(tested: "Tested", ontology: Ontology) -> None:
+def _print(ranking: "Ranking", ontology: Ontology) -> None:
     """Print the trials of a property as a table, and what follows from them."""
     from shsa_core.cli._common import Table, show
 
-    target = tested.target
+    target = ranking.target
     unit = _unit(target.property, ontology)
     title = (
         f"{target.property} of {target.service.name} ({target.path}): "
-        f"{tested.points} values in {tested.seconds:.0f} s. Who says their mean errs "
-        f"{tested.baseline:.3g}{unit}"
+        f"{ranking.points} values in {ranking.seconds:.0f} s. Who says their mean errs "
+        f"{ranking.baseline:.3g}{unit}"
     )
     columns = (
         *("", "by", "from", f"error{unit}", "bias", "95 %", "late, s", "worst 60 s"),
         *("output, %", "predicted", "quality"),
     )
-    numbered = list(enumerate(tested.trials, 1))
-    shown = [(n, each) for n, each in numbered if n <= SHOWN or each is tested.chosen]
+    numbered = list(enumerate(ranking.trials, 1))
+    shown = [(n, each) for n, each in numbered if n <= SHOWN or each is ranking.chosen]
     rows = [_row(number, trial) for number, trial in shown]
     show(Table(title, columns, rows, "nothing derives it from what was recorded."))
     more = len(numbered) - len(shown)
     if more > 0:
         say(f"and {more} more; --json has all")
-    if not tested.complete:
+    if not ranking.complete:
         say("There are more derivations than were tried; see --limit.")
-    for refused in tested.refused[:SHOWN]:
+    for refused in ranking.refused[:SHOWN]:
         say(f"Not executable: {', '.join(refused.relations)}: {refused.why}")
-    if tested.best is None:
+    if ranking.best is None:
         say()
         return
-    chosen, best = tested.chosen or tested.best, tested.best
+    chosen, best = ranking.chosen or ranking.best, ranking.best
     if chosen is best:
         say(f"Healing would choose the best: {_by(best)}, which errs {_error(best)}{unit}.")
     else:
         say(f"Healing would choose {_by(chosen)}, which errs {_error(chosen)}{unit}.")
         say(f"It should choose {_by(best)}, which errs {_error(best)}{unit}.")
-    told = (("its prediction", tested.by_prediction), ("1 - quality", tested.by_quality))
+    told = (("its prediction", ranking.by_prediction), ("1 - quality", ranking.by_quality))
     ranks = [f"{value:+.2f} with {what}" for what, value in told if value is not None]
     if ranks:
         say(f"Rank correlation of the error: {', '.join(ranks)}.")

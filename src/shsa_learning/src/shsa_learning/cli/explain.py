@@ -85,7 +85,7 @@ def _is_bag(path: str) -> bool:
 def _read(path: str, bag: bool) -> Any:
     if not bag:
         return read_log(path)
-    from shsa_learning.explain.heard import read_healing
+    from shsa_learning.explain.bag import read_healing
 
     return read_healing(path)
 

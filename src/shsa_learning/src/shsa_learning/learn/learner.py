@@ -17,9 +17,9 @@ from shsa_learning.learn.rows import Data
 from shsa_learning.learn.selection import (
     Candidates,
     Choice,
-    Tested,
+    CrossValidation,
     errors_of,
-    test,
+    cross_validate,
 )
 from shsa_learning.learn.table import Table
 from shsa_learning.learn.written import constraint, law_of, rounded
@@ -73,9 +73,8 @@ class Learned:
     """The outcome: a model with its error on rows that it had not seen, or why there is none.
 
     `error` in the unit of the property; `span`: of the target, largest minus smallest value;
-    `worst`: the RMS error in the worst block. `columns` and `tested`: what was predicted, for who
-    wants to see it. `left_out`: inputs, and why. The rest is None where
-    the data alone is refused.
+    `worst`: the RMS error in the worst block. `columns`, `validation`: the data and predictions,
+    for pictures. `left_out`: inputs, and why. The rest is None where the data alone is refused.
     """
 
     target: str
@@ -87,7 +86,7 @@ class Learned:
     worst: float = math.nan
     blocks: int = 0
     columns: Optional[Columns] = None
-    tested: Optional[Tested] = None
+    validation: Optional[CrossValidation] = None
 
     @property
     def accepted(self) -> bool:
@@ -145,14 +144,14 @@ class _Learner:
     ) -> Learned:
         """Return the outcome, told by what was predicted without having been seen."""
         columns, table = self._columns, self._table
-        tested = test(self._candidates, step)
+        validation = cross_validate(self._candidates, step)
         choice = self._candidates.choose(np.arange(len(columns.rows)))
-        step(1.0 / (len(tested.choices) + 1))
-        off = tested.predicted - columns.target
+        step(1.0 / (len(validation.choices) + 1))
+        off = validation.predicted - columns.target
         told = np.isfinite(off)
-        off, block = off[told], tested.block[told]
-        mean_off = (tested.mean - columns.target)[told]
-        model, reasons = self._model(choice, rms(off), tested.block)
+        off, block = off[told], validation.block[told]
+        mean_off = (validation.mean - columns.target)[told]
+        model, reasons = self._model(choice, rms(off), validation.block)
         errors = errors_of(self._candidates, choice, self._seed)
         said = model.predict(table)
         delay = delay_of(said, table.target, table.period)
@@ -169,9 +168,9 @@ class _Learner:
             error,
             float(np.ptp(columns.target)),
             refusal.worst_block(off, block),
-            len(tested.choices),
+            len(validation.choices),
             columns,
-            tested,
+            validation,
         )
 
     def _model(self, choice: Choice, off: float, block: np.ndarray) -> Tuple[Model, List[str]]:

@@ -32,7 +32,7 @@ class Choice(NamedTuple):
     rungs: Tuple[Rung, ...]
 
 
-class Tested(NamedTuple):
+class CrossValidation(NamedTuple):
     """Predictions for rows that the models have not seen.
 
     `predicted` and `mean` (of what was learned from) by row, NaN where nothing was said; `block`
@@ -102,7 +102,7 @@ class Candidates:
         return rms(off[told]) if told.mean() > 0.9 else float("inf")
 
 
-def test(candidates: Candidates, step: Callable[[float], object]) -> Tested:
+def cross_validate(candidates: Candidates, step: Callable[[float], object]) -> CrossValidation:
     """Predict each block by what is chosen and fitted without it.
 
     `step` is told the share of the work that is done after each.
@@ -120,7 +120,7 @@ def test(candidates: Candidates, step: Callable[[float], object]) -> Tested:
         block[fold.test] = number
         choices.append(choice)
         step(1.0 / (len(folds) + 1))
-    return Tested(predicted, mean, block, tuple(choices))
+    return CrossValidation(predicted, mean, block, tuple(choices))
 
 
 def errors_of(candidates: Candidates, choice: Choice, seed: int) -> Dict[str, float]:

@@ -75,7 +75,7 @@ class Incident(NamedTuple):
     substitute: str
 
 
-class _Heard:
+class _Messages:
     """The messages of one publisher for one service: stamps, times of recording, values."""
 
     def __init__(self) -> None:
@@ -95,7 +95,7 @@ class _Reader:
         self._substitutes: Set[str] = set()
         self._incidents: List[Incident] = []
         self._fields: Dict[Tuple[str, str, str], Fields] = {}
-        self._heard: Dict[Tuple[str, str], _Heard] = {}  # by service and publisher
+        self._parts: Dict[Tuple[str, str], _Messages] = {}  # by service and publisher
         self._left_out: Dict[str, int] = {}
 
     def read(self) -> Recording:
@@ -140,11 +140,11 @@ class _Reader:
             self._left_out[why] = self._left_out.get(why, 0) + 1
             return
         fields = self._fields_of(service, message)
-        heard = self._heard.setdefault((service.name, publisher), _Heard())
+        part = self._parts.setdefault((service.name, publisher), _Messages())
         stamp = getattr(getattr(message, "header", None), "stamp", None)
-        heard.stamps.append(0.0 if stamp is None else stamp.to_sec())
-        heard.recorded.append(time)
-        heard.rows.append([field_value(message, field) for field in fields])
+        part.stamps.append(0.0 if stamp is None else stamp.to_sec())
+        part.recorded.append(time)
+        part.rows.append([field_value(message, field) for field in fields])
 
     def _doubt(self, topic: str, publisher: str, service: Optional[Service], time: float) -> str:
         """Return why a message is not what a service measured; empty if it is."""
@@ -186,14 +186,14 @@ class _Reader:
         return self._fields[key]
 
     def _has(self, topic: str) -> bool:
-        return any(self._som.services[name].topic == topic for name, _ in self._heard)
+        return any(self._som.services[name].topic == topic for name, _ in self._parts)
 
     def _series(self) -> Tuple[List[Series], List[str]]:
         """Return the series of each service, by its own node where that is in the bag."""
         series: List[Series] = []
         notes: List[str] = []
         for name, service in self._som.services.items():
-            parts = {publisher: h for (of, publisher), h in self._heard.items() if of == name}
+            parts = {publisher: part for (of, publisher), part in self._parts.items() if of == name}
             if service.node in parts:
                 for other in sorted(set(parts) - {service.node}):
                     why = f"{service.topic} by {other or 'nobody'}, which is not {service.node}"
@@ -206,7 +206,7 @@ class _Reader:
         return series, notes
 
 
-def _series_of(service: Service, parts: Sequence[_Heard]) -> Tuple[List[Series], List[str]]:
+def _series_of(service: Service, parts: Sequence[_Messages]) -> Tuple[List[Series], List[str]]:
     """Return the series of the values of a service, and what is to be said of them."""
     stamps = [stamp for part in parts for stamp in part.stamps]
     recorded = [time for part in parts for time in part.recorded]

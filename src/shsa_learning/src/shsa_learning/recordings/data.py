@@ -40,7 +40,7 @@ def read(
     return (*recordings, *_recordings(tables, som or Som(), ontology))
 
 
-class _Table(NamedTuple):
+class _CsvFile(NamedTuple):
     """The series of one CSV file."""
 
     path: str
@@ -62,8 +62,8 @@ def _recordings(
     tables = []
     for path in paths:
         series, notes = read_csv(path)
-        tables.append(_Table(path, series, notes))
-    folders: Dict[str, List[_Table]] = {}
+        tables.append(_CsvFile(path, series, notes))
+    folders: Dict[str, List[_CsvFile]] = {}
     names = [os.path.basename(path) for path in paths]
     apart = len(set(names)) < len(names)
     for table in tables:
@@ -86,9 +86,9 @@ def _recordings(
     return tuple(found)
 
 
-def _overlapping(tables: Sequence[_Table]) -> List[List[_Table]]:
+def _overlapping(tables: Sequence[_CsvFile]) -> List[List[_CsvFile]]:
     """Return the tables in groups that overlap in time, earliest first."""
-    groups: List[List[_Table]] = []
+    groups: List[List[_CsvFile]] = []
     end = 0.0
     for table in sorted(tables, key=lambda each: each.begin):
         if groups and table.begin <= end:

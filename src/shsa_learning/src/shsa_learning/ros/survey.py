@@ -31,7 +31,7 @@ WAITING_B = 32 * 1024 * 1024
 """Bytes of messages that wait to be read; of those beyond, only the time counts."""
 
 
-class Heard(NamedTuple):
+class Arrival(NamedTuple):
     """A message as it came at `time`, monotonic s; `data` is None if it is not to be read."""
 
     topic: str
@@ -45,7 +45,7 @@ class _Inbox:
     """A queue that rospy's threads fill and one thread reads."""
 
     def __init__(self) -> None:
-        self._queue: "queue.Queue[Heard]" = queue.Queue()
+        self._queue: "queue.Queue[Arrival]" = queue.Queue()
         self._waiting, self._lock = 0, threading.Lock()
 
     def put(self, topic: str, message: rospy.AnyMsg) -> None:
@@ -56,18 +56,18 @@ class _Inbox:
                 data = None
             else:
                 self._waiting += size
-        self._queue.put(Heard(topic, now, message._connection_header, size, data))
+        self._queue.put(Arrival(topic, now, message._connection_header, size, data))
 
-    def take(self, seconds: float) -> Optional[Heard]:
+    def take(self, seconds: float) -> Optional[Arrival]:
         """Return the next message; None if none came in time."""
         try:
-            heard = self._queue.get(timeout=max(1e-3, seconds))
+            arrival = self._queue.get(timeout=max(1e-3, seconds))
         except queue.Empty:
             return None
-        if heard.data is not None:
+        if arrival.data is not None:
             with self._lock:
-                self._waiting -= heard.size
-        return heard
+                self._waiting -= arrival.size
+        return arrival
 
 
 class _Graph:
@@ -145,9 +145,9 @@ class _Listening:
         subscribers = [self._subscribe(topic) for topic in group]
         look = time.monotonic() + LOOK_S
         while time.monotonic() < end:
-            heard = self._inbox.take(min(end, look) - time.monotonic())
-            if heard is not None:
-                self._hear(heard)
+            arrival = self._inbox.take(min(end, look) - time.monotonic())
+            if arrival is not None:
+                self._hear(arrival)
             if time.monotonic() >= look:
                 self._graph.look()
                 subscribers += [self._subscribe(t) for t in self._next(AT_ONCE - len(subscribers))]
@@ -156,11 +156,11 @@ class _Listening:
             self._surveyor.stops(subscriber.resolved_name, end)
             subscriber.unregister()
         while True:
-            heard = self._inbox.take(0.0)
-            if heard is None:
+            arrival = self._inbox.take(0.0)
+            if arrival is None:
                 break
-            if heard.time <= end:
-                self._hear(heard)
+            if arrival.time <= end:
+                self._hear(arrival)
 
     def _subscribe(self, topic: str) -> rospy.Subscriber:
         self._begun.add(topic)
@@ -170,14 +170,14 @@ class _Listening:
 
         return subscribe(topic, rospy.AnyMsg, put, LARGEST_B)
 
-    def _hear(self, heard: Heard) -> None:
-        header = heard.header
-        publisher = Publisher(heard.topic, header.get("type", ""), header.get("callerid", ""))
-        if publisher.node not in self._graph.publishers.get(heard.topic, ()):
+    def _hear(self, arrival: Arrival) -> None:
+        header = arrival.header
+        publisher = Publisher(arrival.topic, header.get("type", ""), header.get("callerid", ""))
+        if publisher.node not in self._graph.publishers.get(arrival.topic, ()):
             why = "the master does not list it there"
             self._surveyor.refuse(Refused(*publisher, why))
             return
         reader = self._values.takes(publisher, header.get("md5sum", ""))
         if reader is not None:
-            self._surveyor.heard(publisher, heard.time, header.get("latching") == "1")
-            self._values.read(publisher, reader, heard.size, heard.data)
+            self._surveyor.heard(publisher, arrival.time, header.get("latching") == "1")
+            self._values.read(publisher, reader, arrival.size, arrival.data)

@@ -16,7 +16,7 @@ MAX_BYTES = 1_000_000
 
 
 def load_drive(path: str, loop: bool) -> Drive:
-    """The drive in the file `path`, or the built-in one for an empty path."""
+    """Return the drive in the file `path`, or the built-in one for an empty path."""
     if not path:
         return Drive(SCRIPTED, loop)
     return Drive(parse_drive(read_text(path, MAX_BYTES).splitlines(), path), loop)

@@ -8,7 +8,7 @@ from shsa_core.errors import ModelError
 
 
 def text_parameter(name: str, default: Optional[str] = None) -> str:
-    """The text of the parameter `name`; without a default it must be set."""
+    """Return the text of the parameter `name`; without a default it must be set."""
     value = rospy.get_param(name, default)
     if not isinstance(value, str) or (default is None and not value):
         raise ModelError(rospy.resolve_name(name), f"must be set to a text, not {value!r}")
@@ -16,7 +16,7 @@ def text_parameter(name: str, default: Optional[str] = None) -> str:
 
 
 def flag_parameter(name: str, default: bool) -> bool:
-    """The truth value of the parameter `name`."""
+    """Return the truth value of the parameter `name`."""
     value = rospy.get_param(name, default)
     if not isinstance(value, bool):
         raise ModelError(rospy.resolve_name(name), f"must be true or false, not {value!r}")
@@ -24,7 +24,7 @@ def flag_parameter(name: str, default: bool) -> bool:
 
 
 def number_parameter(name: str, default: float, low: float, high: float) -> float:
-    """The number of the parameter `name`, from `low` to `high`."""
+    """Return the number of the parameter `name`, from `low` to `high`."""
     value = rospy.get_param(name, default)
     good = isinstance(value, (int, float)) and not isinstance(value, bool)
     if not good or not math.isfinite(value) or not low <= value <= high:

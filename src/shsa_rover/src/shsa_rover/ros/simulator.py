@@ -25,7 +25,7 @@ LONGEST_BACKLOG_S = 0.5
 
 
 def world_parameters(seed: int) -> World:
-    """The world of the name in `~world`, with what other parameters say of it."""
+    """Return the world of the name in `~world`, with what other parameters say of it."""
     world = named_world(text_parameter("~world", "as_fitted"), seed)
     return replace(
         world,

@@ -1,1 +1,1 @@
-"""Whoever carries out what healing wants done with the processes of one computer."""
+"""Commands to other computers: `routing` sends each to its own, `agent` runs there."""

@@ -171,7 +171,7 @@ class AgentNode:
                 rospy.logerr("Refused a command: %s.", error)
 
     def _tell(self, event: HostEvent) -> None:
-        """Say what has happened; if nobody listens, whoever does later sees what runs."""
+        """Say what has happened; a reconfigurator that listens later sees what runs."""
         now = clock.now()
         with self._lock:
             if self._end.is_open(now):
@@ -186,7 +186,7 @@ class AgentNode:
                     self._say(number, text)
 
     def _say(self, number: int, text: str) -> None:
-        """Publish; whoever calls holds the lock, so that numbers come in order."""
+        """Publish; the caller holds the lock, so that numbers come in order."""
         if self._publisher is None:
             return
         now = clock.now()
@@ -198,8 +198,8 @@ class AgentNode:
             heard=self._end.line.heard,
             event=text,
             addresses=self._load.addresses,
-            running=self._host.processes.running(),
-            restarted=self._host.restarts.running(),
+            running=self._host.processes.children.running(),
+            restarted=self._host.restarts.children.running(),
             load=self._load.busy,
             cores=self._load.cores,
             received=self._load.received,

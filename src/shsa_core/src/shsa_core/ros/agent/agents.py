@@ -11,7 +11,7 @@ from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, master_api
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.processes.host import HostCommand
-from shsa_core.ros.agent.remote import RemoteHost, TellAny, Told
+from shsa_core.ros.agent.remote import RemoteHost, TellAny, HostState
 from shsa_core.ros.node import publish
 from shsa_core.ros.wire import names
 
@@ -57,7 +57,7 @@ class Agents:
         Waits for the agents that are registered, and for nobody where there are none.
         """
         wanted = self._registered()
-        deadline = clock.now() + settings.START_S
+        deadline = clock.now() + settings.AGENT_ANSWER_S
         while clock.now() < deadline and not all(self._hosts[n].is_reached for n in wanted):
             rospy.rostime.wallsleep(settings.TICK_S / 5)
         with self._lock:
@@ -74,14 +74,14 @@ class Agents:
             other = [name for name, host in self._hosts.items() if place in host.addresses]
         return (first + other + [""])[0]
 
-    def told(self) -> List[Told]:
+    def told(self) -> List[HostState]:
         """Return how each computer does."""
         with self._lock:
             return [host.told() for host in self._hosts.values()]
 
     def await_quiet(self) -> None:
         """Wait until the agents that can be reached have heard everything."""
-        deadline = clock.now() + settings.STOP_S
+        deadline = clock.now() + settings.AGENT_ANSWER_S
         while clock.now() < deadline and not all(h.is_quiet for h in self._hosts.values()):
             rospy.rostime.wallsleep(settings.TICK_S)
 

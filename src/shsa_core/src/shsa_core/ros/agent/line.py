@@ -17,7 +17,7 @@ COMMANDS = Codec(HostCommand, FORMS)
 EVENTS = Codec(HostEvent, FORMS)
 
 
-class Said(NamedTuple):
+class Numbered(NamedTuple):
     """Something that was said, and its number."""
 
     number: int
@@ -31,17 +31,17 @@ class Line:
         self.heard = 0
         """So much of what the other end says has come."""
         self._number = 0
-        self._open: Deque[Said] = deque()
+        self._open: Deque[Numbered] = deque()
         self._again_at = 0.0
         self.since: Optional[float] = None
         """Since when the other end owes an answer; None: it owes none."""
 
-    def say(self, text: str, now: float) -> Said:
+    def say(self, text: str, now: float) -> Numbered:
         """Number what is to be said, and keep it until the other end has heard it."""
         if not self._open:
-            self.since, self._again_at = now, now + settings.RESEND_S
+            self.since, self._again_at = now, now + settings.SILENT_S
         self._number += 1
-        self._open.append(Said(self._number, text))
+        self._open.append(Numbered(self._number, text))
         return self._open[-1]
 
     def hear(self, number: int, heard: int, now: float) -> bool:
@@ -52,17 +52,17 @@ class Line:
         if self._open and heard >= self._open[0].number:
             while self._open and self._open[0].number <= heard:
                 self._open.popleft()
-            self.since, self._again_at = now if self._open else None, now + settings.RESEND_S
+            self.since, self._again_at = now if self._open else None, now + settings.SILENT_S
         if number != self.heard + 1:
             return False
         self.heard = number
         return True
 
-    def again(self, now: float) -> List[Said]:
+    def again(self, now: float) -> List[Numbered]:
         """Return what is to be said again now."""
         if not self._open or now < self._again_at:
             return []
-        self._again_at = now + settings.RESEND_S
+        self._again_at = now + settings.SILENT_S
         return list(self._open)
 
 

@@ -30,7 +30,7 @@ ANSWERS: Mapping[Type[Any], Tuple[Type[Any], ...]] = {
 """Commands that somebody waits for the answer of."""
 
 
-class Told(NamedTuple):
+class HostState(NamedTuple):
     """The state of a computer, for people. `silent`: s since it was heard; None: it never was."""
 
     name: str
@@ -90,13 +90,13 @@ class RemoteHost:
         """True if nothing is under way to the agent, or can be."""
         return not self._reached or self._line.since is None
 
-    def told(self) -> Told:
+    def told(self) -> HostState:
         """Return how the computer does."""
         last = self._last
         if last is None:
-            return Told(self.name, False, None)
+            return HostState(self.name, False, None)
         figures = last.load, last.cores, last.received, last.transmitted
-        return Told(self.name, self._reached, self._clock.passed(self._heard_at), *figures)
+        return HostState(self.name, self._reached, self._clock.passed(self._heard_at), *figures)
 
     def take_up(self) -> Tuple[str, ...]:
         """Want what runs there, and return it; what is found later, and not wanted, is stopped."""
@@ -193,7 +193,7 @@ class RemoteHost:
         self._tell(self._ours(event, now))
 
     def _ours(self, event: HostEvent, now: float) -> HostEvent:
-        """Return an event by our clock; whoever waited for it does not wait any more."""
+        """Return an event by our clock; nothing waits for it any more."""
         for command in [each for each in self._waits if each[1] == event.node]:
             if isinstance(event, ANSWERS[command[0]]):
                 del self._waits[command]
@@ -204,7 +204,7 @@ class RemoteHost:
         return replace(event, time=now)
 
     def _give_up(self, now: float, why: str) -> None:
-        """End the conversation; whoever waits for an answer is told so."""
+        """End the conversation, and answer what still waits."""
         self._reached = False
         self._agent = 0
         self._line = Line()

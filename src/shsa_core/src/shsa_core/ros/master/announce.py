@@ -22,7 +22,7 @@ def announce(topic: str, kind: str) -> None:
     publishers: List[str] = master.registerSubscriber(topic, kind, uri)
     if not _listens(topic):
         master.unregisterSubscriber(topic, uri)
-        if _listens(topic):  # it began meanwhile, and who came since was not told to us
+        if _listens(topic):  # it began meanwhile, and was not told of publishers since
             publishers = master.registerSubscriber(topic, kind, uri)
             subscribers = [*subscribers, uri]
     _tell(subscribers, topic, publishers)
@@ -34,7 +34,7 @@ def _listens(topic: str) -> bool:
 
 
 def remind(topics: Iterable[str], connected: Callable[[str], FrozenSet[str]]) -> None:
-    """Tell those subscribers of `topics` who have not connected to us who publishes each.
+    """Tell the subscribers of `topics` that have not connected to us the publishers of each.
 
     A master that was started anew just after we were may not know us: then we register again.
     Raises one of node_api.FAILURES.

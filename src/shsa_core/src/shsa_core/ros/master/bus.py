@@ -35,7 +35,7 @@ def sent(answer: Answer, topic: str) -> Optional[Sent]:
 
 
 def rate(uri: str, topic: str, seconds: float) -> Optional[float]:
-    """Return how many messages/s a node sends on a topic to whom it sends most; 0: no answer.
+    """Return the messages/s that a node sends to its best-served subscriber; 0: no answer.
 
     None: it cannot be told, as nobody is connected to it. Takes `seconds` and two calls.
     """
@@ -92,7 +92,7 @@ class Originals:
             seen = seen or _Seen(master_api().lookupNode(original), {})
             served = _served(topic, seen.uri)
             if not served <= seen.ends.keys():
-                seen = _Seen(seen.uri, _ends(topic, seen.uri))
+                seen = _Seen(seen.uri, connected(topic, seen.uri))
             consumers = frozenset(seen.ends[each] for each in served if each in seen.ends)
         except (*FAILURES, LookupError, TypeError):
             return None
@@ -101,15 +101,15 @@ class Originals:
 
 
 def _served(topic: str, uri: str) -> FrozenSet[Any]:
-    """Return the numbers of the connections on which something was sent: see `sent`.
-
-    Raises one of FAILURES, LookupError or TypeError.
-    """
+    """Return the numbers of the connections on which something was sent. Raises as `connected`."""
     rows = [row for entry in ask(uri, "getBusStats")[0] if entry[0] == topic for row in entry[-1]]
     return frozenset(row[0] for row in rows if row[2] > 0)
 
 
-def _ends(topic: str, uri: str) -> Dict[Any, str]:
-    """Return who is at the other end of a node's connections, by number. Raises as `_served`."""
+def connected(topic: str, uri: str) -> Dict[Any, str]:
+    """Return who is at the other end of a publisher's connections, by number.
+
+    Raises one of FAILURES, LookupError or TypeError.
+    """
     info = ask(uri, "getBusInfo")
     return {row[0]: str(row[1]) for row in info if row[2] == "o" and row[4] == topic}

@@ -20,9 +20,9 @@ class Publisher(NamedTuple):
 
 
 class Introductions:
-    """Publishers that came a moment ago, and when it is looked who is connected to them.
+    """Publishers that came a moment ago, and when their connections are looked at.
 
-    `first`: the node of whoever asks; it may be the newest of all.
+    `first`: our own node; it may be the newest of all.
     """
 
     def __init__(self, first: str) -> None:
@@ -36,7 +36,7 @@ class Introductions:
         return min((when for when, _ in self._looks), default=inf)
 
     def heed(self, time: float, publishers: FrozenSet[Publisher]) -> None:
-        """Note who publishes now."""
+        """Note the publishers of now."""
         known = self._known
         if known is None:
             known = frozenset(each for each in publishers if each.node != self._first)

@@ -14,6 +14,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.files.som_file import PARAMETER
 from shsa_core.ros import settings
+from shsa_core.ros.master.bus import connected
 from shsa_core.ros.master.introductions import Introductions, Publisher
 from shsa_core.ros.master.master_calls import MasterCalls, State
 from shsa_core.ros.master.node_api import FAILURES, node_api
@@ -34,7 +35,7 @@ LARGEST_PARAMETERS = 4_000_000
 """Characters; of more than that nothing is kept but the SOM."""
 
 
-class Told(NamedTuple):
+class MasterState(NamedTuple):
     """The state of the master and its subscribers, for people.
 
     A new master would be told of `kept` registrations, which were looked up `age` s ago.
@@ -75,11 +76,11 @@ class MasterWatch:
         """See to it that subscribers of these topics hear of each new publisher."""
         self._topics = self._topics | set(topics)
 
-    def told(self) -> Told:
+    def told(self) -> MasterState:
         """Return how things are now."""
         kept = sum(map(len, self._known.parts.values()))
         age = time.monotonic() - self._kept_at
-        return Told(self._answers, tuple(sorted(self._hung)), kept, age)
+        return MasterState(self._answers, tuple(sorted(self._hung)), kept, age)
 
     def _watch(self) -> None:
         while not rospy.is_shutdown():
@@ -117,7 +118,7 @@ class MasterWatch:
             pause = max(settings.MASTER_PAUSE_S, _took(now))
             self._keep_at = now + min(pause, settings.LONGEST_MASTER_PAUSE_S)
         self._look_at = now + min(settings.MASTER_PAUSE_S, _took(now))
-        if waiting and now < self._anew_at + settings.BUSY_S:
+        if waiting and now < self._anew_at + settings.LOOP_ANSWER_S:
             self._look_at = now
 
     # What is known, and what a new master is told of it.
@@ -164,7 +165,7 @@ class MasterWatch:
         return left
 
     def _ask_all(self, nodes: Mapping[str, str]) -> Dict[str, Said]:
-        """Return what nodes say of themselves who answer soon; who has gone is settled too."""
+        """Return what nodes that answer soon say of themselves; one that has gone is settled."""
         said: Dict[str, Said] = {}
         lock, done = threading.Lock(), threading.Semaphore(0)
 
@@ -212,12 +213,10 @@ class MasterWatch:
 
         def work() -> None:
             try:
-                info: Any = node_api(new.uri).getBusInfo(self._me)
-                rows = [row for row in info[2] if row[2:5:2] == ["o", topic]]
-                connected = {str(row[1]) for row in rows}
-            except (*FAILURES, TypeError, IndexError):
-                return  # whoever does not answer gives no connection either
-            for node in subscribers - connected - {new.node}:  # nobody connects to itself
+                served = set(connected(topic, new.uri).values())
+            except (*FAILURES, TypeError, LookupError):
+                return  # a node that does not answer gives no connection either
+            for node in subscribers - served - {new.node}:  # nobody connects to itself
                 if node in uris:
                     self._nodes.put(partial(self._tell, node, uris[node], new, publishers))
 

@@ -1,6 +1,6 @@
 """Calls to a node's own XML-RPC interface, and to the master's.
 
-Whoever answers may be anybody: a call has one deadline from its begin to its end, an answer has a
+Anybody may answer: a call has one deadline from its begin to its end, an answer has a
 largest size, and is looked at before it is used.
 """
 import http.client
@@ -150,8 +150,10 @@ class _Transport(xmlrpc.client.Transport):
             self.close()
 
     def make_connection(self, host):  # type: ignore[no-untyped-def]
-        connection = _Connection(host, self._end, self._limits.largest)
-        connection.connect()
+        connection = http.client.HTTPConnection(host)
+        left = max(1e-3, self._end - time.monotonic())
+        made = socket.create_connection((connection.host, connection.port), left)
+        connection.sock = _Socket(made, self._end, self._limits.largest)
         self.connected = time.monotonic_ns()
         return connection
 
@@ -164,17 +166,6 @@ class _Transport(xmlrpc.client.Transport):
         parser.feed(text)
         parser.close()
         return target.close()
-
-
-class _Connection(http.client.HTTPConnection):
-    def __init__(self, host: str, end: float, largest: int) -> None:
-        super().__init__(host)
-        self._end, self._largest = end, largest
-
-    def connect(self) -> None:
-        left = max(1e-3, self._end - time.monotonic())
-        connected = socket.create_connection((self.host, self.port), left)
-        self.sock = _Socket(connected, self._end, self._largest)
 
 
 class _Socket(socket.socket):

@@ -1,7 +1,7 @@
 """Finds what of its registrations a master that was started anew is told again.
 
 Nothing is made up: what is registered again is what the master said itself, and what the node that
-it said it of says still. Whoever has registered anew meanwhile is left as it is.
+it said it of says still. A node that has registered anew meanwhile is left as it is.
 """
 import re
 from typing import Any, Collection, Dict, FrozenSet, Iterable, List, Mapping, NamedTuple, Set, Tuple
@@ -13,7 +13,7 @@ LONGEST_NAME = 1000
 MOST = 100_000
 """Registrations; a master that tells more than any robot has is not followed."""
 NOT_RESTORED = ("run_id",)
-"""Whoever starts a master gives it a new one, and leaves if another is there."""
+"""A launch gives a new master a new one, and leaves if another is there."""
 
 Pairs = FrozenSet[Tuple[str, str]]
 """Names of topics or services, and the nodes that have registered them."""

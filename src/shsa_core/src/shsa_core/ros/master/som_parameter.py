@@ -98,7 +98,7 @@ class SomWatch:
                 with self._lock:
                     self._heed(value)
             took = (time.monotonic() - begin) / settings.LOOKING_SHARE
-            self._look.wait(max(settings.SOM_LOOK_S, took))
+            self._look.wait(max(settings.MASTER_LOOK_S, took))
 
     def _subscribe(self) -> Optional[object]:
         """Return the value, {} if there is none; from now on the master tells of changes.
@@ -175,7 +175,7 @@ def _ask(question: Callable[[], Any]) -> Optional[Any]:
 
 
 def look_up(paths: Sequence[str]) -> Tuple[Signal, ...]:
-    """Return the signals at paths like `/odom/twist/twist/linear/x`, for who was started by hand.
+    """Return the signals at paths like `/odom/twist/twist/linear/x`, as a person may give them.
 
     By the SOM on the parameter server, else by the master. Raises ShsaError if neither has one of
     them, or the master does not answer. No type is loaded.
@@ -191,7 +191,7 @@ def look_up(paths: Sequence[str]) -> Tuple[Signal, ...]:
 
 
 def _som_signals() -> Dict[str, Signal]:
-    """Return every value of the SOM by its path; whose message it is does not matter."""
+    """Return every value of the SOM by its path, whichever node sends it."""
     value: Optional[object] = rospy.get_param(PARAMETER, None)
     if value is None:
         return {}

@@ -1,9 +1,9 @@
-"""The processes that healing has started or taken up: how they end, and who is told."""
+"""Keeps the processes that healing has started or taken up; ends them, and tells their ends."""
 import os
 import signal
 import threading
 import time
-from typing import Callable, Dict, List, Optional, Protocol, Tuple, Union
+from typing import Callable, Dict, List, Optional, Protocol, Set, Union
 
 import psutil
 import rospy
@@ -13,7 +13,7 @@ from shsa_core.ros.processes import kernel
 
 UNKNOWN = "unknown"
 Status = Union[int, str]
-"""An exit status; UNKNOWN: whoever started the process cannot tell."""
+"""An exit status; UNKNOWN: it is not told."""
 
 
 class Process(Protocol):
@@ -48,33 +48,59 @@ class Foreign:
 
 
 class Children:
-    """Calls `ended(status)`, from its own thread and so briefly, once a watched process ended."""
+    """The processes of ours by the names of their nodes, and one thread that waits for their ends.
 
-    def __init__(self) -> None:
-        self._watched: List[Tuple[Process, Callable[[Status], None]]] = []
+    `ended(node, status)` is called from that thread, and so briefly, once one has ended; None
+    instead of its exit status: it was stopped.
+    """
+
+    def __init__(self, ended: Callable[[str, Optional[Status]], object]) -> None:
+        self._ended = ended
+        self._running: Dict[str, Process] = {}
+        self._stopped: Set[str] = set()
         self._changed = threading.Condition()
         threading.Thread(target=self._watch, name="children", daemon=True).start()
 
-    def watch(self, process: Process, ended: Callable[[Status], None]) -> None:
-        """Call `ended` with the exit status once this process has ended."""
+    def keep(self, node: str, process: Process) -> None:
+        """Take a process for that of a node, and wait for its end."""
         with self._changed:
-            self._watched.append((process, ended))
+            self._running[node] = process
+            self._stopped.discard(node)
             self._changed.notify()
+
+    def process(self, node: str) -> Optional[Process]:
+        """Return the process of a node; None: it does not run."""
+        with self._changed:
+            return self._running.get(node)
+
+    def running(self) -> List[str]:
+        """Return the nodes that run."""
+        with self._changed:
+            return sorted(self._running)
+
+    def stop(self, node: str, answers: bool = True) -> None:
+        """Ask a node to leave, if it can be asked; kill it if it stays; wait for its end."""
+        process = self.process(node)
+        if process is not None:
+            self._stopped.add(node)
+            end(process, answers)
 
     def _watch(self) -> None:
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._watched)
-                polled = [(each, each[0].poll()) for each in self._watched]
-                self._watched = [each for each, status in polled if status is None]
-            for (process, ended), status in polled:
-                if status is None:
-                    continue
+                self._changed.wait_for(lambda: self._running)
+                polled = {node: process.poll() for node, process in self._running.items()}
+                over = {node: status for node, status in polled.items() if status is not None}
+                for node in over:
+                    del self._running[node]
+            for node, status in over.items():
+                stopped = node in self._stopped
+                self._stopped.discard(node)
                 try:
-                    ended(status)
+                    self._ended(node, None if stopped else status)
                 except Exception as error:  # whatever it is, the other processes are waited for
-                    rospy.logerr("The end of process %d: %r", process.pid, error)
-            time.sleep(settings.EXIT_LOOK_S)
+                    rospy.logerr("The end of %s: %r", node, error)
+            time.sleep(settings.PROCESS_LOOK_S)
 
 
 def end(process: Process, answers: bool = True) -> None:

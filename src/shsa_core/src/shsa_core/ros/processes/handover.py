@@ -1,4 +1,4 @@
-"""One healer of a name on a ROS master: who comes second says so and leaves.
+"""Lets one healer of a name run on a ROS master: the second one says so and leaves.
 
 Two nodes of one name would end each other for ever: the master shuts the older one down, and its
 launch starts it again. So it is looked before anything is registered.

@@ -1,9 +1,9 @@
 """Signs of life between healing's processes on one computer, over a socket that is our user's own.
 
 A heartbeat is a datagram, sent by the loop that does the work: a process that hangs sends none. The
-kernel says who has sent it, so nobody can speak for another; neither the ROS master nor a
-connection is needed, and whoever starts anew hears all of them at once. Each is answered by whether
-the reconfigurator is in reach.
+kernel says who has sent it, so nobody can speak for another. Neither the ROS master nor a
+connection is needed, and a hearer that starts anew hears all of them at once. Each is answered by
+whether the reconfigurator is in reach.
 """
 import hashlib
 import os
@@ -25,14 +25,14 @@ LONGEST_B = 300
 LONGEST_PATH_B = 100
 """Of a socket's path; the system takes 107."""
 MONITOR, RECONFIGURATOR = "monitor", "reconfigurator"
-"""Who hears heartbeats."""
+"""The hearers of heartbeats."""
 HOST = "SHSA_HOST"
 """The environment variable of a substitute that an agent has started: the agent's name."""
 IN_REACH, CUT_OFF = b"in reach", b"cut off"
 
 
 def hearer(host: str) -> str:
-    """Return who hears the substitutes of an agent; without one: the reconfigurator."""
+    """Return the hearer of the substitutes of an agent; without one: the reconfigurator."""
     return f"agent {host}" if host else RECONFIGURATOR
 
 
@@ -44,7 +44,7 @@ class Sign(NamedTuple):
 
 
 class Heart:
-    """Sends heartbeats to whoever hears those for `role`; nobody needs to."""
+    """Sends heartbeats to the hearer `role`, if there is one."""
 
     def __init__(self, role: str) -> None:
         self._name = rospy.get_name().encode()
@@ -63,8 +63,8 @@ class Heart:
 
     @property
     def cut_off(self) -> bool:
-        """True if who hears them says that the reconfigurator is out of reach."""
-        return time.monotonic() < self._cut_off + settings.ANSWER_HOLDS_S
+        """True if their hearer says that the reconfigurator is out of reach."""
+        return time.monotonic() < self._cut_off + settings.RECENT_S
 
     @property
     def unheard(self) -> float:
@@ -125,7 +125,7 @@ class Signs:
         return list(self._last)
 
     def forget(self, name: str) -> None:
-        """Forget a node that is gone; whoever comes under its name is another process."""
+        """Forget a node that is gone; the next of its name is another process."""
         self._last.pop(name, None)
 
     def _work(self) -> None:
@@ -171,7 +171,7 @@ def _address(role: str) -> str:
 
 
 def _bind(listener: socket.socket, path: str) -> None:
-    """Hear what is sent to `path`, in the place of who has ended. Raises OSError."""
+    """Hear what is sent to `path`, in the place of a process that has ended. Raises OSError."""
     folder = os.stat(os.path.dirname(path))
     if folder.st_uid != os.geteuid() or folder.st_mode & 0o022:
         raise OSError(f"others can write the folder of {path}")

@@ -1,19 +1,20 @@
 """Asks the kernel about processes: its answers cannot be forged by anybody on the graph.
 
-Who listens at an address, whose process it is, whether it has ended, stopped or waits.
+Which process listens at an address, which user it is of, whether it has ended, stopped or waits.
 """
 import functools
 import os
 import signal
 import socket
 import time
-from typing import Callable, Iterable, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 import psutil
 import rosgraph.network
 
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import BadAnswer, address
+from shsa_core.ros.trust.places import master_place
 
 ANY_ADDRESS = ("0.0.0.0", "::")
 
@@ -71,6 +72,30 @@ def _matching(connections: Iterable[psutil._common.sconn], uri: str) -> List[psu
     ]
 
 
+class Running(NamedTuple):
+    """A process, its command line and its environment."""
+
+    process: psutil.Process
+    words: List[str]
+    variables: Dict[str, str]
+
+
+def robot_processes() -> Iterator[Running]:
+    """Return the processes of our user that use our ROS master, however it is spelled there."""
+    places = {os.environ.get("ROS_MASTER_URI"): master_place()}
+    ours = master_place()
+    for process in psutil.process_iter():
+        try:
+            seen = Running(process, process.cmdline(), process.environ())
+            uri = seen.variables.get("ROS_MASTER_URI")
+            if uri not in places:
+                places[uri] = master_place(seen.variables)
+        except (psutil.Error, ValueError):
+            continue  # it has ended, is somebody else's, or of no master at all
+        if places[uri] == ours and is_ours(process):
+            yield seen
+
+
 def is_ours(process: psutil.Process) -> bool:
     """Return whether a process runs as the user that we run as, and as no other beside."""
     try:
@@ -90,10 +115,15 @@ def user(process: psutil.Process) -> str:
 def _stat(pid: int) -> List[bytes]:
     """Return what /proc/PID/stat says from the third field on; empty: there is no such process."""
     try:
-        with open(f"/proc/{pid}/stat", "rb") as stat:
-            return stat.read().rsplit(b")", 1)[1].split()
+        file = os.open(f"/proc/{pid}/stat", os.O_RDONLY)
     except OSError:
         return []
+    try:
+        return os.read(file, 4096).rsplit(b")", 1)[1].split()
+    except (OSError, IndexError):
+        return []  # it has ended meanwhile
+    finally:
+        os.close(file)
 
 
 def identity(pid: int) -> Identity:
@@ -123,7 +153,9 @@ def never_to_end(process: psutil.Process) -> str:
     """Return why a process is never to be ended, whatever anybody says; empty: it may be."""
     if process.pid == os.getpid():
         return "it is the reconfigurator itself"
-    if process == _master(rosgraph.get_master_uri(), int(time.monotonic() / settings.MASTER_AGE_S)):
+    if process == _master(
+        rosgraph.get_master_uri(), int(time.monotonic() / settings.LONGEST_MASTER_PAUSE_S)
+    ):
         return "it is the master"
     if process.pid in {1, *ancestors(os.getpid())}:
         return "its process has started the reconfigurator"

@@ -12,12 +12,10 @@ import threading
 import time
 from typing import BinaryIO, Dict, Iterator, Optional, Set, Tuple
 
-import psutil
 import rospy
 
 from shsa_core.ros import settings
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.trust.places import master_place
 from shsa_core.ros.workers import Workers
 
 SHUTDOWN = re.compile(rb"\[roslaunch\.pmon\].*ProcessMonitor\.(_post_run|shutdown) ")
@@ -103,21 +101,11 @@ class Launches:
 
 def _processes_of(nodes: Set[str]) -> Iterator[Tuple[str, int]]:
     """Return the processes of our user that roslaunch or rosrun has started as these nodes."""
-    ours = master_place()
-    for process in psutil.process_iter(["cmdline"]):
-        words = process.info["cmdline"] or ()
+    for process, words, variables in kernel.robot_processes():
         name = next((word[len(NAME) :] for word in words if word.startswith(NAME)), "")
-        if not any(node.endswith(f"/{name}") for node in nodes):
-            continue
-        try:
-            environment = process.environ()
-            if master_place(environment) != ours:
-                continue  # another robot's node has the same name
-        except (psutil.Error, ValueError):
-            continue  # it is somebody else's process, or gone, or of no master at all
-        namespace = environment.get("ROS_NAMESPACE", "/")
-        full = f"/{namespace.strip('/')}/{name}".replace("//", "/")
-        if full in nodes:
+        namespace = variables.get("ROS_NAMESPACE", "/").strip("/")
+        full = f"/{namespace}/{name}".replace("//", "/")
+        if name and full in nodes:
             yield full, process.pid
 
 

@@ -16,8 +16,7 @@ from shsa_core.ros.master.node_api import FAILURES
 from shsa_core.ros.processes import ending, kernel
 from shsa_core.ros.processes.heartbeats import Signs
 from shsa_core.ros.processes.host import HostCommand, Tell, not_done
-from shsa_core.ros.processes.nodes import Known, Nodes
-from shsa_core.ros.processes.protection import protection
+from shsa_core.ros.processes.nodes import Known, Nodes, protection
 from shsa_core.ros.processes.restarting import ComingUp, Restarts
 from shsa_core.ros.processes.starting import Processes, Setup
 from shsa_core.ros.processes.watching import Life
@@ -28,7 +27,7 @@ LEARNING = 2
 
 
 class LocalHost:
-    """A Host of this computer; `signs`: who hears the heartbeats of the substitutes."""
+    """A Host of this computer; `signs` has the heartbeats of the substitutes."""
 
     def __init__(self, tell: Tell, signs: Signs, setup: Setup) -> None:
         self._tell = tell
@@ -65,7 +64,9 @@ class LocalHost:
                 events.StartSubstitute: self._start,
                 events.StopSubstitute: self._by(stops, self._stop, True),
                 events.RestartNode: self._restart,
-                events.StopNode: self._by(stops, lambda c: self.restarts.stop(c.node), True),
+                events.StopNode: self._by(
+                    stops, lambda c: self.restarts.children.stop(c.node), True
+                ),
             },
         )
 
@@ -85,9 +86,9 @@ class LocalHost:
 
     def stop_all(self) -> None:
         """Stop the substitutes, and the nodes that would have ended with us; wait for that."""
-        for node in self.processes.running():
+        for node in self.processes.children.running():
             self.carry_out(events.StopSubstitute(node))
-        for node in filter(self.restarts.is_with_us, self.restarts.running()):
+        for node in filter(self.restarts.is_with_us, self.restarts.children.running()):
             self.carry_out(events.StopNode(node))
         self.await_stops()
 
@@ -194,7 +195,7 @@ class LocalHost:
         self._tell(events.SubstituteStarted(clock.now(), command.node, asked))
 
     def _stop(self, command: events.StopSubstitute) -> None:
-        self.processes.stop(command.node, answers=not self._life.is_silent(command.node))
+        self.processes.children.stop(command.node, answers=not self._life.is_silent(command.node))
 
     def _restart(self, command: events.RestartNode) -> None:
         node = command.node

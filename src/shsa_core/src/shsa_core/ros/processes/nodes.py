@@ -4,10 +4,11 @@ A name proves nothing, and neither does an address that the master gives for it:
 both. A process is taken for a node if it listens there by the kernel's word, is of our own user,
 and says itself that it publishes the topic, as the master does.
 """
+import os
 import threading
 import time
 from dataclasses import dataclass, replace
-from typing import Dict, FrozenSet, NamedTuple, Optional, Set
+from typing import Any, Dict, FrozenSet, Iterable, NamedTuple, Optional, Set
 
 import psutil
 import rosgraph
@@ -15,8 +16,13 @@ import rospy
 
 from shsa_core.healing.events import Where
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, master_api, pid, publications
+from shsa_core.ros.master.node_api import FAILURES, master_api, node_api, pid, publications
 from shsa_core.ros.processes import kernel
+
+URIS = "/roslaunch/uris"
+"""Where each roslaunch says how it can be asked."""
+MOST_LAUNCHES = 32
+"""Anybody can write there: no more are asked."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +137,7 @@ class Nodes:
             if why:
                 self._warn(f"{node} can be neither ended for certain nor started again: {why}.")
                 return None
-            listed = self._lists(node, topic, settings.LISTING_AGE_S)
+            listed = self._lists(node, topic, settings.RECENT_S)
             topics = publications(current.uri) if listed else frozenset()
         except FAILURES as error:
             rospy.logdebug("%s is not learned: %s", node, error)
@@ -179,7 +185,7 @@ class Nodes:
     def _lists(self, node: str, topic: str, age: float) -> bool:
         """Return whether the master lists a node as a publisher of a topic, at most `age` s ago.
 
-        Whoever is not listed may have come since: the master is asked again. Raises one of
+        A node that is not listed may have come since: the master is asked again. Raises one of
         FAILURES if it does not answer.
         """
         with self._lock:
@@ -197,7 +203,7 @@ class Nodes:
             rospy.logwarn("%s", text)
 
     def _doubt(self, node: str, topic: str, known: Known) -> Optional[Found]:
-        """Return why this may not be who failed; None: there is no doubt.
+        """Return why this may not be the node that failed; None: there is no doubt.
 
         Raises one of FAILURES if the master does not answer.
         """
@@ -227,3 +233,52 @@ def _stranger(known: Known) -> str:
     if not kernel.is_ours(known.process):
         return f"its process belongs to {kernel.user(known.process)}"
     return kernel.never_to_end(known.process)
+
+
+def protection(node: str, process: psutil.Process, others: Iterable[str]) -> str:
+    """Return why a node is protected whose process `others` share; empty: it is not.
+
+    Asks each roslaunch of this master, and takes as long as they do.
+    """
+    if _is_nodelet_manager(process):
+        return "its process is a nodelet manager"
+    if others:
+        return f"its process is that of {', '.join(sorted(others))} too"
+    if _is_required(node, process.pid):
+        return 'its launch file says required="true"'
+    return ""
+
+
+def _is_nodelet_manager(process: psutil.Process) -> bool:
+    try:
+        words = process.cmdline()
+    except psutil.Error:
+        return False
+    return [os.path.basename(word) for word in words[:2]] == ["nodelet", "manager"]
+
+
+def _is_required(node: str, pid: int) -> bool:
+    """Return whether a roslaunch ends with a node's process."""
+    try:
+        uris = master_api().getParam(URIS)
+    except FAILURES:
+        return False  # no roslaunch has started anything
+    return any(_requires(uri, node, pid) for uri in sorted(_leaves(uris))[:MOST_LAUNCHES])
+
+
+def _requires(uri: str, node: str, pid: int) -> bool:
+    roslaunch: Any = node_api(uri)
+    try:
+        _, _, (alive, _) = roslaunch.list_processes()
+        # roslaunch calls the process of /name `name-3`: the third that it has started.
+        mine = [name for name, _ in alive if "/" + name.rsplit("-", 1)[0].strip("/") == node]
+        infos = [roslaunch.process_info(name)[2] for name in mine]
+        return any(info.get("pid") == pid and info.get("required") for info in infos)
+    except (*FAILURES, ValueError, TypeError, AttributeError, LookupError):
+        return False  # it has ended, or is none
+
+
+def _leaves(tree: Any) -> Set[str]:
+    if isinstance(tree, dict):
+        return {leaf for each in tree.values() for leaf in _leaves(each)}
+    return {tree} if isinstance(tree, str) else set()

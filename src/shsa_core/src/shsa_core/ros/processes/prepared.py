@@ -1,8 +1,8 @@
 """A prepared process: it has imported what a substitute needs, and forks one whenever it is told.
 
-It has one thread and no ROS node. Its standard input is a socket to who started it; it ends with
+It has one thread and no ROS node. Its standard input is a socket to its parent; it ends with
 that. Each order comes with a connection of its own, on which the fork says that it is there and
-waits for leave to begin: who is given none ends, so that no order is carried out twice.
+waits for leave to begin: without leave it ends, so that no order is carried out twice.
 """
 import array
 import gc
@@ -139,7 +139,7 @@ def _begin(order: Dict[str, Any], connection: socket.socket) -> None:
 def _rename(words: List[str]) -> None:
     """Show these words as our command line, the last one first: that is the name of the node.
 
-    By them others know us once who has forked us is gone. Raises OSError if they do not fit.
+    By them others know us once our parent is gone. Raises OSError if they do not fit.
     """
     with open("/proc/self/stat", "rb") as stat:
         start, end = (int(each) for each in stat.read().rsplit(b")", 1)[1].split()[45:47])

@@ -17,12 +17,19 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.processes.children import Children, Foreign, Process, end
-from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity, is_ours
-from shsa_core.ros.trust.places import master_place
+from shsa_core.ros.processes.children import Children, Foreign, Process
+from shsa_core.ros.processes.kernel import (
+    NOBODY,
+    Identity,
+    ended,
+    gone,
+    identity,
+    is_ours,
+    robot_processes,
+)
 
 MARK = "SHSA_RESTARTED"
-"""The environment variable of a node that was started again: by whom, its name, who started it."""
+"""The environment variable of a node that healing restarted: whose it is, its name, its starter."""
 
 
 def may_restart(as_root: bool) -> bool:
@@ -49,24 +56,23 @@ class _Start:
     folder: str
     environment: Dict[str, str]
     starter: Identity
-    """Who started it first; NOBODY: nobody waits for it."""
+    """The process that started it first; NOBODY: none waits for it."""
 
 
 class Restarts:
     """Learns from the process of each healthy node how it was started.
 
-    `starter_ended(node)` is called once whoever started a node first has ended, while the node that
-    was started again still runs. `host`: the name of the agent that we are part of.
+    `starter_ended(node)` is called once the process that started a node first has ended, while the
+    restarted node still runs. `host`: the name of the agent that we are part of.
     """
 
     def __init__(self, starter_ended: Callable[[str], None], host: str = "") -> None:
         self._starter_ended = starter_ended
         self._owner = f"{rospy.get_namespace()} {host}"
         self._starts: Dict[str, _Start] = {}
-        self._running: Dict[str, Process] = {}
         self._told: Set[str] = set()
         self._lock = threading.Lock()
-        self._children = Children()
+        self.children = Children(lambda node, status: None)
         threading.Thread(target=self._watch_starters, name="starters", daemon=True).start()
 
     def learn(self, node: str, process: psutil.Process) -> None:
@@ -82,14 +88,14 @@ class Restarts:
             return
         if gone(process) or not is_ours(process):
             return  # another one has its number by now
+        ours = self.children.process(node)
         with self._lock:
-            ours = self._running.get(node)
             if ours is not None and ours.pid == process.pid:
                 start = replace(start, starter=self._starts[node].starter)  # we started it
             self._starts[node] = start
 
     def started_again(self, node: str) -> Optional[psutil.Process]:
-        """Return the process that whoever started a node has started with the same command.
+        """Return the process that a node's starter has started with the same command.
 
         None: there is none of our user, or that cannot be told.
         """
@@ -109,22 +115,19 @@ class Restarts:
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has started again; return the nodes.
 
-        How such a node is started is learned while it is healthy; it keeps who started it first.
+        How such a node is started is learned while it is healthy; it keeps its first starter.
         """
-        master = master_place()
         taken = []
-        for process in psutil.process_iter():
+        for process, _, variables in robot_processes():
             try:
-                variables = process.environ() if os.getsid(process.pid) == process.pid else {}
-                owner, node, *first = json.loads(variables.get(MARK, "[0, 0]"))
-                if owner != self._owner or master_place(variables) != master:
-                    continue
-                number, since = first
-                start = _Start([], "", {}, (int(number), float(since)))
-            except (psutil.Error, OSError, ValueError, TypeError):
-                continue  # it has ended, or is somebody else's
-            if is_ours(process) and not gone(process):
-                self._keep(node, Foreign(process.pid), start)
+                owner, node, number, since = json.loads(variables.get(MARK, "[0, 0, 0, 0]"))
+                first = int(number), float(since)
+                # What the node itself has started has the mark as well.
+                is_node = owner == self._owner and os.getsid(process.pid) == process.pid
+            except (OSError, ValueError, TypeError):
+                continue
+            if is_node and not gone(process):
+                self._keep(node, Foreign(process.pid), _Start([], "", {}, first))
                 taken.append(node)
         return taken
 
@@ -149,49 +152,31 @@ class Restarts:
         return psutil.Process(process.pid)
 
     def is_with_us(self, node: str) -> bool:
-        """Return whether whoever started a node first has started us too."""
+        """Return whether the process that started a node first has started us too."""
         with self._lock:
             start = self._starts.get(node)
         return start is not None and start.starter == identity(os.getppid())
 
-    def running(self) -> List[str]:
-        """Return the nodes that were started again, and run."""
-        with self._lock:
-            return sorted(self._running)
-
     def left_alone(self) -> List[str]:
         """Return the nodes that were started again and still run, and whose starter has ended."""
+        running = self.children.running()
         with self._lock:
-            starters = {node: self._starts[node].starter for node in self._running}
+            starters = {node: self._starts[node].starter for node in running}
         return [node for node, first in starters.items() if first != NOBODY and ended(first)]
-
-    def stop(self, node: str) -> None:
-        """End a node that was started again, and wait until it is gone."""
-        with self._lock:
-            process = self._running.get(node)
-        if process is not None:
-            end(process)
 
     def _keep(self, node: str, process: Process, start: _Start) -> None:
         with self._lock:
-            self._starts[node], self._running[node] = start, process
+            self._starts[node] = start
             self._told.discard(node)
-        self._children.watch(process, lambda _: self._over(node, process))
+        self.children.keep(node, process)
 
     def _watch_starters(self) -> None:
         while not rospy.is_shutdown():
             rospy.rostime.wallsleep(settings.LOOK_S)
             for node in self.left_alone():
-                with self._lock:
-                    if node in self._told or node not in self._running:
-                        continue
+                if node not in self._told:
                     self._told.add(node)
-                self._starter_ended(node)
-
-    def _over(self, node: str, process: Process) -> None:
-        with self._lock:
-            if self._running.get(node) is process:
-                del self._running[node]
+                    self._starter_ended(node)
 
 
 class ComingUp:
@@ -236,7 +221,7 @@ class ComingUp:
                 for node in nodes:
                     self._ask(node)
                 ask_at = time.monotonic() + settings.TICK_S
-            time.sleep(settings.EXIT_LOOK_S)
+            time.sleep(settings.PROCESS_LOOK_S)
 
     def _ask(self, node: str) -> None:
         uri, known = _address(node), self._addresses.get(node)

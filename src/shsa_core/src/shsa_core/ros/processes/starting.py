@@ -4,20 +4,18 @@ import os
 import resource
 import shutil
 import subprocess
-import threading
-from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set
+from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
 
 import psutil
 from roslib.packages import find_node, get_pkg_dir
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
-from shsa_core.ros.processes.children import Children, Foreign, Process, Status, end
+from shsa_core.ros.processes.children import Children, Foreign, Process, Status
 from shsa_core.ros.processes.forking import Forking
 from shsa_core.ros.processes.heartbeats import HOST
-from shsa_core.ros.processes.kernel import is_ours
+from shsa_core.ros.processes.kernel import is_ours, robot_processes
 from shsa_core.ros.trust import secret
-from shsa_core.ros.trust.places import master_place
 from shsa_core.substitution import signals
 
 PACKAGE = "shsa_core"
@@ -74,8 +72,8 @@ class Processes:
     """Starts and stops substitutes.
 
     `ended(node, detail)` is called whenever a process has ended that nobody stopped;
-    `cleared(node)` after each end, to clear what the node left registered. Neither may wait. Who
-    comes later takes the journal of one that has ended, so that there are never many.
+    `cleared(node)` after each end, to clear what the node left registered. Neither may wait. A
+    new process takes the journal of one that has ended, so that there are never many.
     """
 
     def __init__(
@@ -85,10 +83,7 @@ class Processes:
         self._setup = setup
         self._wrapper = wrapper(setup.sandbox)
         self._slots: Dict[str, int] = {}
-        self._running: Dict[str, Process] = {}
-        self._stopped: Set[str] = set()
-        self._lock = threading.Lock()
-        self._children = Children()
+        self.children = Children(self._over)
         found = {name: _find(name) for name in ("substitute", "standby")}
         self._files = {os.path.realpath(path) for paths in found.values() for path in paths}
         folder = get_pkg_dir(PACKAGE)
@@ -148,21 +143,14 @@ class Processes:
         """
         namespace, start = self._setup.prefix.rsplit("/", 1)
         found: Dict[str, psutil.Process] = {}
-        master = master_place()
-        for process in psutil.process_iter():
-            try:
-                words = process.cmdline()
-                name = next((w[8:] for w in words[2:] if w.startswith("__name:=" + start)), "")
-                if not name:
-                    continue
-                node, variables = f"{namespace}/{name}", process.environ()
-                here = master_place(variables) == master
-            except (psutil.Error, ValueError):
-                continue  # it has ended, is somebody else's, or of no master at all
+        for process, words, variables in robot_processes():
+            name = next((w[8:] for w in words[2:] if w.startswith("__name:=" + start)), "")
+            node = f"{namespace}/{name}"
             same = variables.get("ROS_NAMESPACE", "/").rstrip("/") == namespace
             same = same and variables.get(HOST, "") == self._setup.host
-            if here and same and node not in self._running and self.runs_ours(node, process):
-                found[node] = process
+            if name and same and self.children.process(node) is None:
+                if self.runs_ours(node, process):
+                    found[node] = process
         return found
 
     def runs_ours(self, node: str, process: psutil.Process) -> bool:
@@ -176,39 +164,19 @@ class Processes:
         name = "__name:=" + node.rsplit("/", 1)[1]
         return name in words and any(os.path.realpath(w) in self._files for w in words[:2])
 
-    def running(self) -> List[str]:
-        """Return the substitutes that run."""
-        with self._lock:
-            return sorted(self._running)
-
-    def stop(self, node: str, answers: bool = True) -> None:
-        """Ask a substitute to leave, if it can be asked; kill it if it stays; wait for its end."""
-        with self._lock:
-            process = self._running.get(node)
-            if process is None:
-                return
-            self._stopped.add(node)
-        end(process, answers)
-
     def _keep(self, node: str, process: Process, slot: int) -> None:
-        with self._lock:
-            self._running[node] = process
-            self._slots[node] = slot
-        self._children.watch(process, lambda status: self._over(node, status))
+        self._slots[node] = slot
+        self.children.keep(node, process)
 
-    def _over(self, node: str, status: Status) -> None:
-        with self._lock:
-            del self._running[node], self._slots[node]
-            planned = node in self._stopped
-            self._stopped.discard(node)
-        if not planned:
+    def _over(self, node: str, status: Optional[Status]) -> None:
+        del self._slots[node]
+        if status is not None:
             self._ended(node, f"exit status {status}")
         self._cleared(node)
 
     def _free_slot(self) -> int:
         """Return the smallest number that no running process has."""
-        with self._lock:
-            taken = set(self._slots.values())
+        taken = list(self._slots.values())
         return next(number for number in itertools.count(1) if number not in taken)
 
     def _environment(self, namespace: str) -> Dict[str, str]:

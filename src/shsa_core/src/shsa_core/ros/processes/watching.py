@@ -98,13 +98,13 @@ class Life:
 class Companion:
     """Watches the other healer by its heartbeats, and sends ours.
 
-    A launch starts again who died, not who hangs. So a healer that hangs is named, and ended if a
+    A launch restarts a healer that died, not one that hangs. That is named, and ended if a
     launch starts it again: its heartbeats come with its process number from the kernel, so nobody
-    is ended for another. Both never end each other: who ends must itself be at work, and so it is
+    is ended for another. They never end each other: the one that ends must be at work, and so it is
     heard; and the monitor waits longer than the reconfigurator.
 
     Args:
-        role: what the other one is: its node's name, and who hears our heartbeats.
+        role: the other one: its node's name, and the hearer of our heartbeats.
         signs: what was heard for us.
     """
 
@@ -116,7 +116,7 @@ class Companion:
         self._beaten = time.monotonic()
         self._known: Optional[kernel.Identity] = None
         patience = settings.HUNG_HEALER_S[role]
-        at_work = lambda: time.monotonic() - self._beaten < settings.AT_WORK_S
+        at_work = lambda: time.monotonic() - self._beaten < settings.SILENT_S
         quiet: Told = lambda name: None
         Life(signs, self._name.__eq__, quiet, self._hangs, self._hear, patience, at_work)
 

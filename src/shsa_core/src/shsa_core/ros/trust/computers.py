@@ -15,7 +15,7 @@ DRIFT = 500e-6
 """More than two clocks drift apart: quartzes have up to 100e-6, what corrects them adds as much."""
 TRIES = 3
 PAUSE_NS = 1_000_000_000
-"""Between two times that somebody who did not prove anything is asked."""
+"""Between two questions to a node that has not proved anything."""
 RENEW_NS = 60_000_000_000
 OLD_NS = RENEW_NS // 2
 SAMPLES = 3
@@ -51,7 +51,7 @@ Ask = Callable[[str], Met]
 """Asks the node of a name; raises NoAnswer, or ShsaError if what it answers is no proof."""
 
 
-class Seen(NamedTuple):
+class OtherComputer(NamedTuple):
     """A computer as people want to see it; times in s."""
 
     host: str
@@ -75,7 +75,7 @@ class Computer:
         self.is_doubted = False
         """Its clock is not where it can be: it must be asked again."""
         self.sender = self.speaker = ""
-        """Who has proved it, and whose message was the last."""
+        """The nodes that have proved it, and sent the last message."""
         self.due = 0
         self.met: Optional[Met] = None
         """How it proved itself; None: it is ours."""
@@ -117,8 +117,8 @@ class Computer:
 class Computers:
     """Those that are known, by what their messages name as `boot`. From any thread.
 
-    Who asks a node waits for it, in the thread that reads that node's connection: what comes after
-    it waits in the socket, so that nothing is lost, nothing is overtaken, and nothing piles up.
+    A question waits for its answer, in the thread that reads that node's connection: what comes
+    after it waits in the socket, so that nothing is lost, overtaken, or piles up.
     """
 
     def __init__(self, own: bytes, ask: Ask, clock: Clock = time.monotonic_ns) -> None:
@@ -137,8 +137,8 @@ class Computers:
     def refusal(self, boot: bytes, sender: str) -> str:
         """Have the node `sender` prove that it runs in that boot. Waits for the answer.
 
-        Why it is not believed; empty: it is. Who does not answer is asked again, once in PAUSE_NS
-        at most.
+        Return why it is not believed; empty: it is. One that is silent is asked again, once in
+        PAUSE_NS at most.
         """
         if self.find(boot) is not None:
             return ""
@@ -162,7 +162,7 @@ class Computers:
         computer.speaker = sender
         return computer.ours(sent)
 
-    def seen(self) -> List[Seen]:
+    def seen(self) -> List[OtherComputer]:
         """Every other computer that is known: of each address the newest boot."""
         now = self._clock()
         with self._lock:
@@ -221,6 +221,8 @@ def _round_trip(met: Met) -> int:
     return met.answered - met.asked
 
 
-def _seen(met: Met, now: int) -> Seen:
+def _seen(met: Met, now: int) -> OtherComputer:
     trip = _round_trip(met) / 1e9
-    return Seen(met.host, met.address, met.ahead / 1e9, trip / 2, trip, (now - met.answered) / 1e9)
+    return OtherComputer(
+        met.host, met.address, met.ahead / 1e9, trip / 2, trip, (now - met.answered) / 1e9
+    )

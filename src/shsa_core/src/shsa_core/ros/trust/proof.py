@@ -1,8 +1,8 @@
 """Has a node on another computer prove that it holds our secret, and tell its clocks.
 
-Who is asked gets a nonce that nobody has seen before. The proof is text, signed together with the
-nonce; it is read only if the signature is right. The question is one more call of a node's own
-XML-RPC interface: no socket, port or thread is needed for it.
+The node that is asked gets a nonce that nobody has seen before. The proof is text, signed together
+with the nonce; it is read only if the signature is right. The question is one more call of a node's
+own XML-RPC interface: no socket, port or thread is needed for it.
 """
 import hmac
 import json

@@ -50,11 +50,11 @@ class Seal:
         return hmac.compare_digest(data[-SIGNATURE_B:], self.signature(data[:-SIGNATURE_B]))
 
 
-class Gate:
+class Verifier:
     """Tells one reader of a topic what to refuse. `clock`: ns, of this computer.
 
     Nothing that was sent before the reader began can be meant for it, and no message comes twice:
-    whoever repeats what healing said is refused. From any thread.
+    a repetition of what healing said is refused. From any thread.
     """
 
     def __init__(self, secret: bytes, topic: str, find: Find, clock: Callable[[], int]) -> None:

@@ -68,7 +68,7 @@ def _refused(path: str, wrong: str, allowed: str) -> ShsaError:
 
 
 def _make(path: str) -> None:
-    """Make the file, whole at once: whoever sees it can read it."""
+    """Make the file, whole at once: it is never seen in part."""
     folder = os.path.dirname(path) or "."
     os.makedirs(folder, 0o700, exist_ok=True)
     part = f"{path}.{secrets.token_hex(8)}"

@@ -30,7 +30,7 @@ from shsa_core.ros.trust.seal import (
     TWICE,
     UNPROVEN,
     UNSIGNED,
-    Gate,
+    Verifier,
     Seal,
 )
 
@@ -93,10 +93,10 @@ class Signing:
     ) -> Type[genpy.Message]:
         """Return a message class like `kind` for one reader: nothing refused is decoded.
 
-        Its messages have `refusal`; empty: none. `unsigned`: who signs nothing is believed too.
+        Its messages have `refusal`; empty: none. `unsigned`: what is not signed is believed too.
         """
         find = self.computers.find
-        gate = Gate(self._secret, rospy.resolve_name(topic), find, time.monotonic_ns)
+        verifier = Verifier(self._secret, rospy.resolve_name(topic), find, time.monotonic_ns)
 
         class Checked(kind):  # type: ignore[misc,valid-type]
             """A message that is checked."""
@@ -108,7 +108,7 @@ class Signing:
                 """Read the message if its signature is right."""
                 if unsigned and data.endswith(UNSIGNED):
                     return super().deserialize(data)
-                self.refusal = gate.refusal(data)
+                self.refusal = verifier.refusal(data)
                 if self.refusal:
                     self.data = data if self.refusal == UNPROVEN else b""
                     return self

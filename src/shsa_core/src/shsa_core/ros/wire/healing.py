@@ -16,6 +16,7 @@ from shsa_core.model.calibration import Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.calibration import SOURCE
+from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.monitoring.events import CalibrationRow, PublisherHealth, PublisherState
 from shsa_core.ros import clock
 from shsa_core.ros.wire.rows import p95_of, rms_of
@@ -31,30 +32,28 @@ MOMENTS = (
     "returned",
     "ended",
 )
-LARGEST_MESSAGE_B = 65536
-"""A larger one does not travel from the monitor to a substitute."""
 
 
 def failure_seen(failure: msg.Failure) -> events.FailureSeen:
     """Return the event of a message on /shsa/failures. Raises ShsaError if it is none."""
     detected = failure.header.stamp
     told = detected if failure.told.is_zero() else failure.told
-    stamps = _stamps_of(failure, told)
+    theirs = _clock_of(failure, told)
     return events.FailureSeen(
-        time=stamps.at(detected) or clock.now(),
+        time=theirs.at(detected) or clock.now(),
         service=failure.service,
         topic=failure.topic,
         publisher=failure.publisher,
         kind=_kind(failure.kind) or Kind.OTHER,
         detail=shown(failure.detail),
-        last_good=stamps.at(failure.last_good),
+        last_good=theirs.at(failure.last_good),
         last_message=last_message(bytes(failure.last_message)),
     )
 
 
 def last_message(message: bytes) -> bytes:
     """Return a message from outside as it may travel in a table; empty if it is too large."""
-    return message if len(message) <= LARGEST_MESSAGE_B else b""
+    return message if len(message) <= LAST_MESSAGE_B else b""
 
 
 def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> events.HealthSeen:
@@ -62,10 +61,10 @@ def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> event
 
     `host`: the computer whose monitor sent it.
     """
-    stamps = _stamps_of(health, health.header.stamp)
+    theirs = _clock_of(health, health.header.stamp)
     return events.HealthSeen(
         time=clock.now(),
-        rows=tuple(_publisher_health(row, stamps) for row in health.publishers),
+        rows=tuple(_publisher_health(row, theirs) for row in health.publishers),
         removed=tuple(_key(key) for key in health.removed),
         whole=health.whole,
         anew=anew,
@@ -104,7 +103,7 @@ def _calibration_key(text: str) -> Tuple[str, Program]:
         raise ShsaError(f"{text!a} names no calibration: {error}") from error
 
 
-def _publisher_health(row: msg.PublisherHealth, stamps: clock.Stamps) -> PublisherHealth:
+def _publisher_health(row: msg.PublisherHealth, theirs: clock.SenderClock) -> PublisherHealth:
     try:
         state = PublisherState(row.state)
     except ValueError as error:
@@ -115,9 +114,9 @@ def _publisher_health(row: msg.PublisherHealth, stamps: clock.Stamps) -> Publish
         topic=row.topic,
         publisher=row.publisher,
         state=state,
-        since=stamps.at(row.since) or 0.0,
-        first_message=stamps.at(row.first_message),
-        last_good=stamps.at(row.last_good),
+        since=theirs.at(row.since) or 0.0,
+        first_message=theirs.at(row.first_message),
+        last_good=theirs.at(row.last_good),
         kind=_kind(row.kind),
         detail=shown(row.detail),
         service=row.service,
@@ -125,9 +124,9 @@ def _publisher_health(row: msg.PublisherHealth, stamps: clock.Stamps) -> Publish
     )
 
 
-def _stamps_of(message: Any, told: rospy.Time) -> clock.Stamps:
-    """Return the stamps of a message sent at `told` by them; signed ones know when that was."""
-    return clock.stamps(told, getattr(message, "sent_here", 0))
+def _clock_of(message: Any, told: rospy.Time) -> clock.SenderClock:
+    """Return the clock by which a message was sent at `told`; signed ones know when that was."""
+    return clock.sender_clock(told, getattr(message, "sent_here", 0))
 
 
 def _key(text: str) -> Tuple[str, str]:

@@ -7,7 +7,6 @@ from shsa_msgs import msg
 from std_msgs.msg import Header
 
 from shsa_core.codegen.generator import Program
-from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import (
@@ -21,14 +20,8 @@ from shsa_core.monitoring.events import (
 from shsa_core.ros import clock
 
 
-def failure_of(row: PublisherHealth) -> FailureDetected:
-    """Return the failure that the row of a failed publisher tells of."""
-    whom, why = (row.service, row.topic, row.publisher), (row.kind or Kind.OTHER, row.detail)
-    return FailureDetected(row.since, *whom, *why, row.last_good)
-
-
-def failure_message(failure: FailureDetected, last_message: bytes) -> msg.Failure:
-    """Return the trigger on shsa/failures."""
+def failure_message(failure: FailureDetected) -> msg.Failure:
+    """Return what people are told on shsa/failures."""
     return msg.Failure(
         header=Header(stamp=clock.to_stamp(failure.time)),
         service=failure.service,
@@ -38,7 +31,6 @@ def failure_message(failure: FailureDetected, last_message: bytes) -> msg.Failur
         detail=failure.detail,
         told=rospy.Time.now(),
         last_good=clock.to_stamp(failure.last_good),
-        last_message=last_message,
     )
 
 

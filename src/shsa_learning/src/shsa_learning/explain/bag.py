@@ -29,7 +29,7 @@ class Failure(NamedTuple):
     detail: str
 
 
-class Heard(NamedTuple):
+class BagIncidents(NamedTuple):
     """The incidents and failures in a bag, and notes on what could not be read."""
 
     incidents: Tuple[Incident, ...]
@@ -46,7 +46,7 @@ class Heard(NamedTuple):
         )
 
 
-def read_healing(path: str) -> Heard:
+def read_healing(path: str) -> BagIncidents:
     """Read the incidents and failures in a rosbag. Raises ModelError if it cannot be read."""
     told: List[Incident] = []
     failures: List[Failure] = []
@@ -65,7 +65,7 @@ def read_healing(path: str) -> Heard:
                 told.append(of_message(message))
             except ModelError as error:
                 notes.append(str(error))
-    return Heard(newest(told), tuple(failures), tuple(dict.fromkeys(notes)))
+    return BagIncidents(newest(told), tuple(failures), tuple(dict.fromkeys(notes)))
 
 
 def read_published(path: str, incident: Incident) -> Dict[str, Values]:

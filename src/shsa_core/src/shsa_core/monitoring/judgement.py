@@ -1,0 +1,121 @@
+"""Judges a publisher by its messages, and by its silence."""
+from typing import Optional
+
+from shsa_core.model.checks import Checks, IntruderSample
+from shsa_core.model.kinds import Kind
+from shsa_core.monitoring.alibis import decide
+from shsa_core.monitoring.board import FAILED, UNKNOWN, Board
+from shsa_core.monitoring.comparisons import Comparisons
+from shsa_core.monitoring.events import Message
+from shsa_core.monitoring.evidence import Finding, judge
+from shsa_core.monitoring.probation import Trials
+from shsa_core.monitoring.publishers import Publisher, WatchedTopic
+from shsa_core.monitoring.surroundings import Surroundings
+
+
+class Judgement:
+    """Asks all who know something of a publisher, and tells the board. Times in s."""
+
+    def __init__(
+        self,
+        board: Board,
+        around: Surroundings,
+        trials: Trials,
+        comparisons: Optional[Comparisons],
+    ) -> None:
+        self._board, self._around = board, around
+        self._trials, self._comparisons = trials, comparisons
+
+    def message(
+        self, topic: WatchedTopic, publisher: Publisher, event: Message, previous: Optional[float]
+    ) -> bool:
+        """Judge a message, the one before came at `previous`; tell if it is good."""
+        good = self._is_good(topic, publisher, event)
+        if good:
+            self._heard_good(topic, publisher, event.time, previous)
+        else:
+            publisher.good_in_a_row = 0
+        return good
+
+    def silence(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
+        """Excuse or blame who is silent for longer than it is allowed."""
+        alibi = decide(self._around.silence(publisher))
+        if alibi is not None:
+            publisher.excused_until = alibi.until
+            self._board.excuse(topic, publisher, alibi.why)
+            return
+        silence = time - (publisher.last_message or 0.0)
+        detail = f"no message for {silence:.3f} s, {publisher.allowed:.3f} s are allowed"
+        if publisher.learned is not None:
+            detail = f"{detail}, {publisher.learned.told()}"
+        self._board.fail(topic, publisher, time, Kind.SILENT, detail)
+        publisher.begin_anew()
+
+    def _is_good(self, topic: WatchedTopic, publisher: Publisher, event: Message) -> bool:
+        """Fail the publisher if this is one bad message too many; tell if it is good."""
+        good, failure = True, None
+        probation = self._trials.of(topic, publisher.watched)
+        seen = probation.for_kept(event) if probation else event
+        if publisher.evidence is not None:
+            good, failure = publisher.evidence.weigh(seen, publisher.state is FAILED)
+            alibi = self._alibi(publisher, failure, event.time) if failure is not None else ""
+            if alibi:
+                good, failure = True, None
+            if alibi or (good and publisher.detail and publisher.kind is None):
+                self._board.excuse(topic, publisher, alibi)
+        if probation is not None:
+            good = self._trials.weigh(topic, publisher, probation, event, good)
+        comparisons, time, compared = self._comparisons, event.time, None
+        if comparisons is not None:
+            compared = comparisons.compare(publisher, seen, good)
+            if compared is not None and compared.finding is not None and good:
+                good, failure = False, compared.finding
+        intrusion = self._intrusion(topic, publisher, time)
+        if intrusion is not None:
+            good, failure = False, intrusion
+        quiet = publisher.kind in (Kind.SILENT, Kind.NEVER_PUBLISHED)
+        if failure is not None and (publisher.state is not FAILED or quiet):
+            self._board.fail(topic, publisher, time, failure.kind, failure.detail)
+        if comparisons is not None and compared is not None:
+            comparisons.learn(publisher, compared, time, good)
+        return good
+
+    def _alibi(self, publisher: Publisher, failure: Finding, time: float) -> str:
+        """Return why a publisher is not blamed for being slow; empty: it is."""
+        if failure.kind is not Kind.RATE_LOW or not publisher.is_healthy:
+            return ""
+        alibi = decide(self._around.rate(publisher, time))
+        return alibi.why if alibi else ""
+
+    def _heard_good(
+        self, topic: WatchedTopic, publisher: Publisher, time: float, previous: Optional[float]
+    ) -> None:
+        publisher.last_good = time
+        if publisher.state is UNKNOWN:
+            self._board.become_healthy(topic, publisher, time)
+        elif publisher.state is FAILED:
+            steady = previous is not None and time - previous <= publisher.allowed
+            publisher.good_in_a_row = publisher.good_in_a_row + 1 if steady else 1
+            evidence = publisher.evidence
+            needed = Checks.recovery if evidence is None else evidence.recovery
+            if publisher.good_in_a_row >= needed:
+                publisher.forgive()
+                self._board.become_healthy(topic, publisher, time)
+
+    def _intrusion(
+        self, topic: WatchedTopic, publisher: Publisher, time: float
+    ) -> Optional[Finding]:
+        """Return what is held against a publisher that nobody names beside a healthy one."""
+        board = self._board
+        if not topic.intruder_checks or board.is_named(topic, publisher):
+            return None
+        if publisher.kind is Kind.UNKNOWN_PUBLISHER:
+            return Finding(publisher.kind, publisher.detail)
+        rightful = tuple(p.name for p in topic.healthy() if board.is_named(topic, p))
+        if not rightful:
+            publisher.intruding_since = None
+            return None
+        if publisher.intruding_since is None:
+            publisher.intruding_since = time
+        sample = IntruderSample(time - publisher.intruding_since, rightful)
+        return judge(topic.intruder_checks, sample)
