@@ -237,7 +237,7 @@ def test_the_command_line(tmp_path: pathlib.Path, capsys: Any) -> None:
     assert capsys.readouterr().out.endswith("\nvalid: 0 errors, 3 warnings\n")
     assert main(["check", str(bad)]) == 1
     printed = capsys.readouterr().out
-    assert f"{bad}:15: error: r for v: there is no function 'sine'" in printed
+    assert f"{bad}:15: error: r for v: function: there is no function 'sine'" in printed
     assert printed.endswith("\nnot valid: 1 errors, 0 warnings\n")
     assert main(["check", str(bad), "--json"]) == 1
     report = json.loads(capsys.readouterr().out)

@@ -16,14 +16,13 @@ from shsa_core.language.memory import (
     Memory,
     delay,
     derivative,
-    elapsed,
     integral,
     lowpass,
     previous,
 )
 from shsa_testing.thorough import many
 
-ALL = [elapsed, previous, derivative, integral]
+ALL = [previous, derivative, integral]
 NAN = math.nan
 
 # Periods with jitter: the time between two samples, always within the gap that is allowed.
@@ -100,7 +99,7 @@ def test_values_of_the_mathematics() -> None:
     }
 
 
-@pytest.mark.parametrize("make", [elapsed, previous, derivative])
+@pytest.mark.parametrize("make", [previous, derivative])
 def test_there_is_no_value_at_the_first_sample(make: Callable[..., Memory]) -> None:
     memory = make()
     assert math.isnan(memory(1.0, 100.0))
@@ -152,16 +151,15 @@ def test_lowpass_follows_a_step_exactly_under_jitter(
 
 @exhaustive
 @given(st.lists(st.tuples(values, st.floats(min_value=1e-3, max_value=0.5)), min_size=2))
-def test_previous_and_dt_tell_the_sample_before(samples: List[Tuple[float, float]]) -> None:
-    before, since = previous(), elapsed()
-    now, last_value, last_time = 50.0, None, None
+def test_previous_tells_the_sample_before(samples: List[Tuple[float, float]]) -> None:
+    before = previous()
+    now, last_value = 50.0, None
     for value, step in samples:
         if last_value is not None:
             assert before(value, now) == last_value
-            assert since(0.0, now) == now - last_time
         else:
-            assert math.isnan(before(value, now)) and math.isnan(since(0.0, now))
-        last_value, last_time = value, now
+            assert math.isnan(before(value, now))
+        last_value = value
         now += step
 
 
@@ -176,7 +174,7 @@ def test_integral_does_not_depend_on_how_often_it_is_sampled(value: float, parts
     assert result == pytest.approx(whole(value, 1.0), rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("make", [elapsed, previous, derivative])
+@pytest.mark.parametrize("make", [previous, derivative])
 def test_after_a_gap_it_starts_anew(make: Callable[..., Memory]) -> None:
     memory = make(max_gap=0.5)
     memory(1.0, 0.0)

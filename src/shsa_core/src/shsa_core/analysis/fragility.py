@@ -2,8 +2,11 @@
 from contextlib import contextmanager
 from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Set, Tuple
 
+import networkx as nx
+
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
+from shsa_core.search.ratings import dependents
 
 AS_IT_IS = 1
 """The bit of what is lost already, whatever else fails; each bit above it stands for one cause."""
@@ -38,7 +41,10 @@ class Fragility:
                 self._functions.setdefault(network.outputs[f], []).append(network.inputs[f])
                 for input_ in network.inputs[f]:
                     self._users.setdefault(input_, set()).add(network.outputs[f])
-        self._order = self._inputs_first(range(len(network.names)))
+        # In this order most inputs stand before what is derived from them.
+        nodes = nx.dfs_postorder_nodes(ontology.graph.reverse())
+        named = [network.number(node) for node in nodes if isinstance(node, str)]
+        self._order = [*named, *range(len(named), len(network.names))]
         everything = (AS_IT_IS << (len(self.causes) + 1)) - 1
         self._lost = dict.fromkeys(self._order, everything)
         self._everything = everything
@@ -73,13 +79,7 @@ class Fragility:
     def after(self, failed: Iterable[str]) -> Dict[int, int]:
         """Map each property's number to its bits once some causes have failed."""
         causes = tuple(failed)
-        stack = [number for cause in causes for number in self._measures[cause]]
-        touched = set(stack)
-        while stack:
-            for output in self._users.get(stack.pop(), ()):
-                if output not in touched:
-                    touched.add(output)
-                    stack.append(output)
+        touched = dependents(self._users, (n for cause in causes for n in self._measures[cause]))
         lost = self._lost.copy()
         lost.update(dict.fromkeys(touched, self._everything))
         order = [number for number in self._order if number in touched]
@@ -102,7 +102,8 @@ class Fragility:
 
     def ancestors(self, names: Iterable[str]) -> List[str]:
         """Return some properties and all that they can be derived from, in order of the network."""
-        found = set(self._inputs_first([self._number(name) for name in names]))
+        inputs = {n: [i for each in of for i in each] for n, of in self._functions.items()}
+        found = dependents(inputs, map(self._number, names))
         return [name for number, name in enumerate(self._names) if number in found]
 
     def bit(self, *causes: str) -> int:
@@ -146,19 +147,3 @@ class Fragility:
                 needed |= lost[input_]
             bits &= needed
         return bits
-
-    def _inputs_first(self, numbers: Iterable[int]) -> List[int]:
-        """Order properties so that most inputs stand before what is derived from them."""
-        done: Set[int] = set()
-        order = []
-        stack = list(numbers)
-        while stack:
-            number = stack.pop()
-            if number < 0:
-                order.append(~number)
-            elif number not in done:
-                done.add(number)
-                stack.append(~number)
-                for inputs in self._functions.get(number, ()):
-                    stack.extend(input_ for input_ in inputs if input_ not in done)
-        return order

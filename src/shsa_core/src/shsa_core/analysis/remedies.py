@@ -15,7 +15,7 @@ each may touch: some seconds.
 Remedy = Tuple[str, Optional[str]]
 """A property, and the input of a new relation for it; None: a new sensor."""
 Fatal = Tuple[int, int]
-"""How many causes must not fail, and how many pairs; 0 pairs where they were not counted."""
+"""The numbers of causes and of pairs that must not fail; 0 pairs where they were not counted."""
 
 
 class Found(NamedTuple):

@@ -8,7 +8,7 @@ from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_c
 from shsa_core.codegen.rewriting import Fill, Inline
 from shsa_core.errors import CodeError
 from shsa_core.language.functions import ELAPSED, STATEFUL, namespace, power
-from shsa_core.language.memory import MAX_GAP_S, Memory, elapsed, integral
+from shsa_core.language.memory import MAX_GAP_S, Memory, integral, previous
 from shsa_core.language.trees import name_nodes
 
 INTEGRAL = "integral"
@@ -89,7 +89,7 @@ class _Compiler:
             for n in ast.walk(tree)
         )
         if uses_time:
-            lines.append(f"  {ELAPSED} = {self._remember(elapsed(self._max_gap))}(0.0, now)")
+            lines.append(f"  {ELAPSED} = now - {self._remember(previous(self._max_gap))}(now, now)")
         for relation in code.relations:
             lines += ["  " + line for line in self._relation(relation)]
         lines.append(f"  if {_finite(code.outputs)}: return ({', '.join(code.outputs)},)")

@@ -1,1 +1,1 @@
-"""What a machine heard, line by line in a file, and the same decisions made again."""
+"""Records the events of a machine in a file, and makes the same decisions again."""

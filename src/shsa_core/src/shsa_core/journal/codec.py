@@ -57,7 +57,7 @@ class _Refused(Exception):
 
 
 class _Coder(NamedTuple):
-    """How one type is written and read; `kinds` are the sorts of JSON values that it has."""
+    """The functions that write and read one type; `kinds` are the sorts of its JSON values."""
 
     kinds: FrozenSet[str]
     encode: Callable[[Any], Any]

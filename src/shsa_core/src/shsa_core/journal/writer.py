@@ -4,7 +4,7 @@ import stat
 import threading
 from collections import deque
 from datetime import datetime, timezone
-from typing import Any, Callable, Deque, List, Mapping, Optional, Sequence, Union
+from typing import Any, Callable, Deque, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 from shsa_core.journal.lines import ANSWER, DIGEST, END, HEADER, START, VERSION, digest, write_line
 from shsa_core.journal.machines import MachineKind, machine_kind
@@ -155,13 +155,10 @@ class JournalWriter:
         return write_line({HEADER: VERSION, "machine": name, "begun": begun, "setup": arguments})
 
 
-class _Said:
+class _Said(NamedTuple):
     """A machine's answer to an event."""
 
-    __slots__ = ("commands",)
-
-    def __init__(self, commands: Sequence[Any]) -> None:
-        self.commands = commands
+    commands: Tuple[Any, ...]
 
 
 def _keep_former(path: str) -> None:

@@ -53,7 +53,7 @@ class Condition(Expression):
 
 @dataclass(frozen=True)
 class Law:
-    """How a relation computes a number: an expression, and named `steps` before it.
+    """The function of a relation: an expression, and named `steps` before it.
 
     A step may use the steps before it. `compose` makes a law that is valid.
     """

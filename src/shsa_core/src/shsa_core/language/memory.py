@@ -20,23 +20,6 @@ function: a call inside would double its cost.
 """
 
 
-def elapsed(max_gap: float = MAX_GAP_S) -> Memory:
-    """Make `dt`: seconds since the last evaluation; its argument is not used."""
-    last = result = NO_VALUE
-
-    def sample(value: float, now: float) -> float:
-        nonlocal last, result
-        if value - value != 0.0:
-            return NO_VALUE
-        passed = now - last
-        if passed != 0.0:
-            result = passed if 0.0 < passed <= max_gap else NO_VALUE
-            last = now
-        return result
-
-    return sample
-
-
 def previous(max_gap: float = MAX_GAP_S) -> Memory:
     """Make `previous(x)`: the sample before."""
     last = before = result = NO_VALUE

@@ -9,18 +9,16 @@ class Settings:
     """The monitor's settings.
 
     `startup_grace`: s until a service that has never been there has failed.
-    `deadline`: periods without a message after which a publisher is silent.
-    `minimum_deadline`: s; the least silence that it is blamed for by that.
+    `minimum_deadline`: s; the least silence that a publisher is blamed for by its period.
     """
 
     startup_grace: float = 15.0
-    deadline: float = Deadlines.periods
     minimum_deadline: float = Deadlines.minimum
 
     @property
     def deadlines(self) -> Deadlines:
         """The silence that services are allowed."""
-        return Deadlines(self.deadline, self.minimum_deadline)
+        return Deadlines(minimum=self.minimum_deadline)
 
 
 # Alibis. Times in s.

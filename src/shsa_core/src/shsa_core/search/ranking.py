@@ -5,6 +5,7 @@ from one found before in one input alone, by one place (L. Huang, D. Chiang: Bet
 IWPT 2005). Where properties depend on one another, an input's derivations are those that keep off
 the path that leads to it.
 """
+from dataclasses import dataclass
 from functools import partial
 from heapq import heapify, heappop, heappush
 from typing import Callable, Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence, Tuple
@@ -22,20 +23,14 @@ Rate = Callable[[Sequence[Rated]], Rated]
 """Make a derivation of derivations of its inputs."""
 
 
+@dataclass(eq=False)
 class Candidate:
     """A derivation from a source, or what `rate` makes of those at `places` of its inputs."""
 
-    def __init__(
-        self,
-        rated: Rated,
-        rate: Optional[Rate] = None,
-        inputs: Sequence["Ranked"] = (),
-        places: Tuple[int, ...] = (),
-    ) -> None:
-        self.rated = rated
-        self.rate = rate
-        self.inputs = inputs
-        self.places = places
+    rated: Rated
+    rate: Optional[Rate] = None
+    inputs: Sequence["Ranked"] = ()
+    places: Tuple[int, ...] = ()
 
     def __lt__(self, other: "Candidate") -> bool:
         if self.rated.key != other.rated.key:
