@@ -1,4 +1,4 @@
-"""Which derivation is best where errors are known."""
+"""Where errors are known, the derivation of the smallest is the best."""
 from dataclasses import replace
 from itertools import islice
 from typing import Any, List, Sequence, Tuple

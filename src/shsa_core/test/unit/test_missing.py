@@ -1,4 +1,4 @@
-"""What is missing: enough to derive what is lost, named in linear time; messages stay short."""
+"""The missing properties are enough to derive what is lost; messages stay short."""
 from random import Random
 from typing import List, Sequence
 
