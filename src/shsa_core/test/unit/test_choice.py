@@ -1,4 +1,4 @@
-"""Where errors are known, the derivation of the smallest is the best."""
+"""The choice of a derivation where errors are known."""
 from dataclasses import replace
 from itertools import islice
 from typing import Any, List, Sequence, Tuple

@@ -1,4 +1,4 @@
-"""The missing properties are enough to derive what is lost; messages stay short."""
+"""Missing properties: enough to derive what is lost, in linear time; messages stay short."""
 from random import Random
 from typing import List, Sequence
 

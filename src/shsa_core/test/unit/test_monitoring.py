@@ -319,7 +319,7 @@ def test_a_tick_before_the_deadline_is_nothing(bench: Bench) -> None:
 
 
 def test_the_deadlines_come_from_the_settings() -> None:
-    bench = Bench(settings=Settings(deadline=10.0, minimum_deadline=0.3))
+    bench = Bench(settings=Settings(minimum_deadline=0.3))
     bench.connect()
     bench.stream(60)
     bench.wait(0.29)

@@ -1,4 +1,4 @@
-"""Records outlive a process, and are refused if they cannot be ours."""
+"""Records that outlive a process: written, read again, refused if they cannot be ours."""
 import os
 from pathlib import Path
 from typing import Callable, List

@@ -114,6 +114,13 @@ class Health:
             return None
         return self.failure(row)
 
+    def goes_on(self, row: PublisherHealth) -> bool:
+        """Return true if a row has another message for a failure that is known."""
+        before = self.row(row.key)
+        if before is None or before.state is not FAILED or row.state is not FAILED:
+            return False
+        return bool(row.last_message) and row.last_message != before.last_message
+
     @staticmethod
     def failure(row: PublisherHealth) -> FailureSeen:
         """Return the failure that a row tells of."""

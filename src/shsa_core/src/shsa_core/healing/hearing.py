@@ -107,7 +107,12 @@ def health_seen(core: "Reconfigurator", event: HealthSeen) -> List[Command]:
     """Take over what a monitor tells, and have those decide whom it concerns."""
     if event.whole:
         core.asked.set(core.robot.computers.name(event.host), None)
-    return _changed(core, *core.robot.health.heed(event))
+    health = core.robot.health
+    going_on = [health.failure(row) for row in event.rows if health.goes_on(row)]
+    commands = _changed(core, *health.heed(event))
+    for failure in going_on:
+        commands += failed(core, failure, told=False)
+    return commands
 
 
 def _changed(

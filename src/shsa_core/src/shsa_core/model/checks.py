@@ -295,24 +295,24 @@ BY_VALUE = tuple(
 
 def default_checks(
     of_values: bool,
-    tells_of_nothing: bool = False,
+    is_distance: bool = False,
     asked: Mapping[str, Optional[Limit]] = MappingProxyType({}),
 ) -> Tuple[Check, ...]:
     """Return the checks of a value, or of a message, by default and as `asked`; None: off.
 
-    `tells_of_nothing`: the value need not be a number, see `field.tells_of_nothing`.
+    `is_distance`: the value need not be a number, see `model.field`.
     """
     limits = [
-        (each, asked.get(name, default_limit(name, tells_of_nothing)))
+        (each, asked.get(name, default_limit(name, is_distance)))
         for name, each in REGISTRY.items()
         if (each.sample in OF_VALUE) is of_values
     ]
     return tuple(each(limit) for each, limit in limits if limit is not None)
 
 
-def default_limit(kind: str, tells_of_nothing: bool = False) -> Optional[Limit]:
+def default_limit(kind: str, is_distance: bool = False) -> Optional[Limit]:
     """Return the limit of a check where the SOM says nothing; None: it is off."""
-    if tells_of_nothing and kind in OFF_FOR_DISTANCES:
+    if is_distance and kind in OFF_FOR_DISTANCES:
         return None
     return REGISTRY[str(kind)].default
 

@@ -17,7 +17,7 @@ from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS
-from shsa_core.monitoring.stamps import Stamps
+from shsa_core.monitoring.stamps import StampAges
 from shsa_core.monitoring.stillness import Run, Stillness
 
 
@@ -139,7 +139,7 @@ class Evidence:
         self.properties = tuple(each.property for each in checked)
         self._values = [_Value(provision, learned) for provision in checked]
         self._stamp_checks = _of(checks.each, StampSample)
-        self._stamps = Stamps(None if learned is None else service.period)
+        self._stamps = StampAges(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
         self._period = service.period or 0.0
         count = max(RATE_MESSAGES, ceil(RATE_SECONDS / self._period)) if self._rate_checks else 0

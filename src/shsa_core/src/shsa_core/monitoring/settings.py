@@ -9,18 +9,16 @@ class Settings:
     """The monitor's settings.
 
     `startup_grace`: s until a service that has never been there has failed.
-    `deadline`: periods without a message after which a publisher is silent.
-    `minimum_deadline`: s; the least silence that it is blamed for by that.
+    `minimum_deadline`: s; the least silence that a publisher is blamed for by its period.
     """
 
     startup_grace: float = 15.0
-    deadline: float = Deadlines.periods
     minimum_deadline: float = Deadlines.minimum
 
     @property
     def deadlines(self) -> Deadlines:
         """The silence that services are allowed."""
-        return Deadlines(self.deadline, self.minimum_deadline)
+        return Deadlines(minimum=self.minimum_deadline)
 
 
 # Alibis. Times in s.
@@ -151,8 +149,8 @@ SEARCH_S = 0.5
 """Between two searches for a plan: on a robot of 500 services one takes 50 ms."""
 EVALUATIONS_PER_S = 2000.0
 """Of all programs together: what is beyond that is not followed."""
-REFRESH_S, REFRESHES_PER_S = 1.0, 100.0
-"""Between two looks at what a program has learned; and so many of all programs in a second."""
+REFRESH_S = 2.0
+"""Between two looks at what a program has learned: one takes 60 us."""
 GAP_PERIODS = 5.0
 """A program that remembers forgets after a gap of so many periods of its service."""
 TOLD_SHARE = 0.1

@@ -13,7 +13,7 @@ from shsa_core.monitoring import settings
 from shsa_core.monitoring.events import Message
 
 
-class Stamps:
+class StampAges:
     """The stamps of one publisher; nothing is learned without the `period` of its service."""
 
     def __init__(self, period: Optional[float]) -> None:

@@ -15,11 +15,10 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Set
 import rospy
 from shsa_msgs import msg
 
-from shsa_core import dispatch
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.parameters import read_settings
-from shsa_core.files.som_file import PARAMETER, load_som, read_som, service_parameters
+from shsa_core.files.som_file import load_som, read_som
 from shsa_core.journal.writer import JournalWriter
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
@@ -30,6 +29,7 @@ from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
 from shsa_core.ros import clock, diagnostics, settings
 from shsa_core.ros.processes.handover import await_turn
+from shsa_core.ros.monitor_commands import Commands
 from shsa_core.ros.node import run
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
@@ -46,8 +46,7 @@ from shsa_core.ros.sockets.subscriptions import (
 )
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import SomWatch, get_som_parameter, put_som
-from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
-from shsa_core.ros.workers import Workers
+from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
 
@@ -94,49 +93,18 @@ class MonitorNode:
         self._inbox = self._subscriptions.inbox
         # Only the monitor that the reconfigurator watches may hear, and so end, it in turn.
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
-        self._parameters = Workers("parameters")
         self._reader = Reader()
-        self._sign = signing.signer(names.FAILURES, msg.Failure)
         self._last_messages = LastMessages()
+        self._commands = Commands(self._last_messages, signing, arguments.host)
         self._watched: Set[str] = set()
         self._to_watch: Deque[str] = deque()
         self._subscribe_at = 0.0
         self._looked = self._told_clock = self._fed = clock.now()
         self._ahead = 0.0
         self._ends = False
-        self._changes: Dict[events.Key, Optional[events.PublisherHealth]] = {}
         self._values: diagnostics.Values = {}
-        self._failures = rospy.Publisher(
-            names.FAILURES, msg.Failure, queue_size=1000, tcp_nodelay=True
-        )
-        self._health = TablePublisher(
-            names.told_at(names.HEALTH, arguments.host),
-            msg.Health,
-            "publishers",
-            wire.health_row_key,
-            signing,
-        )
-        self._calibrations = TablePublisher(
-            names.told_at(names.CALIBRATIONS, arguments.host),
-            msg.Calibrations,
-            "calibrations",
-            wire.calibration_row_key,
-            signing,
-        )
         self._diagnostics = diagnostics.Diagnostics(
             diagnostics.MonitorRows(), signing, self._companion
-        )
-        self._carry_out: dispatch.Table[None] = dispatch.table(
-            events.Command,
-            {
-                events.FailureDetected: self._tell_failure,
-                events.HealthChanged: self._tell_health,
-                events.ChangeRefused: self._put_back,
-                events.RobotAwaited: self._tell_awaited,
-                events.CalibrationsChanged: self._tell_calibrations,
-                events.Bridged: self._tell_bridged,
-                events.ChangeAdopted: lambda each: rospy.loginfo("%s counts now.", each.text),
-            },
         )
         self._hear: Dict[type, Callable[[Any], object]] = {
             Som: self._som_changed,
@@ -186,7 +154,7 @@ class MonitorNode:
                 self._feed(events.Tick(happening.time, wanted, woke))
             else:
                 self._guarded(self._happened, happening)
-        self._show_health()
+        self._commands.tell_changes()
         self._subscribe_next()
 
     def _heed_launch(self) -> None:
@@ -256,50 +224,18 @@ class MonitorNode:
         if not isinstance(event, events.ClockTicked):  # what is told of it had come before
             self._fed = event.time
         commands = self._core.handle(event)
-        for command in commands:
-            self._carry_out[type(command)](command)
+        self._commands.carry_out(commands)
         if self._journal is not None:
             self._journal.answered(commands)
-
-    def _tell_failure(self, failure: events.FailureDetected) -> None:
-        self._failures.publish(self._sign(wire.failure_message(failure)))
-        blamed = f"{failure.publisher} fails" if failure.publisher else "nobody publishes"
-        # The reconfigurator tells people.
-        rospy.logdebug("%s: %s, %s: %s.", failure.topic, blamed, failure.kind, failure.detail)
 
     def _hear_som_state(self, table: msg.SomState) -> None:
         if table.whole:  # what is told later follows from what we say ourselves
             self._inbox.put(_SomState(table))
 
-    def _tell_awaited(self, awaited: events.RobotAwaited) -> None:
-        services = ", ".join(f"{topic} from {node}" for topic, node in awaited.services)
-        rospy.logwarn("Nothing of the robot is there yet. Awaited: %s.", services)
-
     def _substitutions_changed(self, changed: _Substitutions) -> None:
         event = wire.substitutions_changed(changed.table)
         self._last_messages.substitutions(event.rows)
         self._feed(event)
-
-    def _tell_health(self, change: events.HealthChanged) -> None:
-        self._changes.update({key: None for key in change.removed})
-        self._changes.update({row.key: row for row in self._last_messages.rows(change)})
-        if any(row.state is events.PublisherState.FAILED for row in change.rows):
-            self._show_health()  # else what has changed in a turn is published together
-
-    def _tell_bridged(self, bridged: events.Bridged) -> None:
-        text = "%s: %s has filled in for a late message, %s so far. Nobody is blamed for that."
-        times = "once" if bridged.times == 1 else f"{bridged.times} times"
-        rospy.logwarn(text, bridged.topic, bridged.publisher, times)
-
-    def _tell_calibrations(self, change: events.CalibrationsChanged) -> None:
-        rows = map(wire.calibration_row, change.rows)
-        self._calibrations.update(rows, [wire.calibration_key(*key) for key in change.removed])
-
-    def _show_health(self) -> None:
-        changes, self._changes = self._changes, {}
-        rows = [wire.health_row(row) for row in changes.values() if row is not None]
-        removed = [wire.health_key(key) for key, row in changes.items() if row is None]
-        self._health.update(rows, removed)
 
     def _som_changed(self, som: Som) -> None:
         """Subscribe new topics by and by, end the subscriptions of those that left."""
@@ -322,17 +258,6 @@ class MonitorNode:
             self._feed(events.Subscribed(clock.now(), topic))
             rospy.loginfo("%s is watched.", topic)
             self._subscribe_at = clock.now() + settings.SUBSCRIBE_S
-
-    def _put_back(self, refusal: events.ChangeRefused) -> None:
-        """Say what is refused, and put the numbers that count back, for all who read them."""
-        service = refusal.service
-        rospy.logwarn(
-            "Refused: %s. The numbers so far are put back. If the new ones are meant, "
-            "stop the node, set them, and start it as it should be.",
-            refusal.text,
-        )
-        name = f"{PARAMETER}/services/{service.name}"
-        self._parameters.put(lambda: rospy.set_param(name, service_parameters(service)))
 
     def _report(self, _: _Report) -> None:
         counts = self._core.messages()

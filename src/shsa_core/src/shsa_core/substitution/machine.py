@@ -9,7 +9,7 @@ from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.advertising import Advertising
-from shsa_core.substitution.events import Command, Event, LastMessage, Level, Log, Unusable
+from shsa_core.substitution.events import Command, Event, LastMessage, Level, Log
 from shsa_core.substitution.inputs import Inputs
 from shsa_core.substitution.job import Job, Stamps, Words, words
 from shsa_core.substitution.speech import Speech
@@ -145,7 +145,8 @@ class Substitute:
         """Follow the row; give up where it cannot do what it was started for."""
         first = not self.row.node
         self._stamps.clock(event.time, event.ros_time)
-        commands = self._follow(event.row, event.unusable, event.last)
+        self._unusable.update(event.unusable)
+        commands = self._follow(event.row, event.last)
         if first and self._refused is not None:
             return [events.GiveUp(command.text) for command in commands if isinstance(command, Log)]
         return commands
@@ -161,18 +162,13 @@ class Substitute:
     def _left_alone(self, _: events.LeftAlone) -> List[Command]:
         """Go on publishing; end if it only stands by, unless somebody started it by hand."""
         stands_by = self.row.idle or self.row.service != ""
-        if self.publishing or not stands_by:
-            return []
-        return [events.GiveUp(events.LEFT_ALONE)]
+        return [events.GiveUp(events.LEFT_ALONE)] if stands_by and not self.publishing else []
 
-    def _follow(
-        self, row: Substitution, unusable: Unusable, last: Optional[LastMessage]
-    ) -> List[Command]:
+    def _follow(self, row: Substitution, last: Optional[LastMessage]) -> List[Command]:
         publishes, others = self.publishing, self._speech.others
         computed = publishes and self.row.quality > 0.0
         another_message = row.last_message != self.row.last_message
         self.row = row
-        self._unusable.update(unusable)
         plans = self._plans.values()
         commands = self._prepare((row, *plans)) if row.idle else self._work(row, computed)
         job = self._job

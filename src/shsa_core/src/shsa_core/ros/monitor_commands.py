@@ -1,0 +1,102 @@
+"""Carries out what the monitor's core says: tables and failures to others, log lines to people."""
+from typing import Dict, Iterable, Optional
+
+import rospy
+from shsa_msgs import msg
+
+from shsa_core import dispatch
+from shsa_core.files.som_file import PARAMETER, service_parameters
+from shsa_core.monitoring import events
+from shsa_core.monitoring.last_messages import LastMessages
+from shsa_core.ros.messages.tables import TablePublisher
+from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.wire import monitoring as wire
+from shsa_core.ros.wire import names
+from shsa_core.ros.workers import Workers
+
+
+class Commands:
+    """Publishes for the monitor of a `host`; empty: for the robot's."""
+
+    def __init__(self, last_messages: LastMessages, signing: Signing, host: str) -> None:
+        self._last_messages = last_messages
+        self._sign = signing.signer(names.FAILURES, msg.Failure)
+        self._parameters = Workers("parameters")
+        self._changes: Dict[events.Key, Optional[events.PublisherHealth]] = {}
+        self._failures = rospy.Publisher(
+            names.FAILURES, msg.Failure, queue_size=1000, tcp_nodelay=True
+        )
+        self._health = TablePublisher(
+            names.told_at(names.HEALTH, host),
+            msg.Health,
+            "publishers",
+            wire.health_row_key,
+            signing,
+        )
+        self._calibrations = TablePublisher(
+            names.told_at(names.CALIBRATIONS, host),
+            msg.Calibrations,
+            "calibrations",
+            wire.calibration_row_key,
+            signing,
+        )
+        self._carry_out: dispatch.Table[None] = dispatch.table(
+            events.Command,
+            {
+                events.FailureDetected: self._tell_failure,
+                events.HealthChanged: self._tell_health,
+                events.ChangeRefused: self._put_back,
+                events.RobotAwaited: self._tell_awaited,
+                events.CalibrationsChanged: self._tell_calibrations,
+                events.Bridged: self._tell_bridged,
+                events.ChangeAdopted: lambda each: rospy.loginfo("%s counts now.", each.text),
+            },
+        )
+
+    def carry_out(self, commands: Iterable[events.Command]) -> None:
+        """Carry out commands in order; what is told of health may wait for `tell_changes`."""
+        for command in commands:
+            self._carry_out[type(command)](command)
+
+    def tell_changes(self) -> None:
+        """Publish what has changed in the table of health."""
+        changes, self._changes = self._changes, {}
+        rows = [wire.health_row(row) for row in changes.values() if row is not None]
+        removed = [wire.health_key(key) for key, row in changes.items() if row is None]
+        self._health.update(rows, removed)
+
+    def _tell_failure(self, failure: events.FailureDetected) -> None:
+        self._failures.publish(self._sign(wire.failure_message(failure)))
+        blamed = f"{failure.publisher} fails" if failure.publisher else "nobody publishes"
+        # The reconfigurator tells people.
+        rospy.logdebug("%s: %s, %s: %s.", failure.topic, blamed, failure.kind, failure.detail)
+
+    def _tell_health(self, change: events.HealthChanged) -> None:
+        self._changes.update({key: None for key in change.removed})
+        self._changes.update({row.key: row for row in self._last_messages.rows(change)})
+        if any(row.state is events.PublisherState.FAILED for row in change.rows):
+            self.tell_changes()  # else what has changed in a turn is published together
+
+    def _tell_calibrations(self, change: events.CalibrationsChanged) -> None:
+        rows = map(wire.calibration_row, change.rows)
+        self._calibrations.update(rows, [wire.calibration_key(*key) for key in change.removed])
+
+    def _tell_awaited(self, awaited: events.RobotAwaited) -> None:
+        services = ", ".join(f"{topic} from {node}" for topic, node in awaited.services)
+        rospy.logwarn("Nothing of the robot is there yet. Awaited: %s.", services)
+
+    def _tell_bridged(self, bridged: events.Bridged) -> None:
+        text = "%s: %s has filled in for a late message, %s so far. Nobody is blamed for that."
+        times = "once" if bridged.times == 1 else f"{bridged.times} times"
+        rospy.logwarn(text, bridged.topic, bridged.publisher, times)
+
+    def _put_back(self, refusal: events.ChangeRefused) -> None:
+        """Say what is refused, and put the numbers that count back, for all who read them."""
+        service = refusal.service
+        rospy.logwarn(
+            "Refused: %s. The numbers so far are put back. If the new ones are meant, "
+            "stop the node, set them, and start it as it should be.",
+            refusal.text,
+        )
+        name = f"{PARAMETER}/services/{service.name}"
+        self._parameters.put(lambda: rospy.set_param(name, service_parameters(service)))
