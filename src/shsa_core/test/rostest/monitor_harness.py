@@ -1,4 +1,4 @@
-"""What the monitor's tests share: publishers that fail on command, and what is said of them."""
+"""A harness for the monitor's tests: publishers that fail on command, and their health."""
 import itertools
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""What a link does to a node on another computer: it is asked there before it is ended."""
+"""A bad link to a node on another computer: it is asked there before it is ended."""
 from typing import List, Optional
 
 import pytest

@@ -1,4 +1,4 @@
-"""What the reconfigurator makes of nodes, launches, models, and services that share a topic."""
+"""The reconfigurator with nodes, launches, models, and services that share a topic."""
 from dataclasses import replace
 from typing import Any, Callable, List
 

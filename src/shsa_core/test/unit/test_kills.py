@@ -1,4 +1,4 @@
-"""How a faulty node is killed, step by step, and what counts as certain."""
+"""The kill of a faulty node, step by step, and what counts as certain."""
 from typing import Any, FrozenSet, List, Optional, Sequence, Tuple, Union
 
 import pytest
@@ -40,7 +40,7 @@ class Killing(Kills):
 
 
 def parts(said: Sequence[Said]) -> Parts:
-    """What is to be done, and how the kill has ended."""
+    """Return the commands, and how the kill has ended."""
     over = [each for each in said if isinstance(each, (NodeKilled, NodeSpared))]
     return [each for each in said if each not in over], over[0] if over else None
 

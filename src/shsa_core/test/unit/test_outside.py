@@ -1,4 +1,4 @@
-"""What comes from the graph is checked before it counts: types, numbers, names, settings."""
+"""Data from the graph is checked before it counts: types, numbers, names, settings."""
 import ast
 import dataclasses
 import json
