@@ -90,7 +90,14 @@ def test_a_sign_of_a_table_does_not_end_its_cell() -> None:
 
 
 EXPERT_PAGES = {
-    *("architecture.md", "calibration.md", "contributing.md", "experiments.md", "gate.md"),
+    *(
+        "architecture.md",
+        "internals.md",
+        "calibration.md",
+        "contributing.md",
+        "experiments.md",
+        "gate.md",
+    ),
     *("init.md", "killing.md", "learning.md", "messages.md", "placement.md"),
     *("howto/false_alarms.md", "howto/safe_som.md", "reference/som.md", "security.md"),
 }

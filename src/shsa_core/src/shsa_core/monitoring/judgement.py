@@ -45,7 +45,7 @@ class Judgement:
             publisher.excused_until = alibi.until
             self._board.excuse(topic, publisher, alibi.why)
             return
-        silence = time - (publisher.last_message or 0.0)
+        silence = time - (publisher.last_heard or 0.0)
         detail = f"no message for {silence:.3f} s, {publisher.allowed:.3f} s are allowed"
         if publisher.learned is not None:
             detail = f"{detail}, {publisher.learned.told()}"

@@ -92,7 +92,7 @@ class Publisher:
     kind: Optional[Kind] = None
     detail: str = ""
     first_message: Optional[float] = None
-    last_message: Optional[float] = None
+    last_heard: Optional[float] = None
     last_good: Optional[float] = None
     messages: int = 0
     good_in_a_row: int = 0
@@ -147,7 +147,7 @@ class Publisher:
 
     def interrupt(self, until: float) -> None:
         """Lose its connection, which is given anew by then; once until its next message."""
-        if self.last_message is not None and not self.interrupted:
+        if self.last_heard is not None and not self.interrupted:
             self.interrupted, self.reconnects_until = True, until
 
     def resume(self, time: float) -> None:
@@ -190,14 +190,14 @@ class Publisher:
         """Begin anew once it publishes again."""
         self.become(time, PublisherState.UNKNOWN)
         self.begin_anew()
-        self.first_message = self.last_message = self.silent_since = None
+        self.first_message = self.last_heard = self.silent_since = None
 
     def note_message(self, time: float) -> None:
         """Count a message."""
         self.messages += 1
-        if self.last_message is not None and time - self.last_message <= self.allowed:
+        if self.last_heard is not None and time - self.last_heard <= self.allowed:
             self.steady = True
-        self.last_message = self.silent_since = time
+        self.last_heard = self.silent_since = time
         self.interrupted, self.excused_until, self.reconnects_until = False, -inf, -inf
         if self.first_message is None:
             self.first_message = time
