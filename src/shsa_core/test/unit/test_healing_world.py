@@ -237,6 +237,14 @@ def test_a_service_that_is_not_needed_any_more_is_left_alone() -> None:
     assert not has(robot.fail("/a", A, 10.0), events.FindNode)
 
 
+def test_a_service_that_has_failed_before_it_was_needed_is_healed_then() -> None:
+    first, *others = SOM
+    robot = Robot(Som([replace(first, needed=False), *others]))
+    robot.row("/a", A, "failed", 5.0)
+    assert not has(robot.table(5.1), events.StartSubstitute)
+    assert has(robot.handle(events.SomChanged(9.0, SOM)), events.StartSubstitute)
+
+
 def test_a_service_that_becomes_warm_has_processes_ready() -> None:
     first, *others = SOM
     robot = Robot()

@@ -6,14 +6,7 @@ from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
 from shsa_core.healing.planner import Planner
 from shsa_core.healing.records import IdleProcess
-from shsa_core.healing.settings import (
-    AT_ONCE,
-    LIVED_S,
-    PATIENCE_S,
-    PAUSE_S,
-    PREPARING_S,
-    Settings,
-)
+from shsa_core.healing.settings import AT_ONCE, LIVED_S, PATIENCE_S, PAUSE_S, PREPARING_S, Settings
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
 
