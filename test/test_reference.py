@@ -4,6 +4,7 @@ import importlib.util
 import re
 from pathlib import Path
 from typing import Any, List, Set
+from xml.etree import ElementTree
 
 import pytest
 from listings import ROOT
@@ -109,6 +110,16 @@ def test_a_first_robot_needs_few_names() -> None:
     assert len(names) <= 27
     shown = TABLES.PARTS["launch_files"]().partition("## shsa.launch")[2]
     assert all(f"|`{name}`|" in shown for name in TABLES.BASIC_ARGUMENTS)
+
+
+def test_each_parameter_is_an_argument_that_its_nodes_get() -> None:
+    root = ElementTree.parse(str(ROOT / "src/shsa_core/launch/shsa.launch")).getroot()
+    given = {(n.get("type"), p.get("name")) for n in root.iter("node") for p in n.iter("param")}
+    listed = {
+        (node, row[0].strip("`~")) for row in rows("parameters") for node in row[1].split(", ")
+    }
+    assert given == listed
+    assert {name for _, name in listed} <= {arg.get("name") for arg in root.iter("arg")}
 
 
 def expert_keys() -> Set[str]:

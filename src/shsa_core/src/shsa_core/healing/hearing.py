@@ -8,14 +8,7 @@ tells.
 """
 from typing import TYPE_CHECKING, Dict, Iterable, List, Optional, Tuple
 
-from shsa_core.healing.events import (
-    AskMonitor,
-    Command,
-    FailureSeen,
-    HealthSeen,
-    Level,
-    Log,
-)
+from shsa_core.healing.events import AskMonitor, Command, FailureSeen, HealthSeen, Level, Log
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.records import Healthy
 from shsa_core.model.kinds import Kind, OnPartition

@@ -1,7 +1,8 @@
 """Judges a publisher by its messages, and by its silence."""
 from typing import Optional
 
-from shsa_core.model.checks import Checks, IntruderSample
+from shsa_core.model.checks import Checks
+from shsa_core.model.samples import IntruderSample
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.alibis import decide
 from shsa_core.monitoring.board import FAILED, UNKNOWN, Board

@@ -3,7 +3,8 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Dict, List, Optional, Sequence, Tuple
 
-from shsa_core.model.checks import Check, IntruderSample
+from shsa_core.model.checks import Check
+from shsa_core.model.samples import IntruderSample
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.deadline import LearnedDeadline
