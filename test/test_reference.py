@@ -4,6 +4,7 @@ import importlib.util
 import re
 from pathlib import Path
 from typing import Any, List, Set
+from xml.etree import ElementTree
 
 import pytest
 from listings import ROOT
@@ -89,7 +90,14 @@ def test_a_sign_of_a_table_does_not_end_its_cell() -> None:
 
 
 EXPERT_PAGES = {
-    *("architecture.md", "calibration.md", "contributing.md", "experiments.md", "gate.md"),
+    *(
+        "architecture.md",
+        "internals.md",
+        "calibration.md",
+        "contributing.md",
+        "experiments.md",
+        "gate.md",
+    ),
     *("init.md", "killing.md", "learning.md", "messages.md", "placement.md"),
     *("howto/false_alarms.md", "howto/safe_som.md", "reference/som.md", "security.md"),
 }
@@ -102,6 +110,16 @@ def test_a_first_robot_needs_few_names() -> None:
     assert len(names) <= 27
     shown = TABLES.PARTS["launch_files"]().partition("## shsa.launch")[2]
     assert all(f"|`{name}`|" in shown for name in TABLES.BASIC_ARGUMENTS)
+
+
+def test_each_parameter_is_an_argument_that_its_nodes_get() -> None:
+    root = ElementTree.parse(str(ROOT / "src/shsa_core/launch/shsa.launch")).getroot()
+    given = {(n.get("type"), p.get("name")) for n in root.iter("node") for p in n.iter("param")}
+    listed = {
+        (node, row[0].strip("`~")) for row in rows("parameters") for node in row[1].split(", ")
+    }
+    assert given == listed
+    assert {name for _, name in listed} <= {arg.get("name") for arg in root.iter("arg")}
 
 
 def expert_keys() -> Set[str]:

@@ -17,7 +17,7 @@ _NAME = re.compile(r"([A-Za-z][A-Za-z0-9_]{0,99})/([A-Za-z][A-Za-z0-9_]{0,99})")
 
 
 def available() -> bool:
-    """Whether message types can be looked up here at all: whether there is a ROS."""
+    """Return whether message types can be looked up here: whether there is a ROS."""
     try:
         importlib.import_module("genpy.message")
     except ImportError:
@@ -47,7 +47,7 @@ def message_class(name: str) -> Any:
 
 
 def _built(package: str, kind: str, module: str = "__init__") -> bool:
-    """Whether there is a generated module of a package, `kind`: msg or srv. Nothing is loaded."""
+    """Return whether a package has a generated module, `kind`: msg or srv. Nothing is loaded."""
     folders = [os.path.join(folder, package, kind) for folder in sys.path]
     return PathFinder.find_spec(module, folders) is not None
 
@@ -75,6 +75,6 @@ def types_beside(name: str) -> List[str]:
 
 
 def is_service(name: str) -> bool:
-    """Whether `name` is not a message type but a ROS service's."""
+    """Return whether `name` is not a message type but a ROS service's."""
     package, _, base = name.partition("/")
     return _NAME.fullmatch(name) is not None and _built(package, "srv", f"_{base}")

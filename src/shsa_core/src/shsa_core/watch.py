@@ -8,6 +8,8 @@ from typing import Deque, Optional, Tuple
 
 LEAST_LATE_S = 0.002
 """Less is how exactly a computer wakes anybody."""
+CATCH_UP_SHARE = 0.1
+"""Others need not catch up with less of the time that is waited for."""
 LONGEST_STEP_S = 0.1
 """More between two looks was a hold-up, where we did not say when we wanted to look again."""
 INSTANT_S = 1e-9
@@ -69,6 +71,8 @@ class Watch:
         """
         left = length - self.passed(since)
         due = self.now + (left if left > INSTANT_S else 0.0)
+        if self._late < CATCH_UP_SHARE * length:
+            return due
         return max(due, self._woke + min(self._late, length, length + left))
 
     def has_passed(self, since: float, length: float) -> bool:

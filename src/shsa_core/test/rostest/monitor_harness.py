@@ -1,4 +1,4 @@
-"""What the monitor's tests share: publishers that fail on command, and what is said of them."""
+"""A harness for the monitor's tests: publishers that fail on command, and their health."""
 import itertools
 import os
 import shutil
@@ -13,7 +13,8 @@ import yaml  # type: ignore[import]
 from rosgraph_msgs.msg import Log
 from shsa_msgs.msg import Failure, Health, PublisherHealth
 
-from shsa_core.model.checks import OF_VALUE, REGISTRY
+from shsa_core.model.checks import REGISTRY
+from shsa_core.model.samples import OF_VALUE
 from shsa_core.ros.messages.tables import TableCopy
 from shsa_core.ros.wire.monitoring import health_row_key
 from shsa_testing.faulty_publisher import FaultyNode

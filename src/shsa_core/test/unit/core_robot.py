@@ -167,10 +167,10 @@ def last_incident(commands: Sequence[events.Command]) -> Incident:
 
 
 def publishing(robot: Robot) -> Tuple[bool, ...]:
-    """Whether each substitute that has a program publishes."""
+    """Return whether each substitute that has a program publishes."""
     return tuple(row.publishing for row in robot.working())
 
 
 def reads(robot: Robot, node: str) -> Tuple[str, ...]:
-    """What a substitute reads."""
+    """Return the inputs of a substitute."""
     return tuple(signal.path for signal in robot.shown[node].inputs)

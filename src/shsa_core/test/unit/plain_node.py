@@ -27,12 +27,12 @@ class PlainNode:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """The address at which it listens."""
         return int(self.uri.rstrip("/").rsplit(":", 1)[1])
 
     @property
     def runs(self) -> bool:
-        """Whether it still runs."""
+        """Return whether it still runs."""
         return self.process.poll() is None
 
     def stop(self) -> None:

@@ -16,7 +16,7 @@ from shsa_core.ros.sockets.subscriptions import Arrived, Looked, Subscriptions
 
 HOST = "127.0.0.1"
 LISTED: Dict[str, str] = {}
-"""What the master knows: nodes and their addresses. All publish every topic."""
+"""The nodes of the master and their addresses. All publish every topic."""
 
 
 def connected() -> Tuple[socket.socket, socket.socket]:

@@ -18,14 +18,14 @@ from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 GOOD, WRONG, SILENT, GONE, MUTED = "good", "wrong", "silent", "gone", "muted"
 DELAYS_S = {GOOD: 0.1, WRONG: 0.06, SILENT: 1.0, GONE: 0.01, MUTED: 0.0}
-"""How long the monitor takes to see it, at most."""
+"""The longest time that the monitor takes to see it."""
 KINDS = {WRONG: Kind.OUT_OF_RANGE, SILENT: Kind.SILENT, GONE: Kind.NODE_GONE}
 SETTLED_S = 12.0
 
 
 @dataclass
 class Plant:
-    """What is: which nodes are up, what each topic's original says, and which substitutes run."""
+    """The world: nodes that are up, values of each topic's original, running substitutes."""
 
     som: Som
     up: Dict[str, bool]
@@ -36,7 +36,7 @@ class Plant:
         return self.says[service.name] if self.up[service.node] else GONE
 
     def substitute(self, node: str, seen: FrozenSet[str] = frozenset()) -> str:
-        """What a substitute says: good data only while all of its inputs are good."""
+        """Return the data of a substitute: good only while all of its inputs are good."""
         row = self.rows[node]
         if not row.publishing:
             return MUTED
@@ -44,7 +44,7 @@ class Plant:
         return WRONG if WRONG in inputs else SILENT if inputs - {GOOD} else GOOD
 
     def topic(self, topic: str, seen: FrozenSet[str] = frozenset()) -> str:
-        """What consumers hear: one wrong voice spoils a topic."""
+        """Return what consumers hear: one wrong voice spoils a topic."""
         (service,) = self.som.of_topic(topic)
         voices = {self.original(service)}
         for node, row in self.rows.items():
@@ -57,7 +57,7 @@ class Plant:
         return {each.name for each in self.som.needed() if self.topic(each.topic) == GOOD}
 
     def healthy(self, node: str) -> bool:
-        """Whether a node does all that it is for."""
+        """Return whether a node does all that it is for."""
         return self.up[node] and all(self.says[s.name] == GOOD for s in self.som if s.node == node)
 
     def frozen(self) -> "Plant":

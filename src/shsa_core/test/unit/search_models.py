@@ -63,7 +63,7 @@ Rank = Tuple[Fraction, int, int, List[Tuple[str, str]]]
 
 
 def rank(derivation: Derivation) -> Rank:
-    """How good a derivation is, exactly: minus quality, relations, inputs, names.
+    """Rate a derivation exactly: minus quality, relations, inputs, names.
 
     The least is the best.
     """

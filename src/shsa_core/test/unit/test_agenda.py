@@ -1,4 +1,4 @@
-"""What is due when."""
+"""An agenda: events and when they are due."""
 from math import inf
 from typing import Dict, List, Optional, Tuple
 

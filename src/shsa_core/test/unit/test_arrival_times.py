@@ -1,4 +1,4 @@
-"""When what is read had come, by the kernel's note and the clocks of the robot."""
+"""Times of arrival, by the kernel's note and the clocks of the robot."""
 import socket
 import time
 from typing import Iterator, List, Tuple
@@ -24,7 +24,7 @@ def pair() -> Iterator[Pair]:
 
 
 def is_noted(pair: Pair) -> bool:
-    """Whether the kernel notes when something comes."""
+    """Return whether the kernel notes when something comes."""
     there, here = pair
     there.send(b"?")
     return noted_in(here.recvmsg(1, SPACE)[1]) > 0

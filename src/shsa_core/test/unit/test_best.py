@@ -1,4 +1,4 @@
-"""What the search touches: only what may be part of a better derivation."""
+"""The search touches only what may be part of a better derivation."""
 from typing import Any, List, Sequence
 
 from search_models import law, ontology, source

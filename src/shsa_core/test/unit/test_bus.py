@@ -1,4 +1,4 @@
-"""What a node sends by its own word, in the two forms that ROS has."""
+"""The statistics that a node sends, in the two forms that ROS has."""
 from typing import Any, Optional
 
 import pytest

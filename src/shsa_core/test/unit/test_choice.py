@@ -1,4 +1,4 @@
-"""Which derivation is best where errors are known."""
+"""The choice of a derivation where errors are known."""
 from dataclasses import replace
 from itertools import islice
 from typing import Any, List, Sequence, Tuple

@@ -33,7 +33,7 @@ def shsa(capsys: Any) -> Shsa:
 
 
 def svg_of(text: str, kind: str) -> List[str]:
-    """What stands in each group of a kind, `node` or `edge`, of a picture."""
+    """Return the groups of a kind, `node` or `edge`, of a picture."""
     groups = ElementTree.fromstring(text).iter("{http://www.w3.org/2000/svg}g")
     return [
         ElementTree.tostring(group, encoding="unicode")

@@ -1,4 +1,4 @@
-"""What a substitute's message says of what it does not compute, type by type."""
+"""Fields of a substitute's message that it does not compute, type by type."""
 import io
 import math
 import pathlib
@@ -52,7 +52,7 @@ def data_of(message: genpy.Message) -> bytes:
 def composed(
     last: genpy.Message, others: Any = UNKNOWN, **errors: Optional[float]
 ) -> genpy.Message:
-    """What is made of a last message that has travelled; it can travel again."""
+    """Compose from a last message that has travelled; it can travel again."""
     written = {name.replace("__", "."): error for name, error in errors.items()}
     kind = type(last)
     message = compose(kind, read_message(kind, data_of(last)), others, written)
@@ -60,7 +60,7 @@ def composed(
 
 
 def unknown(kind: Type[genpy.Message], **errors: Optional[float]) -> genpy.Message:
-    """What is made where no last message is known."""
+    """Compose where no last message is known."""
     written = {name.replace("__", "."): error for name, error in errors.items()}
     return read_message(kind, data_of(compose(kind, None, UNKNOWN, written)))
 

@@ -1,4 +1,4 @@
-"""What a substitute's process may do: looked at in a real one."""
+"""The confinement of a substitute's process: looked at in a real one."""
 import json
 import os
 import resource
@@ -29,7 +29,7 @@ NODE = "/substitute_a_7"
 
 @pytest.fixture
 def looked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where a substitute writes what it finds out about itself."""
+    """Return the file into which a substitute writes what it finds out about itself."""
     script = tmp_path / "standby"
     script.write_text(f"#!{sys.executable}\n{LOOK}")
     script.chmod(0o755)

@@ -1,4 +1,4 @@
-"""What is killed, and when: the rows of docs/killing.md, as decisions and on a robot."""
+"""Containment: the rows of docs/killing.md, as decisions and on a robot."""
 from dataclasses import replace
 from typing import Any, Dict, List
 
@@ -399,7 +399,7 @@ def test_a_node_that_dies_while_it_returns_fails_on_each_of_its_topics() -> None
 
 
 def acts(commands: List[events.Command]) -> List[events.Command]:
-    """What is more than telling and learning."""
+    """Return the commands that do more than tell and learn."""
     telling = (events.Log, events.ShowIncident, events.ShowSom, events.LearnNode)
     return [each for each in commands if not isinstance(each, telling)]
 

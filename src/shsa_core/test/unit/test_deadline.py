@@ -1,4 +1,4 @@
-"""How long a stream may be silent, learned from its gaps: as often exceeded as was asked for."""
+"""Deadlines learned from the gaps of a stream: as often exceeded as was asked for."""
 from math import exp, log
 from typing import Callable, List, Sequence, Tuple
 
@@ -60,7 +60,7 @@ Stream = Callable[["np.random.RandomState", int], "np.ndarray"]
 
 
 def alarms(deadline: LearnedDeadline, gaps: Sequence[float]) -> int:
-    """How many gaps are blamed; those teach nothing."""
+    """Count the gaps that are blamed; those teach nothing."""
     count = 0
     for gap in gaps:
         if gap > deadline.allowed:

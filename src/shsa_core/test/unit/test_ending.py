@@ -1,4 +1,4 @@
-"""Who may be ended: a real master, real processes, and whatever anybody says of them."""
+"""Ending nodes: a real master, real processes, and whatever anybody says of them."""
 import os
 import signal
 import socket
@@ -70,7 +70,7 @@ def register(uri: str, name: str = NAME, topic: str = TOPIC) -> None:
 
 
 def ended(nodes: Nodes, node: str = NAME) -> Dict[str, str]:
-    """What becomes of `kill -9`."""
+    """Return what becomes of `kill -9`."""
     told: Dict[str, str] = {}
     left, failed = lambda: told.update(left=""), lambda why: told.update(failed=why)
     ending.end_process(nodes, node, left, failed)
@@ -78,7 +78,7 @@ def ended(nodes: Nodes, node: str = NAME) -> Dict[str, str]:
 
 
 def asked(nodes: Nodes, node: str = NAME) -> Dict[str, str]:
-    """What becomes of `rosnode kill`."""
+    """Return what becomes of `rosnode kill`."""
     told: Dict[str, str] = {}
     left, failed = lambda: told.update(left=""), lambda why: told.update(failed=why)
     ending.ask_to_leave(nodes, node, left, failed)

@@ -1,4 +1,4 @@
-"""Whether our launch is ending, told by the log of the process that started us."""
+"""The end of our launch, told by the log of the process that started us."""
 import os
 import subprocess
 import sys
@@ -60,7 +60,7 @@ class Launched:
         return [self.process.stdout.readline().strip() for _ in range(count)]
 
     def ends(self) -> bool:
-        """Whether the node sees an end within 10 s."""
+        """Return whether the node sees an end within 10 s."""
         end = time.monotonic() + 10.0
         while time.monotonic() < end:
             if self.answers(1) == ["True"]:

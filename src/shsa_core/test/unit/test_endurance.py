@@ -1,4 +1,4 @@
-"""What lacks is tried again with pauses, for as long as it takes; and nothing grows meanwhile."""
+"""Healing tries again with pauses, for as long as it takes; and nothing grows meanwhile."""
 import gc
 import tracemalloc
 from typing import List, Tuple
@@ -42,7 +42,7 @@ def test_the_core_holds_no_more_after_many_incidents() -> None:
 
 
 def deaths(robot: Robot, count: int) -> List[float]:
-    """When idle processes are started, each of which dies at once."""
+    """Return when idle processes are started, each of which dies at once."""
     starts: List[float] = []
     process, time = only(robot.said, events.StartSubstitute).node, 1.0
     for _ in range(count):

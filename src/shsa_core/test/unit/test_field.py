@@ -16,7 +16,7 @@ from shsa_core.model.field import (
     Span,
     Step,
     parse_field,
-    tells_of_nothing,
+    is_distance,
     to_path,
 )
 from shsa_core.model.field_value import REDUCE, angles, quaternion
@@ -135,11 +135,11 @@ def test_what_is_no_field_is_refused(text: str) -> None:
 
 def test_distances_tell_of_nothing_and_other_numbers_do_not() -> None:
     for field in ("ranges[0]", "min(ranges)", "mean(ranges[1:5])"):
-        assert tells_of_nothing("sensor_msgs/LaserScan", field)
-    assert tells_of_nothing("sensor_msgs/Range", "range")
-    assert not tells_of_nothing("sensor_msgs/LaserScan", "scan_time")
-    assert not tells_of_nothing("sensor_msgs/Range", "max_range")
-    assert not tells_of_nothing("std_msgs/Float64MultiArray", "ranges[0]")
+        assert is_distance("sensor_msgs/LaserScan", field)
+    assert is_distance("sensor_msgs/Range", "range")
+    assert not is_distance("sensor_msgs/LaserScan", "scan_time")
+    assert not is_distance("sensor_msgs/Range", "max_range")
+    assert not is_distance("std_msgs/Float64MultiArray", "ranges[0]")
 
 
 @pytest.mark.parametrize(

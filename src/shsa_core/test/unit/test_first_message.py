@@ -1,4 +1,4 @@
-"""How long a substitute may be silent: at its start, and while its program changes."""
+"""The silence that a substitute is allowed: at its start, and while its program changes."""
 
 import pytest
 

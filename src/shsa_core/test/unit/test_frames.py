@@ -1,4 +1,4 @@
-"""What comes through a socket is cut into messages, and only what is wanted of them is copied."""
+"""A socket's bytes are cut into messages, and only what is wanted of them is copied."""
 import fcntl
 import socket
 import struct

@@ -1,4 +1,4 @@
-"""Which rows let a muted substitute fill in for a late original, and when."""
+"""Rows that let a muted substitute fill in for a late original, and when."""
 from dataclasses import replace
 from typing import Any, Tuple
 
@@ -21,7 +21,7 @@ def som(*more: Service, **of: Any) -> Som:
 
 
 def bridges(robot: Robot) -> Tuple[Tuple[bool, float], ...]:
-    """Whether each substitute publishes, and how long it waits otherwise."""
+    """Return whether each substitute publishes, and how long it waits otherwise."""
     return tuple((row.publishing, row.bridge) for row in robot.working())
 
 

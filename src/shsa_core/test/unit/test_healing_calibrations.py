@@ -1,4 +1,4 @@
-"""How the reconfigurator hands on what the monitor has learned of a living sensor."""
+"""The reconfigurator hands on what the monitor has learned of a living sensor."""
 from dataclasses import replace
 from typing import Any, List, Tuple
 

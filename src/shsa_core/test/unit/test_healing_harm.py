@@ -11,7 +11,7 @@ FAULTS = 4
 
 
 def any_fault(healed: HealedPlant, random: Random) -> Tuple[str, List[str]]:
-    """What happens, and to which node or services."""
+    """An event, and its node or services."""
     plant = healed.plant
     service = random.choice(list(healed.som))
     mine = [each.name for each in healed.som if each.node == service.node]
@@ -29,7 +29,7 @@ def any_fault(healed: HealedPlant, random: Random) -> Tuple[str, List[str]]:
 
 
 def story(seed: int) -> Tuple[List[str], int]:
-    """What healing has spoiled on one robot, and how many lost services it gave again."""
+    """Topics that healing has spoiled on one robot, and lost services that it gave again."""
     random = Random(seed)
     ontology, som = any_robot(random)
     healed = HealedPlant(ontology, som, random, pool=1)

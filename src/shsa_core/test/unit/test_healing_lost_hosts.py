@@ -1,4 +1,4 @@
-"""What the reconfigurator makes of computers that are lost, and come back."""
+"""The reconfigurator and computers that are lost, and come back."""
 from dataclasses import replace
 
 import pytest

@@ -28,7 +28,7 @@ PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
 
 
 class AnyRobot(RuleBasedStateMachine):
-    """What was told to the reconfigurator and what it said, beside it."""
+    """An observer beside the reconfigurator, of what it was told and what it said."""
 
     sound = False  # no event was refused
     taken_up = False  # the reconfigurator has started
@@ -160,7 +160,7 @@ class AnyRobot(RuleBasedStateMachine):
     # What always holds
 
     def check_tables(self) -> None:
-        """What was told in changes is how things stand, looked at anew."""
+        """Check that what was told in changes is how things stand, looked at anew."""
         core = self.core
         availability, planner, pool = (
             core.robot.availability,

@@ -35,7 +35,7 @@ def walked(robot: Robot, event: events.Event) -> List[str]:
 
 
 def reentries(files: List[str]) -> int:
-    """How often a file is entered again from another one."""
+    """Count how often a file is entered again from another one."""
     seen, count, last = set(), 0, ""
     for file in files:
         count += file != last and file in seen

@@ -1,4 +1,4 @@
-"""Who connects to us and says nothing: real sockets, rospy's own server."""
+"""Connections that say nothing: real sockets, rospy's own server."""
 import socket
 import struct
 import threading

@@ -1,4 +1,4 @@
-"""What a substitute hears on its connections, and when its core is told."""
+"""Messages on a substitute's connections, and when its core is told."""
 import io
 import os
 import socket
@@ -79,7 +79,7 @@ class Bench:
         return self.inputs.take(reads)
 
     def is_woken(self, within: float = 5.0) -> bool:
-        """Whether the reader need not wait that long."""
+        """Return whether the reader need not wait that long."""
         before = time.monotonic()
         self.inputs.wait(within)
         return time.monotonic() - before < within
@@ -94,7 +94,7 @@ def say(end: socket.socket, message: Any) -> None:
 
 
 def values(events: List[Event]) -> List[Tuple[str, Any]]:
-    """What the core was told, in short."""
+    """Return what the core was told, in short."""
     found: List[Tuple[str, Any]] = []
     for event in events:
         if isinstance(event, InputArrived):

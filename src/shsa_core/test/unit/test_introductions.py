@@ -1,4 +1,4 @@
-"""Which new publishers are looked at, and whom healing tells of them."""
+"""Introductions: new publishers that are looked at, and the subscribers that are told."""
 from shsa_core.ros.master.introductions import Introductions, Publisher
 from shsa_core.ros.settings import INTRODUCTION_LOOKS_S as LOOKS_S
 
@@ -7,7 +7,7 @@ OURS = Publisher("/shsa/health", "/monitor", "http://m:1/")
 
 
 def looks(introductions: Introductions, until: float) -> list:
-    """What is looked at when, in steps of 0.1 s."""
+    """Return what is looked at when, in steps of 0.1 s."""
     steps = [step / 10 for step in range(round(until * 10) + 1)]
     return [(at, each) for at in steps for each in introductions.due(at)]
 

@@ -53,7 +53,7 @@ def opened(path: Path, warnings: List[str]) -> Open:
 
 
 def live(writer: JournalWriter, machine: toy.Adder, events: List[Any]) -> None:
-    """What a node does with every event."""
+    """Do what a node does with every event."""
     for event in events:
         writer.record(event)
         try:

@@ -81,7 +81,7 @@ st.register_type_strategy(
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two values are the same in every detail, NaN and what `==` leaves out included."""
+    """Return whether two values are the same in every detail, NaN included."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return list(one) == list(other) and all(same(one[key], other[key]) for key in one)
     if type(one) is not type(other):

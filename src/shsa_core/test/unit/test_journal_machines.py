@@ -39,7 +39,7 @@ class RecordedRobot(Robot):
 
 
 def replayed(path: Path, seed: int) -> Any:
-    """What `shsa replay` tells, with sets in another order for each seed."""
+    """Run `shsa replay`, with sets in another order for each seed."""
     done = subprocess.run(
         [sys.executable, str(PACKAGE / "scripts/shsa"), "replay", str(path), "--json"],
         stdout=subprocess.PIPE,

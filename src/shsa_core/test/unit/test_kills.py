@@ -1,4 +1,4 @@
-"""How a faulty node is killed, step by step, and what counts as certain."""
+"""The kill of a faulty node, step by step, and what counts as certain."""
 from typing import Any, FrozenSet, List, Optional, Sequence, Tuple, Union
 
 import pytest
@@ -16,6 +16,7 @@ from shsa_core.healing.events import (
 )
 from shsa_core.healing.health import Health
 from shsa_core.healing.kill import KillNode, KillOutcome, Kills, NodeKilled, NodeSpared, Said
+from shsa_core.healing.settings import Settings
 
 N = "/node"
 Parts = Tuple[List[Any], Optional[KillOutcome]]
@@ -26,7 +27,7 @@ class Killing(Kills):
 
     def __init__(self) -> None:
         self.health = Health()
-        super().__init__(self.health, patience=0.1)
+        super().__init__(self.health, Settings())
 
     @property
     def nodes(self) -> FrozenSet[str]:
@@ -40,7 +41,7 @@ class Killing(Kills):
 
 
 def parts(said: Sequence[Said]) -> Parts:
-    """What is to be done, and how the kill has ended."""
+    """Return the commands, and how the kill has ended."""
     over = [each for each in said if isinstance(each, (NodeKilled, NodeSpared))]
     return [each for each in said if each not in over], over[0] if over else None
 

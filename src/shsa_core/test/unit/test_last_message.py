@@ -146,6 +146,16 @@ def test_who_takes_a_substitutes_place_goes_on_from_its_last_message() -> None:
     assert (row_.node != substitute, row_.last_message) == (True, b"newer")
 
 
+def test_the_row_brings_the_message_of_a_failure_that_was_told_before() -> None:
+    robot = Robot()
+    fail(robot, A, 10.0, b"")
+    for message in (b"good", b"newer"):  # the second one after its substitute has left
+        died = (PublisherState.FAILED, 10.0, 1.0, 9.98, Kind.NODE_GONE, "died")
+        failed = PublisherHealth("/a", A, *died, last_message=message)
+        robot.handle(healing.HealthSeen(10.01, (failed,)))
+        assert [each.last_message for each in robot.working()] == [message]
+
+
 def test_an_older_message_does_not_take_the_place_of_a_newer_one() -> None:
     robot = Robot()
     fail(robot, A, 10.0, b"good")

@@ -1,4 +1,4 @@
-"""Which processes are substitutes that somebody left behind: by what runs, not by its name."""
+"""Substitutes that somebody left behind, known by what runs, not by its name."""
 import os
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""What is said over a line arrives in order and each once, whatever the line does to it."""
+"""Texts over a line arrive in order and each once, whatever the line does to them."""
 import random
 from typing import List, Tuple
 

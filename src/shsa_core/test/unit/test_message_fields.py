@@ -16,7 +16,7 @@ from sensor_msgs.msg import BatteryState, Imu, JointState, LaserScan  # noqa: E4
 from std_msgs.msg import Bool, Float32, Float64, Int8, UInt8, UInt8MultiArray, UInt64  # noqa: E402
 
 from shsa_core.errors import ShsaError  # noqa: E402
-from shsa_core.model.field import tells_of_nothing  # noqa: E402
+from shsa_core.model.field import is_distance  # noqa: E402
 from shsa_core.model.kinds import Policy  # noqa: E402
 from shsa_core.model.service import Provision, Service  # noqa: E402
 from shsa_core.model.som import Som  # noqa: E402
@@ -206,7 +206,7 @@ def test_what_a_type_does_not_have_is_refused(kind: Any, text: str, words: str) 
 
 def test_the_fields_of_rep_117_are_there() -> None:
     for kind, text in (("LaserScan", "ranges[0]"), ("Range", "range")):
-        assert tells_of_nothing(f"sensor_msgs/{kind}", text)
+        assert is_distance(f"sensor_msgs/{kind}", text)
         assert problem(f"sensor_msgs/{kind}", text, written=True) == ""
     assert Field(Pose, "yaw(orientation)").writable
 

@@ -1,4 +1,4 @@
-"""What is missing: enough to derive what is lost, named in linear time; messages stay short."""
+"""Missing properties: enough to derive what is lost, in linear time; messages stay short."""
 from random import Random
 from typing import List, Sequence
 

@@ -1,4 +1,4 @@
-"""How long the monitor waits for somebody to come: at the start, and after another monitor."""
+"""The time that the monitor waits for nodes: at the start, and after another monitor."""
 from typing import List
 
 from monitor_bench import NODE, TOPIC, Bench, service

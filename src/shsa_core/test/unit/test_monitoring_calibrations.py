@@ -1,4 +1,4 @@
-"""What would substitute a service, calibrated by the monitor while the service is well."""
+"""Substitutes of a service, calibrated by the monitor while the service is well."""
 from dataclasses import replace
 from math import sin
 from random import Random
@@ -104,7 +104,7 @@ class Robot:
             self.hear(Tick(self.now))
 
     def of(self, name: str, relation_input: str) -> Optional[Calibration]:
-        """What is told of the program for a service that reads one other."""
+        """Return the calibrations of the program for a service that reads one other."""
         found = [
             row[0]
             for (service, program), row in self.rows.items()

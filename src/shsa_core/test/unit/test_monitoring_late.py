@@ -1,4 +1,4 @@
-"""What the monitor's own lateness excuses, and what a turn looks at and says."""
+"""The monitor's own lateness, and what a turn looks at and says."""
 from typing import Any, List
 
 import pytest

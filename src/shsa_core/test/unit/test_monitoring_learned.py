@@ -1,4 +1,4 @@
-"""What is learned from a healthy stream: how still a value is, and how old its stamps are."""
+"""Learning from a healthy stream: how still a value is, and how old its stamps are."""
 import os
 from math import nan
 from random import Random
@@ -311,7 +311,7 @@ def test_what_a_node_catches_up_with_in_a_burst_may_have_stamps_as_near_as_that(
 
 @pytest.mark.parametrize("apart", [4e-6, 1e-9])
 def test_a_burst_that_comes_in_parts_has_stamps_as_near_all_the_same(apart: float) -> None:
-    """Who is not scheduled while it sends: its last messages come later than they were stamped."""
+    """A node is not scheduled while it sends: its last messages come later than stamped."""
     values = noise(Random(4))
     bench = bench_with(values)
     for _ in range(20):

@@ -31,7 +31,7 @@ NODES = ("/m", "/n", "/o", "/substitute_1", "/substitute_2")
 
 
 class AnyRobot(RuleBasedStateMachine):
-    """What the monitor was told and what it said, beside it."""
+    """An observer beside the monitor, of what it was told and what it said."""
 
     @initialize()
     def start(self) -> None:
@@ -77,7 +77,7 @@ class AnyRobot(RuleBasedStateMachine):
         before: Dict[Tuple[str, str], PublisherHealth],
         event: events.Event,
     ) -> None:
-        """Who fails had not failed before; and silence is no fault of who is told to be silent.
+        """Check that who fails had not failed before, and was not told to be silent.
 
         Each service that was never there is told of for itself, and so are wrong values of who was
         silent before.

@@ -1,4 +1,4 @@
-"""What the monitor makes of substitutes: who is muted or stopped on purpose has not failed."""
+"""The monitor and substitutes: one that is muted or stopped on purpose has not failed."""
 from dataclasses import replace
 from typing import List
 

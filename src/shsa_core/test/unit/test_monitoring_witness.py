@@ -291,7 +291,7 @@ def test_without_known_errors_nothing_is_judged_by_them(ontology: Ontology) -> N
 
 
 def test_a_witness_of_two_needs_the_other_to_agree(ontology: Ontology) -> None:
-    """What one tells is too high and what the other tells too low: no third is proven wrong."""
+    """One witness tells too high, the other too low: no third is proven wrong."""
     robot = Robot(ontology, *usual(), service("draw"))
     robot.run(10.0)
     robot.run(20.0, draw=8.0, power=60.0)

@@ -1,4 +1,4 @@
-"""How a node is run."""
+"""The run of a node."""
 import gc
 import sys
 from typing import Any, List

@@ -1,4 +1,4 @@
-"""What comes from the graph is checked before it counts: types, numbers, names, settings."""
+"""Data from the graph is checked before it counts: types, numbers, names, settings."""
 import ast
 import dataclasses
 import json
@@ -21,7 +21,8 @@ from shsa_core.files.parameters import HIGHEST, names_of, read_settings
 from shsa_core.files.som_file import merge_parameters, som_parameters
 from shsa_core.healing.naming import Names
 from shsa_core.healing.settings import Settings
-from shsa_core.model.checks import REGISTRY, Checks, ValueSample
+from shsa_core.model.checks import REGISTRY, Checks
+from shsa_core.model.samples import ValueSample
 from shsa_core.model.error import Error
 from shsa_core.model.service import Signal
 from shsa_core.model.som import Som

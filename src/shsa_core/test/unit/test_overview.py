@@ -1,4 +1,4 @@
-"""What people are shown of each service: how it does by all who publish for it."""
+"""Diagnostics of each service: its state by all its publishers."""
 from dataclasses import replace
 from typing import Dict, List, Optional, Tuple
 

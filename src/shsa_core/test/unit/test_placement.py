@@ -1,4 +1,4 @@
-"""Where a substitute is placed, and what it costs there."""
+"""The placement of a substitute, and its cost there."""
 from typing import Any, Dict, Iterable, List, Optional, Tuple
 
 import pytest
@@ -32,7 +32,7 @@ def placed(
     lost: str = "",
     time: float = 1.0,
 ) -> Place:
-    """Where the substitute of a service is placed that reads `b`, which runs on a computer."""
+    """Place the substitute of a service that reads `b`, which runs on a computer."""
     a = a or service("a", A, needed=True)
     som = Som([a, service("b", B, host=b), service("c", C, host=BOARD)], hosts)
     known = Computers(Settings(), own)

@@ -8,12 +8,25 @@ from typing import List
 
 import pytest
 
-from core_robot import A, SOM, Robot, has, last_incident, only, program_of, publishing, service
+from core_robot import (
+    A,
+    ONTOLOGY,
+    SOM,
+    Robot,
+    function,
+    has,
+    last_incident,
+    only,
+    program_of,
+    publishing,
+    service,
+)
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.files.parameters import read_settings
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import Policy
+from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import LastResort
 from shsa_core.model.som import Som
 
@@ -151,6 +164,21 @@ def test_an_original_that_keeps_failing_is_kept_out_until_it_is_released() -> No
     assert last_incident(robot.said).state is State.HEALED
     assert not last_incident(robot.handle(events.Released(50.0, "a"))).kept_out
     assert last_incident(back(robot, 51.0)).state is State.RETURNING
+
+
+def test_a_node_relapses_once_whatever_it_publishes() -> None:
+    services = [service("a", A, True), service("b", A, True), service("c", "/c_node")]
+    laws = [function("p", "a", "c + 1", 0.9), function("q", "b", "c + 2", 0.9)]
+    robot = Robot(Som(services), Ontology(ONTOLOGY.properties, {}, laws), switches=2)
+    for time in (10.0, 13.0, 16.0):
+        for topic in ("/a", "/b"):
+            robot.fail(topic, A, time)
+        robot.killed(time + 0.1, A)
+        incidents = [robot.core.incident(name) for name in "ab"]
+        assert [each and each.kept_out for each in incidents] == [time == 16.0] * 2
+        robot.row("/a", A, "healthy", time + 1.0)
+        robot.row("/b", A, "healthy", time + 1.0)
+        robot.table(time + 1.01)
 
 
 def test_an_original_that_keeps_failing_is_better_than_nothing() -> None:

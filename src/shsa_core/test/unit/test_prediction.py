@@ -58,7 +58,7 @@ def derive(ontology: Ontology, name: str, *sources: Source) -> Derivation:
 def expected(
     ontology: Ontology, name: str, *sources: Source, others: Tuple[Source, ...] = ()
 ) -> Optional[Error]:
-    """What is expected of the best derivation; the SOM has `others` besides."""
+    """Return the expected error of the best derivation; the SOM has `others` besides."""
     som = som_of([*sources, *others])
     return predict(derive(ontology, name, *sources), ontology, som)
 

@@ -43,7 +43,7 @@ class Bench:
 
     @property
     def forking(self) -> forking.Forking:
-        """What has the prepared process."""
+        """Return the owner of the prepared process."""
         assert self.ours._forking is not None
         return self.ours._forking
 

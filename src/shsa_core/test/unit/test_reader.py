@@ -1,4 +1,4 @@
-"""What of the messages of a connection is copied and judged, by what the service needs."""
+"""Parts of messages that are copied and judged, by what the service needs."""
 import io
 import struct
 from dataclasses import replace

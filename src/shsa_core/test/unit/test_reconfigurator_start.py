@@ -1,4 +1,4 @@
-"""What the reconfigurator's shell tells its parts as it starts."""
+"""The start of the reconfigurator's shell."""
 from argparse import Namespace
 from types import SimpleNamespace
 from typing import Any, List

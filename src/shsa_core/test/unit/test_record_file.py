@@ -1,4 +1,4 @@
-"""What must outlive a process: written, read again, and refused if it cannot be ours."""
+"""Records that outlive a process: written, read again, refused if they cannot be ours."""
 import os
 from pathlib import Path
 from typing import Callable, List

@@ -1,4 +1,4 @@
-"""What a master that was started anew is told of what the former one knew."""
+"""Registrations that a master that was started anew is told again."""
 import itertools
 from typing import Any, Dict, List
 
@@ -30,7 +30,7 @@ KNOWN = Graph(
 
 
 def said_of(published: Dict[str, str], subscribed: Dict[str, str]) -> Said:
-    """What a node says of itself."""
+    """Return what a node says of itself."""
     return {Part.PUBLISHER: published, Part.SUBSCRIBER: subscribed}
 
 

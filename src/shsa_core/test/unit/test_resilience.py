@@ -143,7 +143,7 @@ def test_the_best_alternative_is_what_a_search_finds(seed: int) -> None:
 
 
 def survived(robot: Ontology, som: Som, services: Iterable[Service]) -> Tuple[int, int]:
-    """How many failures of one cause of the robot, and of two, lose nothing with more services."""
+    """Count failures of one cause of the robot, and of two, that lose nothing then."""
     more = Som([*som, *services])
     one, two = (
         sum(not lost_services(robot, more, failed) for failed in combinations(causes_of(som), size))

@@ -1,4 +1,4 @@
-"""Whether substitutes fit where they would be placed: CPU and link of each host."""
+"""Schedulability of substitutes: CPU and link of each host."""
 from dataclasses import replace
 from typing import List
 
@@ -24,7 +24,7 @@ SETTINGS = Settings(pool=2)
 
 
 def unfit(pi: Host, *services: Service, board: Host = Host("board"), own: str = "") -> List[str]:
-    """What does not fit: the substitutes of speed and turn run on `pi`, beside what they read."""
+    """Return what does not fit: substitutes of speed and turn run on `pi`, beside their inputs."""
     som = Som([*(services or (SPEED, TURN)), LEFT], [pi, board])
     return [each.what for each in check_placements(ROBOT, som, SETTINGS, own)]
 

@@ -1,4 +1,4 @@
-"""What is no service, field or value of a SOM is named and refused."""
+"""Wrong services, fields and values of a SOM are named and refused."""
 import pathlib
 from typing import Any
 

@@ -188,6 +188,19 @@ def test_an_incident_that_ended_is_told_once_more_if_nobody_may_have_heard() -> 
     assert only(commands, events.StopSubstitute).node == node
 
 
+def test_a_node_that_is_kept_out_stays_out() -> None:
+    robot = Robot(switches=1)
+    robot.heal(10.0)
+    for time in (12.0, 30.0):
+        robot.row("/a", A, "healthy", time)
+        commands = robot.table(time)
+        if time == 12.0:
+            robot.fail("/a", A, 13.0)
+            robot.killed(13.1, A)
+            succeed(robot, 20.0, tuple(row.node for row in robot.working()))
+    assert only(commands, events.FindNode).node == A and publishing(robot) == (True,)
+
+
 def test_after_an_orderly_end_only_the_numbers_stay() -> None:
     robot = Robot()
     robot.heal(10.0)

@@ -1,4 +1,4 @@
-"""Which message of a table is taken on top of what was heard: in order, once, of one sender.
+"""Messages of a table are taken on top of others: in order, once, of one sender.
 
 And what a publisher sends to whom.
 """
@@ -43,7 +43,7 @@ class Bench:
         self.heard.append((message.began, message.sequence, message.whole))
 
     def send(self, began: int, sequence: int, whole: bool, sent: int = 0, ahead: int = 0) -> bool:
-        """Whether a message is heard. `ahead`: how far its computer's clock is ahead of ours."""
+        """Return whether a message is heard. `ahead`: of our clock is its computer's by so much."""
         before = len(self.heard)
         boot = bytes([ahead % 256] * 16)
         message = Checked(began=began, sequence=sequence, whole=whole, sent=sent + ahead, boot=boot)
@@ -170,7 +170,7 @@ class Connection:
 
 
 class Impl:
-    """What rospy has of a publisher."""
+    """A publisher as rospy has it."""
 
     def __init__(self) -> None:
         self.connections: List[Connection] = []

@@ -10,7 +10,7 @@ from shsa_core.healing.incident import State
 from shsa_core.healing.repair import TRANSITIONS, Trigger
 from shsa_core.healing.service import InvalidTransition
 
-PAGE = Path(__file__).resolve().parents[4] / "docs" / "architecture.md"
+PAGE = Path(__file__).resolve().parents[4] / "docs" / "internals.md"
 ARROW = re.compile(r"^ *(\w+) --> (\w+) : (.+)$", re.MULTILINE)
 
 

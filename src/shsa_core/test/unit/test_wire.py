@@ -1,4 +1,4 @@
-"""What messages from outside may say to the reconfigurator's core, and what its own say."""
+"""Messages from outside to the reconfigurator's core, and its own."""
 import itertools
 from dataclasses import replace
 from math import isnan
@@ -75,7 +75,7 @@ class SignedHealth(Health):  # type: ignore[misc]
 def test_the_wall_clock_of_another_computer_does_not_count(
     ahead: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What was 3, 2 and 1 s before a message was sent was so by our clock too."""
+    """Ages in a message, of 3, 2 and 1 s, hold by our clock too."""
     monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
     sent = clock.now() - 0.5
     theirs = rospy.get_time() + ahead

@@ -75,7 +75,7 @@ class Adder:
         self.total = 0.0
 
     def handle(self, event: Event) -> List[Command]:
-        """What the event says to."""
+        """Do what the event says."""
         handlers: Dict[type, Callable[[Any], List[Command]]] = {
             Added: self._added,
             SomChanged: lambda changed: [Log(f"{len(changed.som)} services")],

@@ -9,7 +9,8 @@ from typing import Iterator, List, Tuple
 
 from shsa_core.analysis.finding import Finding
 from shsa_core.healing.settings import Settings
-from shsa_core.model.checks import RateHigh, RateLow, StampSample, Stuck, ValueSample
+from shsa_core.model.checks import RateHigh, RateLow, Stuck
+from shsa_core.model.samples import StampSample, ValueSample
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som

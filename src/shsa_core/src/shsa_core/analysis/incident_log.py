@@ -21,7 +21,7 @@ MOST_BYTES = 20_000_000
 SAME_S = 1.0
 """Incidents of one service and number are one if they were detected within so much of another."""
 LATEST_S = 2.0**32
-"""What ROS can state as a time is before."""
+"""Times of ROS are before."""
 _CODEC = Codec(Incident)
 _TEXTS = ("service", "topic", "faulty_node", "evidence", "detail", "substitute", "code", "decision")
 _LISTS = ("properties", "inputs", "outputs", "relations", "gains", "offsets", "missing")

@@ -34,7 +34,8 @@ from shsa_core.files.readers import (
 )
 from shsa_core.language.expression import parse_constraint, parse_expression
 from shsa_core.language.syntax import is_name
-from shsa_core.model.checks import OF_VALUE, REGISTRY, Check, Checks, Limit, default_checks
+from shsa_core.model.checks import REGISTRY, Check, Checks, Limit, default_checks
+from shsa_core.model.samples import OF_VALUE
 from shsa_core.model.error import Error
 from shsa_core.model.field import parse_field
 from shsa_core.model.host import Placement

@@ -10,7 +10,7 @@ from shsa_core.files.readers import Keys, plain, plain_entry, read_entry, read_k
 from shsa_core.language.syntax import is_name
 from shsa_core.model.checks import LEARNED, Check, Checks, default_checks, default_limit
 from shsa_core.model.error import quality_of
-from shsa_core.model.field import tells_of_nothing
+from shsa_core.model.field import is_distance
 from shsa_core.model.host import Host
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Provision, Service
@@ -161,7 +161,7 @@ def _provisions(
                     "a field can provide one property"
                 )
             )
-        asked, distance = keys.pop("checks", {}), tells_of_nothing(message_type, keys["field"])
+        asked, distance = keys.pop("checks", {}), is_distance(message_type, keys["field"])
         keys.setdefault("quality", quality_of(keys.get("error")))
         provisions.append(Provision(name, checks=default_checks(True, distance, asked), **keys))
     if errors:
@@ -292,7 +292,7 @@ def _value_entry(provision: Provision, message_type: str) -> Dict[str, Any]:
     entry = plain_entry(provision, VALUE)
     if provision.error is not None and provision.quality == provision.error.quality:
         del entry["quality"]  # the error says it
-    distance = tells_of_nothing(message_type, provision.field)
+    distance = is_distance(message_type, provision.field)
     entry["checks"] = _check_entry(provision.checks, VALUE_CHECKS, distance)
     if not entry["checks"]:
         del entry["checks"]

@@ -7,7 +7,8 @@ from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.gating import events, settings
 from shsa_core.gating.events import Arrived, Command, Event, Log, Pass
-from shsa_core.model.checks import NotANumber, OutOfRange, RateHigh, RateSample
+from shsa_core.model.checks import NotANumber, OutOfRange, RateHigh
+from shsa_core.model.samples import RateSample
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.monitoring.events import SubstitutionsChanged

@@ -8,14 +8,7 @@ tells.
 """
 from typing import TYPE_CHECKING, Dict, Iterable, List, Optional, Tuple
 
-from shsa_core.healing.events import (
-    AskMonitor,
-    Command,
-    FailureSeen,
-    HealthSeen,
-    Level,
-    Log,
-)
+from shsa_core.healing.events import AskMonitor, Command, FailureSeen, HealthSeen, Level, Log
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.records import Healthy
 from shsa_core.model.kinds import Kind, OnPartition
@@ -107,7 +100,12 @@ def health_seen(core: "Reconfigurator", event: HealthSeen) -> List[Command]:
     """Take over what a monitor tells, and have those decide whom it concerns."""
     if event.whole:
         core.asked.set(core.robot.computers.name(event.host), None)
-    return _changed(core, *core.robot.health.heed(event))
+    health = core.robot.health
+    going_on = [health.failure(row) for row in event.rows if health.goes_on(row)]
+    commands = _changed(core, *health.heed(event))
+    for failure in going_on:
+        commands += failed(core, failure, told=False)
+    return commands
 
 
 def _changed(

@@ -167,11 +167,7 @@ class Planner:
         return self._search(service, excluded, method or self._method)
 
     def _search(
-        self,
-        service: Service,
-        excluded: Collection[str],
-        method: str,
-        tried: Collection[Plan] = (),
+        self, service: Service, excluded: Collection[str], method: str, tried: Collection[Plan] = ()
     ) -> Plan:
         sources = self.plans.sources
         return plan_service(

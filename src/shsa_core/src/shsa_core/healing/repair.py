@@ -1,6 +1,6 @@
 """The states of a service as a table, and what is done when they change.
 
-The diagram in docs/architecture.md is this table.
+The diagram in docs/internals.md is this table.
 """
 from dataclasses import replace
 from typing import TYPE_CHECKING, Callable, Dict, FrozenSet, Iterable, List, Optional, Tuple

@@ -6,92 +6,21 @@ holds the three together.
 from dataclasses import dataclass
 from math import isfinite
 from types import MappingProxyType
-from typing import Any, ClassVar, Dict, Mapping, NamedTuple, Optional, Tuple, Type, Union
+from typing import Any, ClassVar, Dict, Mapping, Optional, Tuple, Type, Union
 
 from shsa_core.model.kinds import Kind
+from shsa_core.model.samples import (
+    IntruderSample,
+    OF_VALUE,
+    RateSample,
+    StampSample,
+    ValueSample,
+    WitnessSample,
+)
 
 Limit = Union[bool, float]
 LEARNED = 0.0
 """The limit that a publisher's own healthy stream, or known errors, give; a SOM's are above 0."""
-
-
-class Hold(NamedTuple):
-    """A value may stay the same for `messages`, and for `seconds`; `longest`: messages, so far."""
-
-    messages: int
-    seconds: float
-    longest: int
-
-
-@dataclass(frozen=True)
-class ValueSample:
-    """One value of a message: of which property, in its unit; `still`: s since it changed.
-
-    `last_good`: the one before it that was. `run`: the messages that it came with in a row; `hold`:
-    how long it may, as learned, None: for ever.
-    """
-
-    name: str
-    value: float
-    range: Optional[Tuple[float, float]] = None
-    still: float = 0.0
-    last_good: Optional[float] = None
-    run: int = 1
-    hold: Optional[Hold] = None
-
-
-@dataclass(frozen=True)
-class RateSample:
-    """`count` periods of `period` s passed between messages: in `shortest` to `longest` s."""
-
-    count: int
-    period: float
-    longest: float
-    shortest: float
-
-
-@dataclass(frozen=True)
-class StampSample:
-    """A message arrived `age` s after its stamp.
-
-    It may have waited `waited` s of these for its reader. `usual`: the age as learned, which may
-    differ by `allowed` s; None: not known. `again`: the stamp is not newer than the one before,
-    though it always was.
-    """
-
-    age: float
-    waited: float = 0.0
-    usual: Optional[float] = None
-    allowed: float = 0.0
-    again: bool = False
-
-
-@dataclass(frozen=True)
-class IntruderSample:
-    """A publisher that nobody names has published for `lasted` s beside `rightful` ones."""
-
-    lasted: float
-    rightful: Tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class WitnessSample:
-    """A value, and what was derived from other `nodes`; for 2 s they differed by `mean`.
-
-    `allowed`: as their errors are known; None: they are not.
-    """
-
-    name: str
-    value: float
-    derived: float
-    mean: float
-    nodes: Tuple[str, ...]
-    allowed: Optional[float] = None
-
-
-Sample = Union[ValueSample, RateSample, StampSample, IntruderSample, WitnessSample]
-OF_VALUE = (ValueSample, WitnessSample)
-"""Samples of one value: their checks stand with the property in the SOM."""
 
 
 @dataclass(frozen=True)
@@ -295,24 +224,24 @@ BY_VALUE = tuple(
 
 def default_checks(
     of_values: bool,
-    tells_of_nothing: bool = False,
+    is_distance: bool = False,
     asked: Mapping[str, Optional[Limit]] = MappingProxyType({}),
 ) -> Tuple[Check, ...]:
     """Return the checks of a value, or of a message, by default and as `asked`; None: off.
 
-    `tells_of_nothing`: the value need not be a number, see `field.tells_of_nothing`.
+    `is_distance`: the value need not be a number, see `model.field`.
     """
     limits = [
-        (each, asked.get(name, default_limit(name, tells_of_nothing)))
+        (each, asked.get(name, default_limit(name, is_distance)))
         for name, each in REGISTRY.items()
         if (each.sample in OF_VALUE) is of_values
     ]
     return tuple(each(limit) for each, limit in limits if limit is not None)
 
 
-def default_limit(kind: str, tells_of_nothing: bool = False) -> Optional[Limit]:
+def default_limit(kind: str, is_distance: bool = False) -> Optional[Limit]:
     """Return the limit of a check where the SOM says nothing; None: it is off."""
-    if tells_of_nothing and kind in OFF_FOR_DISTANCES:
+    if is_distance and kind in OFF_FOR_DISTANCES:
         return None
     return REGISTRY[str(kind)].default
 

@@ -174,8 +174,8 @@ def to_path(field: str) -> str:
     return re.sub(r"\.(?![^\[]*\])", "/", field)
 
 
-def tells_of_nothing(message_type: str, field: str) -> bool:
-    """Return true if NaN and infinite values of a field tell what a sensor sees.
+def is_distance(message_type: str, field: str) -> bool:
+    """Return true if a field is a distance: NaN and infinite values tell what a sensor sees.
 
     REP 117: of distances, +inf says that nothing is in reach, -inf that something is too close, and
     NaN that one reading is of no use.

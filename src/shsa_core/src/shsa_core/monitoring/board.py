@@ -157,7 +157,7 @@ class Board:
         if watched is None or not publisher.connected or self.may_be_silent(topic, publisher):
             return
         watched.appeared = True
-        if publisher.last_message is None:
+        if publisher.last_heard is None:
             named = publisher.name == watched.service.node
             if watched.service.event_driven and named and publisher.state is UNKNOWN:
                 self.become_healthy(topic, publisher, time)

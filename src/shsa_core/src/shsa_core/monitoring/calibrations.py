@@ -60,7 +60,7 @@ class Calibrations:
 
     def tick(self, time: float, there: Callable[[], Collection[str]]) -> None:
         """Look at what was learned, and search a plan; `there` returns the services that are."""
-        for followed in self._derivations.refresh(time):
+        for followed in self._derivations.refreshed():
             if followed.substitutes:
                 self._tell(followed)
         if time >= self._replan_at:

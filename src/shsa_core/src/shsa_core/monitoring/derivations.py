@@ -3,10 +3,9 @@
 A program is evaluated with a message of the service's own node, a few times a second, from the
 newest values of healthy nodes. While nothing is held against anybody it is calibrated by that node.
 """
-from collections import deque
 from dataclasses import dataclass, field
 from math import inf, isfinite
-from typing import Deque, Dict, Iterable, List, Mapping, Optional, Set, Tuple
+from typing import Dict, Iterable, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import Plan
@@ -105,8 +104,7 @@ class Derivations:
     def __init__(self, deadlines: Deadlines) -> None:
         self._deadlines = deadlines
         self._services: Dict[str, _Heard] = {}
-        self._turn: Deque[FollowedPlan] = deque()
-        self._ticked = -inf
+        self._refreshed: List[FollowedPlan] = []
 
     def watch(self, som: Som, changed: Iterable[str]) -> None:
         """Evaluate what is followed on, but for services that have `changed`, and for witnesses."""
@@ -120,9 +118,9 @@ class Derivations:
             for followed in heard.followed:
                 followed.witness = False
             heard.followed = [each for each in heard.followed if self._goes_on(each)]
-        self._turn = deque(each for h in self._services.values() for each in h.followed)
-        for followed in self._turn:
-            self._read(followed)
+        for heard in self._services.values():
+            for followed in heard.followed:
+                self._read(followed)
 
     def concerns(self, service: Service) -> bool:
         """Tell if values of a service are read, or compared."""
@@ -154,7 +152,6 @@ class Derivations:
         all_ = self._services[followed.service].followed
         if followed not in all_:
             all_.append(followed)
-            self._turn.appendleft(followed)
             self._read(followed)
 
     def leave(self, followed: FollowedPlan) -> None:
@@ -164,7 +161,6 @@ class Derivations:
         all_ = self._services[followed.service].followed
         if followed in all_ and not followed.witness:
             all_.remove(followed)
-            self._turn.remove(followed)
             for source in followed.inputs:
                 self._services[source.service.name].readers.discard(followed)
 
@@ -197,8 +193,11 @@ class Derivations:
             for each in heard.followed:
                 if each.doubtful:
                     each.doubt()
-                else:
-                    each.learn(values, time)
+                    continue
+                each.learn(values, time)
+                if time - each.looked >= settings.REFRESH_S:
+                    each.refresh(time)
+                    self._refreshed.append(each)
 
     def dispute(self, source: Source, disputed: bool) -> None:
         """Note if others contradict a value."""
@@ -209,17 +208,10 @@ class Derivations:
         """Tell if others contradict a value."""
         return source.property in self._services[source.service.name].disputed
 
-    def refresh(self, time: float) -> List[FollowedPlan]:
-        """Look at what programs have learned, one after the other; return those looked at."""
-        passed, self._ticked = time - self._ticked, time
-        found: List[FollowedPlan] = []
-        for _ in range(1 + int(min(passed, settings.REFRESH_S) * settings.REFRESHES_PER_S)):
-            if not self._turn or time - self._turn[0].looked < settings.REFRESH_S:
-                break
-            self._turn[0].refresh(time)
-            found.append(self._turn[0])
-            self._turn.rotate(-1)
-        return found
+    def refreshed(self) -> List[FollowedPlan]:
+        """Return the programs of which new calibrations are known since the last call."""
+        refreshed, self._refreshed = self._refreshed, []
+        return refreshed
 
     def _goes_on(self, followed: FollowedPlan) -> bool:
         there = all(source.service.name in self._services for source in followed.inputs)

@@ -4,15 +4,8 @@ from dataclasses import dataclass
 from math import ceil, isfinite
 from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Tuple, Type
 
-from shsa_core.model.checks import (
-    LONG_WINDOW,
-    Check,
-    Checks,
-    OutOfRange,
-    RateSample,
-    StampSample,
-    ValueSample,
-)
+from shsa_core.model.checks import LONG_WINDOW, Check, Checks, OutOfRange
+from shsa_core.model.samples import RateSample, StampSample, ValueSample
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message

@@ -1,7 +1,8 @@
 """Judges a publisher by its messages, and by its silence."""
 from typing import Optional
 
-from shsa_core.model.checks import Checks, IntruderSample
+from shsa_core.model.checks import Checks
+from shsa_core.model.samples import IntruderSample
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.alibis import decide
 from shsa_core.monitoring.board import FAILED, UNKNOWN, Board
@@ -44,7 +45,7 @@ class Judgement:
             publisher.excused_until = alibi.until
             self._board.excuse(topic, publisher, alibi.why)
             return
-        silence = time - (publisher.last_message or 0.0)
+        silence = time - (publisher.last_heard or 0.0)
         detail = f"no message for {silence:.3f} s, {publisher.allowed:.3f} s are allowed"
         if publisher.learned is not None:
             detail = f"{detail}, {publisher.learned.told()}"

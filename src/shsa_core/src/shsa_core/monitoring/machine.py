@@ -266,7 +266,7 @@ class Monitor:
             return
         if self._board.substitutes.is_kept_back(topic.name, publisher.name):
             return  # no consumer hears it
-        previous = publisher.last_message
+        previous = publisher.last_heard
         excused = publisher.excused_until > -inf
         teaches = publisher.is_healthy and not (excused or publisher.interrupted)
         publisher.note_message(event.time)

@@ -166,7 +166,7 @@ class Trials:
             return
         allowed = probation.allowed
         for publisher in (each for each in topic.healthy() if each.watched is watched):
-            last = max(probation.began, publisher.last_message or probation.began)
+            last = max(probation.began, publisher.last_heard or probation.began)
             if watch.has_passed(last, allowed):
                 silence = f"no message for {watch.now - last:.3f} s"
                 finding = Finding(Kind.SILENT, f"{silence}, {allowed:.3g} s would be allowed")

@@ -3,7 +3,8 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Dict, List, Optional, Sequence, Tuple
 
-from shsa_core.model.checks import Check, IntruderSample
+from shsa_core.model.checks import Check
+from shsa_core.model.samples import IntruderSample
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.deadline import LearnedDeadline
@@ -91,7 +92,7 @@ class Publisher:
     kind: Optional[Kind] = None
     detail: str = ""
     first_message: Optional[float] = None
-    last_message: Optional[float] = None
+    last_heard: Optional[float] = None
     last_good: Optional[float] = None
     messages: int = 0
     good_in_a_row: int = 0
@@ -146,7 +147,7 @@ class Publisher:
 
     def interrupt(self, until: float) -> None:
         """Lose its connection, which is given anew by then; once until its next message."""
-        if self.last_message is not None and not self.interrupted:
+        if self.last_heard is not None and not self.interrupted:
             self.interrupted, self.reconnects_until = True, until
 
     def resume(self, time: float) -> None:
@@ -189,14 +190,14 @@ class Publisher:
         """Begin anew once it publishes again."""
         self.become(time, PublisherState.UNKNOWN)
         self.begin_anew()
-        self.first_message = self.last_message = self.silent_since = None
+        self.first_message = self.last_heard = self.silent_since = None
 
     def note_message(self, time: float) -> None:
         """Count a message."""
         self.messages += 1
-        if self.last_message is not None and time - self.last_message <= self.allowed:
+        if self.last_heard is not None and time - self.last_heard <= self.allowed:
             self.steady = True
-        self.last_message = self.silent_since = time
+        self.last_heard = self.silent_since = time
         self.interrupted, self.excused_until, self.reconnects_until = False, -inf, -inf
         if self.first_message is None:
             self.first_message = time

@@ -149,8 +149,8 @@ SEARCH_S = 0.5
 """Between two searches for a plan: on a robot of 500 services one takes 50 ms."""
 EVALUATIONS_PER_S = 2000.0
 """Of all programs together: what is beyond that is not followed."""
-REFRESH_S, REFRESHES_PER_S = 1.0, 100.0
-"""Between two looks at what a program has learned; and so many of all programs in a second."""
+REFRESH_S = 2.0
+"""Between two looks at what a program has learned: one takes 60 us."""
 GAP_PERIODS = 5.0
 """A program that remembers forgets after a gap of so many periods of its service."""
 TOLD_SHARE = 0.1

@@ -8,7 +8,7 @@ from math import inf
 from statistics import median
 from typing import List, Optional
 
-from shsa_core.model.checks import StampSample
+from shsa_core.model.samples import StampSample
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.events import Message
 

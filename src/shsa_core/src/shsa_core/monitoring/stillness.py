@@ -7,7 +7,7 @@ never judged; neither is an exact 0, as long as that may be rest.
 from math import inf, isfinite
 from typing import Optional
 
-from shsa_core.model.checks import Hold
+from shsa_core.model.samples import Hold
 from shsa_core.monitoring import settings
 
 

@@ -105,7 +105,7 @@ class Surroundings:
         if self._silent is None:
             now = self.watch.now
             late = (p for p in self._everybody() if _is_late(p, now))
-            self._silent = [_Gap(p.name, p.last_message or 0.0, now) for p in late]
+            self._silent = [_Gap(p.name, p.last_heard or 0.0, now) for p in late]
         nodes: Set[str] = {gap.node}
         for gaps in (self._silent, self._gaps):
             for other in gaps:
@@ -119,7 +119,7 @@ class Surroundings:
 
 def _is_late(publisher: Publisher, time: float) -> bool:
     """Tell if a healthy publisher has missed a message."""
-    service, last = publisher.service, publisher.last_message
+    service, last = publisher.service, publisher.last_heard
     if last is None or service is None or service.period is None or not publisher.is_healthy:
         return False
     return time - last >= settings.MISSED_PERIODS * service.period

@@ -11,7 +11,8 @@ from typing import Deque, Dict, List, Mapping, Optional, Tuple
 from shsa_core.codegen.plans import plan_sources
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import ShsaError
-from shsa_core.model.checks import LEARNED, Check, WitnessSample
+from shsa_core.model.checks import LEARNED, Check
+from shsa_core.model.samples import WitnessSample
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source

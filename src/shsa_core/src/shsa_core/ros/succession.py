@@ -8,7 +8,7 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.records import Record, of_this_robot
+from shsa_core.healing.records import Record, RestartedNode, of_this_robot
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import FORMS
 from shsa_core.journal.record_file import Former, RecordFile, read_records
@@ -42,6 +42,12 @@ def take_over(host: LocalHost, elsewhere: Collection[str] = ()) -> Heritage:
     if former.owner.get("boot") != owner["boot"]:
         records = of_this_robot(records, False, ())  # its moments are of another clock
     records = of_this_robot(records, former.owner.get("run") == owner["run"], running)
+    # What was started again on this computer is told by its mark, and not by a record.
+    records = tuple(
+        each for each in records if not isinstance(each, RestartedNode) or each.node in elsewhere
+    )
+    for node in host.restarts.children.running():
+        records += (RestartedNode(node, host.restarts.is_with_us(node)),)
     leftovers, strangers = _registered(host, set(running))
     started = events.Started(clock.now(), leftovers, strangers, records, tuple(running))
     return Heritage(started, RecordFile(path, CODEC, owner, rospy.logwarn))

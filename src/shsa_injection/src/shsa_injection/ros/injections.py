@@ -14,7 +14,6 @@ import psutil
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.service import Service
-from shsa_core.ros.master.node_api import FAILURES, node_api
 from shsa_injection import channel
 from shsa_injection.errors import Refused
 from shsa_injection.ros import healers, master, targets
@@ -22,11 +21,8 @@ from shsa_injection.ros.guard import Guard
 from shsa_injection.ros.targets import Start, Target
 from shsa_injection.vocabulary import FAULTS, Place
 
-CALLER = "/shsa_inject"
 ANSWER_TIMEOUT_S = 5.0
-SHUTDOWN_S = 3.0
 CHILD_TIMEOUT_S = 15.0
-POLL_S = 0.002
 
 Self = TypeVar("Self", bound="Injection")
 
@@ -90,14 +86,14 @@ class Injection:
         if self.fault == "crash":
             target.process.kill()
         else:
-            _ask_to_leave(target)
+            targets.ask_to_leave(target)
 
     def _hang(self, target: Target) -> None:
         order = {"action": "continue", "pid": target.pid, "created": target.created}
         guard = Guard({**order, "seconds": self.seconds})
         self._undo.callback(lambda: self.told.update(guard.end()))
-        self._undo.callback(_signal, target.process, signal.SIGCONT)
-        if not _signal(target.process, signal.SIGSTOP):
+        self._undo.callback(targets.send_signal, target.process, signal.SIGCONT)
+        if not targets.send_signal(target.process, signal.SIGSTOP):
             raise Refused(f"{self.node} has ended")
 
 
@@ -209,7 +205,7 @@ class _StrangerInjection(_ServiceInjection):
             # It ends with its standard input, once somebody lets it.
             order = {"action": "continue", "pid": child.pid, "created": process.create_time()}
             self._undo.enter_context(Guard({**order, "seconds": self.seconds}))
-            _signal(process, signal.SIGSTOP)
+            targets.send_signal(process, signal.SIGSTOP)
         self.began = time.monotonic()
 
 
@@ -223,7 +219,7 @@ class MasterInjection(Injection):
         guard = Guard(order)
         self._undo.callback(lambda: self.told.update(guard.end()))
         process.kill()
-        if not _has_ended(process):
+        if not targets.has_ended(process):
             raise Refused("the master does not end")
 
 
@@ -266,43 +262,13 @@ def checked(answer: Dict[str, Any]) -> Dict[str, Any]:
     return answer
 
 
-def _signal(process: psutil.Process, number: int) -> bool:
-    """Send a signal; whether the process was still there."""
-    try:
-        process.send_signal(number)
-    except psutil.NoSuchProcess:
-        return False
-    return True
-
-
-def _ask_to_leave(target: Target) -> None:
-    """End a node as `rosnode kill` does. Raises Refused if its process does not end."""
-    why = "it was asked, and stays"
-    try:
-        node_api(target.uri).shutdown(CALLER, "an injected fault")
-    except FAILURES as error:
-        why = str(error)  # who leaves may have no time to answer
-    if not _has_ended(target.process):
-        raise Refused(f"{target.node} does not leave: {why}")
-
-
-def _has_ended(process: psutil.Process) -> bool:
-    """Wait until a process has ended, be it that nobody has asked for its status yet."""
-    deadline = time.monotonic() + SHUTDOWN_S
-    while targets.lives(process):
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(POLL_S)
-    return True
-
-
 def _end_child(child: "subprocess.Popen[bytes]") -> None:
     """Let a stranger leave in order, so that it does not stay registered."""
     assert child.stdin is not None and child.stdout is not None
     child.stdin.close()
     child.stdout.close()
     try:
-        child.wait(SHUTDOWN_S)
+        child.wait(targets.SHUTDOWN_S)
     except subprocess.TimeoutExpired:
         child.kill()
         child.wait()

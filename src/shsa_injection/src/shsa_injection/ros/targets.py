@@ -1,6 +1,7 @@
 """The process of a node: the one that listens where the master says the node does."""
 import json
 import os
+import time
 import urllib.parse
 from dataclasses import dataclass
 from typing import Dict, List, Optional, Tuple
@@ -10,10 +11,15 @@ import rosgraph.network
 
 from shsa_core.model.service import Service
 from shsa_core.ros.master.announce import of_topic
-from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.master.node_api import FAILURES, master_api, node_api
 from shsa_injection.errors import Refused
 from shsa_injection.ros import guard, healers
 from shsa_injection.ros.guard import STARTER
+
+CALLER = "/shsa_inject"
+SHUTDOWN_S = 3.0
+"""So long a process may take to end."""
+POLL_S = 0.002
 
 
 @dataclass(frozen=True)
@@ -119,3 +125,33 @@ def lives(process: psutil.Process) -> bool:
         return bool(process.is_running() and process.status() != psutil.STATUS_ZOMBIE)
     except psutil.NoSuchProcess:
         return False
+
+
+def send_signal(process: psutil.Process, number: int) -> bool:
+    """Send a signal; whether the process was still there."""
+    try:
+        process.send_signal(number)
+    except psutil.NoSuchProcess:
+        return False
+    return True
+
+
+def ask_to_leave(target: Target) -> None:
+    """End a node as `rosnode kill` does. Raises Refused if its process does not end."""
+    why = "it was asked, and stays"
+    try:
+        node_api(target.uri).shutdown(CALLER, "an injected fault")
+    except FAILURES as error:
+        why = str(error)  # who leaves may have no time to answer
+    if not has_ended(target.process):
+        raise Refused(f"{target.node} does not leave: {why}")
+
+
+def has_ended(process: psutil.Process) -> bool:
+    """Wait until a process has ended, be it that nobody has asked for its status yet."""
+    deadline = time.monotonic() + SHUTDOWN_S
+    while lives(process):
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(POLL_S)
+    return True

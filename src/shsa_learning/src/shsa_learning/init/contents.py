@@ -3,7 +3,7 @@ from dataclasses import dataclass
 from typing import List, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.errors import ShsaError
-from shsa_core.model.field import ANGLES, parse_field, tells_of_nothing
+from shsa_core.model.field import ANGLES, is_distance, parse_field
 from shsa_core.model.field_type import FLOATS, WHOLE, Layout
 from shsa_learning.init.meanings import MEANINGS, NOTHING, Meaning, meaning
 
@@ -148,7 +148,7 @@ class _Walk:
                 self._array(Array(at, element, count, names, meaning(within), called))
 
     def _array(self, array: Array) -> None:
-        if tells_of_nothing(self._type, array.path):
+        if is_distance(self._type, array.path):
             nearest = ("nearest", *array.words)
             self._add(Number(f"min({array.path})", array.kind, array.meaning, nearest))
         else:

@@ -9,7 +9,7 @@ from typing import Dict, Iterator, List, Optional, Sequence, Set, Tuple
 from shsa_core.errors import ModelError
 from shsa_core.files.document import parse_yaml
 from shsa_core.files.som_file import read_tree
-from shsa_core.model.field import ANGLES, parse_field, tells_of_nothing
+from shsa_core.model.field import ANGLES, is_distance, parse_field
 from shsa_core.model.field_type import WHOLE
 from shsa_core.text import shown
 from shsa_learning.init.meanings import SLIDES
@@ -210,7 +210,7 @@ def _provision(facts: Facts, field: Field) -> str:
     if limits is not None:
         told.append(f"range: [{limits[0]!r}, {limits[1]!r}]")
     spread = field.spread
-    distance = tells_of_nothing(facts.publisher.type, text)
+    distance = is_distance(facts.publisher.type, text)
     if spread is not None and spread.nan + spread.infinite > 0.0 and not distance:
         told.append("checks: {not_a_number: false}")
     return f"{{{', '.join(told)}}}"

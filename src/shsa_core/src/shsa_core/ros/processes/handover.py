@@ -21,7 +21,7 @@ GONE_LOOKS = 5
 
 
 ASKED_BY_API = "external shutdown request"
-"""What rospy's reason begins with then."""
+"""The beginning of rospy's reason then."""
 
 
 def await_turn(name: str) -> None:

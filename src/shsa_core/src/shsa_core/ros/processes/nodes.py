@@ -20,7 +20,7 @@ from shsa_core.ros.master.node_api import FAILURES, master_api, node_api, pid, p
 from shsa_core.ros.processes import kernel
 
 URIS = "/roslaunch/uris"
-"""Where each roslaunch says how it can be asked."""
+"""The parameter of the address of each roslaunch."""
 MOST_LAUNCHES = 32
 """Anybody can write there: no more are asked."""
 

@@ -1,0 +1,81 @@
+"""Samples that the checks of a service judge: values, rates, stamps, strangers, witnesses."""
+from dataclasses import dataclass
+from typing import NamedTuple, Optional, Tuple
+
+
+class Hold(NamedTuple):
+    """A value may stay the same for `messages`, and for `seconds`; `longest`: messages, so far."""
+
+    messages: int
+    seconds: float
+    longest: int
+
+
+@dataclass(frozen=True)
+class ValueSample:
+    """One value of a message: of which property, in its unit; `still`: s since it changed.
+
+    `last_good`: the one before it that was. `run`: the messages that it came with in a row; `hold`:
+    how long it may, as learned, None: for ever.
+    """
+
+    name: str
+    value: float
+    range: Optional[Tuple[float, float]] = None
+    still: float = 0.0
+    last_good: Optional[float] = None
+    run: int = 1
+    hold: Optional[Hold] = None
+
+
+@dataclass(frozen=True)
+class RateSample:
+    """`count` periods of `period` s passed between messages: in `shortest` to `longest` s."""
+
+    count: int
+    period: float
+    longest: float
+    shortest: float
+
+
+@dataclass(frozen=True)
+class StampSample:
+    """A message arrived `age` s after its stamp.
+
+    It may have waited `waited` s of these for its reader. `usual`: the age as learned, which may
+    differ by `allowed` s; None: not known. `again`: the stamp is not newer than the one before,
+    though it always was.
+    """
+
+    age: float
+    waited: float = 0.0
+    usual: Optional[float] = None
+    allowed: float = 0.0
+    again: bool = False
+
+
+@dataclass(frozen=True)
+class IntruderSample:
+    """A publisher that nobody names has published for `lasted` s beside `rightful` ones."""
+
+    lasted: float
+    rightful: Tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class WitnessSample:
+    """A value, and what was derived from other `nodes`; for 2 s they differed by `mean`.
+
+    `allowed`: as their errors are known; None: they are not.
+    """
+
+    name: str
+    value: float
+    derived: float
+    mean: float
+    nodes: Tuple[str, ...]
+    allowed: Optional[float] = None
+
+
+OF_VALUE = (ValueSample, WitnessSample)
+"""Samples of one value: their checks stand with the property in the SOM."""

@@ -1,0 +1,52 @@
+"""The code stays small enough for one head: lines, files, constants, and words to set."""
+import re
+from pathlib import Path
+from typing import Iterator, List
+
+import pytest
+
+SOURCE = Path(__file__).resolve().parent.parent / "src"
+CORE = SOURCE / "shsa_core" / "src" / "shsa_core"
+LINES = {"": 28000, "healing": 4500, "monitoring": 3000, "ros": 9000}
+"""Lines at most, docstrings included, of a folder of the core package."""
+FILES = {"healing": 25}
+CONSTANTS = 50
+"""Constants of time in the cores and shells."""
+CONSTANT = re.compile(r"^_?[A-Z_]+_S\b.* = ", re.MULTILINE)
+RIDDLE = re.compile(r'^\s*"""(Whether|Who|What|How|When|Where|Which) ', re.MULTILINE)
+
+
+def modules(folder: Path) -> Iterator[Path]:
+    return folder.rglob("*.py")
+
+
+def count(folder: Path) -> int:
+    return sum(len(path.read_text("utf-8").splitlines()) for path in modules(folder))
+
+
+@pytest.mark.parametrize("folder", LINES)
+def test_a_folder_is_not_longer_than_agreed(folder: str) -> None:
+    assert count(CORE / folder) <= LINES[folder]
+
+
+@pytest.mark.parametrize("folder", FILES)
+def test_a_folder_has_no_more_files_than_agreed(folder: str) -> None:
+    assert len(list(modules(CORE / folder))) <= FILES[folder]
+
+
+def test_the_tests_are_not_much_longer_than_what_they_test() -> None:
+    tests = sum(count(folder) for folder in SOURCE.glob("*/test"))
+    assert tests <= 1.2 * sum(count(folder) for folder in SOURCE.glob("*/src"))
+
+
+def test_constants_of_time_are_few() -> None:
+    found = [name for path in modules(CORE) for name in CONSTANT.findall(path.read_text("utf-8"))]
+    assert len(found) <= CONSTANTS
+
+
+def test_docstrings_say_what_a_thing_does() -> None:
+    riddles: List[str] = []
+    for path in SOURCE.glob("*/src/**/*.py"):
+        for found in RIDDLE.finditer(path.read_text("utf-8")):
+            riddles.append(f"{path.relative_to(SOURCE)}: {found.group().strip()}")
+    assert riddles == []
