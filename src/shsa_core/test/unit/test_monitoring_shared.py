@@ -3,6 +3,8 @@ from typing import Any, List
 
 from monitor_bench import PERIOD, Bench, message_checks, provision, row, service
 
+from shsa_core.healing.events import HealthSeen
+from shsa_core.healing.health import Health
 from shsa_core.model.checks import UnknownPublisher
 from shsa_core.monitoring.events import SubstitutionsChanged
 
@@ -54,6 +56,19 @@ def test_a_service_that_never_came_up_is_missed_beside_another_one_on_its_topic(
     assert bench.state("", "/joint_states") == "failed"
     bench.connect("/wheel_driver", "/joint_states")
     assert bench.state("", "/joint_states") is None
+
+
+def test_each_service_that_nobody_ever_publishes_for_has_the_row_once() -> None:
+    bench = two_drivers()
+    bench.wait(16.0)
+    assert sorted(told(bench)) == ["arm  never_published", "wheels  never_published"]
+    failed = [row for change in bench.changes for row in change.rows if row.kind is not None]
+    assert sorted(row.service for row in failed) == ["arm", "wheels"]
+    heard, seen = Health(), []
+    for each in bench.changes:
+        _, failures = heard.heed(HealthSeen(each.time, each.rows, each.removed))
+        seen += [failure.service for failure in failures]
+    assert sorted(seen) == ["arm", "wheels"]
 
 
 def test_a_stranger_on_a_shared_topic_is_judged_by_nobodys_values() -> None:

@@ -4,9 +4,9 @@ from typing import List, Optional, Tuple
 
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.alibis import NOBODY_CAME, Blame, Case, decide
-from shsa_core.monitoring.board import Board, Grace
+from shsa_core.monitoring.board import FAILED, Board, Grace
 from shsa_core.monitoring.events import FormerlyHealthy, Key, RobotAwaited
-from shsa_core.monitoring.publishers import WatchedService, WatchedTopic
+from shsa_core.monitoring.publishers import NOBODY, WatchedService, WatchedTopic
 from shsa_core.monitoring.settings import RECONNECT_S, SUBSCRIBE_S
 
 
@@ -119,6 +119,10 @@ class StartUp:
 
     def _blame(self, topic: WatchedTopic, watched: WatchedService, time: float) -> None:
         board, (formerly, told) = self._board, watched.formerly
+        nobody = topic.publishers.get(NOBODY)
+        if nobody is not None and nobody.state is FAILED and nobody.since == time:
+            watched.due = time + SUBSCRIBE_S  # one row at a time says for which service
+            return
         watched.overdue = True
         connected = [p for p in topic.publishers.values() if p.watched is watched]
         guilty = [p for p in connected if p.connected and not board.may_be_silent(topic, p)]

@@ -245,7 +245,7 @@ class ReconfiguratorNode:
         return marked
 
     def _next(self) -> Callable[[], object]:
-        """What to do next: an event, else a plan ahead, else to let time pass."""
+        """Return the next thing to do: an event, else a plan ahead, else to let time pass."""
         try:
             return self._queue.get_nowait()
         except queue.Empty:
@@ -390,7 +390,7 @@ def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
 
 
 def _substitute_journals(journal: str) -> str:
-    """What the journals of the substitutes begin with, beside the reconfigurator's own."""
+    """Return the prefix of the substitutes' journals, beside the reconfigurator's own."""
     return os.path.splitext(journal)[0] + ".substitute_" if journal else ""
 
 

@@ -32,9 +32,9 @@ REFUSAL_S = 0.002
 LISTENED_S = 0.1
 """A node that has just listened is asked without another look."""
 UNREAD_S = 0.02
-"""What wakes nobody while a substitute waits for other things is read by then."""
+"""Messages that wake no waiting substitute are read by then."""
 LARGEST_MESSAGE_B = 1 << 28
-"""What is larger is not kept, and its publisher counts as silent."""
+"""A larger message is not kept, and its publisher counts as silent."""
 READ_B = 1 << 16
 """Of one read. A smaller rest is copied: that costs less than another read."""
 SHORT_READ_B = 512

@@ -21,7 +21,7 @@ LARGEST_MASTER_ANSWER_B = 64 * 1024 * 1024
 """The master's tells of every node, and may be a while on a large robot."""
 
 FAILURES = (rosgraph.MasterException, OSError, xmlrpc.client.Error, http.client.HTTPException)
-"""What a call raises if there is no answer, or a refusal, or one that makes no sense."""
+"""Exceptions of a call without an answer, with a refusal, or with one that makes no sense."""
 
 URI = re.compile(r"http://(\[[0-9A-Fa-f:.]{2,45}\]|[A-Za-z0-9._-]{1,253}):([0-9]{1,5})/?")
 
@@ -136,7 +136,7 @@ class _Transport(xmlrpc.client.Transport):
         self._limits = limits
         self._end = 0.0
         self.connected = 0
-        """When the connection was made."""
+        """The time at which the connection was made."""
 
     def request(self, host, handler, request_body, verbose=False):  # type: ignore[no-untyped-def]
         self._end = time.monotonic() + self._limits.timeout

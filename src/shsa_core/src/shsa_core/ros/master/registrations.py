@@ -42,7 +42,7 @@ class Graph(NamedTuple):
 NOTHING = Graph(dict.fromkeys(Part, frozenset()), {}, {})
 
 Said = Mapping[Part, Mapping[str, str]]
-"""What a node says of itself: the topics that it publishes or subscribes, and the type of each."""
+"""Topics that a node publishes or subscribes, by its own word, and the type of each."""
 
 
 class Registration(NamedTuple):

@@ -20,7 +20,7 @@ from shsa_core.ros.master.node_api import FAILURES, master_api, node_api, pid, p
 from shsa_core.ros.processes import kernel
 
 URIS = "/roslaunch/uris"
-"""Where each roslaunch says how it can be asked."""
+"""The parameter of the address of each roslaunch."""
 MOST_LAUNCHES = 32
 """Anybody can write there: no more are asked."""
 
@@ -118,8 +118,10 @@ class Nodes:
         Raises one of FAILURES if the master does not answer.
         """
         known = self.known(node)
-        if known is None or known.uri:
-            return known.uri if known else ""
+        if known is None:
+            return ""
+        if known.uri:
+            return known.uri
         current = self.look(node)  # it was not up yet when we started it
         return current.uri if current and current.process == known.process else ""
 

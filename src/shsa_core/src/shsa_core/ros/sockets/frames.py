@@ -11,7 +11,7 @@ from shsa_core.ros.rospy_patches.subscribing import LENGTH
 from shsa_core.ros.sockets import arrival_times
 
 _WASTE = bytearray(settings.LARGEST_DROP_B)
-"""Where a kernel that drops nothing would write; no page of it is ever touched otherwise."""
+"""Memory for a kernel that drops nothing; no page of it is ever touched otherwise."""
 
 
 class Wanted(NamedTuple):

@@ -41,10 +41,10 @@ class Met(NamedTuple):
     clock: int
     """Its monotonic clock as it answered, in ns."""
     ahead: int
-    """How far its wall clock is ahead of ours, in ns, give or take half the round trip."""
+    """Lead of its wall clock over ours, in ns, give or take half the round trip."""
     asked: int
     answered: int
-    """When we asked and had the answer, on our monotonic clock in ns."""
+    """Times of our question and of the answer, on our monotonic clock in ns."""
 
 
 Ask = Callable[[str], Met]
@@ -57,7 +57,7 @@ class OtherComputer(NamedTuple):
     host: str
     address: str
     offset: float
-    """How far its wall clock is ahead of ours."""
+    """Lead of its wall clock over ours."""
     bound: float
     """The offset is known this well."""
     round_trip: float
@@ -71,16 +71,16 @@ class Computer:
     def __init__(self, boot: bytes, since: int = 0) -> None:
         self.boot = boot
         self.since = since
-        """What was sent before is refused: ns on our clock."""
+        """Messages sent before are refused: ns on our clock."""
         self.is_doubted = False
         """Its clock is not where it can be: it must be asked again."""
         self.sender = self.speaker = ""
         """The nodes that have proved it, and sent the last message."""
         self.due = 0
         self.met: Optional[Met] = None
-        """How it proved itself; None: it is ours."""
+        """Its proof; None: it is ours."""
         self._span = (0, 0, 0)
-        """How far its clock is ahead of ours: at least, at most, and when that was so, in ns."""
+        """Lead of its clock over ours: at least, at most, and the time of that, in ns."""
 
     def was_compared(self, since: int) -> bool:
         """Return whether its clock was compared with ours since then, by ours."""

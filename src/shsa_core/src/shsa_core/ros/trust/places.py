@@ -20,7 +20,7 @@ NAMESPACES = "/proc/self/ns"
 BOOT_B = 16
 FAMILIES = (socket.AF_INET, socket.AF_INET6)
 ELSEWHERE = ("127.", "::1", "fe80:")
-"""What the addresses begin with that are another computer's elsewhere."""
+"""Prefixes of addresses that are another computer's elsewhere."""
 
 
 class Place(NamedTuple):

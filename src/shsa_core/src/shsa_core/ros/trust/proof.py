@@ -29,7 +29,7 @@ MOST_SECRETS = 8
 """So many different ones of a process are proved, the newest."""
 
 Find = Callable[[str], str]
-"""Where the master says that a node is. Raises one of FAILURES."""
+"""A lookup of a node's address at the master. Raises one of FAILURES."""
 Call = Callable[[str, str, str], Answer]
 """Calls a method with a nonce at a URI. Raises one of FAILURES."""
 
