@@ -3,8 +3,8 @@ from typing import Any, Optional
 
 import pytest
 
-from shsa_core.ros.master.node_api import Answer
 from shsa_core.ros.master.bus import COUNTER, Sent, between, rate, sent
+from shsa_core.ros.master.node_api import Answer
 from strange_nodes import Send, StrangeNode, nothing, value
 
 TOPIC = "/speed"

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shsa_core.errors import ShsaError
+from shsa_core.ros.master.node_api import Answer, BadAnswer
 from shsa_core.ros.trust import proof
 from shsa_core.ros.trust.computers import (
     FIRST_RENEWAL_NS,
@@ -21,7 +22,6 @@ from shsa_core.ros.trust.computers import (
     TRIES,
     Computers,
 )
-from shsa_core.ros.master.node_api import Answer, BadAnswer
 from shsa_core.ros.trust.places import Place
 from shsa_core.ros.trust.proof import Challenger
 from shsa_core.ros.trust.seal import (

@@ -12,9 +12,9 @@ import rosgraph
 
 from plain_node import PlainNode
 from shsa_core.healing.events import Where
+from shsa_core.ros.master.bus import Originals
 from shsa_core.ros.processes import ending, kernel
 from shsa_core.ros.processes.nodes import URIS, Known, Nodes, protection
-from shsa_core.ros.master.bus import Originals
 from shsa_testing.waiting import wait_until
 from strange_nodes import HOST, NONSENSE, StrangeNode, value
 

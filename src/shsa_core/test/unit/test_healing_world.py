@@ -26,7 +26,6 @@ from shsa_core.healing.node import no_accusation
 from shsa_core.healing.process import Substitute
 from shsa_core.healing.records import IdleProcess
 from shsa_core.healing.repair import Trigger
-from shsa_core.healing.settings import AGAIN_S
 from shsa_core.model.kinds import Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Provision, Service
@@ -130,7 +129,7 @@ def test_a_substitute_that_was_left_behind_and_not_found_in_time_is_looked_for_a
     robot.handle(events.Started(1.0, ("/substitute_a_7",)))
     for time in (3.0, 7.0, 13.0):
         assert not has(robot.handle(events.Tick(time)), events.FindNode)
-        time += AGAIN_S * 2 ** [3.0, 7.0, 13.0].index(time)
+        time += 2.0 * 2 ** [3.0, 7.0, 13.0].index(time)
         assert events.FindNode("/substitute_a_7") in robot.handle(events.Tick(time))
     robot.killed(21.5, "/substitute_a_7")
     assert not has(robot.handle(events.Tick(100.0)), events.FindNode)

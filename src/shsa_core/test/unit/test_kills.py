@@ -16,6 +16,7 @@ from shsa_core.healing.events import (
 )
 from shsa_core.healing.health import Health
 from shsa_core.healing.kill import KillNode, KillOutcome, Kills, NodeKilled, NodeSpared, Said
+from shsa_core.healing.settings import Settings
 
 N = "/node"
 Parts = Tuple[List[Any], Optional[KillOutcome]]
@@ -26,7 +27,7 @@ class Killing(Kills):
 
     def __init__(self) -> None:
         self.health = Health()
-        super().__init__(self.health, patience=0.1)
+        super().__init__(self.health, Settings())
 
     @property
     def nodes(self) -> FrozenSet[str]:

@@ -3,7 +3,7 @@ from typing import List, Tuple
 
 from shsa_core.healing.events import HealthSeen
 from shsa_core.healing.health import Health
-from shsa_core.healing.settings import MONITOR_START_S
+from shsa_core.healing.settings import START_S
 from shsa_core.model.host import Host
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
@@ -81,7 +81,7 @@ def test_a_monitor_that_starts_anew_puts_nobody_in_doubt_whom_another_one_watche
     health.heed(told(PI, "/current"))
     health.heed(told(PI, anew=True, time=2.0))
     assert healthy(health, "/steering", "/current") == ["/steering", "/current"]
-    missed = health.missed(2.0 + MONITOR_START_S)
+    missed = health.missed(2.0 + START_S)
     assert missed is not None and missed.removed == (("/current", "/current_node"),)
     health.heed(missed)
     assert healthy(health, "/steering", "/current") == ["/steering"]
@@ -93,5 +93,5 @@ def test_what_a_former_reconfigurator_knew_is_taken_over_by_whoever_tells_of_it(
         health.recall(0.0, row(topic))
     health.heed(told(PI, "/current"))
     health.heed(told("", "/steering"))
-    assert health.missed(MONITOR_START_S).removed == ()  # type: ignore[union-attr]
+    assert health.missed(START_S).removed == ()  # type: ignore[union-attr]
     assert healthy(health, "/steering", "/current") == ["/steering", "/current"]

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from shsa_msgs.msg import Failure, Health, PublisherHealth, Substitutions
 
 from shsa_core.ros.trust import places
-from shsa_core.ros.trust.signing import SENDERS, Refusals
 from shsa_core.ros.trust.computers import Computer
 from shsa_core.ros.trust.seal import (
     AHEAD_NS,
@@ -24,6 +23,7 @@ from shsa_core.ros.trust.seal import (
     Verifier,
     Seal,
 )
+from shsa_core.ros.trust.signing import SENDERS, Refusals
 from shsa_core.ros.trust.signing import Signing
 
 KEY = bytes(range(32))

@@ -10,9 +10,9 @@ import rospy
 from shsa_msgs.msg import Failure
 
 from shsa_core.ros import diagnostics
+from shsa_core.ros.master.node_api import Answer
 from shsa_core.ros.trust import places, signing
 from shsa_core.ros.trust.computers import OtherComputer
-from shsa_core.ros.master.node_api import Answer
 from shsa_core.ros.trust.proof import Proof, written
 from shsa_core.ros.trust.seal import FOREIGN, TWICE
 from shsa_core.ros.trust.signing import SENDERS, Signing

@@ -6,7 +6,7 @@ import pytest
 from core_robot import B, Robot, function, service
 from shsa_core.healing import events
 from shsa_core.healing.pool import Starts
-from shsa_core.healing.settings import AT_ONCE, PATIENCE_S, PREPARING_S
+from shsa_core.healing.settings import AT_ONCE, START_S
 from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.som import Som
@@ -34,8 +34,8 @@ def test_one_that_is_never_heard_holds_nobody_up_for_good() -> None:
     for number in range(AT_ONCE):
         starts.began(1.0, f"n{number}")
     assert not starts.may(1.0, "next")
-    assert starts.deadline == 1.0 + PATIENCE_S
-    assert starts.due(1.0 + PATIENCE_S) == ["next"]
+    assert starts.deadline == 1.0 + START_S
+    assert starts.due(1.0 + START_S) == ["next"]
     assert starts.deadline is None
 
 
@@ -44,10 +44,10 @@ def test_nobody_wakes_up_for_room_that_is_not_there() -> None:
     for number in range(AT_ONCE):
         starts.began(1.0, f"old_{number}")
     assert not starts.may(1.0, "next")
-    later = 1.0 + PATIENCE_S
+    later = 1.0 + START_S
     for number in range(AT_ONCE):  # a failure asks for no room
         starts.began(later, f"needed_{number}")
-    assert starts.due(later) == [] and starts.deadline == later + PATIENCE_S
+    assert starts.due(later) == [] and starts.deadline == later + START_S
 
 
 def robot_of(standby: Standby) -> Tuple[Som, Ontology]:
@@ -67,7 +67,7 @@ def test_hot_substitutes_are_started_one_after_another_as_they_are_heard() -> No
     robot = hot_robot()
     robot.said, first = [], started(robot.said)
     assert len(first) == AT_ONCE
-    assert robot.core.deadline == 1.0 + PATIENCE_S
+    assert robot.core.deadline == 1.0 + START_S
     seen = list(first)
     for node in first:
         (following,) = started(robot.handle(events.ProcessHeard(1.5, node)))
@@ -86,16 +86,16 @@ def test_a_failure_is_taken_over_at_once_by_one_that_waits_for_its_start() -> No
 def test_in_the_end_every_hot_service_has_its_substitute_though_none_is_ever_heard() -> None:
     robot = hot_robot()
     for step in range(1, len(HOT)):
-        robot.handle(events.Tick(1.0 + step * PATIENCE_S))
+        robot.handle(events.Tick(1.0 + step * START_S))
     assert {row.service for row in robot.working()} == set(HOT)
 
 
 @pytest.mark.parametrize("end", [events.ShuttingDown, events.LaunchEnding])
 def test_what_still_waits_at_the_end_is_not_started(end: type) -> None:
     robot = hot_robot()
-    time = 1.0 + PATIENCE_S
+    time = 1.0 + START_S
     assert not started(robot.handle(end(time)))
-    assert not started(robot.handle(events.Tick(time + PATIENCE_S)))
+    assert not started(robot.handle(events.Tick(time + START_S)))
 
 
 def preparing(som: Som, ontology: Ontology) -> Robot:
@@ -114,14 +114,14 @@ def preparing(som: Som, ontology: Ontology) -> Robot:
 def test_what_stands_by_is_started_once_it_can_be_forked(standby: Standby) -> None:
     robot = preparing(*robot_of(standby))
     assert not started(robot.said)
-    assert robot.core.deadline == 1.0 + PREPARING_S, "nobody asks again and again"
+    assert robot.core.deadline == 1.0 + START_S, "nobody asks again and again"
     assert started(robot.handle(events.Prepared(1.5)))
 
 
 @pytest.mark.parametrize("standby", [Standby.HOT, Standby.WARM])
 def test_what_stands_by_is_started_though_it_can_never_be_forked(standby: Standby) -> None:
     robot = preparing(*robot_of(standby))
-    assert started(robot.handle(events.Tick(1.0 + PREPARING_S)))
+    assert started(robot.handle(events.Tick(1.0 + START_S)))
 
 
 @pytest.mark.parametrize("standby", [Standby.HOT, Standby.WARM])

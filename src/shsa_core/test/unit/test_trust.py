@@ -141,7 +141,7 @@ def test_a_node_that_may_not_be_started_again_is_not_killed_for_it(policy: Polic
 
 
 def test_a_failure_that_is_told_of_another_topic_does_not_save_who_failed() -> None:
-    kills = Kills(Health(), patience=0.1)
+    kills = Kills(Health(), Settings())
     assert kills.begin(10.0, KillNode("/n", True, topic="/x")) != []
     assert kills.begin(10.0, KillNode("/n", True, topic="/y")) == []
     another = events.NodeFound(10.1, "/n", Where.ANOTHER, "it does not publish /x")
@@ -152,12 +152,12 @@ def test_a_failure_that_is_told_of_another_topic_does_not_save_who_failed() -> N
 
 def test_what_cannot_be_verified_is_not_certain() -> None:
     for where in (Where.UNKNOWN, Where.ANOTHER):
-        kills = Kills(Health(), patience=0.1)
+        kills = Kills(Health(), Settings())
         kills.begin(10.0, KillNode("/n", True, topic="/x"))
         (over,) = kills.handle(events.NodeFound(10.1, "/n", where))
         spared = isinstance(over, NodeSpared) and "not the one" in over.detail
         assert spared or (isinstance(over, NodeKilled) and not over.certain)
-    kills = Kills(Health(), patience=0.1)
+    kills = Kills(Health(), Settings())
     kills.begin(10.0, KillNode("/n", True, topic="/x"))
     kills.handle(events.NodeFound(10.1, "/n", Where.ELSEWHERE))
     (over,) = kills.handle(events.ProcessUntouchable(10.2, "/n", "it refuses"))
@@ -165,7 +165,7 @@ def test_what_cannot_be_verified_is_not_certain() -> None:
 
 
 def test_who_was_to_be_spared_is_spared_when_nothing_can_be_told() -> None:
-    kills = Kills(Health(), patience=0.1)
+    kills = Kills(Health(), Settings())
     kills.begin(10.0, KillNode("/n", False, True, "/x"))
     (over,) = kills.handle(events.ProcessUntouchable(10.1, "/n", "an error"))
     assert over == NodeSpared(10.1, "/n")

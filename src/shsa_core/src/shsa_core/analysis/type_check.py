@@ -4,7 +4,7 @@ from typing import Iterator, List, Mapping, Protocol
 from shsa_core.analysis.finding import Finding
 from shsa_core.errors import ShsaError
 from shsa_core.model.field import reduces
-from shsa_core.model.field_type import WHOLE, FieldType, field_type
+from shsa_core.model.field_type import WHOLE, field_type
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.text import nearest
@@ -102,19 +102,15 @@ def _check_field(service: Service, source: Source, types: MessageTypes) -> Itera
     except ShsaError as error:
         yield Finding("error", provision.where, str(error), "Correct the field")
         return
-    yield from _check_range(source, found)
-
-
-def _check_range(source: Source, found: FieldType) -> Iterator[Finding]:
-    limits = source.provision.range
+    limits = provision.range
     slack = 0.0 if found.kind in WHOLE else 0.05 * found.high  # nobody writes pi exactly
     if limits is None:
         return
     if limits[0] < found.low - slack or limits[1] > found.high + slack:
         yield Finding(
             "warning",
-            source.provision.where,
+            provision.where,
             f"the range [{limits[0]:g}, {limits[1]:g}] of {source.property} goes beyond what "
-            f"{source.provision.field} can hold: {found.kind}, {found.low:g} to {found.high:g}",
+            f"{provision.field} can hold: {found.kind}, {found.low:g} to {found.high:g}",
             "Narrow the range",
         )

@@ -3,7 +3,7 @@ from dataclasses import replace
 from typing import Collection, Dict, FrozenSet, Iterable, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.healing.events import FailureSeen, HealthSeen, ServiceState
-from shsa_core.healing.settings import MONITOR_START_S, SAME_S
+from shsa_core.healing.settings import START_S, SAME_S
 from shsa_core.model.kinds import Kind
 from shsa_core.model.names import RecentNames
 from shsa_core.model.service import Service
@@ -71,7 +71,7 @@ class Health:
         """
         self._lost.discard(change.host)
         if change.anew:
-            self.due = change.time + MONITOR_START_S
+            self.due = change.time + START_S
             known = self._told(change.host)
             self._unheard.update((key, None) for key in known if self.healthy(key))
         rows = self._returned(change.time, self._heard(change))
@@ -191,7 +191,7 @@ class Health:
         """Put who did well when a former reconfigurator ended, until a monitor has told of it."""
         self._put(row)
         self._unheard[row.key] = None
-        self.due = time + MONITOR_START_S
+        self.due = time + START_S
 
     def doubt(self, key: Key) -> None:
         """Note that one was silent before we started: who tells that it does well means now."""

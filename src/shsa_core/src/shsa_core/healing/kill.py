@@ -16,14 +16,13 @@ from shsa_core.healing.events import (
 )
 from shsa_core.healing.health import Health
 from shsa_core.healing.settings import (
-    AGAIN_S,
     EXIT_TIMEOUT_S,
     FIND_TIMEOUT_S,
     FORGET_S,
     LISTEN_PERIODS,
     LISTEN_S,
-    LONGEST_AGAIN_S,
     STEADY_S,
+    Settings,
 )
 from shsa_core.model.checks import RateHigh, RateLow
 
@@ -125,16 +124,16 @@ class _Kill:
 class Kills:
     """The kills that are under way; those are `Health.dying`.
 
-    `patience`: how long in s an urgent node may take to leave after `rosnode kill` before its
-    process is ended; any other gets EXIT_TIMEOUT_S. A node that is stopped is not asked, and one on
-    another computer is only asked.
+    An urgent node is given `kill_patience` to leave after `rosnode kill` before its process is
+    ended, any other EXIT_TIMEOUT_S. A node that is stopped is not asked, and one on another
+    computer is only asked.
     """
 
-    def __init__(self, health: Health, patience: float) -> None:
+    def __init__(self, health: Health, settings: Settings) -> None:
         self.agenda: Agenda[str] = Agenda()
         self.again: Agenda[str] = Agenda()
         self._health = health
-        self._patience = patience
+        self._settings = settings
         self._kills: Dict[str, _Kill] = {}
         self._tries: Dict[str, int] = {}
         self._slow: Dict[str, Tuple[float, float]] = {}  # there: since when, and when seen last
@@ -192,8 +191,11 @@ class Kills:
                 lost = "it could not be found in time"
                 why = lost if kill.where is None else "its process does not end"
                 if not kill.order.if_dead:
+                    settings = self._settings
                     tries = self._tries[node] = self._tries.get(node, 0) + 1
-                    self.again.set(node, time + doubled(AGAIN_S, tries - 1, LONGEST_AGAIN_S))
+                    self.again.set(
+                        node, time + doubled(settings.retry, tries - 1, settings.retry_limit)
+                    )
                 said += self._over(time, node, False, why)
         return said
 
@@ -241,7 +243,7 @@ class Kills:
             why = "it is silent on another computer, and left alone there"
             return self._over(time, node, False, why)
         urgent = where is Where.HERE and order.urgent
-        self.agenda.set(node, time + (self._patience if urgent else EXIT_TIMEOUT_S))
+        self.agenda.set(node, time + (self._settings.kill_patience if urgent else EXIT_TIMEOUT_S))
         return [AskToLeave(node)]
 
     def doubt(

@@ -141,7 +141,7 @@ class Nodes:
     """
 
     def __init__(self, robot: "Robot", stakes: Stakes) -> None:
-        self.kills = Kills(robot.health, robot.settings.kill_patience)
+        self.kills = Kills(robot.health, robot.settings)
         self.restarted: Dict[str, bool] = {}
         self._robot = robot
         self._stakes = stakes

@@ -6,7 +6,7 @@ from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
 from shsa_core.healing.planner import Planner
 from shsa_core.healing.records import IdleProcess
-from shsa_core.healing.settings import AT_ONCE, LIVED_S, PATIENCE_S, PAUSE_S, PREPARING_S, Settings
+from shsa_core.healing.settings import AT_ONCE, LONGEST_START_S, PAUSE_S, START_S, Settings
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
 
@@ -106,7 +106,7 @@ class Pool:
     def died(self, time: float, node: str) -> None:
         """Note that an idle process has ended by itself; the next pause is longer each time."""
         idle, settings = self._remove(node), self._settings
-        early = time - idle.started <= LIVED_S
+        early = time - idle.started <= LONGEST_START_S
         self._deaths[idle.host] = deaths = self._deaths.get(idle.host, 0) + 1 if early else 0
         longest = max(settings.retry, settings.retry_limit)
         pause = doubled(settings.retry, max(0, deaths - 1), longest)
@@ -138,13 +138,13 @@ class Starts:
         """Return when the next one may be started at the latest, in s; None: nobody waits."""
         if not self.waiting:
             return None
-        ends = sorted(began + PATIENCE_S for began in self._began.values())
+        ends = sorted(began + START_S for began in self._began.values())
         room = ends[-AT_ONCE] if len(ends) >= AT_ONCE else -inf
         return max(room, self._held)
 
     def hold(self, time: float) -> None:
         """Start nothing that stands by: it can soon be forked."""
-        self._held = time + PREPARING_S
+        self._held = time + START_S
 
     def release(self) -> None:
         """Start what stands by: it can be forked."""
@@ -160,7 +160,7 @@ class Starts:
 
     def began(self, time: float, node: str) -> None:
         """Note that a process is started; forget those that were awaited for long enough."""
-        self._began = {n: b for n, b in self._began.items() if time < b + PATIENCE_S}
+        self._began = {n: b for n, b in self._began.items() if time < b + START_S}
         self._began[node] = time
 
     def over(self, node: str) -> None:
@@ -187,5 +187,5 @@ class Starts:
 
     def _room(self, time: float) -> int:
         """Return how many may be started now."""
-        coming_up = sum(time < began + PATIENCE_S for began in self._began.values())
+        coming_up = sum(time < began + START_S for began in self._began.values())
         return 0 if self.held(time) else max(0, AT_ONCE - coming_up)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, List
 
 from shsa_core.healing import hearing
 from shsa_core.healing.events import Command, HostLost, HostSeen, Level, Log
-from shsa_core.healing.settings import ANSWER_S, CERTAIN_S, ROOM_S
+from shsa_core.healing.settings import ANSWER_S, CERTAIN_S
 from shsa_core.model.kinds import OnPartition
 
 if TYPE_CHECKING:
@@ -34,10 +34,8 @@ def host_seen(core: "Reconfigurator", event: HostSeen) -> List[Command]:
     if back:
         commands += core.deliver(robot.nodes.excuse(host, heard))
     commands += core.deliver(robot.nodes.computer_heard(host))
-    if time >= robot.room_at:  # what no computer had room for is tried again
-        robot.room_at = time + ROOM_S
-        lacking = [name for name in robot.indexes.stuck if core.services[name].lacks_room]
-        commands += core.ask_all(lacking, lambda each: each.changed(service_came=True))
+    lacking = [name for name in robot.indexes.stuck if core.services[name].lacks_room]
+    commands += core.ask_all(lacking, lambda each: each.changed(service_came=True))
     for name in _cleared(core, time, host):
         commands += core.ask(name, lambda each: each.reconsider())
         commands += core.ask(name, lambda each: each.replan())

@@ -27,8 +27,7 @@ class Robot:
 
     Nodes are where the SOM says, substitutes where they were started. `doubted`: the services whose
     node is silent, and that wait until its computer is heard, at a moment in s or later.
-    `incidents`: the last number of one. `room_at`: when it is looked again whether a computer has
-    room.
+    `incidents`: the last number of one.
     """
 
     def __init__(
@@ -36,7 +35,7 @@ class Robot:
     ) -> None:
         self.settings = settings
         self.som = som
-        self.time = self.room_at = -inf
+        self.time = -inf
         self.incidents = 0
         self.doubted: Dict[str, float] = {}
         self.names = Names(namespace)

@@ -24,7 +24,7 @@ from shsa_core.healing.node import Accusation, NodeEvent, RestartVain, no_accusa
 from shsa_core.healing.records import Fate, ServiceRecord
 from shsa_core.healing.repair import STUCK, SUBSTITUTED, TRANSITIONS, WAITING, Trigger
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import LOOK_AROUND_S, SAME_S
+from shsa_core.healing.settings import START_S, SAME_S
 from shsa_core.healing.process import Substitute
 from shsa_core.model.kinds import Kind, OnPartition, Policy
 from shsa_core.model.service import Service
@@ -548,12 +548,12 @@ class ServiceMachine:
 
     def _set_timer(self) -> None:
         """See to it that something happens in every state, also if nothing is ever heard again."""
-        state, later = self.state, self.robot.time + LOOK_AROUND_S
+        state, later = self.state, self.robot.time + START_S
         if state is State.HEALING:
             self.timers[Trigger.LATE if self.substitute.node else Trigger.PREPARE] = later
         elif state is State.RETURNING:
             hold_off = self.robot.nodes.hold_off(self.incident.faulty_node)
-            self.timers[Trigger.STEADY] = self.robot.time + max(LOOK_AROUND_S, hold_off)
+            self.timers[Trigger.STEADY] = self.robot.time + max(START_S, hold_off)
         elif state in WAITING:
             self.timers[Trigger.RETRY] = later
 

@@ -52,16 +52,13 @@ class Settings:
 
 
 SAME_S = 0.05  # moments within this may be one: they come through the clocks of two processes
-
-# What the monitors tell.
+START_S = 5.0  # that a process may take to come up: what depends on it is not late before
+LONGEST_START_S = 20.0  # on a busy computer; what has lived so long comes up, and stays
 ANSWER_S = 0.5  # that a monitor has to send its table when its computer seems lost
-MONITOR_START_S = 5.0  # that a new monitor may take to hear those who were well before
 
 # How a node is ended.
 FIND_TIMEOUT_S = 2.0  # that the search for a node's process may take
 EXIT_TIMEOUT_S = 1.0  # that a process may take to end
-AGAIN_S = 2.0  # before a kill that failed here is tried again; it doubles
-LONGEST_AGAIN_S = 60.0  # that this doubles up to
 LEARN_PAUSES_S = (0.5, 2.0, 10.0)  # before each further look which process a node is; last repeats
 LISTEN_S, LISTEN_PERIODS = (
     0.5,
@@ -75,20 +72,14 @@ FORGET_S = 10.0  # looks farther apart than this tell nothing of the time betwee
 SETTLE_S = 2.0  # computers come one after the other: then what stands by is placed anew
 MISSED_S = 1.5  # a computer that was not heard for so long was cut off, though nobody said so
 STRAINED = 0.9  # of its cores busy: more makes well nodes slow
-ROOM_S = 0.5  # between two looks for a computer that has room now
 
 # Processes of substitutes.
 AT_ONCE = 2  # come up at a time: each costs most of a core until it is heard
-PATIENCE_S = 5.0  # that one that comes up is awaited, so that it holds nobody up for good
-PREPARING_S = 5.0  # that what stands by waits until it can be forked
 PAUSE_S = (
     1.0  # between two idle processes, and after a takeover, whose processor time they would take
 )
-LIVED_S = 20.0  # a process that lived so long did not die of what keeps the next from starting
 TAKEOVER_S = 2.0  # that a process that runs already may take to its first message
 CHANGEOVER_S = 1.0  # after a change of program silence is no failure yet
-LONGEST_START_S = 20.0  # a process that nobody is connected to by then comes up no more
-LOOK_AROUND_S = 5.0  # nothing is late that a former reconfigurator began: the monitor may start too
 
 RECALLED = 20  # plans, best first, among which one of a former reconfigurator is looked for
 ENOUGH = 60  # samples until a new monitor knows more of a calibration than the one before

@@ -7,6 +7,7 @@
 """
 import hashlib
 import json
+import os
 from typing import Any, NamedTuple, NoReturn, Sequence, Tuple
 
 from shsa_core.errors import ModelError
@@ -41,6 +42,12 @@ def digest(codec: Codec, commands: Sequence[Any]) -> Answer:
 def write_line(data: Any) -> bytes:
     """Return `data` as one line."""
     return _write(data).encode() + b"\n"
+
+
+def write_all(file: int, data: bytes) -> None:
+    """Write all of the data to a file descriptor. Raises OSError."""
+    while data:
+        data = data[os.write(file, data) :]
 
 
 def read_line(line: bytes, where: str) -> Any:

@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, Iterable, Mapping, NamedTuple, Optional,
 from shsa_core.errors import ModelError
 from shsa_core.files.regular import read_own
 from shsa_core.journal.codec import Codec
-from shsa_core.journal.lines import read_line, write_line
+from shsa_core.journal.lines import read_line, write_all, write_line
 
 VERSION = 1
 HEADER, REMOVED = "records", "removed"
@@ -69,7 +69,7 @@ class RecordFile:
             if self._file is None or self._grown > GROWTH_BYTES:
                 self._write_anew()
             else:
-                _write_all(self._file, new)
+                write_all(self._file, new)
         except OSError as error:
             self.close()  # the whole is written next time: there are no gaps
             self._tell(error)
@@ -84,8 +84,8 @@ class RecordFile:
             os.unlink(beside)
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
         self._file = os.open(beside, flags, 0o600)
-        _write_all(self._file, write_line({HEADER: VERSION, **self._owner}))
-        _write_all(self._file, b"".join(self._kept.values()))
+        write_all(self._file, write_line({HEADER: VERSION, **self._owner}))
+        write_all(self._file, b"".join(self._kept.values()))
         os.replace(beside, self._path)
         self._grown = 0
 
@@ -133,11 +133,6 @@ def read_records(path: str, codec: Codec) -> Former:
         for key in keys:
             kept.pop(key, None)
     return Former(owner, tuple(kept.values()))
-
-
-def _write_all(file: int, data: bytes) -> None:
-    while data:
-        data = data[os.write(file, data) :]
 
 
 def _are_texts(values: Iterable[Any]) -> bool:

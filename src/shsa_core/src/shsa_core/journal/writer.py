@@ -6,7 +6,17 @@ from collections import deque
 from datetime import datetime, timezone
 from typing import Any, Callable, Deque, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
-from shsa_core.journal.lines import ANSWER, DIGEST, END, HEADER, START, VERSION, digest, write_line
+from shsa_core.journal.lines import (
+    ANSWER,
+    DIGEST,
+    END,
+    HEADER,
+    START,
+    VERSION,
+    digest,
+    write_all,
+    write_line,
+)
 from shsa_core.journal.machines import MachineKind, machine_kind
 
 LIMIT_BYTES = 50_000_000
@@ -123,8 +133,7 @@ class JournalWriter:
     def _write(self, data: bytes) -> None:
         assert self._file is not None
         self._size += len(data)
-        while data:
-            data = data[os.write(self._file, data) :]
+        write_all(self._file, data)
 
     def _end(self, why: str) -> None:
         """End the recording in order."""

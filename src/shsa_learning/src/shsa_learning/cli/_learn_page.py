@@ -37,7 +37,7 @@ def _over_time(learned: Learned) -> Figure:
     columns, validation = learned.columns, learned.validation
     assert columns is not None and validation is not None
     figure = Figure(figsize=(11, 4))
-    axes = figure.add_subplot()
+    axes = figure.add_subplot(1, 1, 1)
     rows = np.arange(len(columns.target))  # recordings follow one another without the time between
     axes.plot(rows, columns.target, color=MEASURED, lw=1, label="measured")
     axes.plot(rows, validation.predicted, color=SAID, lw=1, label="predicted")
@@ -53,7 +53,7 @@ def _scatter(learned: Learned) -> Figure:
     columns, validation = learned.columns, learned.validation
     assert columns is not None and validation is not None
     figure = Figure(figsize=(5, 5))
-    axes = figure.add_subplot()
+    axes = figure.add_subplot(1, 1, 1)
     axes.plot(columns.target, validation.predicted, ".", ms=2, color=SAID)
     ends = [float(np.min(columns.target)), float(np.max(columns.target))]
     axes.plot(ends, ends, color="#555555", lw=0.8)
@@ -67,7 +67,7 @@ def _blocks(learned: Learned) -> Figure:
     assert columns is not None and validation is not None
     numbers = np.unique(validation.block)
     figure = Figure(figsize=(8, 3))
-    axes = figure.add_subplot()
+    axes = figure.add_subplot(1, 1, 1)
     for values, shift, colour, label in (
         (validation.predicted, -0.2, SAID, "model"),
         (validation.mean, 0.2, "#999999", "mean"),
@@ -87,7 +87,7 @@ def _ladder(learned: Learned) -> Figure:
     assert learned.model is not None
     rungs = [rung for rung in learned.model.choice.rungs if np.isfinite(rung.rms)]
     figure = Figure(figsize=(8, 3))
-    axes = figure.add_subplot()
+    axes = figure.add_subplot(1, 1, 1)
     chosen = learned.model.choice.recipe
     axes.bar(
         range(len(rungs)),

@@ -20,18 +20,18 @@ from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.naming import Names
 from shsa_core.ros import clock, settings
+from shsa_core.ros.agent.line import EVENTS, Line, read_command, written
+from shsa_core.ros.agent.load import Load
+from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.node import publish, run
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.handover import Handover, await_turn
 from shsa_core.ros.processes.heartbeats import Signs, hearer
-from shsa_core.ros.agent.load import Load
-from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.processes.restarting import may_restart
-from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.processes.host import HostCommand, HostEvent
-from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.processes.local import LocalHost
-from shsa_core.ros.agent.line import EVENTS, Line, read_command, written
-from shsa_core.ros.node import publish, run
+from shsa_core.ros.processes.restarting import may_restart
+from shsa_core.ros.processes.starting import Setup
+from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import names
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")

@@ -8,11 +8,11 @@ from shsa_msgs import msg
 from shsa_core.healing import events
 from shsa_core.ros import clock, settings
 from shsa_core.ros.agent.load import Load
-from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, master_api
-from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.processes.host import HostCommand
 from shsa_core.ros.agent.remote import RemoteHost, TellAny, HostState
+from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, master_api
 from shsa_core.ros.node import publish
+from shsa_core.ros.processes.host import HostCommand
+from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import names
 
 

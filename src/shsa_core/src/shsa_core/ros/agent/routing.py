@@ -6,10 +6,10 @@ import rospy
 
 from shsa_core.healing import events
 from shsa_core.ros import clock, settings
-from shsa_core.ros.master.node_api import FAILURES, address, master_api
-from shsa_core.ros.workers import Workers
 from shsa_core.ros.agent.agents import Agents
+from shsa_core.ros.master.node_api import FAILURES, address, master_api
 from shsa_core.ros.processes.host import Host, HostCommand, NodeCommand, Tell
+from shsa_core.ros.workers import Workers
 
 LOCAL = ""
 """The name of the computer that we run on."""

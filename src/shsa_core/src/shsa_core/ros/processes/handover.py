@@ -13,8 +13,8 @@ import rosgraph.names
 import rospy
 
 from shsa_core.ros import settings
-from shsa_core.ros.processes import kernel
 from shsa_core.ros.master.node_api import FAILURES, master_api, pid
+from shsa_core.ros.processes import kernel
 
 GONE_LOOKS = 5
 """So often nobody must be found: a launch starts its healer again within 2 s."""

@@ -118,8 +118,10 @@ class Nodes:
         Raises one of FAILURES if the master does not answer.
         """
         known = self.known(node)
-        if known is None or known.uri:
-            return known.uri if known else ""
+        if known is None:
+            return ""
+        if known.uri:
+            return known.uri
         current = self.look(node)  # it was not up yet when we started it
         return current.uri if current and current.process == known.process else ""
 

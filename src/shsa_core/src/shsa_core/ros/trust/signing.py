@@ -17,8 +17,8 @@ import genpy
 import rospy
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.trust import secret
 from shsa_core.ros.rospy_patches.subscribing import subscribe
+from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.computers import Computers
 from shsa_core.ros.trust.places import BOOT_B, origin
 from shsa_core.ros.trust.proof import Challenger, WrongSecret, serve
