@@ -21,7 +21,14 @@ from shsa_core.model.checks import LEARNED, Witness
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import Connected, FailureDetected, Message, SomChanged, Tick
+from shsa_core.monitoring.events import (
+    Connected,
+    Message,
+    PublisherHealth,
+    SomChanged,
+    Tick,
+    failures_in,
+)
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.overview import Condition
@@ -50,7 +57,7 @@ ALARMS = ("world", "service", "hours", "false alarms", "doubtful, % of the time"
 class Watched:
     """Failures that the monitor found in a drive, and looks at which a service was doubtful."""
 
-    failures: Tuple[FailureDetected, ...]
+    failures: Tuple[PublisherHealth, ...]
     doubtful: Count[str]
     looks: int
 
@@ -106,7 +113,7 @@ def watch(data: Dataset, som: Som, ontology: Ontology, stop: bool = False) -> Wa
             said += core.handle(Tick(start + now))
             states = core.overview()
             doubtful.update(e.service.name for e in states if e.condition is Condition.DOUBTFUL)
-        found += [each for each in said if isinstance(each, FailureDetected)]
+        found += failures_in(said)
         if found and stop:
             break
     return Watched(tuple(found), doubtful, looks)
@@ -135,8 +142,8 @@ def found_in(
     failures = watch(spoilt, som, ontology, stop=True).failures
     if not failures:
         return None, "", float("nan")
-    took = failures[0].time - 1000.0 - WRONG_FROM * len(data.time) * PERIOD_S
-    row = min(len(data.time) - 1, int((failures[0].time - 1000.0) / PERIOD_S))
+    took = failures[0].since - 1000.0 - WRONG_FROM * len(data.time) * PERIOD_S
+    row = min(len(data.time) - 1, int((failures[0].since - 1000.0) / PERIOD_S))
     error = spoilt.measured[CURRENT][row] - data.measured[CURRENT][row]
     return took, failures[0].service, abs(float(error))
 

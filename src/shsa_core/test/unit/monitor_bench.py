@@ -12,7 +12,6 @@ from shsa_core.monitoring.events import (
     Connected,
     Disconnected,
     Event,
-    FailureDetected,
     HealthChanged,
     Interrupted,
     Key,
@@ -90,7 +89,7 @@ class Bench:
         self.core = Monitor(settings)
         self.now = 100.0
         self._events = 0
-        self.failures: List[FailureDetected] = []
+        self.failures: List[PublisherHealth] = []
         self.changes: List[HealthChanged] = []
         self.refused: List[ChangeRefused] = []
         self.rows: Dict[Key, PublisherHealth] = {}
@@ -106,12 +105,11 @@ class Bench:
             event = stamped(event)
         commands = self.core.handle(event)
         for command in commands:
-            if isinstance(command, FailureDetected):
-                self.failures.append(command)
-            elif isinstance(command, ChangeRefused):
+            if isinstance(command, ChangeRefused):
                 self.refused.append(command)
             elif isinstance(command, HealthChanged):
                 self.changes.append(command)
+                self.failures += command.failed
                 self.rows.update({each.key: each for each in command.rows})
                 for key in command.removed:
                     self.rows.pop(key, None)

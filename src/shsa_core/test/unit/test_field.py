@@ -12,7 +12,7 @@ from shsa_core.model.field import (
     REDUCTIONS,
     FieldText,
     Index,
-    Key,
+    Named,
     Span,
     Step,
     parse_field,
@@ -26,7 +26,7 @@ NAMES = st.builds(str.__add__, st.sampled_from(LETTERS), st.text(LETTERS + "_09"
 PLACES = st.integers(0, 999_999)
 ITEMS = st.text(string.ascii_letters + string.digits + "_./:-", min_size=1, max_size=20)
 STEPS = st.builds(
-    Step, NAMES, st.one_of(st.none(), st.builds(Index, PLACES), st.builds(Key, NAMES, ITEMS))
+    Step, NAMES, st.one_of(st.none(), st.builds(Index, PLACES), st.builds(Named, NAMES, ITEMS))
 )
 SPANS = st.one_of(
     st.none(),

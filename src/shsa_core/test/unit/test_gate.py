@@ -174,7 +174,7 @@ def test_an_old_value_of_a_substitute_is_not_heard(stand: Stand) -> None:
 
 def test_strangers_are_not_heard_and_named_once(stand: Stand) -> None:
     stand.run(100, None, None)
-    for _ in range(100):
+    for _ in range(150):
         stand.message(1.0, "/stranger")
         stand.until(stand.time + PERIOD)
     assert not stand.heard

@@ -13,7 +13,6 @@ from shsa_core.monitoring.events import (
     Disconnected,
     Ending,
     Event,
-    FailureDetected,
     HealthChanged,
     Message,
     SomChanged,
@@ -55,14 +54,14 @@ def test_a_lost_connection_is_a_failure_at_once(bench: Bench) -> None:
     failure = bench.failures[0]
     assert (failure.service, failure.topic) == ("current", TOPIC)
     assert (failure.publisher, failure.kind) == (NODE, "node_gone")
-    assert (failure.last_good, failure.time) == (last, last + 0.001)
+    assert (failure.last_good, failure.since) == (last, last + 0.001)
     assert bench.state() == "failed"
 
 
-def test_the_row_of_a_failure_is_told_before_anything_that_tells_people_alone(bench: Bench) -> None:
-    said = bench.send(Disconnected(bench.now, TOPIC, NODE))
-    assert [type(command) for command in said] == [HealthChanged, FailureDetected]
-    assert said[0] == HealthChanged(bench.now, bench.core.table())
+def test_the_row_of_who_fails_tells_of_it(bench: Bench) -> None:
+    (said,) = bench.send(Disconnected(bench.now, TOPIC, NODE))
+    assert said == HealthChanged(bench.now, bench.core.table(), (), bench.core.table())
+    assert bench.failures == list(bench.core.table())
 
 
 def test_silence_is_found_at_its_deadline_and_reported_once(bench: Bench) -> None:
@@ -71,7 +70,7 @@ def test_silence_is_found_at_its_deadline_and_reported_once(bench: Bench) -> Non
     assert bench.failures == []
     bench.wait(5.0)
     assert bench.kinds() == [(NODE, "silent")]
-    assert bench.failures[0].time == pytest.approx(last + DEADLINE)
+    assert bench.failures[0].since == pytest.approx(last + DEADLINE)
     assert "0.100 s are allowed" in bench.failures[0].detail
 
 
@@ -229,7 +228,7 @@ def test_the_grace_counts_from_when_a_topic_is_watched() -> None:
     bench.watch(service(), service(name="new", topic="/new"))
     bench.stream(110)
     assert bench.kinds() == [("", "never_published")]
-    assert bench.failures[0].time == pytest.approx(103.5)
+    assert bench.failures[0].since == pytest.approx(103.5)
 
 
 def test_a_topic_that_was_there_before_is_not_reported_as_never_published(bench: Bench) -> None:

@@ -40,7 +40,7 @@ def test_who_was_well_before_has_no_time_to_come_up() -> None:
     bench.wait(1.0)
     (failure,) = bench.failures
     assert (failure.publisher, failure.kind) == (NODE, Kind.NEVER_PUBLISHED)
-    assert failure.time - 100.0 <= 0.8
+    assert failure.since - 100.0 <= 0.8
 
 
 def test_who_was_well_and_is_heard_has_not_failed() -> None:

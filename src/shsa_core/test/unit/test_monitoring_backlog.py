@@ -10,11 +10,11 @@ from shsa_core.model.som import Som
 from shsa_core.monitoring.events import (
     Command,
     Connected,
-    FailureDetected,
     Message,
     PublisherState,
     SomChanged,
     Tick,
+    failures_in,
 )
 from shsa_core.monitoring.machine import Monitor
 
@@ -51,7 +51,7 @@ class Link:
 
     @property
     def failures(self) -> List[Kind]:
-        return [each.kind for each in self.said if isinstance(each, FailureDetected)]
+        return [each.kind for each in failures_in(self.said)]
 
     @property
     def state(self) -> PublisherState:

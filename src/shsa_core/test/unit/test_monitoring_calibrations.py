@@ -18,7 +18,8 @@ from shsa_core.monitoring.events import (
     CalibrationsChanged,
     Connected,
     Disconnected,
-    FailureDetected,
+    HealthChanged,
+    PublisherHealth,
     Message,
     SomChanged,
     SubstitutionsChanged,
@@ -70,7 +71,7 @@ class Robot:
     def __init__(self, ontology: Ontology, *services: Service) -> None:
         self.core, self.now = Monitor(ontology=ontology), 100.0
         self.random, self.services = Random(1), services
-        self.failures: List[FailureDetected] = []
+        self.failures: List[PublisherHealth] = []
         self.rows: Dict[Tuple[str, Program], Tuple[Calibration, ...]] = {}
         self.told = 0
         self.hear(SomChanged(self.now, Som(services)))
@@ -79,8 +80,8 @@ class Robot:
 
     def hear(self, event: Any) -> None:
         for said in self.core.handle(event):
-            if isinstance(said, FailureDetected):
-                self.failures.append(said)
+            if isinstance(said, HealthChanged):
+                self.failures += said.failed
             elif isinstance(said, CalibrationsChanged):
                 self.told += len(said.rows)
                 self.rows.update({(r.service, r.program): r.calibrations for r in said.rows})

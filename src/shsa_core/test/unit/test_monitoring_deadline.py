@@ -56,7 +56,7 @@ def test_a_hung_node_is_found_by_what_was_learned(bench: Bench) -> None:
     last = bench.now
     bench.wait(1.0)
     (failure,) = bench.failures
-    assert failure.time == pytest.approx(last + LEAST)
+    assert failure.since == pytest.approx(last + LEAST)
     assert failure.detail == (
         "no message for 0.100 s, 0.100 s are allowed, learned from 1000 gaps, "
         "10 false alarms an hour"
@@ -70,7 +70,7 @@ def test_before_that_the_fixed_deadline_counts() -> None:
     last = bench.now
     bench.wait(1.0)
     (failure,) = bench.failures
-    assert failure.time == pytest.approx(last + FIXED)
+    assert failure.since == pytest.approx(last + FIXED)
     assert "the fixed deadline until 1000 gaps are known, 998 are so far" in failure.detail
 
 

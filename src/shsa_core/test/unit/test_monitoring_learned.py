@@ -9,7 +9,14 @@ from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, service, stampe
 
 from shsa_core.model.checks import Checks, default_checks
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import ClockTicked, Command, FailureDetected, Message, Tick
+from shsa_core.monitoring.events import (
+    ClockTicked,
+    Command,
+    Message,
+    PublisherHealth,
+    Tick,
+    failures_in,
+)
 
 Values = Iterator[float]
 
@@ -201,7 +208,7 @@ def test_exactly_half_the_rate_is_found(period: float) -> None:
     began = bench.now
     bench.stream(200, period=2 * period)
     assert bench.kinds() == [(NODE, "rate_low")]
-    assert bench.failures[0].time - began <= max(2.0, 50 * period)
+    assert bench.failures[0].since - began <= max(2.0, 50 * period)
 
 
 def test_three_quarters_of_the_rate_are_no_fault() -> None:
@@ -420,7 +427,7 @@ def test_healthy_messages_of_each_kind_make_no_failure(name: str) -> None:
     bench = Bench(wide())
     bench.connect()
     core, values, late = bench.core, STREAMS[name](random), lateness(random, PERIOD)
-    failures: List[FailureDetected] = []
+    failures: List[PublisherHealth] = []
     for number in range(round(HOURS * 3600 / PERIOD / len(STREAMS))):
         age = 0.002 + next(late)
         now = 100.0 + number * PERIOD + age
@@ -431,5 +438,5 @@ def test_healthy_messages_of_each_kind_make_no_failure(name: str) -> None:
     assert failures == []
 
 
-def told(said: List[Command]) -> List[FailureDetected]:
-    return [each for each in said if isinstance(each, FailureDetected)]
+def told(said: List[Command]) -> List[PublisherHealth]:
+    return failures_in(said)

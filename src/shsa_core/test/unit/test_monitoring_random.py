@@ -50,13 +50,13 @@ class AnyRobot(RuleBasedStateMachine):
         before = dict(self.bench.rows)
         commands = self.bench.send(event)
         assert not (self.ended and commands), "the launch ends, and something is told"
-        failures = [each for each in commands if isinstance(each, events.FailureDetected)]
+        failures = events.failures_in(commands)
         for failure in failures:
             self.check_failure(failure, before, event)
         changes = [each for each in commands if isinstance(each, events.HealthChanged)]
         refused = [each for each in commands if isinstance(each, events.ChangeRefused)]
         adopted = [each for each in commands if isinstance(each, events.ChangeAdopted)]
-        assert commands == [*changes, *failures, *adopted, *refused] and len(changes) <= 1
+        assert commands == [*changes, *adopted, *refused] and len(changes) <= 1
         for refusal in refused:
             self.check_refusal(refusal)
         for change in changes:
@@ -73,7 +73,7 @@ class AnyRobot(RuleBasedStateMachine):
 
     def check_failure(
         self,
-        failure: events.FailureDetected,
+        failure: PublisherHealth,
         before: Dict[Tuple[str, str], PublisherHealth],
         event: events.Event,
     ) -> None:
@@ -88,7 +88,7 @@ class AnyRobot(RuleBasedStateMachine):
         spoke = known is not None and str(known.kind) in ("silent", "never_published")
         anew = str(failure.kind) == "never_published" or (spoke and failure.kind != "silent")
         assert not again or anew, "told twice"
-        assert failure.time == event.time
+        assert failure.since == event.time
         told = self.rows.get(failure.publisher)
         muted = told is not None and not (told.publishing and failure.topic in told.topics)
         quiet = ("silent", "node_gone", "never_published")

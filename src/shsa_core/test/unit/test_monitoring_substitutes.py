@@ -201,7 +201,7 @@ def test_a_late_original_is_as_late_beside_who_fills_in(bench: Bench) -> None:
     since = bench.now
     filled_in(bench, count=40, period=PERIOD)
     assert bench.kinds() == [(NODE, "silent")]
-    assert bench.failures[0].time - since == pytest.approx(DEADLINE)
+    assert bench.failures[0].since - since == pytest.approx(DEADLINE)
     assert bench.state("/substitute_1") == "healthy"  # it is to take over any moment
     assert bench.core.overview()[0].bridged == 1
 

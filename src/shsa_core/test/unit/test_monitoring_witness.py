@@ -14,10 +14,11 @@ from shsa_core.model.som import Som
 from shsa_core.monitoring.events import (
     Connected,
     Disconnected,
-    FailureDetected,
+    PublisherHealth,
     Message,
     SomChanged,
     Tick,
+    failures_in,
 )
 from shsa_core.monitoring.machine import Monitor
 
@@ -52,14 +53,14 @@ class Robot:
         self.core, self.now = Monitor(ontology=ontology), 100.0
         self.random, self.services = Random(1), services
         self.true = {"power": 120.0, "voltage": 12.0, "current": 10.0, "draw": 5.0}
-        self.failures: List[FailureDetected] = []
+        self.failures: List[PublisherHealth] = []
         self.hear(SomChanged(self.now, Som(services)))
         for each in services:
             self.hear(Connected(self.now, each.topic, each.node))
 
     def hear(self, event: Any) -> None:
         said = self.core.handle(event)
-        self.failures += [each for each in said if isinstance(each, FailureDetected)]
+        self.failures += failures_in(said)
 
     def run(self, seconds: float, silent: str = "", **wrong: float) -> None:
         for _ in range(round(seconds / PERIOD)):

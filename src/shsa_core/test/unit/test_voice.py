@@ -2,13 +2,13 @@
 from itertools import product
 from typing import Iterator, Tuple
 
-from shsa_core.substitution.voice import ANY, RULES, Order, Original, Others, Voice, decide
+from shsa_core.substitution.voice import ANY, RULES, Heard, Order, Original, Voice, decide
 
-Case = Tuple[Order, Others, bool, Original]
+Case = Tuple[Order, Heard, bool, Original]
 
 
 def cases() -> Iterator[Case]:
-    return product(Order, Others, (False, True), Original)
+    return product(Order, Heard, (False, True), Original)
 
 
 def rule_of(case: Case) -> int:
@@ -25,7 +25,7 @@ def test_one_that_is_told_to_publish_is_still_for_nobody_but_a_rival() -> None:
     for order, others, cut_off, original in cases():
         if order is Order.PUBLISH:
             still = decide(order, others, cut_off, original) is Voice.MUTED
-            assert still is (others is Others.RIVAL)
+            assert still is (others is Heard.RIVAL)
 
 
 def test_a_muted_one_speaks_for_the_late_the_silent_and_the_returning_alone() -> None:
@@ -33,6 +33,6 @@ def test_a_muted_one_speaks_for_the_late_the_silent_and_the_returning_alone() ->
         voice = decide(order, others, cut_off, original)
         if order in (Order.MUTE, Order.BRIDGE) and voice is not Voice.MUTED:
             late = order is Order.BRIDGE and original.late
-            alone = cut_off and others is Others.SILENT
+            alone = cut_off and others is Heard.SILENCE
             assert late or alone or original is Original.BACK
             assert voice.publishes is (alone or late)

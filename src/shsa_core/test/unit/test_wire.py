@@ -11,7 +11,7 @@ from std_msgs.msg import Header
 from shsa_core.healing.incident import Incident
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.events import FailureDetected
+from shsa_core.monitoring import events
 from shsa_core.ros import clock
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire.healing import failure_seen
@@ -106,6 +106,7 @@ def test_a_failure_says_when_it_was_told(monkeypatch: pytest.MonkeyPatch) -> Non
     """A monitor tells whoever comes later of what it has seen before."""
     monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
     before = clock.now() - 100.0
-    failure = FailureDetected(before, "odom", "/odom", "/base", Kind.SILENT, "x", before - 1.0)
-    message = failure_message(failure)
+    state = events.PublisherState.FAILED
+    row = events.PublisherHealth("/odom", "/base", state, before, kind=Kind.SILENT, detail="x")
+    message = failure_message(row)
     assert (message.told - message.header.stamp).to_sec() == pytest.approx(100.0, abs=1.0)

@@ -38,7 +38,7 @@ class Streams:
     """Three sound streams, and the monitor that hears them; the first may be made faulty."""
 
     def __init__(self, ontology: Ontology, rng: random.Random) -> None:
-        self.failures: List[events.FailureDetected] = []
+        self.failures: List[events.PublisherHealth] = []
         self.heard = 0
         self._rng, self._now = rng, 100.0
         self._core = Monitor(ontology=ontology)
@@ -50,9 +50,7 @@ class Streams:
             self._hear(events.Connected(self._now, each.topic, each.node))
 
     def _hear(self, event: Any) -> None:
-        for said in self._core.handle(event):
-            if isinstance(said, events.FailureDetected):
-                self.failures.append(said)
+        self.failures += events.failures_in(self._core.handle(event))
 
     def run(self, seconds: float, fault: Any = None) -> Optional[float]:
         """Let time pass; in s, when a failure of the first was found, None: it was not."""

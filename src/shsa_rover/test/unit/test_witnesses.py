@@ -6,7 +6,14 @@ import pytest
 
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import read_som
-from shsa_core.monitoring.events import Connected, FailureDetected, Message, SomChanged, Tick
+from shsa_core.monitoring.events import (
+    Connected,
+    Message,
+    PublisherHealth,
+    SomChanged,
+    Tick,
+    failures_in,
+)
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.machine import Monitor
 from shsa_rover.current_sensor import CurrentSensor
@@ -45,7 +52,7 @@ def drive(seed: int) -> Iterator[Dict[Tuple[str, str], float]]:
             }
 
 
-def failures_of(seed: int, current: Optional[float], begin: float) -> List[FailureDetected]:
+def failures_of(seed: int, current: Optional[float], begin: float) -> List[PublisherHealth]:
     """Run the monitor on a drive in which the amperemeter says `current` from `begin` s on."""
     ontology, errors = load_ontology(str(MODELS / "rover.yaml"))
     assert not errors
@@ -66,7 +73,7 @@ def failures_of(seed: int, current: Optional[float], begin: float) -> List[Failu
                     says[service.name, each.property] for each in checked_provisions(service)
                 )
                 said += core.handle(Message(now, service.topic, service.node, values))
-        found += [each for each in said if isinstance(each, FailureDetected)]
+        found += failures_in(said)
     return found
 
 

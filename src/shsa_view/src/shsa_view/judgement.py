@@ -79,7 +79,8 @@ def judge(
     if running is not None:
         return Judgement(Condition.SUBSTITUTED, why or f"by {running}", publisher)
     if healthy:
-        return Judgement(Condition.WELL, why, publisher)
+        late = (f"{p.publisher}: {p.detail}" for p in own if p.publisher in healthy and p.detail)
+        return Judgement(Condition.WELL, "; ".join(filter(None, (why, *late))), publisher)
     if failed:
         return Judgement(Condition.FAILED, why, publisher)
     if publishers:

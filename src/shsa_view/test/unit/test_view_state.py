@@ -95,6 +95,13 @@ def test_a_failed_service_that_nobody_needs_leaves_the_robot_well() -> None:
     assert row(view, "wattmeter")["detail"] == "/wattmeter: silent"
 
 
+def test_a_late_node_is_told_with_why_it_is_not_blamed() -> None:
+    view = well()
+    late = health("ammeter", detail="not blamed: its connection is made anew")
+    view.handle(facts.HealthTold("", (late,), whole=False))
+    assert (row(view)["state"], row(view)["detail"]) == ("well", f"/ammeter: {late.detail}")
+
+
 def test_without_a_monitor_nothing_is_claimed() -> None:
     view = well()
     view.handle(facts.Healer("monitor", "lost", "monitor: it is gone"))

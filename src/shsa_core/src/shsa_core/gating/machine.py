@@ -155,7 +155,7 @@ class Gate:
     def _of_stranger(self, publisher: str, time: float) -> List[Command]:
         """Let nobody hear it; tell people once."""
         if publisher not in self._strangers and len(self._strangers) < settings.MOST_NAMED:
-            self._strangers[publisher] = time + settings.STRANGER_S
+            self._strangers[publisher] = time + settings.START_S
         if time < self._strangers.get(publisher, math.inf):
             return []
         self._strangers[publisher] = math.inf

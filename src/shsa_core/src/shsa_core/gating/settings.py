@@ -11,8 +11,9 @@ APART = 0.5
 BURST = 5.0
 """Messages of a publisher that is too fast, which pass at once."""
 START_S = 2.0
-"""Until a second gate is connected to the first, and misses it."""
-STRANGER_S, MOST_NAMED = 1.0, 20
-"""A node that publishes for so long without a row of the table is a stranger; so many are named."""
+"""Until a second gate is connected to the first and misses it, and until a node that publishes
+without a row in the table of substitutions is a stranger."""
+MOST_NAMED = 20
+"""So many strangers are named."""
 CLOCK_SET_NS = 10**9
 """A stamp that goes back by more is of a clock that was set."""

@@ -43,7 +43,7 @@ class Index:
 
 
 @dataclass(frozen=True)
-class Key:
+class Named:
     """The element of an array at the place where the array `names` beside it holds `name`."""
 
     names: str
@@ -64,7 +64,7 @@ class Span:
         return f"[{self.start or ''}:{'' if self.stop is None else self.stop}]"
 
 
-Selector = Union[None, Index, Key, Span]
+Selector = Union[None, Index, Named, Span]
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def _part(match: "re.Match[str]") -> Selector:
     if match["index"] is not None:
         return Index(int(match["index"]))
     if match["key"] is not None:
-        return Key(match["key"], match["value"])
+        return Named(match["key"], match["value"])
     if not match[0].endswith("]"):
         return None
     stop = match["stop"]

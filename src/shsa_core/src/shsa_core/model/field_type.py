@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Callable, Dict, Mapping, Optional, Tuple
 
 from shsa_core.errors import ShsaError, listed
-from shsa_core.model.field import ANGLES, REDUCTIONS, Index, Key, Span, Step, parse_field
+from shsa_core.model.field import ANGLES, REDUCTIONS, Index, Named, Span, Step, parse_field
 from shsa_core.text import nearest
 
 Layout = Callable[[str], Mapping[str, str]]
@@ -94,7 +94,7 @@ def _enter(kind: str, step: Step, reduces: bool, layout: Layout) -> str:
     highest = _highest(step)
     if size[:-1] and highest is not None and highest >= int(size[:-1]):
         raise ShsaError(f"{step} is beyond the array, whose last place is {int(size[:-1]) - 1}")
-    if isinstance(step.part, Key) and fields.get(step.part.names) != "string[]":
+    if isinstance(step.part, Named) and fields.get(step.part.names) != "string[]":
         raise ShsaError(f"{step} needs an array of texts {step.part.names} beside {step.name}")
     return element
 

@@ -7,7 +7,7 @@ sequence (1, 2, 3), with the quaternion of the rotation from the body to the wor
 from math import asin, atan2, copysign, cos, fsum, hypot, isfinite, nan, pi, sin
 from typing import Any, Callable, Dict, Optional, Sequence, Tuple
 
-from shsa_core.model.field import ANGLES, FieldText, Index, Key, Selector, Span
+from shsa_core.model.field import ANGLES, FieldText, Index, Named, Selector, Span
 
 SHORTEST = 1e-6
 """A shorter quaternion stands for none."""
@@ -26,7 +26,7 @@ def field_value(message: Any, field: FieldText) -> Optional[float]:
             if part.place >= len(value):
                 return nan
             value = value[part.place]
-        elif isinstance(part, Key):
+        elif isinstance(part, Named):
             place = place_of(owner, part)
             if place is None or place >= len(value):
                 return None
@@ -42,7 +42,7 @@ def field_value(message: Any, field: FieldText) -> Optional[float]:
 
 def place_of(owner: Any, part: Selector) -> Optional[int]:
     """Return the place of an element in its array; None where its name is not there."""
-    if isinstance(part, Key):
+    if isinstance(part, Named):
         names = getattr(owner, part.names)
         return names.index(part.name) if part.name in names else None
     return part.place if isinstance(part, Index) else None

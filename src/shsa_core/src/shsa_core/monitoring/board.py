@@ -11,7 +11,6 @@ from shsa_core.monitoring.events import (
     ChangeAdopted,
     ChangeRefused,
     Command,
-    FailureDetected,
     HealthChanged,
     Key,
     PublisherHealth,
@@ -59,7 +58,7 @@ class Board:
         self.substitutes = Substitutes()
         self.bridges = Bridges()
         self.agenda: Agenda[Due] = Agenda()
-        self._failures: List[FailureDetected] = []
+        self._failed: List[PublisherHealth] = []
         self._changes: List[Command] = []
         self._touched: Dict[Key, None] = {}
 
@@ -80,15 +79,15 @@ class Board:
         return tuple(publisher.row(topic.name) for topic, publisher in self.all())
 
     def commands(self, time: float) -> List[Command]:
-        """Return the changed rows, the failures and what became of changes since the last call."""
+        """Return the changed rows and what became of changes since the last call."""
         commands: List[Command] = []
         if self._touched:
             found = {key: self.find(*key) for key in self._touched}
             rows = tuple(each[1].row(each[0].name) for each in found.values() if each)
             removed = tuple(key for key, each in found.items() if not each)
-            commands.append(HealthChanged(time, rows, removed))
-        commands += [*self._failures, *self._changes]
-        self._failures, self._touched, self._changes = [], {}, []
+            commands.append(HealthChanged(time, rows, removed, tuple(self._failed)))
+        commands += self._changes
+        self._failed, self._touched, self._changes = [], {}, []
         return commands
 
     # Who is who
@@ -186,9 +185,7 @@ class Board:
         if _never_good(publisher, kind):
             detail = f"{detail}; {NEVER_GOOD}"
         publisher.become(time, FAILED, kind, detail)
-        service = publisher.service.name if publisher.service else ""
-        whom = (service, topic.name, publisher.name)
-        self._failures.append(FailureDetected(time, *whom, kind, detail, publisher.last_good))
+        self._failed.append(publisher.row(topic.name))
         self.touch(topic, publisher.name)
 
     def excuse(self, topic: WatchedTopic, publisher: Publisher, why: str) -> None:

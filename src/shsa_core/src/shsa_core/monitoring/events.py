@@ -3,7 +3,7 @@
 Times in s on one monotonic clock.
 """
 from dataclasses import dataclass
-from typing import Optional, Tuple, Union
+from typing import Iterable, List, Optional, Tuple, Union
 
 from shsa_core.codegen.generator import Program
 from shsa_core.model.calibration import Calibration
@@ -216,28 +216,16 @@ Event = Union[
 
 
 @dataclass(frozen=True)
-class FailureDetected:
-    """A publisher of a topic failed, once an episode.
-
-    `service` is empty if it is nobody's, `publisher` if none was ever seen.
-    """
-
-    time: float
-    service: str
-    topic: str
-    publisher: str
-    kind: Kind
-    detail: str
-    last_good: Optional[float]
-
-
-@dataclass(frozen=True)
 class HealthChanged:
-    """New and changed rows of the table of health, and those that are gone."""
+    """New and changed rows of the table of health, and those that are gone.
+
+    `failed`: the rows that tell of new failures, also of who is forgotten at once.
+    """
 
     time: float
     rows: Tuple[PublisherHealth, ...]
     removed: Tuple[Key, ...] = ()
+    failed: Tuple[PublisherHealth, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -291,7 +279,6 @@ class Bridged:
 
 
 Command = Union[
-    FailureDetected,
     HealthChanged,
     ChangeRefused,
     ChangeAdopted,
@@ -299,3 +286,9 @@ Command = Union[
     CalibrationsChanged,
     Bridged,
 ]
+
+
+def failures_in(commands: Iterable[Command]) -> List[PublisherHealth]:
+    """Return the rows of the table of health that tell of new failures."""
+    changes = (each for each in commands if isinstance(each, HealthChanged))
+    return [row for change in changes for row in change.failed]

@@ -82,7 +82,7 @@ class Monitor:
         return self._pace.simulated
 
     def handle(self, event: Event) -> List[Command]:
-        """Return what `event` brings to light: the rows that changed first, then the failures."""
+        """Return what `event` brings to light: the rows that changed first."""
         if self._ends:
             return []
         seen = self._pace.judged(event)

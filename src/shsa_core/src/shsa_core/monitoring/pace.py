@@ -13,7 +13,6 @@ from shsa_core.monitoring.events import (
     ClockTicked,
     Command,
     Event,
-    FailureDetected,
     HealthChanged,
     Message,
     PublisherHealth,
@@ -74,10 +73,13 @@ class Pace:
         return [self._ours(each) for each in commands]
 
     def _ours(self, command: Command) -> Command:
-        if isinstance(command, FailureDetected):
-            return replace(command, time=self._now, last_good=self._moment(command.last_good))
         if isinstance(command, HealthChanged):
-            return replace(command, time=self._now, rows=self.rows(command.rows))
+            return replace(
+                command,
+                time=self._now,
+                rows=self.rows(command.rows),
+                failed=self.rows(command.failed),
+            )
         return replace(command, time=self._now)
 
     def rows(self, rows: Tuple[PublisherHealth, ...]) -> Tuple[PublisherHealth, ...]:

@@ -43,7 +43,6 @@ class Commands:
         self._carry_out: dispatch.Table[None] = dispatch.table(
             events.Command,
             {
-                events.FailureDetected: self._tell_failure,
                 events.HealthChanged: self._tell_health,
                 events.ChangeRefused: self._put_back,
                 events.RobotAwaited: self._tell_awaited,
@@ -65,17 +64,17 @@ class Commands:
         removed = [wire.health_key(key) for key, row in changes.items() if row is None]
         self._health.update(rows, removed)
 
-    def _tell_failure(self, failure: events.FailureDetected) -> None:
-        self._failures.publish(self._sign(wire.failure_message(failure)))
-        blamed = f"{failure.publisher} fails" if failure.publisher else "nobody publishes"
-        # The reconfigurator tells people.
-        rospy.logdebug("%s: %s, %s: %s.", failure.topic, blamed, failure.kind, failure.detail)
-
     def _tell_health(self, change: events.HealthChanged) -> None:
+        """Tell failures at once, people last; else a turn's changes are published together."""
         self._changes.update({key: None for key in change.removed})
         self._changes.update({row.key: row for row in self._last_messages.rows(change)})
-        if any(row.state is events.PublisherState.FAILED for row in change.rows):
-            self.tell_changes()  # else what has changed in a turn is published together
+        if change.failed:
+            self.tell_changes()
+        for row in change.failed:
+            self._failures.publish(self._sign(wire.failure_message(row)))
+            blamed = f"{row.publisher} fails" if row.publisher else "nobody publishes"
+            # The reconfigurator tells people.
+            rospy.logdebug("%s: %s, %s: %s.", row.topic, blamed, row.kind, row.detail)
 
     def _tell_calibrations(self, change: events.CalibrationsChanged) -> None:
         rows = map(wire.calibration_row, change.rows)

@@ -11,7 +11,7 @@ from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.events import Command, LookAtOthers, OtherGone, OtherHeard, OthersStand
 from shsa_core.substitution.settings import LOOK_AGAIN_S, QUICK_S, STEADY
-from shsa_core.substitution.voice import Original, Others
+from shsa_core.substitution.voice import Heard, Original
 from shsa_core.watch import Watch
 
 Sources = Callable[[], Tuple[str, ...]]
@@ -27,7 +27,7 @@ class OtherPublishers:
 
     def __init__(self, sources: Sources) -> None:
         self.topic = ""
-        self.heard, self.last = Others.NOBODY, OtherHeard(-math.inf, "")
+        self.heard, self.last = Heard.NOBODY, OtherHeard(-math.inf, "")
         self.original = Original.LOST
         self.heals, self.bridge = False, 0.0
         self._sources = sources
@@ -48,9 +48,9 @@ class OtherPublishers:
         if not bridge or not self.bridge or listened != self.topic:
             self.forget()
         if listened != self.topic:
-            self.topic, self.heard, self._since = listened, Others.NOBODY, self._watch.now
-        if self.heard is Others.RIVAL and not (self.heals and row.publishing is self._publishing):
-            self.heard = Others.HEARD
+            self.topic, self.heard, self._since = listened, Heard.NOBODY, self._watch.now
+        if self.heard is Heard.RIVAL and not (self.heals and row.publishing is self._publishing):
+            self.heard = Heard.ANOTHER
         deadline = row.outputs[0].deadline if row.outputs and self.heals else None
         self._deadline = math.inf if deadline is None else deadline
         self._publishing, self._yields, self.bridge = row.publishing, row.yields, bridge
@@ -69,8 +69,8 @@ class OtherPublishers:
     def pass_time(self, now: float, wanted: float) -> None:
         """Let time pass; we `wanted` to wake by then, inf: whenever."""
         self._watch.look(now, wanted)
-        if self.heard is not Others.NOBODY and self._watch.has_passed(self._since, self._deadline):
-            self.heard = Others.SILENT
+        if self.heard is not Heard.NOBODY and self._watch.has_passed(self._since, self._deadline):
+            self.heard = Heard.SILENCE
 
     def reach(self, cut_off: bool) -> None:
         """The reconfigurator is out of reach, or in reach again."""
@@ -80,8 +80,8 @@ class OtherPublishers:
         """Somebody else has published."""
         if not self.topic or event.topic != self.topic:
             return
-        rival = self._cut or self._yields or self.heard is Others.RIVAL
-        self.heard = Others.RIVAL if rival and self.heals else Others.HEARD
+        rival = self._cut or self._yields or self.heard is Heard.RIVAL
+        self.heard = Heard.RIVAL if rival and self.heals else Heard.ANOTHER
         if self._steady < STEADY:
             late = self._watch.passed(self._since) >= self.bridge
             self._steady = 0 if late else self._steady + 1
@@ -141,8 +141,8 @@ class OtherPublishers:
 
     def next(self, now: float, fills_in: bool) -> float:
         """Return when to wake; `fills_in`: it might. Infinite: not before they are heard again."""
-        alone = self.heard is Others.HEARD and self.cut_off and not self._publishing
-        waits = alone or self.heard is Others.RIVAL
+        alone = self.heard is Heard.ANOTHER and self.cut_off and not self._publishing
+        waits = alone or self.heard is Heard.RIVAL
         silent = self._watch.when(self._since, self._deadline) if waits else math.inf
         return min(silent, self._next_look(now) if fills_in else math.inf)
 

@@ -15,13 +15,13 @@ class Order(Word):
     ALWAYS = "always"  # a gate chooses what consumers hear
 
 
-class Others(Word):
+class Heard(Word):
     """The other publishers of its topic, as they are heard."""
 
     NOBODY = "nobody"
-    HEARD = "heard"
+    ANOTHER = "another"
     RIVAL = "rival"  # heard beside a substitute that is spare then: cut off, or told to yield
-    SILENT = "silent"  # for longer than the deadline of the topic
+    SILENCE = "silence"  # for longer than the deadline of the topic
 
 
 class Original(Word):
@@ -54,19 +54,21 @@ class Voice(Word):
 
 
 ANY = None
-Rule = Tuple[Optional[Order], Optional[Others], Optional[bool], Optional[Original], Voice]
+Rule = Tuple[Optional[Order], Optional[Heard], Optional[bool], Optional[Original], Voice]
+# fmt: off
 RULES: Tuple[Rule, ...] = (
-    # row says     others         cut off  original         voice
-    (Order.NOTHING, ANY, ANY, ANY, Voice.MUTED),
-    (Order.ALWAYS, ANY, ANY, ANY, Voice.PUBLISHES),
-    (Order.PUBLISH, Others.RIVAL, ANY, ANY, Voice.MUTED),
-    (Order.PUBLISH, ANY, ANY, ANY, Voice.PUBLISHES),
-    (ANY, Others.SILENT, True, ANY, Voice.PUBLISHES),
-    (Order.BRIDGE, ANY, ANY, Original.HANGS, Voice.FILLS_IN),
-    (Order.BRIDGE, ANY, ANY, Original.ENDED, Voice.FILLS_IN),
-    (ANY, ANY, ANY, Original.BACK, Voice.HANDS_OVER),
-    (ANY, ANY, ANY, ANY, Voice.MUTED),
+    # row says      heard          cut off  original        voice
+    (Order.NOTHING, ANY,           ANY,     ANY,            Voice.MUTED),
+    (Order.ALWAYS,  ANY,           ANY,     ANY,            Voice.PUBLISHES),
+    (Order.PUBLISH, Heard.RIVAL,   ANY,     ANY,            Voice.MUTED),
+    (Order.PUBLISH, ANY,           ANY,     ANY,            Voice.PUBLISHES),
+    (ANY,           Heard.SILENCE, True,    ANY,            Voice.PUBLISHES),
+    (Order.BRIDGE,  ANY,           ANY,     Original.HANGS, Voice.FILLS_IN),
+    (Order.BRIDGE,  ANY,           ANY,     Original.ENDED, Voice.FILLS_IN),
+    (ANY,           ANY,           ANY,     Original.BACK,  Voice.HANDS_OVER),
+    (ANY,           ANY,           ANY,     ANY,            Voice.MUTED),
 )
+# fmt: on
 """The first rule that fits counts.
 
 Cut off from the reconfigurator, each side of the cut has one publisher: a muted substitute speaks
@@ -75,12 +77,12 @@ once nobody else does, and is still again as soon as somebody does.
 
 
 @lru_cache(maxsize=None)
-def decide(order: Order, others: Others, cut_off: bool, original: Original) -> Voice:
+def decide(order: Order, heard: Heard, cut_off: bool, original: Original) -> Voice:
     """Return how a substitute speaks.
 
     `cut_off`: its computer cannot reach the reconfigurator, and the SOM says to heal there.
     """
-    case = order, others, cut_off, original
+    case = order, heard, cut_off, original
     for *wanted, voice in RULES:
         if all(want is ANY or want is seen for want, seen in zip(wanted, case)):
             return voice

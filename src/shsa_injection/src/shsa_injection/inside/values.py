@@ -5,7 +5,7 @@ from typing import Any, Optional, Type
 import genpy
 
 from shsa_core.errors import ShsaError
-from shsa_core.model.field import ANGLES, Index, Key, Span, Step, parse_field
+from shsa_core.model.field import ANGLES, Index, Named, Span, Step, parse_field
 from shsa_core.ros.messages.fields import Field
 
 
@@ -39,7 +39,7 @@ class FaultyValue:
             rotation = _inner(owner, last)
             for name in "xyzw":
                 setattr(rotation, name, value)
-        elif isinstance(last.part, (Index, Key)):
+        elif isinstance(last.part, (Index, Named)):
             _write(owner, last.name, value, _place(owner, last))
         elif self._function or isinstance(last.part, Span):
             _write(owner, last.name, value, last.part)
@@ -55,7 +55,7 @@ def _inner(owner: Any, step: Step) -> Any:
 
 
 def _place(owner: Any, step: Step) -> int:
-    if isinstance(step.part, Key):
+    if isinstance(step.part, Named):
         return int(getattr(owner, step.part.names).index(step.part.name))
     assert isinstance(step.part, Index)
     return step.part.place

@@ -12,7 +12,7 @@ import genpy
 
 from shsa_core import message_types
 from shsa_core.errors import ShsaError
-from shsa_core.model.field import ANGLES, Key, Step, parse_field
+from shsa_core.model.field import ANGLES, Named, Step, parse_field
 from shsa_core.model.field_type import FLOATS, field_type
 from shsa_core.model.field_value import angles, field_value, place_of, quaternion
 from shsa_core.model.service import Provision, Service
@@ -90,10 +90,10 @@ class Field:
     def _put(self, owner: Any, step: Step, value: float) -> None:
         """Set an element of an array; one that is named and not there is added, and its name."""
         place = place_of(owner, step.part)
-        if place is None and isinstance(step.part, Key):
+        if place is None and isinstance(step.part, Named):
             place = _add_name(owner, step.part)
         array = list(getattr(owner, step.name))
-        if isinstance(step.part, Key) and self._type.kind in FLOATS:
+        if isinstance(step.part, Named) and self._type.kind in FLOATS:
             # What is beside it in the array is not known; only such numbers can say so.
             array += [math.nan] * ((place or 0) - len(array))
         if place is None or place > len(array):
@@ -122,7 +122,7 @@ def _components(rotation: Any) -> Tuple[float, float, float, float]:
     return rotation.x, rotation.y, rotation.z, rotation.w
 
 
-def _add_name(owner: Any, key: Key) -> int:
+def _add_name(owner: Any, key: Named) -> int:
     """Add a name to its array; its place. What the arrays beside it have there is not known."""
     names = list(getattr(owner, key.names))
     for name, kind in message_types.layout_of(owner).items():

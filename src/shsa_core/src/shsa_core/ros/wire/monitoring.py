@@ -11,7 +11,6 @@ from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import (
     CalibrationRow,
-    FailureDetected,
     FormerlyHealthy,
     Key,
     PublisherHealth,
@@ -20,17 +19,17 @@ from shsa_core.monitoring.events import (
 from shsa_core.ros import clock
 
 
-def failure_message(failure: FailureDetected) -> msg.Failure:
+def failure_message(row: PublisherHealth) -> msg.Failure:
     """Return what people are told on shsa/failures."""
     return msg.Failure(
-        header=Header(stamp=clock.to_stamp(failure.time)),
-        service=failure.service,
-        topic=failure.topic,
-        publisher=failure.publisher,
-        kind=failure.kind.value,
-        detail=failure.detail,
+        header=Header(stamp=clock.to_stamp(row.since)),
+        service=row.service,
+        topic=row.topic,
+        publisher=row.publisher,
+        kind=row.kind.value if row.kind else "",
+        detail=row.detail,
         told=rospy.Time.now(),
-        last_good=clock.to_stamp(failure.last_good),
+        last_good=clock.to_stamp(row.last_good),
     )
 
 
