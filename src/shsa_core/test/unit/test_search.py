@@ -4,7 +4,7 @@ from typing import List, Sequence, Tuple
 
 import pytest
 from hypothesis import event, given, settings
-from search_models import Rank, every_derivation, law, models, ontology, rank, source, usable
+from shsa_testing.models import Rank, every_derivation, law, models, ontology, rank, source, usable
 
 from shsa_core.errors import NoSubstitute
 from shsa_core.model.ontology import Ontology
