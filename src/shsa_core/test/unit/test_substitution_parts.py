@@ -11,7 +11,7 @@ from substitute_driver import DEADLINE, IN, OUT, Driver, row, signal
 
 from shsa_core.errors import ShsaError
 from shsa_core.substitution.events import InputArrived, Tick
-from shsa_core.substitution.inputs import Inputs
+from shsa_core.substitution.readings import Readings
 from shsa_core.substitution.job import Job, Schedule, longest_gap
 from shsa_core.substitution.settings import MADE_UP_S
 from shsa_core.substitution.signals import decode, encode
@@ -104,7 +104,7 @@ def test_without_a_period_only_what_is_hastened_is_due() -> None:
 
 
 def take(
-    inputs: Inputs, time: float, topic: str, publisher: str, values: Any, age: int = 0
+    inputs: Readings, time: float, topic: str, publisher: str, values: Any, age: int = 0
 ) -> None:
     """A message comes, whose stamp is so old, in ns."""
     now = 10**18
@@ -112,7 +112,7 @@ def take(
 
 
 def test_a_message_without_a_value_leaves_the_last_one_until_that_is_stale() -> None:
-    inputs = Inputs()
+    inputs = Readings()
     inputs.listen([IN])
     take(inputs, 1.0, "/in", "/sensor", (("data", 7.0),))
     take(inputs, 1.0 + DEADLINE / 2, "/in", "/sensor", ())
@@ -121,7 +121,7 @@ def test_a_message_without_a_value_leaves_the_last_one_until_that_is_stale() -> 
 
 
 def test_a_value_counts_up_to_its_deadline() -> None:
-    inputs = Inputs()
+    inputs = Readings()
     assert inputs.listen([IN, IN]) == (IN,)
     assert inputs.listen([IN]) == ()
     assert inputs.listens(IN) and not inputs.listens(OUT)
@@ -145,7 +145,7 @@ def test_a_value_counts_up_to_its_deadline() -> None:
 
 def test_what_comes_after_a_silence_and_is_late_is_no_value() -> None:
     offset, cut_s = 5_000_000_000, 8.0
-    inputs = Inputs()
+    inputs = Readings()
     inputs.listen([IN])
     take(inputs, 1.0, "/in", "/sensor", (("data", 1.0),), offset)
     back = 1.0 + cut_s
@@ -159,7 +159,7 @@ def test_what_comes_after_a_silence_and_is_late_is_no_value() -> None:
 
 
 def test_a_clock_that_was_set_during_a_silence_holds_nothing_up_for_longer_than_that() -> None:
-    inputs = Inputs()
+    inputs = Readings()
     inputs.listen([IN])
     take(inputs, 1.0, "/in", "/sensor", (("data", 1.0),))
     for step in range(21):
@@ -168,7 +168,7 @@ def test_a_clock_that_was_set_during_a_silence_holds_nothing_up_for_longer_than_
 
 
 def test_a_signal_of_one_node_takes_its_messages_alone() -> None:
-    inputs = Inputs()
+    inputs = Readings()
     named, anybody = signal("/in", node="/left"), signal("/in")
     inputs.listen([named, anybody])
     take(inputs, 0.0, "/in", "/right", (("data", 1.0),))

@@ -10,7 +10,7 @@ from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.advertising import Advertising
 from shsa_core.substitution.events import Command, Event, LastMessage, Level, Log
-from shsa_core.substitution.inputs import Inputs
+from shsa_core.substitution.readings import Readings
 from shsa_core.substitution.job import Job, Stamps, Words, words
 from shsa_core.substitution.speech import Speech
 from shsa_core.substitution.voice import Voice
@@ -28,7 +28,7 @@ class Substitute:
         self.row = Substitution("", "", (), "", ())
         self._job: Optional[Job] = None
         self._refused: Optional[Words] = None
-        self._inputs = Inputs()
+        self._readings = Readings()
         self._stamps = Stamps()
         self._advertising = Advertising()
         self._speech = Speech(self._sources)
@@ -125,7 +125,7 @@ class Substitute:
             "what is due is done, unless an input is stale": self.reads_at > now
             or self._values() is None,
             "it listens to what it computes from": job is None
-            or all(map(self._inputs.listens, job.inputs)),
+            or all(map(self._readings.listens, job.inputs)),
             "it advertises what it computes": job is None or job.topic in self.topics,
             "muted, it stands in for nobody": not (
                 muted and (handover.original or handover.served or looked)
@@ -269,7 +269,7 @@ class Substitute:
 
     def _listen(self, inputs: Tuple[Signal, ...]) -> List[Command]:
         self._types.update({signal.topic: signal.type for signal in inputs})
-        new = self._inputs.listen(inputs)
+        new = self._readings.listen(inputs)
         return [events.Listen(new)] if new else []
 
     # Its voice.
@@ -284,7 +284,7 @@ class Substitute:
         return [self._composed]
 
     def _sources(self) -> Tuple[str, ...]:
-        return () if self._job is None else self._inputs.sources(self._job.inputs)
+        return () if self._job is None else self._readings.sources(self._job.inputs)
 
     def _other_gone(self, event: events.OtherGone) -> None:
         if not self._speech.hands_over(self._now):
@@ -294,7 +294,7 @@ class Substitute:
 
     def _input_arrived(self, event: events.InputArrived) -> None:
         self._stamps.clock(event.time, event.ros_time)
-        self._inputs.take(event)
+        self._readings.take(event)
         self._speech.others.compare()
         job = self._job
         if job is not None and job.period is None:
@@ -303,7 +303,7 @@ class Substitute:
 
     def _values(self) -> Optional[Tuple[float, ...]]:
         """Return the inputs now; None without a program, and while one is missing or stale."""
-        return None if self._job is None else self._inputs.values(self._job.inputs, self._now)
+        return None if self._job is None else self._readings.values(self._job.inputs, self._now)
 
     def _publish(self) -> List[Command]:
         """Evaluate the program if that is due, and publish unless an original may have done so.
@@ -334,7 +334,7 @@ class Substitute:
     def _message(self, job: Job, only: str = "") -> events.Publish:
         """Return a message for all whom the original does not serve, or for one consumer."""
         assert job.latest is not None
-        oldest = self._inputs.oldest(job.inputs)
+        oldest = self._readings.oldest(job.inputs)
         stamp = self._stamps.of(job.topic, oldest, self._now)
         served = frozenset() if only else self._speech.handover.served
         return events.Publish(job.outputs, job.latest, served, only, stamp)

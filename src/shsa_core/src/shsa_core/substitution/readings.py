@@ -34,8 +34,8 @@ class _Stream:
         return False
 
 
-class Inputs:
-    """Values by signal. What was listened to once stays so: it may be wanted again at any time."""
+class Readings:
+    """The newest value of each signal; what was listened to once stays so."""
 
     def __init__(self) -> None:
         self._readings: Dict[str, Dict[Key, Optional[Reading]]] = {}
