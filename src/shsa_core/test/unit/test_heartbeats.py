@@ -1,4 +1,5 @@
 """Signs of life between processes: who sends them, who hears them, and who hangs."""
+import errno
 import os
 import signal
 import subprocess
@@ -13,7 +14,7 @@ import rospy
 
 from shsa_core.ros import settings
 from shsa_core.ros.processes.heartbeats import Heart, Signs
-from shsa_core.ros.processes.kernel import NOBODY, identity, same_process
+from shsa_core.ros.processes.kernel import NOBODY, ended, identity, same_process
 from shsa_core.ros.processes.watching import Life
 from shsa_testing.waiting import wait_until
 
@@ -154,6 +155,18 @@ def test_a_process_is_known_by_its_start_as_well() -> None:
     assert found is not None and found.pid == os.getpid()
     assert same_process((known[0], known[1] + 1.0)) is None
     assert same_process(NOBODY) is None and identity(0) == NOBODY
+
+
+def test_nobody_is_dead_because_there_is_no_descriptor_to_look(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    known = identity(os.getpid())
+
+    def refuse(*_: object) -> int:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(os, "open", refuse)
+    assert not ended(known)
 
 
 STRANGER = """

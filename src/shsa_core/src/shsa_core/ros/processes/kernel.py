@@ -113,28 +113,34 @@ def user(process: psutil.Process) -> str:
 
 
 def _stat(pid: int) -> List[bytes]:
-    """Return what /proc/PID/stat says from the third field on; empty: there is no such process."""
+    """Return what /proc/PID/stat says from the third field on; empty: there is no such process.
+
+    Raises OSError if that cannot be told now, as without a file descriptor.
+    """
     try:
         file = os.open(f"/proc/{pid}/stat", os.O_RDONLY)
-    except OSError:
+    except (FileNotFoundError, ProcessLookupError):
         return []
     try:
         return os.read(file, 4096).rsplit(b")", 1)[1].split()
-    except (OSError, IndexError):
+    except ProcessLookupError:
         return []  # it has ended meanwhile
     finally:
         os.close(file)
 
 
 def identity(pid: int) -> Identity:
-    """Return what a process is known by; NOBODY: it is not there."""
+    """Return what a process is known by; NOBODY: it is not there. Raises OSError: as _stat."""
     found = _stat(pid)
     return (pid, float(found[19])) if found else NOBODY
 
 
 def ended(known: Identity) -> bool:
     """Return whether a process has ended, though nobody may have asked for its exit status yet."""
-    found = _stat(known[0])
+    try:
+        found = _stat(known[0])
+    except OSError:
+        return False  # nobody counts as dead because we lack the means to look
     return not found or float(found[19]) != known[1] or found[0] == b"Z"
 
 
@@ -144,9 +150,9 @@ def same_process(known: Identity) -> Optional[psutil.Process]:
         return None
     try:
         process = psutil.Process(known[0])
-    except psutil.Error:
+        return process if identity(process.pid) == known and is_ours(process) else None
+    except (psutil.Error, OSError):
         return None
-    return process if identity(process.pid) == known and is_ours(process) else None
 
 
 def never_to_end(process: psutil.Process) -> str:

@@ -132,7 +132,10 @@ class Companion:
 
     def _hear(self, name: str) -> None:
         sign = self._signs.of(name)
-        self._known = kernel.identity(sign.pid) if sign else None
+        try:
+            self._known = kernel.identity(sign.pid) if sign else None
+        except OSError:
+            self._known = None  # it cannot be told now: nobody is ended for it
         if self.problem:
             rospy.loginfo("%s gives signs of life again.", name)
         self.problem = ""
