@@ -82,7 +82,7 @@ class Ear:
 
 def steps(filled_at: float, monkeypatch: pytest.MonkeyPatch) -> Dict[str, int]:
     """Return the steps in ms, above 0, of a hang at 1 s that is detected at 1.1 s."""
-    monkeypatch.setattr(told.clock, "from_stamp", lambda stamp: stamp)
+    monkeypatch.setattr(told, "moment_of", lambda stamp: stamp)
     monkeypatch.setattr(told, "uri_of", lambda node: "")
     times = {"detected": 1.1, "found": 1.101, "spawned": 1.103, "killed": 0.0}
     incident: Any = SimpleNamespace(substitute="/s", kind="silent", **times)

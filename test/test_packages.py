@@ -134,13 +134,14 @@ def test_a_workspace_of_what_a_robot_needs_builds_with_its_tests(tmp_path: Path)
 
 
 def test_the_command_line_works_where_it_is_installed(installed: Installed, tmp_path: Path) -> None:
-    (modules,) = installed.prefix("shsa_core").glob("lib/python3*/*-packages")
+    packages = [installed.prefix(name) for name in ("shsa_core", "shsa_learning")]
+    modules = [str(path) for each in packages for path in each.glob("lib/python3*/*-packages")]
     ontology = installed.prefix("shsa_rover") / "share" / "shsa_rover" / "ontology"
     page = tmp_path / "page.html"
     script = installed.prefix("shsa_core") / "bin" / "shsa"
     command = [sys.executable, str(script), "report"]
     command += ["--ontology", str(ontology / "rover.yaml")]
     command += ["--som", str(ontology / "rover_som.yaml"), "--html", str(page)]
-    path = ":".join(filter(None, [str(modules), environment().get("PYTHONPATH", "")]))
+    path = ":".join(filter(None, [*modules, environment().get("PYTHONPATH", "")]))
     subprocess.run(command, env={**environment(), "PYTHONPATH": path}, check=True)
     assert "<svg" in page.read_text()

@@ -19,6 +19,7 @@ from far_graph import print_measured
 from graph import FAULTY_PUBLISHER, PACKAGE, PATIENCE_S, Graph
 from shsa_core.ros import clock
 from shsa_testing.computers import Computer
+from shsa_testing.healing import moment_of
 from shsa_testing.waiting import wait_until
 
 TOPIC, NODE, SOURCE = "/hot", "/hot_node", "/source_node"
@@ -59,7 +60,7 @@ def measure(graph: Graph, far: Computer, seconds: float) -> object:
     far.link.restore()
     up = clock.now()
     state = healing.await_state(TOPIC, "ended", PATIENCE_S + seconds).state
-    returned = clock.from_stamp(healing.latest(TOPIC).returned) or 0.0  # type: ignore[union-attr]
+    returned = moment_of(healing.latest(TOPIC).returned)  # type: ignore[union-attr]
     late = [at for at, who, age in heard if who == NODE and at > up and age > DEADLINE_S]
     times = [down, *(at for at, _, age in heard if down < at < returned and age < DEADLINE_S)]
     fresh = next(at for at, who, age in heard if who == NODE and at > up and age < DEADLINE_S)

@@ -24,7 +24,7 @@ from matplotlib import pyplot
 from report import Goals
 
 from shsa_core.analysis.check import check_model
-from shsa_core.analysis.resilience import analyse
+from shsa_learning.report.resilience import analyse
 from shsa_core.healing.plan_table import PlanTable
 from shsa_core.language.expression import parse_law
 from shsa_core.model.ontology import Ontology, Property

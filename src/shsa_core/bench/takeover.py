@@ -5,7 +5,7 @@ from shsa_msgs.msg import Incident
 
 from graph import uri_of
 from robot import NODE, Consumer, Consumers
-from shsa_core.ros import clock
+from shsa_testing.healing import moment_of
 
 STEPS = ("waited", "bridge", "detect", "decide", "start", "kill", "connect", "first")
 NAN, NEVER = float("nan"), float("inf")
@@ -111,13 +111,11 @@ def with_steps(
     """Return the same with the steps that an incident tells of, after a failure at once."""
     node = incident.substitute
     last, first = _edges(consumers.rospy, node, failed_at)
-    detected = clock.from_stamp(incident.detected) or 0.0
+    detected = moment_of(incident.detected)
     moments = [last, failed_at, first if first < detected else 0.0, detected]
-    moments += [clock.from_stamp(stamp) or 0.0 for stamp in (incident.found, incident.spawned)]
+    moments += [moment_of(stamp) for stamp in (incident.found, incident.spawned)]
     # A node whose connection is lost publishes no more: nobody waits until it is gone.
-    moments.append(
-        0.0 if incident.kind == "node_gone" else clock.from_stamp(incident.killed) or 0.0
-    )
+    moments.append(0.0 if incident.kind == "node_gone" else moment_of(incident.killed))
     moments += [consumers.rospy.contacts.get(uri_of(node), 0.0), first]
     steps: List[float] = []
     for number, moment in enumerate(moments[1:], 1):
@@ -132,7 +130,7 @@ def with_substitute(
 ) -> Takeover:
     """Return the same with what an incident tells of the substitute."""
     _, first = _edges(consumers.rospy, incident.substitute, failed_at)
-    told = max(first, clock.from_stamp(incident.spawned) or 0.0)
+    told = max(first, moment_of(incident.spawned))
     late = sum(m.node == NODE for m in consumers.rospy.since(told))
     return takeover._replace(late=late, substitute=incident.substitute)
 

@@ -20,11 +20,10 @@ import rospy
 import yaml  # type: ignore[import]
 from shsa_msgs.msg import Incident
 
-from shsa_core.ros import clock
 from shsa_core.ros.trust import secret
 from shsa_testing.computers import Computer, Computers
 from shsa_testing.graph import publishers
-from shsa_testing.healing import HealedRobot
+from shsa_testing.healing import HealedRobot, moment_of
 from shsa_testing.link import Link
 from shsa_testing.waiting import wait_until
 
@@ -89,7 +88,7 @@ class DistributedRover:
         wait_until(lambda: not open_(), PATIENCE_S, "all incidents have ended")
         at_hand = lambda: set(publishers(TOPIC)) - {NODE}
         wait_until(at_hand, PATIENCE_S, "a substitute is at hand, and has advertised the topic")
-        returned = (clock.from_stamp(self._incident().returned) or 0.0) if self.latest() else 0.0
+        returned = moment_of(self._incident().returned) if self.latest() else 0.0
         calm = lambda: time.monotonic() > returned + RELAPSE_S and self.speakers(1.0) == [NODE]
         wait_until(calm, PATIENCE_S, "the amperemeter alone publishes for a while")
 

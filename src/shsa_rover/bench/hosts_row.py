@@ -12,7 +12,7 @@ from typing import Callable, Iterable, List, NamedTuple, Sequence
 from shsa_msgs.msg import Incident
 
 from distributed_rover import NODE, DistributedRover, Heard, distributed_rover
-from shsa_core.ros import clock
+from shsa_testing.healing import moment_of
 
 PERIOD_S = 0.02
 DEADLINE_S = 0.25
@@ -141,7 +141,7 @@ def counts(time: float, steps: Iterable[Incident]) -> bool:
         back = step.state in (Incident.RETURNING, Incident.ENDED)
         if back is not counted:
             fails = step.detected if step.id != incident else step.header.stamp
-            if (clock.from_stamp(step.returned if back else fails) or 0.0) > time:
+            if moment_of(step.returned if back else fails) > time:
                 break
             counted = back
         incident = step.id

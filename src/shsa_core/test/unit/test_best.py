@@ -1,7 +1,7 @@
 """The search touches only what may be part of a better derivation."""
 from typing import Any, List, Sequence
 
-from search_models import law, ontology, source
+from shsa_testing.models import law, ontology, source
 
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source

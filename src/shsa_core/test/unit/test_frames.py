@@ -30,6 +30,12 @@ def _pair() -> Iterator[Pair]:
     here.close()
 
 
+def reading(wanted: Wanted) -> Frames:
+    frames = Frames()
+    frames.wanted = wanted
+    return frames
+
+
 def pour(pair: Pair, into: Frames, data: bytes) -> List[Frame]:
     """Send all of the data, and read whenever there is no more room."""
     there, here = pair
@@ -80,7 +86,7 @@ def payload(size: int) -> bytes:
 @pytest.mark.parametrize("size", (0, 1, 11, 12, 13, 999, 1000, 1001, CHUNK, CHUNK + 1017, 3 * MB))
 def test_of_a_large_message_only_the_head_is_copied(pair: Pair, size: int) -> None:
     data = payload(size)[:size]
-    found = pour(pair, Frames(HEAD), framed(data, b"next"))
+    found = pour(pair, reading(HEAD), framed(data, b"next"))
     cut = Frame(data, True) if size <= 1000 else Frame(data[:12], False)
     assert found == [cut, Frame(b"next", True)]
 
@@ -89,7 +95,7 @@ def test_a_payload_is_dropped_in_the_kernel(pair: Pair) -> None:
     there, here = pair
     counting: Any = Counting(here)
     count = 20
-    found = pour((there, counting), Frames(HEAD), framed(*[payload(MB)[:MB]] * count))
+    found = pour((there, counting), reading(HEAD), framed(*[payload(MB)[:MB]] * count))
     assert found == [Frame(payload(12)[:12], False)] * count
     assert counting.copied <= 2 * CHUNK + count * CHUNK / 8
 
@@ -101,7 +107,7 @@ def test_as_before_all_of_every_message_is_copied_unless_told_otherwise(pair: Pa
 
 def test_a_message_counts_once_its_last_byte_has_come(pair: Pair) -> None:
     there, here = pair
-    reader = Frames(Wanted(0, 4))
+    reader = reading(Wanted(0, 4))
     here.settimeout(5.0)
     there.sendall(framed(bytes(1000))[:-1])
     assert reader.read(here) and reader.take() == []
@@ -111,7 +117,7 @@ def test_a_message_counts_once_its_last_byte_has_come(pair: Pair) -> None:
 
 def test_what_is_wanted_may_change_in_the_middle_of_a_message(pair: Pair) -> None:
     there, here = pair
-    reader = Frames(HEAD)
+    reader = reading(HEAD)
     whole = framed(payload(MB)[:MB])
     there.sendall(whole[:100_000])
     here.settimeout(5.0)
@@ -136,7 +142,7 @@ def test_what_is_wanted_no_more_is_dropped_at_once(pair: Pair) -> None:
 def test_nobody_need_look_at_each_part_of_large_messages_that_are_dropped(pair: Pair) -> None:
     there, here = pair
     here.settimeout(5.0)
-    reader = Frames(HEAD)
+    reader = reading(HEAD)
     assert reader.expected == 1
     whole = framed(payload(MB)[:MB])
     there.sendall(whole[:100_000])
@@ -173,7 +179,7 @@ def test_large_messages_that_are_read_together_came_one_after_the_other(pair: Pa
         there.sendall(data)
         wait_until(lambda: unread(here) == (number + 1) * len(data), 5.0, "it has come")
         moments.append(time.time_ns())
-    reader = Frames(HEAD)
+    reader = reading(HEAD)
     assert reader.read(here)
     found = reader.take()
     assert len(found) == 3
@@ -187,7 +193,7 @@ def test_a_message_beyond_all_measure_is_not_told_of(pair: Pair, monkeypatch: An
         there, here = connected()
         with closing(there), closing(here):
             data = framed(b"first", bytes(3 * MB), b"last")
-            found = pour((there, here), Frames(wanted), data)
+            found = pour((there, here), reading(wanted), data)
         assert found == [Frame(b"first", True), Frame(b"last", True)]
 
 
@@ -209,7 +215,7 @@ class Endless:
 @pytest.mark.parametrize("wanted", (Wanted(), HEAD))
 def test_a_babbling_publisher_has_a_bounded_share_of_a_turn(wanted: Wanted) -> None:
     endless: Any = Endless()
-    reader = Frames(wanted)
+    reader = reading(wanted)
     assert reader.read(endless)
     assert endless.reads == READS_A_TURN and len(reader.take()) <= READS_A_TURN
     assert reader.expected == 1, "there is more, whatever its size"
@@ -255,7 +261,7 @@ def test_the_same_messages_are_counted_whatever_the_pieces(
 ) -> None:
     sent = [payload(size)[:size] for size in sizes]
     cut: Any = Pieces(framed(*sent), pieces)
-    reader = Frames(Wanted(whole, head))
+    reader = reading(Wanted(whole, head))
     while reader.read(cut):
         pass
     found = reader.take()

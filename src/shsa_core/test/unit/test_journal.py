@@ -16,6 +16,7 @@ import pytest
 import toy_machine as toy
 from shsa_core.errors import ModelError
 from shsa_core.journal import writer as writer_module
+from shsa_core.journal.machines import MACHINES
 from shsa_core.journal.reader import CUT, Journal, Step, replay
 from shsa_core.journal.writer import WRITE_PERIOD_S, JournalWriter
 from shsa_core.model.som import Som
@@ -34,6 +35,14 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "toy.journal"
 
 
+@pytest.fixture(autouse=True)
+def adder(monkeypatch: Any) -> None:
+    """Has the toy among the machines."""
+    monkeypatch.setitem(MACHINES, "adder", "")
+    for module in ("reader", "writer"):
+        monkeypatch.setattr(f"shsa_core.journal.{module}.machine_kind", lambda name: toy.ADDER)
+
+
 @pytest.fixture
 def warnings() -> List[str]:
     return []
@@ -46,8 +55,8 @@ Open = Callable[..., JournalWriter]
 def opened(path: Path, warnings: List[str]) -> Open:
     """Makes a writer of the path."""
 
-    def make(setup: Optional[Dict[str, Any]] = None, **options: Any) -> JournalWriter:
-        return JournalWriter(str(path), toy.ADDER, setup or SETUP, warnings.append, **options)
+    def make(setup: Optional[Dict[str, Any]] = None) -> JournalWriter:
+        return JournalWriter(str(path), "adder", setup or SETUP, warnings.append)
 
     return make
 
@@ -70,7 +79,7 @@ def recorded(opened: Open, events: List[Any]) -> None:
 
 
 def steps(path: Path) -> List[Step]:
-    return list(replay(Journal(str(path), toy.ADDER)))
+    return list(replay(Journal(str(path))))
 
 
 def lines(path: Path) -> List[Dict[str, Any]]:
@@ -100,7 +109,7 @@ def test_a_journal_is_plain_lines(opened: Open, path: Path, warnings: List[str])
     assert (added["class"], added["number"], added["text"]) == ("Added", 3.0, "first")
     assert answer["answer"] == ["Show", "Log"] and len(answer["sha1"]) == 40
     assert end == {"end": "closed"}
-    journal = Journal(str(path), toy.ADDER)
+    journal = Journal(str(path))
     assert journal.begun.startswith("20") and journal.setup == SETUP
     assert len(list(journal.entries())) == 2 and journal.end == "closed"
     assert warnings == []
@@ -166,7 +175,7 @@ def test_a_link_is_not_followed(opened: Open, path: Path, warnings: List[str]) -
 
 
 def test_a_folder_that_is_not_there_hinders_nobody(tmp_path: Path, warnings: List[str]) -> None:
-    writer = JournalWriter(str(tmp_path / "no/file"), toy.ADDER, SETUP, warnings.append)
+    writer = JournalWriter(str(tmp_path / "no/file"), "adder", SETUP, warnings.append)
     live(writer, toy.Adder(Som()), EVENTS)
     writer.close()
     assert not writer.recording and len(warnings) == 1 and "No such file" in warnings[0]
@@ -195,9 +204,10 @@ def test_an_event_that_cannot_be_written_ends_the_recording(
 
 
 def test_the_limit_ends_the_recording_in_order(
-    opened: Open, path: Path, warnings: List[str]
+    opened: Open, path: Path, warnings: List[str], monkeypatch: Any
 ) -> None:
-    writer = opened(limit_bytes=10_000)
+    monkeypatch.setattr("shsa_core.journal.writer.LIMIT_BYTES", 10_000)
+    writer = opened()
     machine = toy.Adder(Som(), 2.0)
     live(writer, machine, [toy.Added(float(n), 0.1) for n in range(1000)])
     writer.close()
@@ -226,7 +236,7 @@ def test_a_full_disk_ends_the_recording_and_what_is_there_can_be_replayed(
     writer.close()
     assert len(warnings) == 1 and "No space left" in warnings[0]
     assert not path.read_text().endswith("\n")
-    journal = Journal(str(path), toy.ADDER)
+    journal = Journal(str(path))
     again = list(replay(journal))
     assert again and not any(step.differs for step in again) and journal.end == CUT
 
@@ -268,7 +278,7 @@ def test_what_was_recorded_is_soon_in_the_file(opened: Open, path: Path) -> None
     deadline = time.monotonic() + 50 * WRITE_PERIOD_S
     while len(path.read_text().splitlines()) < 8 and time.monotonic() < deadline:
         time.sleep(0.01)
-    journal = Journal(str(path), toy.ADDER)
+    journal = Journal(str(path))
     assert len(list(replay(journal))) == 4 and journal.end == CUT
     writer.close()
 
@@ -348,7 +358,7 @@ def test_a_line_has_a_limit(path: Path, monkeypatch: Any) -> None:
     path.write_text(HEADER + "\n")
     monkeypatch.setattr("shsa_core.journal.reader.MAX_LINE_BYTES", 20)
     with pytest.raises(ModelError, match="longer than 20 bytes"):
-        Journal(str(path), toy.ADDER)
+        Journal(str(path))
 
 
 def test_a_file_that_is_not_there_is_told(path: Path) -> None:

@@ -5,7 +5,7 @@ from typing import List, Sequence
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from search_models import every_derivation, law, ontology, random_model, source
+from shsa_testing.models import every_derivation, law, ontology, random_model, source
 
 from shsa_core.errors import LISTED, NoSubstitute
 from shsa_core.model.ontology import Ontology

@@ -5,7 +5,7 @@ from typing import Dict, Iterable, List, Optional
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from search_models import law, ontology, random_model, service, som_of
+from shsa_testing.models import law, ontology, random_model, service, som_of
 
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import NoSubstitute

@@ -3,7 +3,7 @@ import dataclasses
 from typing import Collection, Iterable, List, Sequence
 
 import pytest
-from search_models import law, ontology, service, som_of, source
+from shsa_testing.models import law, ontology, service, som_of, source
 
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute
 from shsa_core.codegen.plans import Plan, plan_service, safe_values

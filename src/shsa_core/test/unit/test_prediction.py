@@ -7,7 +7,7 @@ from typing import Dict, List, Optional, Tuple
 
 import numpy as np
 import pytest
-from search_models import som_of
+from shsa_testing.models import som_of
 
 from shsa_core.codegen.prediction import P95, predict, predictor
 from shsa_core.files.ontology_file import read_ontology

@@ -134,8 +134,11 @@ ROS = (
     "actionlib,catkin,genpy,rosbag,rosgraph,roslaunch,roslib,rosnode,rosparam,rospkg,rospy,"
     "rosservice,rostopic,shsa_msgs,std_msgs,xmlrpc"
 )
-LIBRARIES = "matplotlib,pint,jinja2,tabulate,numpy"
-NOT_NEEDED = "sklearn,scipy,matplotlib,tqdm,rosbag,ruamel,shsa_learning,shsa_testing,shsa_view"
+LIBRARIES = "matplotlib,pint,numpy"
+NOT_NEEDED = (
+    "sklearn,scipy,matplotlib,tqdm,rosbag,ruamel,jinja2,tabulate,"
+    "shsa_learning,shsa_testing,shsa_view"
+)
 
 
 def run(forbidden: str, names: List[str]) -> Tuple[int, str]:

@@ -3,7 +3,7 @@ from itertools import islice
 from typing import List, Tuple
 
 import pytest
-from search_models import law, ontology, random_model, source
+from shsa_testing.models import law, ontology, random_model, source
 
 from shsa_core.search.derivation import Derivation, Rated, SourceTable
 from shsa_core.search.ranking import Ranking

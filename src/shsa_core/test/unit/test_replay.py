@@ -8,8 +8,7 @@ import pytest
 import toy_machine as toy
 from shsa_core.cli.replay import in_short
 from shsa_core.cli.main import main
-from shsa_core.journal import machines, reader
-from shsa_core.journal.writer import JournalWriter
+from shsa_core.journal import machines, reader, writer
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 
@@ -25,7 +24,8 @@ Shsa = Callable[..., Tuple[int, str, str]]
 def registered(monkeypatch: Any) -> None:
     """The toy is one of the machines."""
     monkeypatch.setitem(machines.MACHINES, "adder", "adder.machine.Adder")
-    monkeypatch.setattr(reader, "machine_kind", lambda name: toy.ADDER)
+    for module in (reader, writer):
+        monkeypatch.setattr(module, "machine_kind", lambda name: toy.ADDER)
 
 
 @pytest.fixture
@@ -49,13 +49,13 @@ def journal(tmp_path: Path) -> Path:
 
 def record(path: Path, *events: toy.Event) -> None:
     setup: Dict[str, Any] = {"som": Som()}
-    writer = JournalWriter(str(path), toy.ADDER, setup, print)
+    journal = writer.JournalWriter(str(path), "adder", setup, print)
     machine = toy.Adder(**setup)
     for event in events:
-        writer.record(event)
+        journal.record(event)
         if event != toy.Added(event.time, 13.0):
-            writer.answered(machine.handle(event))
-    writer.close()
+            journal.answered(machine.handle(event))
+    journal.close()
 
 
 def spoil(path: Path, old: str, new: str) -> None:

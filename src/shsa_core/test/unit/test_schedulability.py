@@ -3,10 +3,9 @@ from dataclasses import replace
 from typing import List
 
 import pytest
-from search_models import law, ontology, source
+from shsa_testing.models import law, ontology, source
 
 from shsa_core.analysis.check import check_model
-from shsa_core.analysis.resilience import analyse
 from shsa_core.analysis.schedulability import check_placements
 from shsa_core.healing.settings import Settings
 from shsa_core.model.cost import cores, idle_cost, traffic
@@ -81,4 +80,3 @@ def test_check_says_it_with_the_place() -> None:
     (found,) = [each for each in check_model(ROBOT, som) if "does not fit" in each.what]
     assert (found.level, found.where) == ("warning", "som.yaml:3")
     assert "colder standby" in found.todo
-    assert analyse(ROBOT, som).unfit == (found.what,)

@@ -4,7 +4,7 @@ from typing import List, Sequence, Tuple
 
 import pytest
 from hypothesis import event, given, settings
-from search_models import Rank, every_derivation, law, models, ontology, rank, source, usable
+from shsa_testing.models import Rank, every_derivation, law, models, ontology, rank, source, usable
 
 from shsa_core.errors import NoSubstitute
 from shsa_core.model.ontology import Ontology
@@ -50,7 +50,7 @@ def test_substitutes_come_best_first_and_all_do(model: Model) -> None:
     robot, sources, excluded = model
     every = every_rank(model)
     if len(every) < MANY:
-        found = list(iter_substitutes(robot, sources, "a", excluded))
+        found = list(iter_substitutes(robot, usable(sources, excluded), "a"))
         assert [rank(each.derivation) for each in found] == every
         assert [each.proven_best for each in found] == [i == 0 for i in range(len(every))]
 

@@ -5,7 +5,7 @@ from typing import Iterable, List
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from search_models import random_model, source, usable
+from shsa_testing.models import random_model, source, usable
 
 from shsa_core.model.network import Network
 from shsa_core.model.service import Source

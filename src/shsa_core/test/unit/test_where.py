@@ -13,7 +13,7 @@ from shsa_core.language.expression import Law, Expression, compose, parse_expres
 from shsa_core.language.syntax import MAX_STEPS
 from shsa_core.model.ontology import Ontology
 from shsa_core.search.derivation import SourceTable
-from search_models import source
+from shsa_testing.models import source
 
 HEAD = "properties: {v: {unit: m/s}, u: {unit: V}, i: {unit: A}}\nconstants: {k: {value: -0.1}}\n"
 FILE = (

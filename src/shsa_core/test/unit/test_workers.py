@@ -9,7 +9,8 @@ from typing import Any, Dict, List
 import pytest
 
 from shsa_core.ros.processes.children import Children
-from shsa_core.ros.rospy_patches.log_queue import LogQueue, say_failures_once
+from shsa_core.ros.rospy_patches import log_queue
+from shsa_core.ros.rospy_patches.log_queue import say_failures_once
 from shsa_core.ros.settings import LOG_LINES
 from shsa_core.ros.workers import Workers
 from shsa_testing.waiting import wait_until
@@ -102,11 +103,14 @@ class Stuck(logging.Handler):
         self.lines.append(record.getMessage())
 
 
-def test_whoever_says_something_does_not_wait_for_the_log() -> None:
+def test_whoever_says_something_does_not_wait_for_the_log(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     logger, stuck = logging.getLogger("test_stuck"), Stuck()
     logger.propagate = False
     logger.addHandler(stuck)
-    log = LogQueue(["test_stuck"])
+    monkeypatch.setattr(log_queue, "LOGGERS", ["test_stuck"])
+    log = log_queue.LogQueue()
     begin = time.monotonic()
     for number in range(LOG_LINES + 500):
         logger.warning("line %d", number)
@@ -131,7 +135,8 @@ def test_a_log_that_cannot_be_written_is_said_once(
     second.go.set()
     second.lines = lines
     logger.addHandler(second)
-    log = LogQueue(["test_full"])
+    monkeypatch.setattr(log_queue, "LOGGERS", ["test_full"])
+    log = log_queue.LogQueue()
     for number in range(50):
         logger.warning("line %d", number)
     log.close()

@@ -8,8 +8,8 @@ from graph import Graph
 from reliability.rig import DEADLINE_S, NODES, PERIOD_S, Rig
 from reliability.scoreboard import Figures, Line, Mark, Trial
 from reliability.trying import attempt, each
-from shsa_core.ros import clock
 from shsa_testing.graph import publishers
+from shsa_testing.healing import moment_of
 from shsa_testing.waiting import wait_until
 
 FLAPPING_S, SHORT_FLAPPING_S = 300.0, 10.0
@@ -35,8 +35,7 @@ def hang(rig: Rig, rng: random.Random) -> Figures:
     wait_until(lambda: rig.nodes["/first"].poll() is not None, 5.0, "it is killed")
     incident = rig.healing.latest("/a") or incident
     last, seen, killed = (
-        clock.from_stamp(stamp) or 0.0
-        for stamp in (incident.last_good, incident.detected, incident.killed)
+        moment_of(stamp) for stamp in (incident.last_good, incident.detected, incident.killed)
     )
     rig.nodes["/first"].send_signal(signal.SIGCONT)
     outage = rig.outage("/a", failed)

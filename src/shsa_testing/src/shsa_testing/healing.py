@@ -6,6 +6,7 @@ from typing import Any, Dict, List, Optional, Tuple
 import rospy
 from shsa_msgs.msg import Incident, ServiceState, SomState, Substitution, Substitutions
 
+from shsa_core.ros import clock
 from shsa_testing.graph import publishers
 from shsa_testing.waiting import wait_until
 
@@ -134,3 +135,8 @@ def _changed(old: Dict[str, Any], change: Any, rows: Dict[str, Any]) -> Dict[str
     """Return a table after a change; the whole replaces it."""
     kept = {} if change.whole else old
     return {**{key: row for key, row in kept.items() if key not in change.removed}, **rows}
+
+
+def moment_of(stamp: rospy.Time) -> float:
+    """Return the moment of a stamp by the clock of this computer, in s; 0 for none."""
+    return clock.sender_clock(rospy.Time(), 0).at(stamp) or 0.0

@@ -18,7 +18,9 @@ from shsa_core.cli._common import say
 from shsa_core.errors import NoSubstitute, ShsaError
 
 ELSEWHERE = {
-    **dict.fromkeys(("backtest", "explain", "import", "init", "learn"), "shsa_learning"),
+    **dict.fromkeys(
+        ("backtest", "explain", "import", "init", "learn", "plot", "report"), "shsa_learning"
+    ),
     **dict.fromkeys(("chaos", "inject"), "shsa_injection"),
     "top": "shsa_view",
 }

@@ -11,7 +11,7 @@ from shsa_core.files.regular import open_to_read
 from shsa_core.journal.codec import CLASS
 from shsa_core.journal.lines import ANSWER, END, HEADER, SILENCE, VERSION, Answer
 from shsa_core.journal.lines import digest, read_answer, read_line
-from shsa_core.journal.machines import MACHINES, MachineKind, machine_kind
+from shsa_core.journal.machines import MACHINES, machine_kind
 
 MAX_LINE_BYTES = 100_000_000
 CUT = "the recording stops without an end, as when the process is killed"
@@ -37,7 +37,7 @@ class Journal:
         end: why it ends; known once all entries are read.
     """
 
-    def __init__(self, path: str, kind: Optional[MachineKind] = None) -> None:
+    def __init__(self, path: str) -> None:
         self.path = path
         self.end = CUT
         nothing: Tuple[str, Dict[str, Any]] = (path, {})
@@ -45,13 +45,11 @@ class Journal:
         if header.get(HEADER) != VERSION:
             raise ModelError(where, f"is no journal of version {VERSION}")
         name = header.get("machine")
-        if kind is None:
-            if not isinstance(name, str) or name not in MACHINES:
-                raise ModelError(where, f"there is no machine {name!a}: {', '.join(MACHINES)}")
-            kind = machine_kind(name)
-        self.kind = kind
+        if not isinstance(name, str) or name not in MACHINES:
+            raise ModelError(where, f"there is no machine {name!a}: {', '.join(MACHINES)}")
+        self.kind = machine_kind(name)
         self.begun = str(header.get("begun", ""))
-        self.setup: Dict[str, Any] = kind.decode_setup(header.get("setup"), where)
+        self.setup: Dict[str, Any] = self.kind.decode_setup(header.get("setup"), where)
 
     def entries(self) -> Iterator[Entry]:
         """Yield the events in order. Raises ModelError at the first line that is not valid."""

@@ -4,7 +4,7 @@ import stat
 import threading
 from collections import deque
 from datetime import datetime, timezone
-from typing import Any, Callable, Deque, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Deque, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from shsa_core.journal.lines import (
     ANSWER,
@@ -17,9 +17,10 @@ from shsa_core.journal.lines import (
     write_all,
     write_line,
 )
-from shsa_core.journal.machines import MachineKind, machine_kind
+from shsa_core.journal.machines import machine_kind
 
 LIMIT_BYTES = 50_000_000
+"""Of a file."""
 WRITE_PERIOD_S = 0.2
 """Pause between writes: a kill loses at most what was recorded in it."""
 WAITING = 100_000
@@ -39,22 +40,20 @@ class JournalWriter:
 
     Args:
         path: the file.
-        machine: a name in MACHINES, or a kind of machine.
+        machine: a name in MACHINES.
         setup: the arguments that the machine was made with.
         warn: is called once with why the recording ended, maybe by another thread.
-        limit_bytes: the most that the file may hold.
     """
 
     def __init__(
         self,
         path: str,
-        machine: Union[str, MachineKind],
+        machine: str,
         setup: Mapping[str, Any],
         warn: Callable[[str], None],
-        limit_bytes: float = LIMIT_BYTES,
     ) -> None:
-        self._path, self._warn, self._limit = path, warn, limit_bytes
-        self._kind = machine_kind(machine) if isinstance(machine, str) else machine
+        self._path, self._warn = path, warn
+        self._kind = machine_kind(machine)
         self._waiting: Deque[Any] = deque()
         self._closing = threading.Event()
         self._size = 0
@@ -118,7 +117,7 @@ class JournalWriter:
 
     def _write_lines(self, lines: List[bytes]) -> None:
         """Write the lines up to the limit."""
-        room, fit = self._limit - self._size, 0
+        room, fit = LIMIT_BYTES - self._size, 0
         for line in lines:
             room -= len(line)
             if room < 0:
@@ -126,7 +125,7 @@ class JournalWriter:
             fit += 1
         self._write(b"".join(lines[:fit]))
         if fit < len(lines):
-            why = f"the limit of {self._limit:g} bytes is reached"
+            why = f"the limit of {LIMIT_BYTES:g} bytes is reached"
             self._end(why)
             self._warn(f"The journal {self._path} ends: {why}.")
 

@@ -2,6 +2,8 @@
 import os
 from typing import Collection, Dict
 
+KEPT = 200
+
 
 def full_name(name: str, namespace: str) -> str:
     """Return a name from the root of the graph: `odom` in `/robot1` is `/robot1/odom`."""
@@ -20,17 +22,16 @@ def file_name(path: str, namespace: str) -> str:
 
 
 class RecentNames:
-    """Names that were used: those in use, and at least the newest `kept`."""
+    """Names that were used: those in use, and at least the newest KEPT."""
 
-    def __init__(self, kept: int = 200) -> None:
-        self._kept = kept
+    def __init__(self) -> None:
         self._names: Dict[str, None] = {}
 
     def add(self, name: str, used: Collection[str] = ()) -> None:
         """Keep a name; of the older ones those that are `used` stay."""
         self._names[name] = None
-        if len(self._names) > 2 * self._kept + len(used):
-            old = list(self._names)[: -self._kept]
+        if len(self._names) > 2 * KEPT + len(used):
+            old = list(self._names)[:-KEPT]
             for each in old:
                 if each not in used:
                     del self._names[each]

@@ -100,11 +100,6 @@ def sender_clock(told: rospy.Time, sent_here: int) -> SenderClock:
     return SenderClock(ros, moment)
 
 
-def from_stamp(stamp: rospy.Time) -> Optional[float]:
-    """Return the moment of a stamp by the clock of this computer, in s; None for zero."""
-    return sender_clock(rospy.Time(), 0).at(stamp)
-
-
 def ros_ns() -> int:
     """Return ROS time in ns."""
     return int(rospy.Time.now().to_nsec()) if is_simulated() else time.time_ns()

@@ -3,7 +3,6 @@ from dataclasses import dataclass
 from typing import Iterable, Iterator
 
 from shsa_core.errors import NoSubstitute
-from shsa_core.model.network import Network
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations
@@ -34,7 +33,9 @@ def find_substitute(
     """
     network = ontology.network
     number = network.number(target)
-    best = BestDerivations(network, _table(network, sources, excluded))
+    without = frozenset(excluded)
+    left = [source for source in sources if without.isdisjoint(source.names)]
+    best = BestDerivations(network, SourceTable(network, left))
     if not best.settle(number):
         raise NoSubstitute([target], best.missing(number))
     quality = max(best.ratings[number][4], SMALLEST_QUALITY)
@@ -42,18 +43,12 @@ def find_substitute(
 
 
 def iter_substitutes(
-    ontology: Ontology, sources: Iterable[Source], target: str, excluded: Iterable[str] = ()
+    ontology: Ontology, sources: Iterable[Source], target: str
 ) -> Iterator[Substitute]:
     """Yield every substitute of the property `target`, best first, each found on demand."""
     network = ontology.network
     number = network.number(target)
-    ranking = Ranking(network, _table(network, sources, excluded))
+    ranking = Ranking(network, SourceTable(network, sources))
     for place, rated in enumerate(ranking.joint([number])):
         (derivation,) = rated.derivation.inputs
         yield Substitute(derivation, max(rated.quality, SMALLEST_QUALITY), place == 0)
-
-
-def _table(network: Network, sources: Iterable[Source], excluded: Iterable[str]) -> SourceTable:
-    without = frozenset(excluded)
-    left = [s for s in sources if without.isdisjoint(s.names)] if without else sources
-    return SourceTable(network, left)

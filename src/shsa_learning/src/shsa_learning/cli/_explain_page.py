@@ -3,7 +3,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
-from shsa_core.cli._common import render
+from shsa_learning.cli._common import render
 from shsa_core.errors import ShsaError
 from shsa_core.healing.incident import Incident
 from shsa_core.model.error import Error

@@ -7,7 +7,7 @@ from typing import List, Sequence, Tuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from shsa_core.cli._common import render
+from shsa_learning.cli._common import render
 from shsa_learning.figures import rms
 from shsa_learning.learn.learner import Learned
 

@@ -167,7 +167,7 @@ def _figures(error: Optional[Error]) -> Optional[Dict[str, Any]]:
 
 def _print(ranking: "Ranking", ontology: Ontology) -> None:
     """Print the trials of a property as a table, and what follows from them."""
-    from shsa_core.cli._common import Table, show
+    from shsa_learning.cli._common import Table, show
 
     target = ranking.target
     unit = _unit(target.property, ontology)

@@ -272,21 +272,13 @@ class TableSubscriber:
 
 
 class TableCopy:
-    """A copy of a table that is kept up: `rows` by key.
-
-    `changed`, if given, is called after each change.
-    """
+    """A copy of a table that is kept up: `rows` by key."""
 
     def __init__(
-        self,
-        topic: str,
-        message_class: Type[genpy.Message],
-        rows_field: str,
-        key: Key,
-        changed: Callable[[], None] = lambda: None,
+        self, topic: str, message_class: Type[genpy.Message], rows_field: str, key: Key
     ) -> None:
         self.rows: Dict[str, Any] = {}
-        self._field, self._key, self._changed = rows_field, key, changed
+        self._field, self._key = rows_field, key
         self._subscriber = TableSubscriber(topic, message_class, self._heard)
         self.get_num_connections = self._subscriber.get_num_connections
         self.unregister = self._subscriber.unregister
@@ -297,4 +289,3 @@ class TableCopy:
             rows.pop(key, None)
         rows.update({self._key(row): row for row in getattr(message, self._field)})
         self.rows = rows  # a new one each time: readers need no lock
-        self._changed()

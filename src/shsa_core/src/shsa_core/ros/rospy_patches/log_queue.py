@@ -24,11 +24,11 @@ Line = Tuple[Sequence[logging.Handler], logging.LogRecord]
 
 
 class LogQueue:
-    """Takes the place of the handlers of `loggers`, and hands them the lines in order."""
+    """Takes the place of the handlers of LOGGERS, and hands them the lines in order."""
 
-    def __init__(self, loggers: Sequence[str] = LOGGERS) -> None:
+    def __init__(self) -> None:
         self._lines: "queue.Queue[Optional[Line]]" = queue.Queue(settings.LOG_LINES)
-        for name in loggers:
+        for name in LOGGERS:
             logger = logging.getLogger(name)
             handlers, logger.handlers = logger.handlers, []
             if handlers:

@@ -39,8 +39,8 @@ class Frames:
     one that is under way may come in part although all of it is wanted by then.
     """
 
-    def __init__(self, wanted: Wanted = Wanted()) -> None:
-        self.wanted = wanted
+    def __init__(self) -> None:
+        self.wanted = Wanted()
         self._noted = 0
         self._buffer = bytearray()
         self._found: List[Frame] = []

@@ -5,13 +5,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, List, Optional, Sequence
 
-from shsa_core.analysis.report import NodeReport, Report, ServiceReport, Suggestion, Survival
-from shsa_core.analysis.resilience import analyse
-from shsa_core.cli._common import Table, add_models, read_models, render, say, show, whole_number
-from shsa_core.cli.plot import CannotDraw, draw
+from shsa_core.cli._common import add_models, read_models, say, whole_number
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
+from shsa_learning.cli._common import Table, render, show
+from shsa_learning.cli.plot import CannotDraw, draw
+from shsa_learning.report.report import NodeReport, Report, ServiceReport, Suggestion, Survival
+from shsa_learning.report.resilience import analyse
 
 TEMPLATE = Path(__file__).resolve().parent / "templates" / "report.html"
 

@@ -1,22 +1,27 @@
-"""The command line: plot and report, what they draw and write."""
+"""The command line: plot and report, what they draw, print and write."""
 import json
 import pathlib
 import re
-from typing import Any, Callable, Dict, List, Optional, Tuple
+from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple
 from xml.etree import ElementTree
 
 import pytest
 
-from shsa_core.cli import plot
+from shsa_learning.cli import plot
+from shsa_core.analysis.schedulability import check_placements
 from shsa_core.cli.main import main
+from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.som_file import read_som
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import Provision, Service
 
 
-HERE = pathlib.Path(__file__).resolve().parent
-MODELS = ["--ontology", str(HERE / "data/boat.yaml"), "--som", str(HERE / "data/boat_som.yaml")]
+DATA = pathlib.Path(__file__).resolve().parents[3] / "shsa_core" / "test" / "unit" / "data"
+MODELS = ["--ontology", str(DATA / "boat.yaml"), "--som", str(DATA / "boat_som.yaml")]
 
 
+EVIL = "\x1b[2J\x1b]0;owned\x07\r\n\u202e\x00\x9b31m"
+"""Clears the screen, renames the window, begins a line, turns the direction of the writing."""
 Shsa = Callable[..., Tuple[int, str, str]]
 
 
@@ -179,3 +184,90 @@ def test_report_names_what_is_fatal_and_what_would_help(
     assert "Failures of one node survived: 50.0 %; of two nodes at once: 0.0 %." in out
     assert "new sensor that would raise it most: one of power on a node of its own" in out
     assert "one that yields power from voltage, if there is one, to 100.0 % and 0.0 %." in out
+
+
+SERVICE = (
+    "  {0}: {{topic: /{0}, type: std_msgs/Float64, period: 0.1, node: /{0}, needed: {2}, "
+    "host: {3}, provides: {{{1}}}}}\n"
+)
+Robot = Callable[[str, Iterable[Tuple[str, str, str, str]]], List[str]]
+
+
+@pytest.fixture
+def robot(tmp_path: pathlib.Path) -> Robot:
+    """Writes an ontology and a SOM of (service, provided, needed, host); returns the options."""
+
+    def write(ontology: str, services: Iterable[Tuple[str, str, str, str]]) -> List[str]:
+        text = "services:\n" + "".join(SERVICE.format(*each) for each in services)
+        (tmp_path / "o.yaml").write_text(ontology)
+        (tmp_path / "s.yaml").write_text(text + "hosts: {pi: {cores: 0.001}, board: {}}\n")
+        return ["--ontology", str(tmp_path / "o.yaml"), "--som", str(tmp_path / "s.yaml")]
+
+    return write
+
+
+def test_report_says_what_is_lost_refused_and_has_no_room(robot: Robot, capsys: Any) -> None:
+    models = robot(
+        "properties: {speed: , turn: , wheel: , heading: , tilt: }\n"
+        "relations:\n  rolling: {speed: 2*wheel}\n"
+        '  learned: {heading: {not_executable: "network(tilt)", inputs: [tilt]}}\n',
+        [
+            ("odom", "speed: {field: v}, turn: {field: w}", "true", "board"),
+            ("drive", "speed: {field: v}", "true", "board"),
+            ("compass", "heading: {field: data}", "true", "board"),
+            ("wheel", "wheel: {field: data}", "false", "pi"),
+            ("tilt", "tilt: {field: data}", "false", "pi"),
+        ],
+    )
+    assert main(["report", "--json", *models]) == 0
+    report = json.loads(capsys.readouterr().out)
+    lost = {each["service"]: each["refused"] for each in report["services"] if not each["quality"]}
+    said = "the relation learned for heading cannot be executed: network(tilt)"
+    assert lost == {"odom": "", "compass": said}
+    ontology, som = read_ontology(models[1]), read_som(models[3])
+    assert report["unfit"] == [each.what for each in check_placements(ontology, som)] != []
+    assert main(["report", *models]) == 0
+    assert "cannot be executed" in " ".join(capsys.readouterr().out.split())
+
+
+def test_report_and_plot_follow_the_choice_by_errors(
+    robot: Robot, capsys: Any, tmp_path: pathlib.Path
+) -> None:
+    models = robot(
+        "properties: {y: {unit: A, usual: [0, 5]}, w: {usual: [0, 1]}, x: {usual: [0, 1]}, z: }\n"
+        "relations:\n  high:\n    y: {function: 2*z, quality: 0.9, error: {rms: 0.5, p95: 0.8}}\n"
+        "  low:\n    y: {function: 3*x, quality: 0.5, error: 0.2}\n  share:\n    w: 2*x\n",
+        [
+            ("odom", "y: {field: y}, w: {field: w}", "true", "board"),
+            ("z", "z: {field: d}", "false", "board"),
+            ("x", "x: {field: d, error: {rms: 0.05, bias: 0.03}}", "false", "board"),
+        ],
+    )
+    assert main(["report", "--json", *models]) == 0
+    (service,) = json.loads(capsys.readouterr().out)["services"]
+    assert service["reads"][0] == "/x"
+    assert [error["rms"] for error in service["errors"]] == pytest.approx([0.2, 0.1])
+    by = [(each["by"], each["error"]["rms"]) for each in service["alternatives"]]
+    assert by[:2] == [("low", 0.2), ("high", 0.5)]
+    assert main(["report", *models]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "y, error 0.2" in text and "y by low (0.5, error 0.2)" in text
+    assert main(["plot", "y", "--output", str(tmp_path / "picture.svg"), *models]) == 0
+    assert (tmp_path / "picture.svg").stat().st_size > 1000
+
+
+def test_what_a_file_wants_to_do_to_the_terminal_is_printed_plainly(
+    robot: Robot, capsys: Any, tmp_path: pathlib.Path
+) -> None:
+    page, evil = tmp_path / "page.html", json.dumps(EVIL)
+    models = robot(
+        f"properties:\n  a: {{symbol: {evil}}}\n  b:\n"
+        f"relations:\n  r: {{a: {{not_executable: {evil}, inputs: [b]}}}}\n",
+        [(name, f"{name}: {{field: data}}", "true", "board") for name in "ab"],
+    )
+    assert main(["report", "--html", str(page), *models]) == 0
+    assert main(["import", models[3], "--ontology", str(tmp_path / EVIL[:3])]) == 2
+    printed = "".join(capsys.readouterr()) + page.read_text("utf-8")
+    printed += plot.dot_text(read_ontology(models[1]), [], title=EVIL)
+    assert "owned" in printed
+    assert all(line.isprintable() for line in printed.split("\n"))

@@ -2,7 +2,7 @@
 from typing import Collection, Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from shsa_core.analysis.fragility import AS_IT_IS, Fragility
-from shsa_core.analysis.report import ServiceReport, Suggestion, survival
+from shsa_learning.report.report import ServiceReport, Suggestion, survival
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som

@@ -8,11 +8,11 @@ from typing import Any, Dict, Iterable, List, Tuple
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from search_models import every_derivation, law, ontology, random_model, som_of, source
+from shsa_testing.models import every_derivation, law, ontology, random_model, som_of, source
 
 from shsa_core.analysis.check import check_model
-from shsa_core.analysis.report import Suggestion, Survival
-from shsa_core.analysis.resilience import analyse
+from shsa_learning.report.report import Suggestion, Survival
+from shsa_learning.report.resilience import analyse
 from shsa_core.codegen.plans import plan_service
 from shsa_core.errors import GenerationError, NoSubstitute
 from shsa_core.model.ontology import Ontology

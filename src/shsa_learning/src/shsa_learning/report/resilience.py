@@ -6,9 +6,9 @@ from typing import Dict, FrozenSet, Iterable, List, Sequence, Set, Tuple
 
 from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.fragility import Fragility
-from shsa_core.analysis.remedies import Remedies
-from shsa_core.analysis.report import Alternative, Cut, NodeReport, Report, ServiceReport
-from shsa_core.analysis.report import Survival, survival
+from shsa_learning.report.remedies import Remedies
+from shsa_learning.report.report import Alternative, Cut, NodeReport, Report, ServiceReport
+from shsa_learning.report.report import Survival, survival
 from shsa_core.analysis.schedulability import check_placements
 from shsa_core.analysis.takeover import Takeovers
 from shsa_core.codegen.choice import ordered

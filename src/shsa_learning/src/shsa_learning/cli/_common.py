@@ -1,0 +1,62 @@
+"""Tables and pages of the commands."""
+import shutil
+import textwrap
+from pathlib import Path
+from typing import NamedTuple, Sequence
+
+import jinja2
+from tabulate import tabulate
+
+from shsa_core.cli._common import say
+from shsa_core.text import LONGEST_LINE, shown
+
+NARROWEST_COLUMN = 12
+"""Characters."""
+
+
+class Table(NamedTuple):
+    """A title, the names of the columns, and rows of text; `nothing` stands for no rows."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    nothing: str
+
+
+def show(table: Table) -> None:
+    """Print a table no wider than the terminal: its widest cells are folded."""
+    if not table.rows:
+        say(f"{table.title}: {table.nothing}\n")
+        return
+    lines = [table.columns, *table.rows]
+    widths = [max(len(line) for cell in each for line in cell.split("\n")) for each in zip(*lines)]
+    room = shutil.get_terminal_size((120, 24)).columns - 3 * len(widths) - 1
+    while sum(widths) > room and max(widths) > NARROWEST_COLUMN:
+        widths[widths.index(max(widths))] -= 1
+    columns, *rows = [[_fold(cell, width) for cell, width in zip(each, widths)] for each in lines]
+    say(table.title)
+    say(tabulate(rows, columns, tablefmt="grid", disable_numparse=True) + "\n")
+
+
+def _fold(cell: str, width: int) -> str:
+    lines = (textwrap.wrap(line, max(width, 1)) for line in cell.split("\n"))
+    return "\n".join(line for part in lines for line in part)
+
+
+def render(template: Path, **values: object) -> str:
+    """Return the page that a template of jinja2 makes of some values, with text escaped."""
+
+    def printable(value: object) -> object:
+        if type(value) is not str:
+            return value  # the drawing among them, which is markup
+        return "\n".join(shown(line, LONGEST_LINE) for line in value.split("\n"))
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(str(template.parent)),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        finalize=printable,
+        trim_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(template.name).render(**values)

@@ -1,0 +1,1 @@
+"""How resilient a robot is, and what would help most."""
