@@ -74,5 +74,8 @@ def test_what_takes_longer_than_is_tolerated_is_told_with_its_sums() -> None:
     ) or finding.what.startswith("x tolerates 0.9 s, but: silent: 0.25 s until it is found")
     enough = replace(plain, standby=Standby.HOT)
     assert not list(check_budgets(Som([enough]), SETTINGS))
-    for change in ({"policy": Policy.ADVISE}, {"fault_tolerant_time": None}, {"needed": False}):
-        assert not list(check_budgets(Som([replace(plain, **change)]), SETTINGS))
+    advised, unbounded = replace(plain, policy=Policy.ADVISE), replace(
+        plain, fault_tolerant_time=None
+    )
+    for other in (advised, unbounded, replace(plain, needed=False)):
+        assert not list(check_budgets(Som([other]), SETTINGS))
