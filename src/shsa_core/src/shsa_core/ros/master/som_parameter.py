@@ -123,14 +123,14 @@ class SomWatch:
         except ModelError as refusal:
             errors.append(refusal)
         texts = [str(each) for error in errors for each in error.errors]
+        if self._reread is not None:
+            self._put_back_services(som, texts)  # before it is said: who hears that may set anew
         new = [text for text in texts if text not in self._said]
         for text in new[:MOST_SAID]:
             rospy.logerr("Refused: %s", text)
         if len(new) > MOST_SAID:
             rospy.logerr("Refused: %d more in %s.", len(new) - MOST_SAID, self._name)
         self._said = set(texts)
-        if self._reread is not None:
-            self._put_back_services(som, texts)
         if som != self._som:
             self._som = som
             self._changed(som)
