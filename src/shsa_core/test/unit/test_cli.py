@@ -121,8 +121,6 @@ def test_find_all_best_first(found: Found) -> None:
         ["law", "propeller", "water"],
     ]
     assert [each["proven_best"] for each in answer["substitutes"]] == [True, False, False, False]
-    status, answer = found("current", "--method", "all", "--limit", "2")
-    assert len(answer["substitutes"]) == 2 and not answer["complete"]
     status, answer = found("flow", "--method", "all")
     assert status == 1 and answer["substitutes"] == [] and answer["substitute"] is None
 
@@ -159,9 +157,12 @@ def test_find_says_in_words_that_nothing_replaces(shsa: Shsa) -> None:
     assert "learned" in shsa("find", "depth")[1]
 
 
-def test_find_lists_all_in_words(shsa: Shsa) -> None:
-    out = shsa("find", "current", "--method", "all", "--limit", "1")[1]
-    assert out == "   1. quality 0.9 by fit from /speed/data\nand more; see --limit\n"
+def test_find_lists_all_in_words(shsa: Shsa, monkeypatch: Any) -> None:
+    monkeypatch.setattr("shsa_core.cli._answers.MOST", 1)
+    out = shsa("find", "current", "--method", "all")[1]
+    assert out == "   1. quality 0.9 by fit from /speed/data\nand more\n"
+    out = shsa("find", "current", "--method", "all", "--json")[1]
+    assert len(json.loads(out)["substitutes"]) == 1 and not json.loads(out)["complete"]
 
 
 def test_wrong_names_are_named(shsa: Shsa) -> None:

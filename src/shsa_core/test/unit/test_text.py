@@ -129,13 +129,6 @@ def test_lines_are_printed_as_lines(capsys: Any) -> None:
     assert tuple(capsys.readouterr()) == ("a\nb\\x1b\n", "c\nd\n")
 
 
-@pytest.mark.parametrize("options", ["--limit -1", "--limit 0", "--limit x", f"--limit {'9' * 99}"])
-def test_numbers_of_options_that_are_none_are_refused(options: str, capsys: Any) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main(["find", "a", "--ontology", "o", "--som", "s", "--method", "all", *options.split()])
-    assert caught.value.code == 2 and "is no whole number from" in capsys.readouterr().err
-
-
 def test_diagnostics_are_printable() -> None:
     diagnostics = pytest.importorskip("shsa_core.ros.diagnostics")
     master_watch = pytest.importorskip("shsa_core.ros.master.master_watch")

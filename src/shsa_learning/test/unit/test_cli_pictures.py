@@ -159,10 +159,11 @@ def test_report_as_one_page_with_the_graph(shsa: Shsa, tmp_path: pathlib.Path) -
     assert "<script" not in text and "by fit (0.9)" in text
 
 
-def test_report_refuses_a_size_below_one(shsa: Shsa) -> None:
+@pytest.mark.parametrize("size", ["-1", "0", "x", "9" * 99])
+def test_report_refuses_a_size_that_is_none(shsa: Shsa, size: str, capsys: Any) -> None:
     with pytest.raises(SystemExit) as caught:
-        shsa("report", "--size", "0")
-    assert caught.value.code == 2
+        shsa("report", "--size", size)
+    assert caught.value.code == 2 and "is no whole number from" in capsys.readouterr().err
 
 
 def test_report_names_what_is_fatal_and_what_would_help(

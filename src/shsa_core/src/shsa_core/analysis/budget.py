@@ -5,7 +5,7 @@ percentile of those measured (docs/experiments.md).
 """
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import Iterator, List, Tuple
+from typing import Iterator, List
 
 from shsa_core.analysis.finding import Finding
 from shsa_core.healing.settings import Settings
@@ -41,24 +41,18 @@ class Budget:
 def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Finding]:
     """Report the needed services that are healed later than they may be, with the sums."""
     for service in som.needed():
+        tolerated = service.fault_tolerant_time
+        if tolerated is None or service.policy is Policy.ADVISE:
+            continue
         if len(som.of_topic(service.topic)) > 1:
             service = replace(service, bridge=0.0)  # on a shared topic nobody fills in
-        late = over_budget(service, settings)
-        if not late or service.fault_tolerant_time is None:
+        late = [each for each in budgets(service, settings) if each.total > tolerated]
+        if not late:
             continue
-        sums = "; ".join(str(each) for each in late)
-        what = f"{service.name} tolerates {service.fault_tolerant_time:g} s, but: {sums}"
+        sums = "; ".join(map(str, sorted(late, key=lambda each: -each.total)))
+        what = f"{service.name} tolerates {tolerated:g} s, but: {sums}"
         todo = "Give it a shorter deadline, a warm or hot standby, or checks with fewer messages"
         yield Finding("warning", service.where, what, todo)
-
-
-def over_budget(service: Service, settings: Settings) -> Tuple[Budget, ...]:
-    """Return the failures that last for longer than a service tolerates, slowest first."""
-    tolerated = service.fault_tolerant_time
-    if tolerated is None or service.policy is Policy.ADVISE:
-        return ()
-    late = [each for each in budgets(service, settings) if each.total > tolerated]
-    return tuple(sorted(late, key=lambda each: -each.total))
 
 
 def budgets(service: Service, settings: Settings) -> List[Budget]:

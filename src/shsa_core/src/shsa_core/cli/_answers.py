@@ -19,6 +19,8 @@ from shsa_core.search.substitutes import Substitute
 
 Answer = Dict[str, Any]
 Found = Tuple[Substitute, Optional[Error]]
+MOST = 1000
+"""Substitutes, where all are asked for."""
 ALTERNATIVES = 5
 LOOKED_AT = 100
 """Derivations, for the alternatives of an explanation."""
@@ -37,7 +39,6 @@ class Asked(NamedTuple):
     som: Som
     without: Tuple[str, ...]
     method: str
-    limit: int
     explain: bool
     predictor: Optional[Predictor] = None
 
@@ -91,7 +92,7 @@ def of_property(asked: Asked, loss: Loss, whole: Optional[Answer] = None) -> Ans
     if asked.method == "all":
         refusal = answer if "substitute" in answer else {"property": loss.name}
         found = _ranked(asked, loss)
-        several = [_described(asked.ontology, loss, *each) for each in islice(found, asked.limit)]
+        several = [_described(asked.ontology, loss, *each) for each in islice(found, MOST)]
         answer = {**refusal, "substitutes": several, "complete": next(found, None) is None}
     if asked.explain:
         answer.update(_explanation(asked, loss))

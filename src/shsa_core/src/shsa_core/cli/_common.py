@@ -1,8 +1,7 @@
 """Options and lines of the commands."""
 import argparse
-import re
 import sys
-from typing import Callable, Iterable, List, Tuple
+from typing import Iterable, List, Tuple
 
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology
@@ -19,17 +18,6 @@ def say(text: object = "", error: bool = False) -> None:
     """Print lines; characters that could steer a terminal are escaped."""
     for line in str(text).split("\n"):
         print(shown(line, LONGEST_PRINTED), file=sys.stderr if error else sys.stdout)
-
-
-def whole_number(least: int) -> Callable[[str], int]:
-    """Return a type for argparse: a whole number of at least `least`."""
-
-    def read(text: str) -> int:
-        if not re.fullmatch("[0-9]{1,9}", text) or int(text) < least:
-            raise argparse.ArgumentTypeError(f"{text!a} is no whole number from {least} on")
-        return int(text)
-
-    return read
 
 
 def add_models(parser: argparse.ArgumentParser) -> None:

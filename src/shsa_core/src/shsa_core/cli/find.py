@@ -12,7 +12,6 @@ from shsa_core.cli._common import (
     check_property,
     read_models,
     say,
-    whole_number,
     without,
 )
 from shsa_core.codegen.plans import METHODS
@@ -43,14 +42,7 @@ def add_parser(subparsers: Any) -> None:
         choices=[*METHODS, "all"],
         default="best",
         help="best (default); depth_first, or orr as the paper calls it: the first found; "
-        "all: every one, best first",
-    )
-    parser.add_argument(
-        "--limit",
-        type=whole_number(1),
-        default=1000,
-        metavar="N",
-        help="with all: stop after N (1000)",
+        "all: the best 1000",
     )
     parser.add_argument(
         "--explain",
@@ -68,7 +60,6 @@ def run(args: argparse.Namespace) -> int:
         som,
         tuple(without(args, som)),
         args.method,
-        args.limit,
         args.explain,
         predictor(ontology, som.sources),
     )
@@ -140,7 +131,7 @@ def _text(answer: Answer) -> Iterator[str]:
     for number, each in enumerate(answer.get("substitutes", []), 1):
         yield f"{number:4}. {_summary(each)}"
     if not answer.get("complete", True):
-        yield "and more; see --limit"
+        yield "and more"
     if "code" in answer:
         yield f"{name}: {_summary(answer)}{', proven best' if answer['proven_best'] else ''}"
         yield f"inputs  {','.join(answer['inputs'])}"

@@ -47,13 +47,6 @@ class Value:
             raise self.error(f"{what} must be a mapping (name: value), not {self.describe()}")
         return self.data
 
-    def entry(self, what: str, allowed: Iterable[str], required: Iterable[str] = ()) -> "Entry":
-        """Return the mapping that this value must be, with allowed and all required keys."""
-        values = self.mapping(what)
-        for error in self.wrong_keys(what, allowed, required):
-            raise error
-        return values
-
     def wrong_keys(
         self, what: str, allowed: Iterable[str], required: Iterable[str] = ()
     ) -> Iterator[ModelError]:

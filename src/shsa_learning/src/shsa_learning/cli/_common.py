@@ -1,8 +1,10 @@
-"""Tables and pages of the commands."""
+"""Options, tables and pages of the commands."""
+import argparse
+import re
 import shutil
 import textwrap
 from pathlib import Path
-from typing import NamedTuple, Sequence
+from typing import Callable, NamedTuple, Sequence
 
 import jinja2
 from tabulate import tabulate
@@ -12,6 +14,17 @@ from shsa_core.text import LONGEST_LINE, shown
 
 NARROWEST_COLUMN = 12
 """Characters."""
+
+
+def whole_number(least: int) -> Callable[[str], int]:
+    """Return a type for argparse: a whole number of at least `least`."""
+
+    def read(text: str) -> int:
+        if not re.fullmatch("[0-9]{1,9}", text) or int(text) < least:
+            raise argparse.ArgumentTypeError(f"{text!a} is no whole number from {least} on")
+        return int(text)
+
+    return read
 
 
 class Table(NamedTuple):

@@ -4,10 +4,11 @@ import json
 import math
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Tuple
 
-from shsa_core.cli._common import add_models, check_property, read_models, say, whole_number
+from shsa_core.cli._common import add_models, check_property, read_models, say
 from shsa_core.errors import ModelError
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
+from shsa_learning.cli._common import Table, show, whole_number
 
 if TYPE_CHECKING:
     from shsa_learning.backtest.backtest import Ranking, Trial
@@ -167,8 +168,6 @@ def _figures(error: Optional[Error]) -> Optional[Dict[str, Any]]:
 
 def _print(ranking: "Ranking", ontology: Ontology) -> None:
     """Print the trials of a property as a table, and what follows from them."""
-    from shsa_learning.cli._common import Table, show
-
     target = ranking.target
     unit = _unit(target.property, ontology)
     title = (

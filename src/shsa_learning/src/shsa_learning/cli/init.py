@@ -6,11 +6,12 @@ import os
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Dict, List, Tuple
 
-from shsa_core.cli._common import say, whole_number
+from shsa_core.cli._common import say
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import parse_yaml
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_tree
+from shsa_learning.cli._common import whole_number
 from shsa_learning.init.draft import Draft, draft
 from shsa_learning.init.survey import Survey
 

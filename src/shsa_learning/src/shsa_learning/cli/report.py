@@ -5,11 +5,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, List, Optional, Sequence
 
-from shsa_core.cli._common import add_models, read_models, say, whole_number
+from shsa_core.cli._common import add_models, read_models, say
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
-from shsa_learning.cli._common import Table, render, show
+from shsa_learning.cli._common import Table, render, show, whole_number
 from shsa_learning.cli.plot import CannotDraw, draw
 from shsa_learning.report.report import NodeReport, Report, ServiceReport, Suggestion, Survival
 from shsa_learning.report.resilience import analyse

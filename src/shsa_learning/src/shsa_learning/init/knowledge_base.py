@@ -102,7 +102,10 @@ class _Reader:
         for relation, outputs in self._sections["relations"].mapping("relations").items():
             self._check_name(relation, outputs)
             for output, entry in outputs.mapping(f"the relation {relation}").items():
-                keys = entry.entry(f"{relation} for {output}", ("in", "fct", "constraint"), ["in"])
+                what = f"{relation} for {output}"
+                for error in entry.wrong_keys(what, ("in", "fct", "constraint"), ["in"]):
+                    raise error
+                keys = entry.mapping(what)
                 inputs = [item.string("an input") for item in keys["in"].sequence("in")]
                 text = keys["fct"].text if "fct" in keys else ""
                 condition = keys["constraint"].text if "constraint" in keys else ""
