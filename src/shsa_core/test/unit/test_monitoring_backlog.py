@@ -51,7 +51,7 @@ class Link:
 
     @property
     def failures(self) -> List[Kind]:
-        return [each.kind for each in failures_in(self.said)]
+        return [each.kind for each in failures_in(self.said) if each.kind]
 
     @property
     def state(self) -> PublisherState:
