@@ -21,6 +21,7 @@ from shsa_core.ros import clock, settings
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.trust.computers import OtherComputer
 from shsa_core.ros.master.master_watch import MasterState
+from shsa_core.ros.node import publish
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.agent.remote import HostState
 from shsa_core.text import shown
@@ -74,9 +75,8 @@ class Diagnostics:
             rows += map(computer_row, self._signing.computers.seen())
             for row in rows:
                 row.name = f"{rospy.get_name()[1:]}: {row.name}"
-            self._publisher.publish(
-                DiagnosticArray(header=Header(stamp=rospy.Time.now()), status=rows)
-            )
+            header = Header(stamp=rospy.Time.now())
+            publish(self._publisher, DiagnosticArray(header=header, status=rows))
 
 
 def computer_row(seen: OtherComputer) -> DiagnosticStatus:
