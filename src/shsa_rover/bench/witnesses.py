@@ -170,7 +170,7 @@ def main() -> int:
         seen = watch(data, compared(som), ontology)
         for each in seen.failures:
             alarms[world, each.service] += 1
-            print(f"{world}, seed {seed}: {each.time - 1000.0:.1f} s: {each.kind}: {each.detail}")
+            print(f"{world}, seed {seed}: {each.since - 1000.0:.1f} s: {each.kind}: {each.detail}")
         doubts.update({(world, name): count for name, count in seen.doubtful.items()})
         looks[world] += seen.looks
         for name, fault in FAULTS.items():

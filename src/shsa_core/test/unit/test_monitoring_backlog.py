@@ -50,7 +50,7 @@ class Link:
             self.hear(begin + number * PERIOD)
 
     @property
-    def failures(self) -> List[Kind]:
+    def failures(self) -> List[Optional[Kind]]:
         return [each.kind for each in failures_in(self.said)]
 
     @property
