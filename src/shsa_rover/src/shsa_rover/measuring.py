@@ -26,9 +26,9 @@ TEST_DURATION = 360.0  # s
 ERROR_CHARGES = (0.95, 0.75, 0.55, 0.35)  # at which relations are measured: from full to flat
 
 
-def test_data() -> Dataset:
-    """Another drive, with another seed, that nothing was fitted to."""
-    return simulate(random_drive(DRIVE_SEED), TEST_DURATION, TEST_SEED, soc=0.8)
+def test_data(charge: float = 0.8) -> Dataset:
+    """Another drive, with another seed, that nothing was fitted to; `charge` at its beginning."""
+    return simulate(random_drive(DRIVE_SEED), TEST_DURATION, TEST_SEED, charge)
 
 
 def error_data() -> List[Dataset]:
