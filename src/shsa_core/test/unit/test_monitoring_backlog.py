@@ -50,8 +50,8 @@ class Link:
             self.hear(begin + number * PERIOD)
 
     @property
-    def failures(self) -> List[Kind]:
-        return [each.kind for each in failures_in(self.said) if each.kind]
+    def failures(self) -> List[Optional[Kind]]:
+        return [each.kind for each in failures_in(self.said)]
 
     @property
     def state(self) -> PublisherState:

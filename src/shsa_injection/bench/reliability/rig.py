@@ -24,7 +24,6 @@ PERIOD_S = 0.02
 DEADLINE_S = 0.25
 NODES = {"/first": "/a", "/second": "/b", "/third": "/c", "/fourth": "/d"}
 LIMIT = 10.0
-STARTUP_GRACE_S = 15.0
 ONTOLOGY = """
 properties: {a: {unit: m}, b: {unit: m}, c: {unit: m}, d: {unit: m}}
 relations:

@@ -1,4 +1,4 @@
-"""Writes ontology and SOM files. What has not changed keeps its text and its comments."""
+"""Writes ontology files. What has not changed keeps its text and its comments."""
 import os
 import re
 import tempfile
@@ -9,17 +9,13 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from shsa_core.errors import ModelError
-from shsa_core.files.keys import CONSTANT, HOST, PROPERTY
+from shsa_core.files.keys import CONSTANT, PROPERTY
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.readers import plain, plain_entry
 from shsa_core.files.regular import read_text
-from shsa_core.files.som_file import NAMES, read_som, service_entry
 from shsa_core.model.error import Error, quality_of
-from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
-from shsa_core.model.service import Service
-from shsa_core.model.som import Som
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_/*^%]*\Z")
 _WIDTH = 4096  # lines are not wrapped
@@ -44,41 +40,6 @@ def save_ontology(ontology: Ontology, path: str) -> None:
         changed = {key: entry(item) for key, item in after.items() if before.get(key) != item}
         _update(_section(tree, name, bool(after)), after, changed)
     _update_relations(tree, old.functions, ontology.functions)
-    _dump(tree, path)
-
-
-def save_som(som: Som, path: str, namespace: str = "/") -> None:
-    """Write the SOM to a file. A SOM that is there already is edited: comments survive.
-
-    So do names that are relative to `namespace`.
-
-    Raises ModelError if the file is there and is not a SOM, OSError if it cannot be written.
-    """
-    tree, old = CommentedMap(), Som()
-    if os.path.exists(path):
-        old = read_som(path, namespace)
-        if old == som:
-            return
-        tree = _load(path)
-    changed = {
-        name: _service_entry(service)
-        for name, service in som.services.items()
-        if old.services.get(name) != service
-    }
-    computers = {
-        name: _one_line(plain_entry(host, HOST))
-        for name, host in som.hosts.items()
-        if old.hosts.get(name) != host
-    }
-    _update(_section(tree, "hosts", bool(som.hosts)), som.hosts, computers)
-    section = _section(tree, "services", True)
-    for name in changed.keys() & section.keys():
-        for key in NAMES:
-            if key not in section[name] or key not in changed[name]:
-                continue
-            if full_name(section[name][key], namespace) == changed[name][key]:
-                changed[name][key] = section[name][key]
-    _update(section, som.services, changed)
     _dump(tree, path)
 
 
@@ -168,15 +129,6 @@ def _function_entry(function: TransferFunction) -> Any:
 def _error_entry(error: Error) -> Any:
     entry = plain(error)
     return _one_line(entry) if isinstance(entry, dict) else entry
-
-
-def _service_entry(service: Service) -> CommentedMap:
-    entry = CommentedMap(service_entry(service))
-    if "placement" in entry:
-        entry["placement"] = _one_line(entry["placement"])
-    provides = entry.pop("provides")
-    entry["provides"] = CommentedMap((name, _one_line(line)) for name, line in provides.items())
-    return entry
 
 
 def _editor() -> YAML:

@@ -11,16 +11,12 @@ from hypothesis import strategies as st
 
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology
-from shsa_core.files.som_file import read_som
 from shsa_core.language.expression import parse_constraint, parse_law
 from shsa_core.language.syntax import is_name
 from shsa_core.model.error import Error
-from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
-from shsa_core.model.service import LastResort, Provision, Service
-from shsa_core.model.som import Som
-from shsa_learning.saving import save_ontology, save_som
+from shsa_learning.saving import save_ontology
 from shsa_testing.thorough import many
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
@@ -59,13 +55,6 @@ def file(tmp_path: pathlib.Path) -> pathlib.Path:
 
 def comments(path: pathlib.Path) -> List[str]:
     return [line.split("#")[1].strip() for line in path.read_text().splitlines() if "#" in line]
-
-
-@pytest.mark.parametrize("field", ["velocity[name=a.b/1]", "min(ranges[10:50])", "yaw(q)"])
-def test_fields_of_every_kind_are_saved(tmp_path: pathlib.Path, field: str) -> None:
-    som = Som([Service("s", "/s", "a/B", "/n", None, (Provision("p", field),), latched=True)])
-    save_som(som, str(tmp_path / "s.yaml"))
-    assert read_som(str(tmp_path / "s.yaml")) == som
 
 
 def change(ontology: Ontology, **parts: Any) -> Ontology:
@@ -214,8 +203,6 @@ def test_a_file_that_is_no_ontology_is_left_alone(tmp_path: pathlib.Path) -> Non
     path.write_text("a: !!python/name:os.system\n")
     with pytest.raises(ModelError):
         save_ontology(Ontology({}, {}, ()), str(path))
-    with pytest.raises(ModelError):
-        save_som(Som(), str(path))
     assert path.read_text() == "a: !!python/name:os.system\n"
 
 
@@ -223,7 +210,7 @@ def test_what_is_no_file_is_left_alone(tmp_path: pathlib.Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path, tmp_path / "pipe"):
         with pytest.raises(ModelError):
-            save_som(Som(), str(path))
+            save_ontology(Ontology({}, {}, ()), str(path))
 
 
 def test_a_folder_that_is_not_there(tmp_path: pathlib.Path) -> None:
@@ -263,82 +250,6 @@ def test_a_link_stays_a_link(file: pathlib.Path, tmp_path: pathlib.Path) -> None
     assert "new" in read_ontology(str(file)).properties
 
 
-def test_soms(tmp_path: pathlib.Path) -> None:
-    path = tmp_path / "s.yaml"
-    path.write_text(
-        "# all of them\n"
-        "services:\n"
-        "  odometry:  # the odometry\n"
-        "    topic: /odom\n"
-        "    type: p/T\n"
-        "    node: /n\n"
-        "    period: 0.1  # s\n"
-        "    provides: {v: {field: x}, w: {field: z}}\n"
-        "  gone: {topic: /g, type: p/T, node: /n, period: none, provides: {u: {field: x}}}\n"
-    )
-    som = read_som(str(path))
-    before = path.read_text()
-    save_som(som, str(path))
-    assert path.read_text() == before
-    new = Service(
-        "new",
-        "/u",
-        "p/U",
-        "/m",
-        0.5,
-        (Provision("u", "data", (-1.0, 2.0), 0.25), Provision("a", "a")),
-        needed=True,
-        standby=Standby.HOT,
-        last_resort=LastResort((("u", 1.5),), ("rosrun", "p", "stop")),
-    )
-    bigger = Som([som.services["odometry"], new])
-    save_som(bigger, str(path))
-    assert read_som(str(path)) == bigger
-    for comment in ("# all of them", "# the odometry", "# s"):
-        assert comment in path.read_text()
-    assert "gone" not in path.read_text()
-    copy = tmp_path / "copy.yaml"
-    save_som(bigger, str(copy))
-    assert read_som(str(copy)) == bigger
-
-
-def test_a_changed_service_keeps_its_relative_names(tmp_path: pathlib.Path) -> None:
-    path = tmp_path / "s.yaml"
-    entry = "{topic: %s, type: p/T, node: %s, period: 1, provides: {%s: {field: x}}}"
-    both = f"  a: {entry % ('t', '/n', 'v')}\n  b: {entry % ('/u', 'm', 'w')}\n"
-    path.write_text("services:\n" + both)
-    som = read_som(str(path), "/r")
-    save_som(Som(replace(each, needed=True) for each in som), str(path), "/r")
-    for text in ("topic: t\n", "node: /n\n", "topic: /u\n", "node: m\n"):
-        assert text in path.read_text()
-    assert [service.topic for service in read_som(str(path))] == ["/t", "/u"]
-
-
-def test_a_changed_host_leaves_the_rest_and_its_comments(tmp_path: pathlib.Path) -> None:
-    path = tmp_path / "s.yaml"
-    text = (
-        "hosts:\n"
-        "  pi: {cores: 4, link: 1.0e+7}  # the small one\n"
-        "  notebook: {cores: 8}\n"
-        "services:\n"
-        "  a:\n"
-        "    {topic: /a, type: p/T, node: /n, period: 1, host: pi, on_partition: wait,\n"
-        "     placement: {prefer: [pi], forbid: [notebook]}, provides: {v: {field: x}}}\n"
-    )
-    path.write_text(text)
-    som = read_som(str(path))
-    copy = tmp_path / "copy.yaml"
-    save_som(som, str(copy))
-    assert read_som(str(copy)) == som
-    assert copy.read_text().startswith("hosts:\n  pi: {cores: 4.0, link: 10000000.0}\n")
-    assert "placement: {prefer: [pi], forbid: [notebook]}" in copy.read_text()
-    copy.write_text(text.replace("cores: 8", "cores: 6"))
-    save_som(read_som(str(copy)), str(path))
-    changed = [line for line in path.read_text().splitlines() if line not in text.splitlines()]
-    assert "# the small one" in changed[0]  # its number is written in other digits
-    assert changed[1] == "  notebook: {cores: 6.0}"
-
-
 STEPS = """\
 properties: {v: , u: , i: }
 constants: {k: {value: -0.1}}
@@ -373,9 +284,6 @@ def test_the_models_that_come_with_it(tmp_path: pathlib.Path) -> None:
     ontology = read_ontology(str(ROOT / "ontology" / "rover.yaml"))
     save_ontology(ontology, str(tmp_path / "o.yaml"))
     assert read_ontology(str(tmp_path / "o.yaml")) == ontology
-    som = read_som(str(ROOT / "ontology" / "rover_som.yaml"))
-    save_som(som, str(tmp_path / "s.yaml"))
-    assert read_som(str(tmp_path / "s.yaml")) == som
 
 
 NAMES = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True).filter(is_name)

@@ -14,6 +14,8 @@ import rosgraph
 PERIOD_S = 0.02
 LENGTH = struct.Struct("<I")
 
+FRAME_B = 1 << 20
+
 
 class _Quiet(SimpleXMLRPCRequestHandler):
     def log_message(self, format: str, *args: Any) -> None:
@@ -55,14 +57,14 @@ class RawPublisher:
         for server in (self._data, self._api):
             threading.Thread(target=server.serve_forever, daemon=True).start()
 
-    def claim_length(self, size: int, frame_b: int = 1 << 20) -> None:
+    def claim_length(self, size: int) -> None:
         """Announce one message of `size` bytes, and send as much as is taken."""
         self._header += LENGTH.pack(size)
-        self._frame = bytes(frame_b)
+        self._frame = bytes(FRAME_B)
 
-    def claim_header(self, size: int, frame_b: int = 1 << 20) -> None:
+    def claim_header(self, size: int) -> None:
         """Announce a header of `size` bytes likewise."""
-        self._header, self._frame = LENGTH.pack(size), bytes(frame_b)
+        self._header, self._frame = LENGTH.pack(size), bytes(FRAME_B)
 
     def register(self, name: str) -> None:
         """Have the master list it under a name."""
