@@ -34,7 +34,7 @@ WARM_UP = 5
 """Rounds: memory that Python and rospy take once and keep."""
 ALLOWED = {"rss_kb": 1024.0, "threads": 2.0, "descriptors": 4.0}
 """Growth that is allowed from the first half to the second, by medians: a trend."""
-TIRELESS = {"hold_off": 0.3, "hold_off_limit": 0.3, "switches": 0}
+TIRELESS = "hold_off:=0.3", "switches:=0"
 
 
 class Held(NamedTuple):
@@ -78,11 +78,8 @@ class Robot:
         ontology = graph.folder / "ontology.yaml"
         ontology.write_text(json.dumps(model))
         som = write_som(graph.folder / "som.yaml", services)
-        for name, value in TIRELESS.items():
-            rospy.set_param(f"/reconfigurator/{name}", value)
         files = f"ontology:={ontology}", f"som:={som}"
-        hold_off = f"hold_off:={TIRELESS['hold_off']}"
-        graph.start("roslaunch", "shsa_core", "shsa.launch", *files, hold_off)
+        graph.start("roslaunch", "shsa_core", "shsa.launch", *files, *TIRELESS)
         self.await_well()
 
     def _incident(self, incident: Incident) -> None:

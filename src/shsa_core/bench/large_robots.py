@@ -92,12 +92,10 @@ class LargeRobot:
         self._consumers.await_node(NODE, time.monotonic())
         self.healing = graph.healing
         ontology, som = write_model(graph, count, standby)
-        for name, value in TIRELESS.items():
-            rospy.set_param(f"/reconfigurator/{name}", value)
         begun = time.monotonic()
         self._launch = graph.start(
             *("roslaunch", "shsa_core", "shsa.launch", f"ontology:={ontology}", f"som:={som}"),
-            *(f"hold_off:={HOLD_OFF_S}", f"pool:={POOL}"),
+            *(f"hold_off:={HOLD_OFF_S}", f"pool:={POOL}", TIRELESS),
             f"incident_log:={graph.folder / 'incidents.jsonl'}",
         )
         self._stands_by = POOL if standby == "warm" else count

@@ -33,7 +33,7 @@ SILENCE_S = 0.1  # the monitor's deadline for a topic at 50 Hz: five periods
 HOLD_OFF_S = 1.0  # until then a substitute has handed over all consumers
 POOL = 2
 # The same node fails again and again here: that is not to be taken for a node that flaps.
-TIRELESS = {"hold_off_limit": HOLD_OFF_S, "switches": 0}
+TIRELESS = "switches:=0"
 
 ONTOLOGY = """
 properties:
@@ -172,12 +172,10 @@ class HealthyRobot:
         self._steady = self._talker(KEPT_NODE, KEPT_TOPIC, 2.0)
         self.failing = self._talker(NODE, self.topic, 1.0)
         paths = write_model(graph.folder, standby, period, **more)
-        for name, value in TIRELESS.items():
-            rospy.set_param(f"/reconfigurator/{name}", value)
         self._launch = graph.start(
             *("roslaunch", "shsa_core", "shsa.launch"),
             *(f"ontology:={paths[0]}", f"som:={paths[1]}", f"hold_off:={HOLD_OFF_S}"),
-            f"minimum_deadline:={SILENCE_S}",
+            *(f"minimum_deadline:={SILENCE_S}", TIRELESS),
             *(f"pool:={POOL}", f"incident_log:={graph.folder / 'incidents.jsonl'}"),
         )
         words = (TOPIC[1:], "--som", str(paths[1]), f"__name:={GATE[1:]}")

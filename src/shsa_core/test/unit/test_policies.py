@@ -128,7 +128,7 @@ def test_a_node_that_may_still_run_is_not_started_a_second_time() -> None:
 
 
 def test_the_hold_off_grows_while_the_original_fails_within_it() -> None:
-    robot = Robot(switches=0, hold_off_limit=5.0)
+    robot = Robot(switches=9, hold_off_limit=5.0)
     robot.heal(10.0)
     for time, hold_off in ((20.0, 2.0), (30.0, 4.0), (40.0, 5.0), (50.0, 5.0)):
         back(robot, time)
@@ -140,6 +140,16 @@ def test_the_hold_off_grows_while_the_original_fails_within_it() -> None:
     robot.heal(80.0)
     back(robot, 90.0)
     assert robot.core.deadline == pytest.approx(92.01)
+
+
+def test_where_relapses_do_not_count_the_hold_off_stays_as_it_is() -> None:
+    robot = Robot(switches=0)
+    robot.heal(10.0)
+    for time in (20.0, 30.0, 40.0):
+        back(robot, time)
+        assert robot.core.deadline == pytest.approx(time + 0.01 + 2.0)
+        robot.fail("/a", A, time + 1.0)
+        robot.killed(time + 1.01, A)
 
 
 def flap(robot: Robot, time: float) -> None:

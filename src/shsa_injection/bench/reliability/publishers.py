@@ -13,7 +13,7 @@ from shsa_testing.healing import moment_of
 from shsa_testing.waiting import wait_until
 
 FLAPPING_S, SHORT_FLAPPING_S = 300.0, 10.0
-TIRELESS: Dict[str, object] = {"hold_off_limit": 1.0, "switches": 0}
+TIRELESS: Dict[str, object] = {"switches": 0}
 
 
 def crash(rig: Rig, rng: random.Random) -> Figures:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Dict, Iterator, List, Optional, Sequence, Tuple
 
 import psutil
-import rospy
 from shsa_msgs.msg import Incident
 
 from graph import FAULTY_PUBLISHER, PATIENCE_S, Graph, ask_to_leave, service, write_som
@@ -36,7 +35,7 @@ VALUES = {"/first": 1.0, "/second": 2.0, "/third": 2.0, "/fourth": 4.0}
 
 
 class Rig:
-    """`with Rig(graph, settings) as rig:` has the robot up and well."""
+    """`with Rig(graph, switches=0) as rig:` has the robot up and well; `settings` are arguments."""
 
     def __init__(self, graph: Graph, **settings: object) -> None:
         self.graph = graph
@@ -50,8 +49,6 @@ class Rig:
             self.start(node)
         self.ontology, self.som = write_model(self.graph.folder)
         self.log = self.graph.folder / "incidents.jsonl"
-        for name, value in self._settings.items():
-            rospy.set_param(f"/reconfigurator/{name}", value)
         self.launch = self.graph.start(*self.launch_command())
         self.await_well()
         return self
@@ -70,6 +67,7 @@ class Rig:
             *("roslaunch", "shsa_core", "shsa.launch"),
             *(f"ontology:={self.ontology}", f"som:={self.som}", f"hold_off:={HOLD_OFF_S}"),
             *(f"minimum_deadline:={DEADLINE_S}", f"incident_log:={self.log}"),
+            *(f"{name}:={value}" for name, value in self._settings.items()),
         )
 
     # The robot's nodes

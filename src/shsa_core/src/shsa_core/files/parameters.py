@@ -15,7 +15,7 @@ PARAMETERS = {
     "hot_hosts": "hot substitutes with a process each; those beyond share processes of so many; "
     "0: each has its own",
     "node_restarts": "how often a failed node is started again, by `policy`",
-    "switches": "relapses in a row after which a node is kept out; 0: never",
+    "switches": "relapses in a row after which a node is kept out; 0: they do not count",
 }
 """The settings that a parameter may change, and what each means."""
 HIGHEST = 1e6

@@ -428,7 +428,8 @@ class Nodes:
 
     def hold_off(self, node: str) -> float:
         """Return how long a node must stay healthy when it returns now, in s."""
-        settings, relapses = self._settings, self._cases[node].trust.relapses
+        settings = self._settings
+        relapses = self._cases[node].trust.relapses if settings.switches else 0
         return doubled(settings.hold_off, relapses, settings.longest_hold_off)
 
     def kept_out(self, node: str) -> bool:

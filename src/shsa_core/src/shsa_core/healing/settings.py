@@ -13,7 +13,7 @@ class Settings:
     hold_off: float = (
         2.0  # that a node that is back must stay healthy; it doubles with each relapse
     )
-    switches: int = 3  # relapses in a row after which a node is kept out; 0: never
+    switches: int = 3  # relapses in a row after which a node is kept out; 0: they do not count
     node_restarts: int = 3  # times that a node is started again
     method: str = field(default="best", metadata={"one_of": METHODS})  # of the search
     pool: int = field(default=2, metadata={"most": 100})  # idle processes for the warm services
