@@ -4,8 +4,10 @@ Of three or more workers (`pytest -n 3`) the last one computes, in the time that
 wait for much of theirs. Fewer workers run the robots last, beside nothing else. The run is closed
 with `N passed, N failed`.
 """
+import fcntl
 import os
-from typing import Any, List, Tuple
+import tempfile
+from typing import Any, Iterator, List, Tuple
 
 import pytest
 from hypothesis import settings
@@ -26,6 +28,12 @@ ALONE = ("test_reliability", "test_rostests", "test_rostests_of_robots", "test_b
 """Those of them whose tests share nothing: any of them may run beside any other."""
 LONGEST = ("flapping", "inject", "healers_die", "two_robots")
 """The rostests to begin with."""
+PRECISE = (
+    *("deadline", "takeover", "flapping", "bridging", "healers_die", "heal_amperemeter"),
+    *("failover", "test_live_page", "test_master", "test_cut_off", "test_partition"),
+)
+"""Tests that judge milliseconds, by their case or file: no robot runs beside them."""
+LOCK = os.path.join(tempfile.gettempdir(), f"shsa_robots_of_{os.getuid()}.lock")
 SHARE, LOWEST = "/proc/self/autogroup", "19"
 """Of processor time, of all processes in a session."""
 
@@ -43,6 +51,25 @@ def module(nodeid: str) -> str:
 def gives_way(worker: str, count: int) -> bool:
     """Return whether a worker of so many, by name, runs in the time that the others leave."""
     return count >= 3 and worker == f"gw{count - 1}"
+
+
+def case(nodeid: str) -> str:
+    """The parameters of a test."""
+    return nodeid.partition("[")[2][:-1]
+
+
+@pytest.hookimpl(hookwrapper=True)  # type: ignore[misc]
+def pytest_runtest_protocol(item: Any) -> Iterator[None]:
+    """Let a robot share the machine with other robots, or have it alone."""
+    if module(item.nodeid) not in ROBOTS:
+        yield
+        return
+    alone = not {case(item.nodeid), module(item.nodeid)}.isdisjoint(PRECISE)
+    with open(LOCK, "w") as lock, open(f"{LOCK}.gate", "w") as gate:
+        fcntl.flock(gate, fcntl.LOCK_EX)  # who waits to be alone lets nobody else in meanwhile
+        fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        fcntl.flock(gate, fcntl.LOCK_UN)
+        yield
 
 
 def pytest_configure(config: Any) -> None:
@@ -63,8 +90,7 @@ def pytest_collection_modifyitems(items: List[Any]) -> None:
         name = module(item.nodeid)
         if name not in ROBOTS:
             return (0, COMPUTING.index(name)) if name in COMPUTING else (1, 0)
-        case = item.nodeid.partition("[")[2][:-1]
-        return (2, 0) if case in LONGEST else (3, ROBOTS.index(name))
+        return (2, 0) if case(item.nodeid) in LONGEST else (3, ROBOTS.index(name))
 
     items.sort(key=turn)
 

@@ -26,13 +26,19 @@ def test_the_rostests_to_begin_with_are_there() -> None:
     assert {*conftest.LONGEST} <= {path.stem for path in ROOT.glob("*/*/test/rostest/*.test")}
 
 
+def test_the_robots_that_have_the_machine_alone_are_there() -> None:
+    rostests = {path.stem for path in ROOT.glob("*/*/test/rostest/*.test")}
+    assert {*conftest.PRECISE} <= {*rostests, *conftest.ROBOTS, "failover"}
+
+
 def test_the_last_worker_gives_way_and_only_computes(tmp_path: Path) -> None:
     shutil.copy(str(ROOT / "conftest.py"), str(tmp_path))
     names = (*conftest.ROBOTS, *conftest.COMPUTING[:3], "test_one", "test_other")
     for name in names:
         (tmp_path / f"{name}.py").write_text(TEST)
     command = [sys.executable, "-m", "pytest", "-n", "3", "-p", "no:cacheprovider", "."]
-    done = subprocess.run(command, cwd=str(tmp_path), stdout=subprocess.PIPE)
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE)
     assert done.returncode == 0, done.stdout.decode()
     ran = [line.split() for line in (tmp_path / "ran").read_text().splitlines()]
     assert sorted(name for name, _, _ in ran) == sorted(names)

@@ -1,1 +1,1 @@
-"""How resilient a robot is, and what would help most."""
+"""Analyse how resilient a robot is, and what would help most."""
