@@ -48,16 +48,17 @@ class TopicRecord:
 
 
 class HealedRobot:
-    """The state of healing: incidents, substitutions, services."""
+    """The state of healing in a namespace: incidents, substitutions, services."""
 
-    def __init__(self) -> None:
+    def __init__(self, namespace: str = "") -> None:
         self.incidents: Dict[int, Incident] = {}
         self._substitutions: Dict[str, Substitution] = {}
         self._services: Dict[str, ServiceState] = {}
         self._lock = threading.Lock()
-        rospy.Subscriber("/shsa/incidents", Incident, self._incident)
-        rospy.Subscriber("/shsa/substitutions", Substitutions, self._substitutions_changed)
-        rospy.Subscriber("/shsa/som_state", SomState, self._som_changed)
+        shsa = f"{namespace}/shsa"
+        rospy.Subscriber(f"{shsa}/incidents", Incident, self._incident)
+        rospy.Subscriber(f"{shsa}/substitutions", Substitutions, self._substitutions_changed)
+        rospy.Subscriber(f"{shsa}/som_state", SomState, self._som_changed)
 
     def _incident(self, incident: Incident) -> None:
         with self._lock:
