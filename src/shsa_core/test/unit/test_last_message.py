@@ -67,7 +67,7 @@ def told(kept: LastMessages, *rows: PublisherHealth, gone: str = "") -> List[Any
     removed = (("/a", gone),) if gone else ()
     return [
         (each.publisher, each.last_message)
-        for each in kept.rows(HealthChanged(100.0, rows, removed))
+        for each in kept.rows(HealthChanged(100.0, rows, removed))[0]
     ]
 
 
@@ -81,6 +81,14 @@ def test_the_row_of_a_failed_publisher_has_its_last_good_message_and_keeps_it() 
     assert told(kept, replace(FAILED, kind=Kind.NODE_GONE)) == [(A, b"good")]
     assert told(kept, replace(FAILED, state=PublisherState.HEALTHY, since=94.0)) == [(A, b"")]
     assert told(kept, gone=A) == []
+
+
+def test_a_new_failure_has_the_message_also_where_its_publisher_is_forgotten() -> None:
+    kept = LastMessages()
+    kept.keep(91.0, "/a", A, b"good")
+    for rows, removed in (((FAILED,), ()), ((), (FAILED.key,))):
+        _, (new,) = kept.rows(HealthChanged(100.0, rows, removed, (FAILED,)))
+        assert new.last_message == b"good"
 
 
 def test_it_has_the_newest_message_of_a_substitute_that_stood_in_once_that_has_left() -> None:

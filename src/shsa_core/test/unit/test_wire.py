@@ -108,5 +108,6 @@ def test_a_failure_says_when_it_was_told(monkeypatch: pytest.MonkeyPatch) -> Non
     before = clock.now() - 100.0
     state = events.PublisherState.FAILED
     row = events.PublisherHealth("/odom", "/base", state, before, kind=Kind.SILENT, detail="x")
-    message = failure_message(row)
+    message = failure_message(replace(row, last_message=b"good"))
+    assert message.last_message == b"good"
     assert (message.told - message.header.stamp).to_sec() == pytest.approx(100.0, abs=1.0)

@@ -308,9 +308,9 @@ def test_text_can_be_read(browser: Browser, fed: Fed, dark: bool) -> None:
     lost = {**robot()["services"]["voltmeter"], "state": "not_healed", "detail": "gone"}
     told["services"].update(voltmeter=healing, third=lost, fourth={**lost, "state": "unknown"})
     fed.state.tell(**told)
+    browser.wait("document.querySelectorAll('#rows tr').length === 4")
     browser.click(f"{ROW} .name")
     browser.wait("document.querySelector('.left') !== null")
-    browser.wait("document.querySelectorAll('#rows tr').length === 4")
     browser.wait("document.getAnimations().length === 0")
     assert browser.run(PALE, CONTRAST) == []
 

@@ -45,13 +45,15 @@ class LastMessages:
             if row.publishing and row.quality > 0.0:
                 self._stand_ins[row.service] = row.node
 
-    def rows(self, change: HealthChanged) -> List[PublisherHealth]:
-        """Return changed rows, each failed one with the message from which a substitute goes on.
+    def rows(self, change: HealthChanged) -> Tuple[List[PublisherHealth], List[PublisherHealth]]:
+        """Return changed rows, and those of new failures.
 
+        Each failed one has the message from which a substitute goes on.
         A row that failed before changes where its substitute has left: whoever takes over next, or
         a reconfigurator that is started then, goes on where that was.
         """
         rows = [self._row(row, change.time) for row in change.rows]
+        new = [self._row(row, change.time) for row in change.failed]
         failed = {row.key for row in rows if row.state is PublisherState.FAILED}
         for key in (*change.removed, *(row.key for row in rows if row.key not in failed)):
             self._failed.pop(key, None)
@@ -62,7 +64,7 @@ class LastMessages:
             if message:
                 self._failed[key] = replace(row, last_message=message)
                 rows.append(self._failed[key])
-        return rows
+        return rows, new
 
     def _row(self, row: PublisherHealth, time: float) -> PublisherHealth:
         if row.state is not PublisherState.FAILED:

@@ -67,10 +67,11 @@ class Commands:
     def _tell_health(self, change: events.HealthChanged) -> None:
         """Tell failures at once, people last; else a turn's changes are published together."""
         self._changes.update({key: None for key in change.removed})
-        self._changes.update({row.key: row for row in self._last_messages.rows(change)})
-        if change.failed:
+        rows, failed = self._last_messages.rows(change)
+        self._changes.update({row.key: row for row in rows})
+        if failed:
             self.tell_changes()
-        for row in change.failed:
+        for row in failed:
             self._failures.publish(self._sign(wire.failure_message(row)))
             blamed = f"{row.publisher} fails" if row.publisher else "nobody publishes"
             # The reconfigurator tells people.

@@ -167,7 +167,8 @@ class SubstituteNode:
 
     def _compose(self, command: events.Compose) -> None:
         if command.overheard:
-            command = replace(command, last_message=self._inputs.last(command.topic))
+            heard = self._inputs.last(command.topic) or command.last_message
+            command = replace(command, last_message=heard)
         self._outputs.compose(command)
 
     def _advertise(self, command: events.Advertise) -> None:

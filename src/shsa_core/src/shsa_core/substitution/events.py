@@ -247,7 +247,7 @@ class Compose:
 
     That is `last_message`, serialized; empty: not known. `written`: the fields that are computed,
     each with its standard deviation, None: not known. `others`: what stands in the other fields.
-    `overheard`: they start from the newest message that somebody else published, instead.
+    `overheard`: they start from the newest message that was heard of somebody else, if any was.
     """
 
     topic: str

@@ -212,7 +212,7 @@ class Substitute:
         if job is None or self._refused is not None:
             return []
         overheard = self._speech.voice is Voice.FILLS_IN
-        message = b"" if last is None or overheard else row.last_message
+        message = b"" if last is None else row.last_message
         compose = events.Compose(
             job.topic, job.outputs[0].type, job.written, row.others, message, overheard
         )
@@ -280,7 +280,7 @@ class Substitute:
         if not fills_in or self._composed is None:
             return []
         self._stamps.begin(self._composed.topic, self._speech.others.last.stamp)
-        self._composed = replace(self._composed, overheard=True, last_message=b"")
+        self._composed = replace(self._composed, overheard=True)
         return [self._composed]
 
     def _sources(self) -> Tuple[str, ...]:

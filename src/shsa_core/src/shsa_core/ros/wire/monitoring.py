@@ -20,7 +20,10 @@ from shsa_core.ros import clock
 
 
 def failure_message(row: PublisherHealth) -> msg.Failure:
-    """Return what people are told on shsa/failures."""
+    """Return what is told on shsa/failures.
+
+    It holds all that the row of health does: either may reach a reconfigurator first.
+    """
     return msg.Failure(
         header=Header(stamp=clock.to_stamp(row.since)),
         service=row.service,
@@ -30,6 +33,7 @@ def failure_message(row: PublisherHealth) -> msg.Failure:
         detail=row.detail,
         told=rospy.Time.now(),
         last_good=clock.to_stamp(row.last_good),
+        last_message=row.last_message,
     )
 
 
