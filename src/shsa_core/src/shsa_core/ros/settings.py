@@ -111,8 +111,6 @@ PROCESS_LOOK_S = 0.02
 """Between two looks whether any has ended or come up: starting takes many times that."""
 PROCESS_END_S = 2.0
 """So long a process is given to end, once it was asked or killed."""
-EXIT_STATUS_S = 0.1
-"""So long after the end of a fork its exit status may come."""
 FORK_S = 1.0
 """So long a fork is waited for, which takes 10 ms; then a process is started by rosrun."""
 LOOK_S = 1.0
