@@ -13,7 +13,7 @@ from shsa_core.ros.agent.agent import AgentEnd  # noqa: E402
 from shsa_core.ros.processes.host import HostEvent  # noqa: E402
 from shsa_core.ros.agent.remote import RemoteHost  # noqa: E402
 from shsa_core.ros.settings import LOST_S, RETURN_S, TICK_S  # noqa: E402
-from shsa_core.ros.agent.line import COMMANDS, EVENTS, read_command, written  # noqa: E402
+from shsa_core.ros.agent.line import COMMANDS, EVENTS, read, written  # noqa: E402
 
 SUBSTITUTE = events.StartSubstitute("/substitute_a_1", None, host="pi")
 
@@ -33,7 +33,7 @@ class Cable:
 
     def command(self, message: msg.HostCommand) -> None:
         if self.whole and self.agent.hear(message, self.now):
-            self.done.append(read_command(message.command, "test"))
+            self.done.append(read(COMMANDS, message.command, "test"))
 
     def say(self, number: int, text: str) -> None:
         if self.whole:

@@ -20,7 +20,7 @@ from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.naming import Names
 from shsa_core.ros import clock, settings
-from shsa_core.ros.agent.line import EVENTS, Line, read_command, written
+from shsa_core.ros.agent.line import COMMANDS, EVENTS, Line, read, written
 from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.node import publish, run
@@ -166,7 +166,7 @@ class AgentNode:
             self._beat(now)
         if wanted:
             try:
-                self._commands.put(read_command(message.command, rospy.get_name()))
+                self._commands.put(read(COMMANDS, message.command, rospy.get_name()))
             except ModelError as error:
                 rospy.logerr("Refused a command: %s.", error)
 

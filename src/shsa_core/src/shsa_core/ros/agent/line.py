@@ -5,7 +5,7 @@ end has not. Commands and events are JSON; nothing else is read.
 """
 import json
 from collections import deque
-from typing import Any, Deque, List, NamedTuple, Optional, cast
+from typing import Any, Deque, List, NamedTuple, Optional
 
 from shsa_core.errors import ModelError
 from shsa_core.journal.codec import Codec
@@ -71,18 +71,9 @@ def written(codec: Codec, told: object) -> str:
     return json.dumps(codec.encode(told))
 
 
-def read_command(text: str, where: str) -> HostCommand:
-    """Return the command that a text is. Raises ModelError if it is none."""
-    return cast(HostCommand, COMMANDS.decode(_parsed(text, where), where, "the command"))
-
-
-def read_event(text: str, where: str) -> HostEvent:
-    """Return the event that a text is. Raises ModelError if it is none."""
-    return cast(HostEvent, EVENTS.decode(_parsed(text, where), where, "the event"))
-
-
-def _parsed(text: str, where: str) -> Any:
+def read(codec: Codec, text: str, where: str) -> Any:
+    """Return the command or event that a text is. Raises ModelError if it is none."""
     try:
-        return json.loads(text)
+        return codec.decode(json.loads(text), where, "what was said")
     except (ValueError, RecursionError) as error:
         raise ModelError(where, f"this is no JSON: {error}") from error

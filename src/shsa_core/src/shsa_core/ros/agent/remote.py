@@ -13,7 +13,7 @@ from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.ros import settings
-from shsa_core.ros.agent.line import COMMANDS, Line, read_event, written
+from shsa_core.ros.agent.line import COMMANDS, EVENTS, Line, read, written
 from shsa_core.ros.processes.host import HostCommand, HostEvent, not_done
 from shsa_core.watch import Watch
 
@@ -70,7 +70,8 @@ class RemoteHost:
         self._tell, self._publish = tell, publish
         self._agent = self._session = 0
         self._line = Line()
-        self._reached = self._known = self._lost = self._left = self._settled = False
+        self._reached = self._left = self._settled = False
+        self._lost = True  # as far as anybody was told
         self._waits: Dict[Tuple[Type[Any], str], HostCommand] = {}
         # What is to run there, what was found to run there, and how each is stopped.
         self._wanted: Dict[str, HostCommand] = {}
@@ -152,7 +153,7 @@ class RemoteHost:
             self._give_up(now, why)
         self._left = self._left or (not self._reached and self.ended())
         patience = settings.RETURN_S if self._left else settings.LOST_S
-        if self._known and not self._reached and not self._lost and silence >= patience:
+        if not self._reached and not self._lost and silence >= patience:
             self._lost = True
             why = f"its agent has not answered for {silence:.1f} s"
             self._tell(events.HostLost(now, self.name, why))
@@ -170,7 +171,7 @@ class RemoteHost:
 
     def _reach(self, message: msg.HostEvent, now: float) -> None:
         """Both ends hear each other from now on."""
-        self._reached, self._known, self._lost = True, True, False
+        self._reached, self._lost = True, False
         self._found = {node: events.StopSubstitute(node) for node in message.running}
         self._found.update({node: events.StopNode(node) for node in message.restarted})
         self._send(self._watched, now)
@@ -187,7 +188,7 @@ class RemoteHost:
 
     def _happened(self, text: str, now: float) -> None:
         try:
-            event = read_event(text, f"the agent of {self.name}")
+            event = read(EVENTS, text, f"the agent of {self.name}")
         except ModelError:
             return
         self._tell(self._ours(event, now))
