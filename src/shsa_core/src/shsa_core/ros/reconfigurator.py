@@ -208,7 +208,7 @@ class ReconfiguratorNode:
         """Agents are told while our topics are open; with one computer nobody is waited for."""
         if self._spins and self._hosts.names and not self._handover.followed:
             self._queue.put(self._stop_all)
-            self._stopped.wait(settings.LOOP_ANSWER_S)
+            self._stopped.wait(settings.ANSWER_S)
 
     def _stop_all(self) -> None:
         if self._stopped.is_set():

@@ -75,7 +75,7 @@ class AllHosts:
         Waits for the agents that are registered, and for nobody where there are none.
         """
         wanted = self._registered()
-        deadline = clock.now() + settings.AGENT_ANSWER_S
+        deadline = clock.now() + settings.ANSWER_S
         while clock.now() < deadline and not all(self._remote[n].is_reached for n in wanted):
             rospy.rostime.wallsleep(settings.TICK_S / 5)
         with self._lock:
@@ -90,7 +90,7 @@ class AllHosts:
 
     def await_quiet(self) -> None:
         """Wait until the agents that can be reached have heard everything."""
-        deadline = clock.now() + settings.AGENT_ANSWER_S
+        deadline = clock.now() + settings.ANSWER_S
         while clock.now() < deadline and not all(h.is_quiet for h in self._remote.values()):
             rospy.rostime.wallsleep(settings.TICK_S)
 
@@ -148,7 +148,7 @@ class AllHosts:
         topic = names.host_commands(name)
         sign = self._signing.signer(topic, msg.HostCommand)
         publisher = rospy.Publisher(
-            topic, msg.HostCommand, queue_size=settings.QUEUE, tcp_nodelay=True
+            topic, msg.HostCommand, queue_size=0, tcp_nodelay=True  # none is dropped here
         )
         return RemoteHost(name, self._tell, lambda message: publish(publisher, sign(message)))
 
