@@ -150,7 +150,8 @@ class ReconfiguratorNode:
         diagnostics.every_period(lambda: self._queue.put(self._report))
         self._decided = clock.now()
         # First of all: what runs goes on, and no substitute may take a name that was used.
-        self._master = MasterWatch(lambda node: node.startswith(prefix), not arguments.dry_run)
+        self._master = MasterWatch(lambda node: node.startswith(prefix))
+        self._may_act(som)
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, self._hosts.take_up())
         self._records = heritage.file
@@ -184,7 +185,7 @@ class ReconfiguratorNode:
         Unless another reconfigurator follows, which takes them up.
         """
         needed = ", ".join(service.topic for service in self._core.needed())
-        does = "advising (nothing is killed or started) on" if self._files.dry_run else "healing"
+        does = "healing" if self._master.acts else "advising (nothing is killed or started) on"
         rospy.loginfo("Reconfigurator ready, %s: %s.", does, needed or "nothing")
         self._spins = True
         while not rospy.is_shutdown():
@@ -220,6 +221,12 @@ class ReconfiguratorNode:
         self._hosts.await_quiet()
         self._stopped.set()
 
+    def _may_act(self, som: Som) -> None:
+        self._master.acts = self._core.acts(som)
+        if not som.act:
+            text = "Healing advises: %s does not say `act: true` at its top. Then it acts."
+            rospy.logwarn(text, self._files.som)
+
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
         ontology, som = read_models(self._files.ontology, self._files.som)
@@ -227,6 +234,7 @@ class ReconfiguratorNode:
         self._listen(som)
         self._hear_monitors(som)
         put_som(som)
+        self._may_act(som)
         self._put(events.ModelsReloaded(clock.now(), ontology, self._usable(som)))
         relations = len({function.relation for function in ontology.functions})
         return f"{relations} relations and {len(som)} services were read"
