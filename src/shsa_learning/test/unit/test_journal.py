@@ -104,7 +104,7 @@ def test_a_journal_is_plain_lines(opened: Open, path: Path, warnings: List[str])
     recorded(opened, EVENTS[:2])
     header, tick, added, answer, end = lines(path)
     assert (header["journal"], header["machine"]) == (1, "adder")
-    assert header["setup"] == {"som": [[], []], "step": 2.0}
+    assert header["setup"] == {"som": [[], [], True], "step": 2.0}
     assert tick == {"class": "Tick", "time": 10.0}
     assert (added["class"], added["number"], added["text"]) == ("Added", 3.0, "first")
     assert answer["answer"] == ["Show", "Log"] and len(answer["sha1"]) == 40
@@ -304,7 +304,7 @@ def test_closing_ends_the_thread_and_closes_the_file(opened: Open) -> None:
     assert not writer._waiting
 
 
-HEADER = '{"journal":1,"machine":"adder","setup":{"som":[[],[]]}}'
+HEADER = '{"journal":1,"machine":"adder","setup":{"som":[[],[],true]}}'
 TICK = '{"class":"Tick","time":1}'
 BAD = [
     ("", 1, "is no journal"),
@@ -314,9 +314,9 @@ BAD = [
     ('{"journal":2}\n', 1, "is no journal of version 1"),
     ('{"journal":1,"machine":"adder"}\n', 1, "the setup must be an object"),
     ('{"journal":1,"machine":"adder","setup":{}}\n', 1, "lacks som"),
-    ('{"journal":1,"machine":"adder","setup":{"som":[[],[]],"x":1}}\n', 1, "has no 'x'"),
+    ('{"journal":1,"machine":"adder","setup":{"som":[[],[],true],"x":1}}\n', 1, "has no 'x'"),
     (
-        '{"journal":1,"machine":"adder","setup":{"som":[[],[]],"step":"x"}}\n',
+        '{"journal":1,"machine":"adder","setup":{"som":[[],[],true],"step":"x"}}\n',
         1,
         "setup.step must be",
     ),

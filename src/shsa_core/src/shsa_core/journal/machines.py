@@ -29,7 +29,7 @@ class Machine(Protocol):
 
 FORMS: Mapping[type, Form] = {
     Som: Form(
-        Tuple[Tuple[Service, ...], Tuple[Host, ...]],
+        Tuple[Tuple[Service, ...], Tuple[Host, ...], bool],
         attrgetter("parts"),
         lambda parts: Som(*parts),
     ),
