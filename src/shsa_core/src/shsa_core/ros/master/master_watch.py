@@ -118,7 +118,7 @@ class MasterWatch:
             pause = max(settings.MASTER_PAUSE_S, _took(now))
             self._keep_at = now + min(pause, settings.LONGEST_MASTER_PAUSE_S)
         self._look_at = now + min(settings.MASTER_PAUSE_S, _took(now))
-        if waiting and now < self._anew_at + settings.LOOP_ANSWER_S:
+        if waiting and now < self._anew_at + settings.ANSWER_S:
             self._look_at = now
 
     # What is known, and what a new master is told of it.
