@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.agenda import doubled
-from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import NoSubstitute, ShsaError
 from shsa_core.healing.events import Command, Log, RunCommand, ShowIncident, StartSubstitute
@@ -19,6 +18,7 @@ from shsa_core.healing.process import is_hot
 from shsa_core.healing.service import Action, Failure, ServiceMachine, Transitions
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.log import Level
+from shsa_core.model.substitution import Program
 
 NOTHING = Program((), "", ())
 NOT_MISSED = ShsaError("nothing is missing")

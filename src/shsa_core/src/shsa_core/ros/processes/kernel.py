@@ -240,9 +240,9 @@ def _descriptor(pid: int) -> Optional[int]:
 
 def wait_for(done: Callable[[], bool]) -> bool:
     """Wait until something is done, as long as a process is given to end; False: it is not."""
-    deadline = time.monotonic() + settings.PROCESS_END_S
+    deadline = time.monotonic() + settings.PROCESS_S
     while not done():
         if time.monotonic() > deadline:
             return False
-        time.sleep(settings.EXIT_LOOK_S)
+        time.sleep(settings.REST_S)
     return True
