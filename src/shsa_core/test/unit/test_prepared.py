@@ -12,9 +12,9 @@ import psutil
 import pytest
 from roslib.packages import find_node
 
-from shsa_core.codegen.generator import Program
 from shsa_core.healing.events import StartSubstitute
 from shsa_core.model.service import Signal
+from shsa_core.model.substitution import Program
 from shsa_core.ros import settings
 from shsa_core.ros.processes import forking, kernel
 from shsa_core.ros.processes import prepared as prepared_process

@@ -13,11 +13,11 @@ from typing import Any, Callable, Dict, List, Optional
 
 import pytest
 
-import toy_machine as toy
+from shsa_testing import toy_machine as toy
 from shsa_core.errors import ModelError
 from shsa_core.journal import writer as writer_module
 from shsa_core.journal.machines import MACHINES
-from shsa_core.journal.reader import CUT, Journal, Step, replay
+from shsa_learning.replay import CUT, Journal, Step, replay
 from shsa_core.journal.writer import WRITE_PERIOD_S, JournalWriter
 from shsa_core.model.som import Som
 
@@ -39,8 +39,8 @@ def path(tmp_path: Path) -> Path:
 def adder(monkeypatch: Any) -> None:
     """Has the toy among the machines."""
     monkeypatch.setitem(MACHINES, "adder", "")
-    for module in ("reader", "writer"):
-        monkeypatch.setattr(f"shsa_core.journal.{module}.machine_kind", lambda name: toy.ADDER)
+    for module in ("shsa_learning.replay", "shsa_core.journal.writer"):
+        monkeypatch.setattr(f"{module}.machine_kind", lambda name: toy.ADDER)
 
 
 @pytest.fixture
@@ -356,8 +356,14 @@ def test_a_setup_that_makes_no_machine_is_refused(path: Path, monkeypatch: Any) 
 
 def test_a_line_has_a_limit(path: Path, monkeypatch: Any) -> None:
     path.write_text(HEADER + "\n")
-    monkeypatch.setattr("shsa_core.journal.reader.MAX_LINE_BYTES", 20)
+    monkeypatch.setattr("shsa_learning.replay.MAX_LINE_BYTES", 20)
     with pytest.raises(ModelError, match="longer than 20 bytes"):
+        Journal(str(path))
+
+
+def test_a_pipe_keeps_nobody_waiting(path: Path) -> None:
+    os.mkfifo(path)
+    with pytest.raises(ModelError, match="it is a pipe"):
         Journal(str(path))
 
 
