@@ -132,6 +132,15 @@ class NodeLearned:
 
 
 @dataclass(frozen=True)
+class DutiesSeen:
+    """The master lists other duties of a node than before: what a kill costs beyond the SOM."""
+
+    time: float
+    node: str
+    duties: Tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class NodeCameUp:
     """A process has come up as one of the nodes of WatchNodes, or is about to."""
 
@@ -326,6 +335,7 @@ Event = Union[
     SomChanged,
     ModelsReloaded,
     NodeLearned,
+    DutiesSeen,
     NodeCameUp,
     NodeFound,
     NodeLeft,

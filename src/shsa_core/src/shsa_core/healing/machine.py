@@ -81,6 +81,7 @@ class Reconfigurator:
                 events.SomChanged: self._som_changed,
                 events.ModelsReloaded: self._models_reloaded,
                 events.NodeLearned: self._node_learned,
+                events.DutiesSeen: self._duties_seen,
                 events.NodeCameUp: self._node_came_up,
                 events.NodeFound: lambda event: self._core.deliver(nodes.heed(event)),
                 events.NodeLeft: lambda event: self._core.deliver(nodes.heed(event)),
@@ -288,6 +289,11 @@ class Reconfigurator:
         self._nodes.learned(event)
         self._core.unsettle_node(event.node)
         return []
+
+    def _duties_seen(self, event: events.DutiesSeen) -> List[Command]:
+        self.robot.health.duties[event.node] = event.duties
+        accusers = self._nodes.accusers(event.node)
+        return self._core.ask_all(accusers, lambda each: each.reconsider())
 
     def _node_came_up(self, event: events.NodeCameUp) -> List[Command]:
         return self._core.ask_all(self._nodes.accusers(event.node), lambda each: each.came_up())

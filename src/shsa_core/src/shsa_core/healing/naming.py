@@ -13,11 +13,13 @@ OF_ROS = ("/master", "/rosout")
 class Names:
     """The names of substitutes in a namespace: `substitute_`, what for, and a number.
 
-    And those of other nodes that healing and ROS need. `next`: the number of the next name.
+    And those of other nodes that healing and ROS need. `next`: the number of the next name;
+    `topics`: how the names of healing's topics begin.
     """
 
     def __init__(self, namespace: str) -> None:
         self.prefix = namespace.rstrip("/") + "/" + PREFIX
+        self.topics = namespace.rstrip("/") + "/shsa/"
         self._ours = {*OF_ROS, *(namespace.rstrip("/") + "/" + name for name in HEALERS)}
         self.next = 1
 

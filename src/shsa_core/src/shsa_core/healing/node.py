@@ -38,7 +38,7 @@ from shsa_core.healing.kill import (
 from shsa_core.healing.records import Fate, NodeRecord, Trust
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import CERTAIN_S, LEARN_PAUSES_S
-from shsa_core.model.kinds import BY_LINK, QUIET, Contain, Kind, Policy
+from shsa_core.model.kinds import BY_LINK, QUIET, Kind, Policy
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 
@@ -229,8 +229,8 @@ class Nodes:
         before = accusation.decision if was_kept else ""
         restarted = service.policy.restarts and node == service.node and self.may_restart(node)
         verdict = self.verdict(service, node, accusation.kind, replaced, restarted)
-        forced = not accusation.silent or service.contain is Contain.NODE
-        if verdict.kill and not (taken_over or restarted or forced):
+        waits = accusation.silent and replaced and not (taken_over or restarted)
+        if verdict.kill and waits:
             accusation.decision = f"{node} is killed as soon as its substitute publishes"
             accusation.fate, accusation.heard = Fate.WAITS, False
             return []
@@ -266,11 +266,9 @@ class Nodes:
 
     @staticmethod
     def _order(service: Service, accusation: Accusation) -> KillNode:
-        """Return the kill of a node; if it is not forced, by the word of its computer alone."""
-        node, kind = accusation.node, accusation.kind
-        forced = service.contain is Contain.NODE
-        silent = accusation.silent and not forced
-        period = (service.period or 0.0) if kind in BY_LINK and not forced else 0.0
+        """Return the kill of a node, by the word of its computer where its link may be to blame."""
+        node, kind, silent = accusation.node, accusation.kind, accusation.silent
+        period = (service.period or 0.0) if kind in BY_LINK else 0.0
         urgent = kind is not Kind.NODE_GONE
         return KillNode(node, urgent, topic=service.topic, only_here=silent, period=period)
 

@@ -21,6 +21,7 @@ from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.healing import events
+from shsa_core.healing.duties import duties_of
 from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
@@ -36,7 +37,9 @@ from shsa_core.ros.processes.handover import Handover, await_turn
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch
+from shsa_core.ros.master.master_calls import State
 from shsa_core.ros.master.master_watch import MasterWatch
+from shsa_core.ros.master.registrations import Part
 from shsa_core.ros.processes.starting import Setup, run_command
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
@@ -145,8 +148,9 @@ class ReconfiguratorNode:
         )
         diagnostics.every_period(lambda: self._queue.put(self._report))
         self._decided = clock.now()
+        self._duties: Dict[str, Tuple[str, ...]] = {}
         # First of all: what runs goes on, and no substitute may take a name that was used.
-        self._master = MasterWatch(lambda node: node.startswith(prefix))
+        self._master = MasterWatch(lambda node: node.startswith(prefix), self._see_duties)
         self._may_act(som)
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, self._hosts.take_up())
@@ -319,6 +323,15 @@ class ReconfiguratorNode:
             rospy.logwarn("%s: %s has ended: %s.", command.service, program, detail)
 
         run_command(command.words, report)
+
+    def _see_duties(self, state: State) -> None:
+        """Tell the core what the nodes of the SOM do besides, as the master lists it."""
+        before = self._duties
+        parts = (state.parts[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE))
+        self._duties = now = duties_of(self._core.robot.som, self._core.names, *parts)
+        for node in sorted({*before, *now}):
+            if before.get(node, ()) != now.get(node, ()):
+                self._put(events.DutiesSeen(clock.now(), node, now.get(node, ())))
 
     def _show_substitutions(self, command: events.ShowSubstitutions) -> None:
         self._substitutions.update(map(substitution_message, command.rows), command.removed)

@@ -50,12 +50,12 @@ class MasterState(NamedTuple):
 class MasterWatch:
     """Looks at the master for as long as ROS is up.
 
-    `is_ours(node)`: whether a node is one of our substitutes. While `acts` is false it only looks,
-    as healing that advises.
+    `is_ours(node)`: whether a node is one of our substitutes; `seen` hears each state of the
+    master. While `acts` is false it only looks, as healing that advises.
     """
 
-    def __init__(self, is_ours: Callable[[str], bool]) -> None:
-        self._is_ours, self.acts = is_ours, False
+    def __init__(self, is_ours: Callable[[str], bool], seen: Callable[[State], None]) -> None:
+        self._is_ours, self._seen, self.acts = is_ours, seen, False
         self._me = rospy.get_name()
         self._calls = MasterCalls()
         self._nodes = Workers("nodes", settings.MOST_CALLS)
@@ -104,6 +104,7 @@ class MasterWatch:
         anew = self._pid and (state.pid != self._pid or self._me not in registered)
         self._pid = state.pid
         self._hung = self._hung & registered
+        self._seen(state)
         if anew:
             self._begin_anew(now)
         waiting: Collection[str] = ()
