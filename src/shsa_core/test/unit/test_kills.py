@@ -1,5 +1,5 @@
 """The kill of a faulty node, step by step, and what counts as certain."""
-from typing import Any, FrozenSet, List, Optional, Sequence, Tuple, Union
+from typing import Any, FrozenSet, List, Optional, Sequence, Tuple
 
 import pytest
 
@@ -9,13 +9,22 @@ from shsa_core.healing.events import (
     Command,
     EndProcess,
     FindNode,
+    NodeAnswered,
     NodeFound,
     NodeLeft,
     ProcessUntouchable,
     Where,
 )
 from shsa_core.healing.health import Health
-from shsa_core.healing.kill import KillNode, KillOutcome, Kills, NodeKilled, NodeSpared, Said
+from shsa_core.healing.kill import (
+    KillEvent,
+    KillNode,
+    KillOutcome,
+    Kills,
+    NodeKilled,
+    NodeSpared,
+    Said,
+)
 from shsa_core.healing.settings import Settings
 
 N = "/node"
@@ -33,7 +42,7 @@ class Killing(Kills):
     def nodes(self) -> FrozenSet[str]:
         return self.health.dying
 
-    def told(self, event: Union[NodeFound, NodeLeft, ProcessUntouchable]) -> Parts:
+    def told(self, event: KillEvent) -> Parts:
         return parts(self.handle(event))
 
     def passed(self, time: float) -> Parts:
@@ -46,9 +55,10 @@ def parts(said: Sequence[Said]) -> Parts:
     return [each for each in said if each not in over], over[0] if over else None
 
 
-def begun(urgent: bool = True) -> Killing:
+def begun(urgent: bool = True, quick: bool = False) -> Killing:
     kills = Killing()
-    assert kills.begin(10.0, KillNode(N, urgent)) == [FindNode(N, successor=urgent)]
+    order = KillNode(N, urgent, quick=quick)
+    assert kills.begin(10.0, order) == [FindNode(N, successor=urgent)]
     assert kills.nodes == {N}
     return kills
 
@@ -68,15 +78,29 @@ def test_a_node_that_leaves_when_it_is_asked_is_certainly_gone() -> None:
     assert not kills.nodes and kills.agenda.next() is None
 
 
-@pytest.mark.parametrize("urgent, patience", [(True, 0.1), (False, 1.0)])
-def test_a_node_that_does_not_leave_in_time_is_forced(urgent: bool, patience: float) -> None:
-    kills = begun(urgent)
+@pytest.mark.parametrize("quick, patience", [(True, 0.1), (False, 1.0)])
+def test_a_node_that_does_not_leave_in_time_is_forced(quick: bool, patience: float) -> None:
+    kills = begun(quick=quick)
     found(kills, Where.HERE)
+    if quick:  # though it answers
+        assert kills.told(NodeAnswered(10.01, N)) == ([], None)
     assert kills.agenda.next() == 10.0 + patience
     assert kills.passed(10.0 + 0.9 * patience) == ([], None)
     assert kills.passed(10.0 + patience) == ([EndProcess(N)], None)
     _, over = kills.told(NodeLeft(11.5, N))
     assert isinstance(over, NodeKilled) and over.certain and "did not leave in time" in over.detail
+
+
+def test_a_node_that_answers_has_the_time_that_roslaunch_gives() -> None:
+    kills = begun()
+    found(kills, Where.HERE)
+    assert kills.told(NodeAnswered(10.01, N)) == ([], None)
+    assert kills.passed(25.0) == ([], None)
+    assert kills.passed(25.01) == ([EndProcess(N, gently=True)], None)
+    assert kills.passed(27.0) == ([], None)
+    assert kills.passed(27.01) == ([EndProcess(N)], None)
+    _, over = kills.told(NodeLeft(27.1, N))
+    assert isinstance(over, NodeKilled) and over.certain
 
 
 def test_a_stopped_node_is_forced_at_once() -> None:

@@ -166,6 +166,14 @@ class NodeFound:
 
 
 @dataclass(frozen=True)
+class NodeAnswered:
+    """A node that was asked to leave has answered: it is well enough to shut down in order."""
+
+    time: float
+    node: str
+
+
+@dataclass(frozen=True)
 class NodeLeft:
     """The process of a node has ended; elsewhere: it said that it leaves, and listens no more."""
 
@@ -338,6 +346,7 @@ Event = Union[
     DutiesSeen,
     NodeCameUp,
     NodeFound,
+    NodeAnswered,
     NodeLeft,
     NodeUnregistered,
     ProcessUntouchable,
@@ -398,16 +407,20 @@ class FindNode:
 
 @dataclass(frozen=True)
 class AskToLeave:
-    """`rosnode kill`; answered by NodeLeft once the node is gone, or by ProcessUntouchable."""
+    """`rosnode kill`; answered by NodeAnswered, NodeLeft once it is gone, or ProcessUntouchable."""
 
     node: str
 
 
 @dataclass(frozen=True)
 class EndProcess:
-    """`kill -9` the process of a node; answered by NodeLeft or ProcessUntouchable."""
+    """`kill -9` the process of a node; answered by NodeLeft or ProcessUntouchable.
+
+    `gently`: by SIGTERM, so that it can still clean up.
+    """
 
     node: str
+    gently: bool = False
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from shsa_core.healing.events import (
     Command,
     EndProcess,
     FindNode,
+    NodeAnswered,
     NodeFound,
     NodeLeft,
     ProcessUntouchable,
@@ -19,9 +20,11 @@ from shsa_core.healing.settings import (
     EXIT_TIMEOUT_S,
     FIND_TIMEOUT_S,
     FORGET_S,
+    LEAVE_S,
     LISTEN_PERIODS,
     LISTEN_S,
     STEADY_S,
+    TERM_S,
     Settings,
 )
 from shsa_core.model.checks import RateHigh, RateLow
@@ -42,6 +45,7 @@ class KillNode:
     ours. `at_once`: it is not asked to leave first, as it has only just come up. `only_here`: one
     on another computer is left alone. `period`: its failure may be one of the link to its computer,
     so that it is spared if it sends `topic` about every so many s there; 0: its failure is its own.
+    `quick`: it gets no time to shut down in order.
     """
 
     node: str
@@ -51,6 +55,7 @@ class KillNode:
     at_once: bool = False
     only_here: bool = False
     period: float = 0.0
+    quick: bool = False
 
 
 @dataclass(frozen=True)
@@ -100,6 +105,7 @@ class NodeAlive:
 
 
 KillOutcome = Union[NodeKilled, NodeSpared, NodeUnreached, NodeAlive]
+KillEvent = Union[NodeFound, NodeAnswered, NodeLeft, ProcessUntouchable]
 Said = Union[Command, KillOutcome]
 
 
@@ -111,6 +117,7 @@ class _Kill:
     order: KillNode
     topics: Dict[str, bool] = field(default_factory=dict)
     where: Optional[Where] = None
+    answered: bool = False
     forced: bool = False
     starter: str = ""
 
@@ -124,9 +131,10 @@ class _Kill:
 class Kills:
     """The kills that are under way; those are `Health.dying`.
 
-    An urgent node is given `kill_patience` to leave after `rosnode kill` before its process is
-    ended, any other EXIT_TIMEOUT_S. A node that is stopped is not asked, and one on another
-    computer is only asked.
+    A node is asked to leave, as by `rosnode kill`. One that answers has the time that roslaunch
+    gives, so that its shutdown handler can stop the motors: LEAVE_S until SIGTERM, then TERM_S
+    until SIGKILL. One that does not, or whose kill is quick, is ended at once. A node that is
+    stopped is not asked, and one on another computer is only asked.
     """
 
     def __init__(self, health: Health, settings: Settings) -> None:
@@ -151,6 +159,7 @@ class Kills:
                 former.at_once,
                 former.only_here and order.only_here,
                 former.period if order.period else 0.0,
+                former.quick or order.quick,
             )
             kill.topics.setdefault(order.topic, False)
         if not node or kill is not None:
@@ -160,15 +169,18 @@ class Kills:
         self.again.set(node, None)
         return [self._find(time, node, order.topic)]
 
-    def handle(
-        self, event: Union[NodeFound, NodeLeft, ProcessUntouchable], strained: bool = False
-    ) -> List[Said]:
+    def handle(self, event: KillEvent, strained: bool = False) -> List[Said]:
         """Go on with a kill; `strained`: its node's computer has too much to do."""
         kill, time, node = self._kills.get(event.node), event.time, event.node
         if kill is None:
             return []
         if isinstance(event, NodeFound):
             return [] if kill.where is not None else self._found(event, kill, strained)
+        if isinstance(event, NodeAnswered):
+            if not (kill.order.quick or kill.forced):
+                kill.answered = True
+                self.agenda.set(node, time + LEAVE_S)
+            return []
         if isinstance(event, NodeLeft):
             how = "it did not leave in time, its process was killed" if kill.forced else "it left"
             return [*self._over(time, node, True, how), ClearNode(node)]
@@ -185,7 +197,8 @@ class Kills:
             elif kill.where is None and kill.order.period:
                 said += self.unreached(time, node, "its computer does not say how it does")
             elif kill.where is Where.ELSEWHERE:
-                why = "it runs on another computer and does not answer"
+                does = "does not end" if kill.answered else "does not answer"
+                why = f"it runs on another computer and {does}"
                 said += self._over(time, node, False, why)
             else:
                 lost = "it could not be found in time"
@@ -242,8 +255,8 @@ class Kills:
             # The link may be down: a hung node would not answer, and a sound one must not hear it.
             why = "it is silent on another computer, and left alone there"
             return self._over(time, node, False, why)
-        urgent = where is Where.HERE and order.urgent
-        self.agenda.set(node, time + (self._settings.kill_patience if urgent else EXIT_TIMEOUT_S))
+        quick = where is Where.HERE and order.quick
+        self.agenda.set(node, time + (self._settings.kill_patience if quick else EXIT_TIMEOUT_S))
         return [AskToLeave(node)]
 
     def doubt(
@@ -278,9 +291,10 @@ class Kills:
         return FindNode(node, kill.order.urgent, topic, kill.listen)
 
     def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:
-        kill.forced = True
-        self.agenda.set(node, time + EXIT_TIMEOUT_S)
-        return [EndProcess(node)]
+        gently, kill.answered = kill.answered, False
+        kill.forced = not gently
+        self.agenda.set(node, time + (TERM_S if gently else EXIT_TIMEOUT_S))
+        return [EndProcess(node, gently)]
 
     def _over(self, time: float, node: str, certain: bool, detail: str) -> List[Said]:
         """End a kill; one that was to be cleared if it is dead is spared if that is not certain."""

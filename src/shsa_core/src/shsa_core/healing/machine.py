@@ -84,6 +84,7 @@ class Reconfigurator:
                 events.DutiesSeen: self._duties_seen,
                 events.NodeCameUp: self._node_came_up,
                 events.NodeFound: lambda event: self._core.deliver(nodes.heed(event)),
+                events.NodeAnswered: lambda event: self._core.deliver(nodes.heed(event)),
                 events.NodeLeft: lambda event: self._core.deliver(nodes.heed(event)),
                 events.ProcessUntouchable: lambda event: self._core.deliver(nodes.heed(event)),
                 events.NodeUnregistered: lambda event: self._core.deliver(

@@ -27,6 +27,7 @@ from shsa_core.healing.containment import Stakes, Verdict, decide
 from shsa_core.healing.events import Command, Log
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.kill import (
+    KillEvent,
     KillNode,
     KillOutcome,
     Kills,
@@ -38,7 +39,7 @@ from shsa_core.healing.kill import (
 from shsa_core.healing.records import Fate, NodeRecord, Trust
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import CERTAIN_S, LEARN_PAUSES_S
-from shsa_core.model.kinds import BY_LINK, QUIET, Kind, Policy
+from shsa_core.model.kinds import BY_LINK, QUIET, Contain, Kind, Policy
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 
@@ -270,7 +271,9 @@ class Nodes:
         node, kind, silent = accusation.node, accusation.kind, accusation.silent
         period = (service.period or 0.0) if kind in BY_LINK else 0.0
         urgent = kind is not Kind.NODE_GONE
-        return KillNode(node, urgent, topic=service.topic, only_here=silent, period=period)
+        quick = service.contain is Contain.NODE
+        how = {"only_here": silent, "quick": quick}
+        return KillNode(node, urgent, topic=service.topic, period=period, **how)
 
     def kill(self, order: KillNode) -> List[Command]:
         """Begin a kill, or let it wait for the computer of the node."""
@@ -284,9 +287,7 @@ class Nodes:
 
     # A kill goes on, and is over.
 
-    def heed(
-        self, event: Union[events.NodeFound, events.NodeLeft, events.ProcessUntouchable]
-    ) -> List[Said]:
+    def heed(self, event: KillEvent) -> List[Said]:
         """Go on with a kill."""
         strained = self._robot.computers.strained(self._host_of(event.node))
         return self._outcomes(self.kills.handle(event, strained))

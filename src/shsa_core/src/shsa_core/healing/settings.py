@@ -34,7 +34,7 @@ class Settings:
     stable: float = 60.0  # that a node must be well until its restarts are forgotten
     retry: float = 2.0  # after which a service that could not be healed is tried again; it doubles
     retry_limit: float = 60.0  # that `retry` doubles up to
-    kill_patience: float = 0.1  # that a node that may still publish has to leave when asked
+    kill_patience: float = 0.1  # that a node has to leave where the SOM says `contain: node`
     # How long a takeover lasts for `fault_tolerant_time`: the 95th percentile of 50 by roscpp.
     takeover_cold: float = 0.83
     takeover_warm: float = 0.03
@@ -58,7 +58,8 @@ ANSWER_S = 0.5  # that a monitor has to send its table when its computer seems l
 
 # How a node is ended.
 FIND_TIMEOUT_S = 2.0  # that the search for a node's process may take
-EXIT_TIMEOUT_S = 1.0  # that a process may take to end
+EXIT_TIMEOUT_S = 1.0  # that a node may take to answer, and a process to end
+LEAVE_S, TERM_S = 15.0, 2.0  # that roslaunch gives a node: after it was asked, and after SIGTERM
 LEARN_PAUSES_S = (0.5, 2.0, 10.0)  # before each further look which process a node is; last repeats
 LISTEN_S, LISTEN_PERIODS = (
     0.5,

@@ -20,6 +20,7 @@ HostEvent = Union[
     events.NodeLearned,
     events.NodeCameUp,
     events.NodeFound,
+    events.NodeAnswered,
     events.NodeLeft,
     events.NodeUnregistered,
     events.ProcessUntouchable,

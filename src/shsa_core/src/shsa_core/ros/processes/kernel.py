@@ -207,8 +207,8 @@ def waited(pid: int) -> float:
     return total / 1e9
 
 
-def kill(process: psutil.Process) -> None:
-    """`kill -9` this very process, and no other that has its number by now.
+def kill(process: psutil.Process, number: int = signal.SIGKILL) -> None:
+    """Send a signal to this very process, and to no other that has its number by now.
 
     Raises PermissionError if it is not ours, ProcessLookupError if it has ended.
     """
@@ -220,9 +220,9 @@ def kill(process: psutil.Process) -> None:
         if not is_ours(process):
             raise PermissionError(f"it belongs to {user(process)}")
         if opened is None:
-            os.kill(process.pid, signal.SIGKILL)
+            os.kill(process.pid, number)
         else:
-            signal.pidfd_send_signal(opened, signal.SIGKILL)  # type: ignore[attr-defined]
+            signal.pidfd_send_signal(opened, number)  # type: ignore[attr-defined]
     finally:
         if opened is not None:
             os.close(opened)
@@ -238,9 +238,9 @@ def _descriptor(pid: int) -> Optional[int]:
         return None
 
 
-def wait_for(done: Callable[[], bool]) -> bool:
+def wait_for(done: Callable[[], bool], seconds: float = settings.PROCESS_S) -> bool:
     """Wait until something is done, as long as a process is given to end; False: it is not."""
-    deadline = time.monotonic() + settings.PROCESS_S
+    deadline = time.monotonic() + seconds
     while not done():
         if time.monotonic() > deadline:
             return False

@@ -58,12 +58,8 @@ class LocalHost:
                 events.LearnNode: by("learn", self._learn, LEARNING),
                 events.WatchNodes: by("watch", lambda c: self._coming_up.watch(c.nodes)),
                 events.FindNode: by("find", self._find),
-                events.AskToLeave: by(
-                    "ask to leave", lambda c: self._end(c.node, ending.ask_to_leave)
-                ),
-                events.EndProcess: by(
-                    "end process", lambda c: self._end(c.node, ending.end_process)
-                ),
+                events.AskToLeave: by("ask to leave", self._ask_to_leave),
+                events.EndProcess: by("end process", self._end_process),
                 events.ClearNode: self._by(clearing, self._clear),
                 events.StartSubstitute: self._start,
                 events.StopSubstitute: self._by(stops, self._stop, True),
@@ -183,9 +179,18 @@ class LocalHost:
         name = programs[-1] if programs[0].startswith("python") else programs[0]
         return f"{name!a}, process {number}"
 
-    def _end(self, node: str, end: Callable[[Nodes, str], bool]) -> None:
+    def _ask_to_leave(self, command: events.AskToLeave) -> None:
+        node = command.node
+        answered = lambda: self._tell(events.NodeAnswered(clock.now(), node))
+        self._end(node, lambda: ending.ask_to_leave(self.nodes, node, answered))
+
+    def _end_process(self, command: events.EndProcess) -> None:
+        node, gently = command.node, command.gently
+        self._end(node, lambda: ending.end_process(self.nodes, node, gently))
+
+    def _end(self, node: str, end: Callable[[], bool]) -> None:
         try:
-            if end(self.nodes, node):
+            if end():
                 self._tell(events.NodeLeft(clock.now(), node))
         except ending.Untouchable as why:
             self._tell(events.ProcessUntouchable(clock.now(), node, str(why)))
