@@ -341,7 +341,7 @@ def test_an_integral_within_an_expression_starts_at_zero_and_that_is_said() -> N
     change(driver, of_service(True, b"m", HIDDEN), known(9.7))
     driver.stream(3.0)
     logs = [c for _, c in driver.said if isinstance(c, events.Log)]
-    assert driver.published() and [each.level for each in logs] == [events.Level.WARNING]
+    assert driver.published() and [each.level for each in logs] == [events.Level.WARN]
 
 
 def test_which_outputs_are_integrals() -> None:

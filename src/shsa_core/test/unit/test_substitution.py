@@ -341,7 +341,7 @@ def test_an_idle_process_prepares_for_what_it_can_and_names_the_rest() -> None:
     said = driver.change(idle((IN, strange), (OUT, strange)), ((strange, "no_such is not built"),))
     assert said == [
         events.Log(
-            events.Level.WARNING, "does not prepare for /strange/data: no_such is not built"
+            events.Level.WARN, "does not prepare for /strange/data: no_such is not built"
         ),
         events.Listen((IN,)),
         events.Advertise("/out", "std_msgs/Float64"),

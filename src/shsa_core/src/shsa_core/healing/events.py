@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
 from shsa_core.codegen.generator import Program
+from shsa_core.dispatch import Level, Log  # noqa: F401  (machines take both from here)
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.records import Record
 from shsa_core.model.kinds import Kind, Word
@@ -14,14 +15,6 @@ from shsa_core.model.service import Service, Signal
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import CalibrationRow, PublisherHealth
-
-
-class Level(Word):
-    """The urgency of a line of the log."""
-
-    INFO = "info"
-    WARN = "warn"
-    ERROR = "error"
 
 
 class Where(Word):
@@ -517,14 +510,6 @@ class ShowSom:
 
     rows: Tuple[ServiceState, ...]
     removed: Tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Log:
-    """Tell people, in plain words."""
-
-    level: Level
-    text: str
 
 
 Command = Union[

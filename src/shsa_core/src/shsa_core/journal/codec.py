@@ -9,7 +9,7 @@ import enum
 from functools import lru_cache
 from math import inf, isfinite, nan
 from operator import attrgetter
-from typing import Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Sequence, Tuple, Type
+from typing import Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Sequence, Tuple
 from typing import Union, get_args, get_origin, get_type_hints
 
 from shsa_core.errors import ModelError, ShsaError
@@ -97,7 +97,7 @@ def _write(value: Any) -> Any:
 
 
 @lru_cache(maxsize=None)
-def _writer(type_: Type[Any]) -> Write:
+def _writer(type_: Any) -> Write:
     """Return what makes JSON values of the values of a class."""
     if type_ in FORMS:
         take = FORMS[type_].take

@@ -3,11 +3,12 @@ import gc
 import logging
 import sys
 import threading
-from typing import Any, Callable
+from typing import Any, Callable, Dict
 
 import genpy
 import rospy
 
+from shsa_core.dispatch import Level
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.processes.priority import SWITCH_INTERVAL_S
@@ -17,6 +18,12 @@ from shsa_core.ros.rospy_patches.standing import keep_rospys_threads
 from shsa_core.ros.rospy_patches.wall_time import heed_launch
 from shsa_core.text import LONGEST_LINE, shown
 
+LOG: Dict[Level, Callable[..., None]] = {
+    Level.DEBUG: rospy.logdebug,
+    Level.INFO: rospy.loginfo,
+    Level.WARN: rospy.logwarn,
+    Level.ERROR: rospy.logerr,
+}
 Tell = Callable[[Any], None]
 """Publishes a message to one subscriber alone."""
 

@@ -47,7 +47,7 @@ from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_core.ros.processes.host import HostCommand
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
-from shsa_core.ros.node import run
+from shsa_core.ros.node import LOG, run
 from shsa_core.ros.services import Services
 from shsa_core.ros.settings import MOST_CALLS
 from shsa_core.ros.succession import take_over
@@ -55,11 +55,6 @@ from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import own_rows, substitution_message
 
-LOG: Dict[Level, Callable[..., None]] = {
-    Level.INFO: rospy.loginfo,
-    Level.WARN: rospy.logwarn,
-    Level.ERROR: rospy.logerr,
-}
 MOST_WAITING = 10_000
 """With more to do than this, failures that nobody signed are dropped."""
 

@@ -149,7 +149,7 @@ class Job:
             said.append(Log(Level.ERROR, f"publishes nothing: {text}"))
         if self._hidden:
             text = f"{self.topic} is computed with an integral that has started at 0"
-            said.append(Log(Level.WARNING, text))
+            said.append(Log(Level.WARN, text))
         return said
 
     @property

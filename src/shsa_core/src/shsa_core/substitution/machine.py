@@ -244,7 +244,7 @@ class Substitute:
         for row in (each for each in rows if each.host == here):
             problems = self._problems(row)
             commands += [
-                Log(Level.WARNING, f"does not prepare for {signal.path}: {why}")
+                Log(Level.WARN, f"does not prepare for {signal.path}: {why}")
                 for signal, why in problems.items()
             ]
             commands += self._listen(tuple(each for each in row.inputs if each not in problems))
