@@ -1,6 +1,4 @@
-"""What the cores share: one idiom of dispatch, and the command to tell people something."""
-from dataclasses import dataclass
-from enum import Enum
+"""One idiom of dispatch, for the three cores and their shells: a table from classes to methods."""
 from typing import Any, Callable, Dict, Mapping, Type, TypeVar, get_args
 
 Result = TypeVar("Result")
@@ -18,20 +16,3 @@ def table(union: Any, handlers: Mapping[Type[Any], Callable[[Any], Result]]) -> 
             names = ", ".join(sorted(each.__name__ for each in classes))
             raise TypeError(f"there is {what} handler of {names}")
     return dict(handlers)
-
-
-class Level(Enum):
-    """The urgency of a line of the log."""
-
-    DEBUG = "debug"
-    INFO = "info"
-    WARN = "warn"
-    ERROR = "error"
-
-
-@dataclass(frozen=True)
-class Log:
-    """Tell people, in plain words."""
-
-    level: Level
-    text: str

@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 from typing import Optional, Union
 
-from shsa_core.dispatch import Level, Log  # noqa: F401  (machines take both from here)
+from shsa_core.model.log import Log
 from shsa_core.monitoring.events import Message, SubstitutionsChanged
 
 

@@ -6,7 +6,8 @@ from typing import Dict, List, Optional, Set
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.gating import events, settings
-from shsa_core.gating.events import Arrived, Command, Event, Level, Log, Pass
+from shsa_core.gating.events import Arrived, Command, Event, Log, Pass
+from shsa_core.model.log import Level
 from shsa_core.model.checks import NotANumber, OutOfRange, RateHigh
 from shsa_core.model.samples import RateSample
 from shsa_core.model.service import Service

@@ -93,7 +93,8 @@ def _members(hint: Any) -> Tuple[Any, ...]:
 
 
 def _write(value: Any) -> Any:
-    return _writer(type(value))(value)
+    kind: Any = type(value)
+    return _writer(kind)(value)
 
 
 @lru_cache(maxsize=None)

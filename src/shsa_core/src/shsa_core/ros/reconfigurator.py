@@ -21,11 +21,12 @@ from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.healing import events
-from shsa_core.healing.events import Event, Level
+from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
 from shsa_core.journal.record_file import RecordFile
 from shsa_core.journal.writer import JournalWriter
+from shsa_core.model.log import Level
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
@@ -140,9 +141,11 @@ class ReconfiguratorNode:
             },
         )
         self._diagnostics = diagnostics.Diagnostics(
-            diagnostics.healing_rows, signing, self._companion
+            lambda: self._queue.put(self._report),
+            diagnostics.healing_rows,
+            signing,
+            self._companion,
         )
-        diagnostics.every_period(lambda: self._queue.put(self._report))
         self._decided = clock.now()
         # First of all: what runs goes on, and no substitute may take a name that was used.
         self._master = MasterWatch(lambda node: node.startswith(prefix))

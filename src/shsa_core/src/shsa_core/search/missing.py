@@ -17,16 +17,17 @@ def lacking(target: int, functions: Functions) -> Set[int]:
     in reach.
     """
     graph = nx.DiGraph()
+    graph.add_node(target)
     open_ = [target]
     while open_:
         number = open_.pop()
         inputs = {input_ for each in functions(number) for input_ in each}
-        open_ += inputs.difference(graph)
-        graph.add_node(number)
+        open_ += [input_ for input_ in inputs if input_ not in graph]
         graph.add_edges_from((number, input_) for input_ in inputs)
-    parts = map(frozenset, nx.strongly_connected_components(graph))
-    named: Set[int] = set().union(*(_waiting(part, functions) for part in parts))
-    return named if graph.size() else set()
+    named: Set[int] = set()
+    for part in nx.strongly_connected_components(graph) if graph.size() else ():
+        named |= _waiting(frozenset(part), functions)
+    return named
 
 
 def _waiting(part: FrozenSet[int], functions: Functions) -> Set[int]:

@@ -6,8 +6,8 @@ the moment of an event in ns of ROS time; 0: not known.
 from dataclasses import dataclass
 from typing import FrozenSet, Optional, Tuple, Union
 
-from shsa_core.dispatch import Level, Log  # noqa: F401  (machines take both from here)
 from shsa_core.model.kinds import Others
+from shsa_core.model.log import Log
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 

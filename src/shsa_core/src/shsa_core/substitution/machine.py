@@ -5,11 +5,12 @@ from typing import Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
+from shsa_core.model.log import Level
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.advertising import Advertising
-from shsa_core.substitution.events import Command, Event, LastMessage, Level, Log
+from shsa_core.substitution.events import Command, Event, LastMessage, Log
 from shsa_core.substitution.readings import Readings
 from shsa_core.substitution.job import Job, Stamps, Words, words
 from shsa_core.substitution.speech import Speech

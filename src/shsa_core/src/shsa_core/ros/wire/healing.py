@@ -7,7 +7,6 @@ import rospy
 from shsa_msgs import msg, srv
 from std_msgs.msg import Header
 
-from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
@@ -15,6 +14,7 @@ from shsa_core.healing.incident import Incident
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
+from shsa_core.model.substitution import Program
 from shsa_core.monitoring.calibration import SOURCE
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.monitoring.events import CalibrationRow, PublisherHealth, PublisherState

@@ -6,9 +6,8 @@ import rospy
 from shsa_msgs import msg
 from std_msgs.msg import Header
 
-from shsa_core.codegen.generator import Program
 from shsa_core.model.service import Signal
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.events import (
     CalibrationRow,
     FormerlyHealthy,
