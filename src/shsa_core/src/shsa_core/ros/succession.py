@@ -10,14 +10,13 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.records import Record, RestartedNode, of_this_robot
 from shsa_core.journal.codec import Codec
-from shsa_core.journal.machines import FORMS
 from shsa_core.journal.record_file import Former, RecordFile, read_records
 from shsa_core.ros import clock
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.trust.places import boot, master_place
 
-CODEC = Codec(Record, FORMS)
+CODEC = Codec(Record)
 RUN = "/run_id"
 """The parameter that a ROS master's start is known by."""
 
