@@ -41,12 +41,12 @@ HEAD = """\
 #    counters have no range here, nor has what only trembled: the robot may not have moved.
 #  - `period: none` is event-driven: it is never silent. Where that is wrong, give a period in s.
 #  - A topic is healed while somebody subscribes to it. `needed: true` or `needed: false` says
-#    otherwise. docs/som.md has all the other keys.
+#    otherwise. docs/reference/som.md has all keys.
 """
 ONTOLOGY_HEAD = """\
 # A draft of an ontology, made by `shsa init` from {source}.
 # Units are those that ROS fixes (REP 103, the message's definition). No unit: nobody knows.
-# Relations say how one property follows from others: docs/ontology.md tells how they are written,
+# Relations say how one property follows from others: see docs/reference/ontology.md,
 # and `shsa learn` learns them. What is learned holds as far as the recording went, and no further.
 """
 
