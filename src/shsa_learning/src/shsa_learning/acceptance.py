@@ -11,7 +11,7 @@ from shsa_core.model.kinds import Kind
 from shsa_core.model.som import Som
 
 BRIEF_S = 3.0
-"""A failure that ends by itself so soon needs no substitute: a cold one takes as long to publish."""
+"""A failure that is over so soon needs no substitute: a cold one takes as long to publish."""
 _ACT = re.compile(r"^act:.*$", re.MULTILINE)
 _FIRST_KEY = re.compile(r"^(?=[a-z])", re.MULTILINE)
 REMEDIES: Dict[Kind, str] = {
