@@ -104,7 +104,7 @@ class MonitorNode:
         self._ends = False
         self._values: diagnostics.Values = {}
         self._diagnostics = diagnostics.Diagnostics(
-            diagnostics.MonitorRows(), signing, self._companion
+            lambda: self._inbox.put(_Report()), diagnostics.MonitorRows(), signing, self._companion
         )
         self._hear: Dict[type, Callable[[Any], object]] = {
             Som: self._som_changed,
@@ -120,7 +120,6 @@ class MonitorNode:
         heard = lambda table: self._inbox.put(_Substitutions(table))
         TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, heard, signing)
         TableSubscriber(names.SOM_STATE, msg.SomState, self._hear_som_state, signing)
-        diagnostics.every_period(lambda: self._inbox.put(_Report()))
 
     def spin(self) -> None:
         """Handle events until ROS shuts down."""
@@ -176,10 +175,7 @@ class MonitorNode:
         """Look at ROS time before messages are read: their age is told by this look."""
         now, ros_time = clock.both()
         before, self._ahead = self._ahead, ros_time - now
-        if (
-            abs(self._ahead - before) > settings.CLOCK_CHANGE_S
-            or now - self._told_clock > settings.TURN_S
-        ):
+        if abs(self._ahead - before) > settings.REST_S or now - self._told_clock > settings.TURN_S:
             self._told_clock = now
             self._feed(events.ClockTicked(now, ros_time, clock.is_simulated()))
 
@@ -211,7 +207,7 @@ class MonitorNode:
     def _arrived(self, arrived: Arrived) -> None:
         time, connection, data, whole, _ = arrived
         service = self._core.service_of(connection.topic, connection.publisher)
-        if service is not None and service.needed and whole:
+        if service is not None and service.needed is not False and whole:
             if connection.header["type"] == service.type:
                 self._last_messages.keep(time, connection.topic, connection.publisher, data)
         event = self._reader.event(arrived, self._subscriptions.waited(time), service)

@@ -144,18 +144,24 @@ class ReconfiguratorNode:
             },
         )
         self._diagnostics = diagnostics.Diagnostics(
-            diagnostics.healing_rows, signing, self._companion
+            lambda: self._queue.put(self._report),
+            diagnostics.healing_rows,
+            signing,
+            self._companion,
         )
-        diagnostics.every_period(lambda: self._queue.put(self._report))
         self._decided = clock.now()
         self._duties: Dict[str, Tuple[str, ...]] = {}
         # First of all: what runs goes on, and no substitute may take a name that was used.
-        self._master = MasterWatch(lambda node: node.startswith(prefix), self._see_duties)
+        self._master = MasterWatch(
+            lambda node: node.startswith(prefix),
+            lambda topics: self._put(events.SubscribersSeen(clock.now(), topics)),
+            self._see_duties,
+        )
         self._may_act(som)
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, self._hosts.take_up())
         self._records = heritage.file
-        self._decide(replace(heritage.started, preparing=self._local.processes.forks))
+        self._decide(replace(heritage.started, preparing=self._local.substitutes.forks))
         self._substitutions.open()
         self._som_state.open()
         put_som(som)
@@ -337,7 +343,7 @@ class ReconfiguratorNode:
         self._substitutions.update(map(substitution_message, command.rows), command.removed)
 
     def _show_som(self, command: events.ShowSom) -> None:
-        self._master.introduce(*(row.service.topic for row in command.rows))
+        self._master.introduce(*(topic for row in command.rows for topic in row.service.topics))
         self._som_state.update(map(wire.service_state, command.rows), command.removed)
 
     def _report(self) -> None:
