@@ -1,7 +1,7 @@
 """The functions that expressions may use: a fixed list, and nothing else.
 
-To add one, add a row to the table, with its rule for units, a row to those of ranges in
-shsa_learning, and one in docs/ontology.md.
+To add one, add a row to the table, with its rule for units, and a row to those of ranges in
+shsa_learning.
 """
 import math
 from dataclasses import dataclass

@@ -64,7 +64,7 @@ def _registered(host: LocalHost, left: Set[str]) -> Tuple[Tuple[str, ...], Tuple
         except FAILURES:
             known = None  # nobody knows it
         process = known.process if known else None
-        ours = process is not None and host.processes.runs_ours(node, process)
+        ours = process is not None and host.substitutes.runs_ours(node, process)
         if known is not None and ours:
             host.nodes.adopt(node, known)
         dead = known is not None and known.dead

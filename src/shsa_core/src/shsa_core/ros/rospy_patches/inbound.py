@@ -149,7 +149,7 @@ class _Greeted(socket.socket):
 
 def _read_header(connection: socket.socket) -> bytes:
     """Return the header with its length, and no byte more. Raises OSError, ShsaError."""
-    end = time.monotonic() + settings.HEADER_S
+    end = time.monotonic() + settings.LONG_CALL_S
     length = _read(connection, LENGTH.size, end)
     (size,) = LENGTH.unpack(length)
     if size > settings.LARGEST_HEADER_B:
@@ -168,7 +168,7 @@ def _read(connection: socket.socket, size: int, end: float) -> bytes:
             raise ShsaError("it ended before its header")
         data += came
         if time.monotonic() > end:
-            raise ShsaError(f"no header within {settings.HEADER_S:g} s")
+            raise ShsaError(f"no header within {settings.LONG_CALL_S:g} s")
     return data
 
 
