@@ -1,4 +1,4 @@
-"""What `shsa check` finds where this package is installed: functions that may have no value."""
+"""Finds functions that may have no value, for `shsa check` where this package is installed."""
 from typing import Iterable, Iterator, Mapping, Set
 
 from shsa_core.analysis.finding import Finding
