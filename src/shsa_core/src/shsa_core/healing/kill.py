@@ -1,5 +1,5 @@
 """Ends a node: asks it first, then ends its process; and says what is certain of that."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Dict, List, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda, doubled
@@ -28,6 +28,7 @@ from shsa_core.healing.settings import (
     Settings,
 )
 from shsa_core.model.checks import RateHigh, RateLow
+from shsa_core.model.kinds import Word
 
 USUAL = RateLow.usual, RateHigh.usual
 """Of its usual rate: a node that sends about that much on its own computer does well there."""
@@ -58,55 +59,36 @@ class KillNode:
     quick: bool = False
 
 
-@dataclass(frozen=True)
-class NodeKilled:
-    """The kill of a node is over: it is gone for certain, or could not be reached to make sure.
+class Outcome(Word):
+    """The end of a kill."""
 
-    It was gone at `time`, which is when the kill began if it was dead already. `starter`: who had
-    started it, empty: not known.
+    GONE = "it is gone for certain"
+    UNSURE = "it could not be reached to make sure"
+    SPARED = "it was to be cleared if it is dead, and may still run"
+    ANOTHER = "it is not the one that failed, and is not touched"
+    UNREACHED = "its computer was lost"
+    WELL = "it may do well, as its own computer tells"
+
+
+@dataclass(frozen=True)
+class KillOver:
+    """The kill of a node is over; it was gone at `time`: when the kill began if it was dead.
+
+    `detail`: what was seen; `cause`: why it may do well all the same. `starter`: who had started
+    it, empty: not known.
     """
 
     time: float
     node: str
-    certain: bool
-    detail: str
+    outcome: Outcome
+    detail: str = ""
+    cause: str = ""
     starter: str = ""
 
 
-@dataclass(frozen=True)
-class NodeSpared:
-    """A node that was to be cleared if it is dead may still run.
-
-    `detail`: why one that was to be killed is not touched: it is not the one that failed.
-    """
-
-    time: float
-    node: str
-    detail: str = ""
-
-
-@dataclass(frozen=True)
-class NodeUnreached:
-    """Nothing can be said of a node that was to be killed: its computer was lost."""
-
-    time: float
-    node: str
-    detail: str
-
-
-@dataclass(frozen=True)
-class NodeAlive:
-    """A node that was to be killed may do well: what its own computer says of it, and the cause."""
-
-    time: float
-    node: str
-    detail: str
-    cause: str
-
-
-KillOutcome = Union[NodeKilled, NodeSpared, NodeUnreached, NodeAlive]
 KillEvent = Union[NodeFound, NodeAnswered, NodeLeft, ProcessUntouchable]
-Said = Union[Command, KillOutcome]
+KILL_EVENTS = (NodeFound, NodeAnswered, NodeLeft, ProcessUntouchable)
+Said = Union[Command, KillOver]
 
 
 @dataclass
@@ -151,15 +133,12 @@ class Kills:
         kill, node = self._kills.get(order.node), order.node
         if kill is not None:
             former = kill.order
-            kill.order = KillNode(
-                node,
-                former.urgent,
-                former.if_dead and order.if_dead,
-                former.topic,
-                former.at_once,
-                former.only_here and order.only_here,
-                former.period if order.period else 0.0,
-                former.quick or order.quick,
+            kill.order = replace(
+                former,
+                if_dead=former.if_dead and order.if_dead,
+                only_here=former.only_here and order.only_here,
+                period=former.period if order.period else 0.0,
+                quick=former.quick or order.quick,
             )
             kill.topics.setdefault(order.topic, False)
         if not node or kill is not None:
@@ -216,7 +195,7 @@ class Kills:
         """End a kill as the node's computer was lost, or does not answer in time."""
         if self._kills[node].order.if_dead:
             return self._over(time, node, False, detail)
-        return self._end(node, NodeUnreached(time, node, detail))
+        return self._end(time, node, Outcome.UNREACHED, detail)
 
     def _found(self, event: NodeFound, kill: _Kill, strained: bool) -> List[Said]:
         """Act on where the process of a node runs: the first rule that applies counts."""
@@ -232,10 +211,10 @@ class Kills:
             return [*self._over(kill.begun, node, True, "it had died"), ClearNode(node)]
         if where is Where.ANOTHER:
             why = event.detail or "it is not the one that failed"
-            why = "" if order.if_dead or order.at_once else why
-            return self._end(node, NodeSpared(time, node, why))
+            other = Outcome.SPARED if order.if_dead or order.at_once else Outcome.ANOTHER
+            return self._end(time, node, other, why)
         if order.if_dead:
-            return self._end(node, NodeSpared(time, node))
+            return self._end(time, node, Outcome.SPARED)
         if where is Where.UNREACHABLE:
             return self.unreached(time, node, event.detail or "its computer cannot be reached")
         if where is Where.UNKNOWN and order.period:
@@ -246,7 +225,7 @@ class Kills:
         if where is Where.HERE and order.period:
             doubt = self.doubt(time, node, event.rate, order.period, strained)
             if doubt is not None:
-                return self._end(node, NodeAlive(time, node, *doubt))
+                return self._end(time, node, Outcome.WELL, *doubt)
         if where is Where.STOPPED or (order.at_once and where is Where.HERE):
             return [*self._force(time, node, kill)]
         if where is Where.ELSEWHERE and order.period and not order.only_here:
@@ -302,11 +281,13 @@ class Kills:
         if certain:
             self._tries.pop(node, None)
         elif kill.order.if_dead:
-            return self._end(node, NodeSpared(time, node))
-        return self._end(node, NodeKilled(time, node, certain, detail, kill.starter))
+            return self._end(time, node, Outcome.SPARED)
+        return self._end(time, node, Outcome.GONE if certain else Outcome.UNSURE, detail)
 
-    def _end(self, node: str, outcome: KillOutcome) -> List[Said]:
-        del self._kills[node]
+    def _end(
+        self, time: float, node: str, outcome: Outcome, detail: str = "", cause: str = ""
+    ) -> List[Said]:
+        kill = self._kills.pop(node)
         self._health.dying = frozenset(self._kills)
         self.agenda.set(node, None)
-        return [outcome]
+        return [KillOver(time, node, outcome, detail, cause, kill.starter)]

@@ -16,7 +16,7 @@ from shsa_core.healing import events, hearing, reach, succession
 from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Event, FailureSeen
 from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.node import RestartVain
+from shsa_core.healing.kill import KILL_EVENTS, KillEvent
 from shsa_core.healing.process import is_warm
 from shsa_core.healing.records import Counters, RestartedNode
 from shsa_core.healing.robot import Robot
@@ -89,10 +89,7 @@ class Reconfigurator:
                 events.NodeLearned: self._node_learned,
                 events.DutiesSeen: self._duties_seen,
                 events.NodeCameUp: self._node_came_up,
-                events.NodeFound: lambda event: self._core.deliver(nodes.heed(event)),
-                events.NodeAnswered: lambda event: self._core.deliver(nodes.heed(event)),
-                events.NodeLeft: lambda event: self._core.deliver(nodes.heed(event)),
-                events.ProcessUntouchable: lambda event: self._core.deliver(nodes.heed(event)),
+                **dict.fromkeys(KILL_EVENTS, self._kill_goes_on),
                 events.NodeUnregistered: lambda event: self._core.deliver(
                     nodes.left_in_order(event)
                 ),
@@ -103,9 +100,7 @@ class Reconfigurator:
                 events.ProcessHung: self._process_hung,
                 events.SubstituteRequested: self._requested,
                 events.NodeRestarted: self._node_restarted,
-                events.RestartFailed: lambda e: self._core.deliver(
-                    [RestartVain(e.time, e.node, e.detail)]
-                ),
+                events.RestartFailed: lambda event: self._core.deliver([event]),
                 events.StarterEnded: self._starter_ended,
                 events.Released: lambda e: self._core.ask(e.service, lambda each: each.released()),
                 events.CalibrationsHeard: self._calibrations_heard,
@@ -323,6 +318,9 @@ class Reconfigurator:
         self.robot.health.duties[event.node] = event.duties
         accusers = self._nodes.accusers(event.node)
         return self._core.ask_all(accusers, lambda each: each.reconsider())
+
+    def _kill_goes_on(self, event: KillEvent) -> List[Command]:
+        return self._core.deliver(self._nodes.heed(event))
 
     def _node_came_up(self, event: events.NodeCameUp) -> List[Command]:
         return self._core.ask_all(self._nodes.accusers(event.node), lambda each: each.came_up())

@@ -8,17 +8,7 @@ it is kept out. A relapse that may be its link's makes the hold-off longer, and 
 """
 import math
 from dataclasses import dataclass, field, replace
-from typing import (
-    Any,
-    Callable,
-    Dict,
-    List,
-    NamedTuple,
-    Optional,
-    Sequence,
-    Set,
-    Union,
-)
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Union
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.errors import ShsaError
@@ -29,12 +19,9 @@ from shsa_core.healing.health import MISSED
 from shsa_core.healing.kill import (
     KillEvent,
     KillNode,
-    KillOutcome,
+    KillOver,
     Kills,
-    NodeAlive,
-    NodeKilled,
-    NodeSpared,
-    NodeUnreached,
+    Outcome,
 )
 from shsa_core.healing.records import Fate, NodeRecord, Trust
 from shsa_core.healing.robot import Robot
@@ -47,15 +34,6 @@ UNTRIED = Trust()
 
 
 @dataclass(frozen=True)
-class RestartVain:
-    """A node could not be started again."""
-
-    time: float
-    node: str
-    detail: str
-
-
-@dataclass(frozen=True)
 class TrustChanged:
     """It was not the node's own failure: whoever accuses it shows that it is not kept out."""
 
@@ -63,8 +41,8 @@ class TrustChanged:
     node: str
 
 
-NodeEvent = Union[KillOutcome, RestartVain, TrustChanged]
-NODE_EVENTS = (NodeKilled, NodeSpared, NodeUnreached, NodeAlive, RestartVain, TrustChanged)
+NodeEvent = Union[KillOver, events.RestartFailed, TrustChanged]
+NODE_EVENTS = (KillOver, events.RestartFailed, TrustChanged)
 Said = Union[Command, NodeEvent]
 
 
@@ -153,11 +131,13 @@ class Nodes:
         self._tries: Dict[str, int] = {}  # to learn which process a node is
         self._topics: Dict[str, str] = {}
         self._learning: Agenda[str] = Agenda()
-        self._notes: Dict[type, Callable[[Any], List[Said]]] = {
-            NodeKilled: self._gone,
-            NodeSpared: self._spared,
-            NodeUnreached: self._unreached,
-            NodeAlive: self._alive,
+        self._notes: Dict[Outcome, Callable[[KillOver], List[Said]]] = {
+            Outcome.GONE: self._gone,
+            Outcome.UNSURE: self._gone,
+            Outcome.SPARED: self._spared,
+            Outcome.ANOTHER: self._untouched,
+            Outcome.UNREACHED: self._unreached,
+            Outcome.WELL: self._alive,
         }
 
     def _host_of(self, node: str) -> str:
@@ -345,13 +325,13 @@ class Nodes:
         """Note how kills ended, for all that accuse the node."""
         found: List[Said] = []
         for each in said:
-            note = self._notes.get(type(each))
-            found += [each] if note is None else note(each)
+            found += self._notes[each.outcome](each) if isinstance(each, KillOver) else [each]
         return found
 
-    def _gone(self, kill: NodeKilled) -> List[Said]:
+    def _gone(self, kill: KillOver) -> List[Said]:
         """A node is gone, or could not be reached to make sure."""
         time, node, case = kill.time, kill.node, self._cases.get(kill.node)
+        certain = kill.outcome is Outcome.GONE
         said: List[Said] = []
         self._health.gone(node, time)
         self.went(node)
@@ -360,37 +340,39 @@ class Nodes:
                 if self._health.healthy((topic, node)):
                     said += self.came_up(node, topic)
         self.forget_restarted(node)
-        if kill.certain:
+        if certain:
             self._orphans.discard(node)
-        self._settle(node, kill.certain)
-        if case and kill.certain:  # its last failure was its own
+        self._settle(node, certain)
+        if case and certain:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.before.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
         elif case:
             self._left_alone(node, case)
         return [kill, *said]
 
-    def _spared(self, kill: NodeSpared) -> List[Said]:
-        if not kill.detail:  # its connection was lost, but it still runs
-            for accusation in self._accusations(kill.node):
-                accusation.kind = Kind.SILENT
-            return [kill]
+    def _spared(self, kill: KillOver) -> List[Said]:
+        """Note that a node lost its connection, but still runs."""
+        for accusation in self._accusations(kill.node):
+            accusation.kind = Kind.SILENT
+        return [kill]
+
+    def _untouched(self, kill: KillOver) -> List[Said]:
         self._settle(kill.node)
         if kill.node in self._cases:
             self._left_alone(kill.node, self._cases[kill.node])
         return [Log(Level.ERROR, f"{kill.node} is not touched: {kill.detail}."), kill]
 
-    def _unreached(self, kill: NodeUnreached) -> List[Said]:
+    def _unreached(self, kill: KillOver) -> List[Said]:
         """Finish the kill of a node when its computer is back."""
         host = self._host_of(kill.node)
         if not host:
-            return self._gone(NodeKilled(kill.time, kill.node, False, kill.detail))
+            return self._gone(replace(kill, outcome=Outcome.UNSURE))
         silent = all(each.silent for each in self._accusations(kill.node))
         self._pending[kill.node] = _Pending(host, kill.time, silent)
         self._settle(kill.node)
         return [kill]
 
-    def _alive(self, kill: NodeAlive) -> List[Said]:
+    def _alive(self, kill: KillOver) -> List[Said]:
         """Ask the computer of a node again while it is missed here, as it may do well there."""
         self._pending[kill.node] = _Pending(self._host_of(kill.node), kill.time, True)
         accusations = self._accusations(kill.node)
