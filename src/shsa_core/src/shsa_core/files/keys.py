@@ -262,7 +262,7 @@ SERVICE: Keys = {
         "s between two messages; none: event-driven",
     ),
     "needed": basic(
-        flag, "true: it is healed; unsaid, while a node outside healing subscribes to its topic"
+        flag, "true: it is healed; not given: while a node outside healing subscribes to it"
     ),
     "standby": basic(one_of(Standby), "what is ready before a failure"),
     "policy": basic(one_of(Policy), "what is done about a failure"),
