@@ -24,11 +24,15 @@ from shsa_core.ros.sockets.reconnection import Answered, Doubt, Reconnection
 
 
 class Connected(NamedTuple):
-    """The first connection to a publisher of a topic stands, or one after an interruption."""
+    """The first connection to a publisher of a topic stands, or one after an interruption.
+
+    `at`: the numeric address of its process.
+    """
 
     time: float
     topic: str
     publisher: str
+    at: str
 
 
 class Interrupted(NamedTuple):
@@ -209,19 +213,32 @@ class Subscriptions:
             self.inbox.watch(connection.descriptor, connection.wakes)
         except OSError:
             connection.wakes = True  # it has just been closed, which we are told next
-        if self._identities.claim(connection):
-            yield from self._recognize(connection)
+        self._identities.claim(connection)
 
     def _recognize(self, connection: Connection) -> Iterator[Happening]:
         """Have what comes from now on count for the node whose connection it is."""
         topic, publisher = connection.topic, connection.publisher
+        yield from self._disown(connection)
         others = (each for each in self._standing.values() if each is not connection)
         if not any(each.is_known and _same(each, connection) for each in others):
-            yield Connected(self._time, topic, publisher)
+            yield Connected(self._time, topic, publisher, connection.at)
         self._reconnection.connected(topic, connection.uri)
         if connection in self._newest:
             data = self._newest.pop(connection)
             yield Arrived(self._time, connection, data, True, self._times.looked.ros_time)
+
+    def _disown(self, by: Connection) -> Iterator[Happening]:
+        """Ask again about the connections of a node to where it is no more: another has its name."""
+        former = [
+            each
+            for each in self._standing.values()
+            if each.is_known and each.publisher == by.publisher and each.uri != by.uri
+        ]
+        for each in former:
+            self._identities.claim(each)
+        for topic in {each.topic for each in former} - {by.topic}:
+            if by.publisher not in self.publishers(topic):
+                yield Gone(self._time, topic, by.publisher)
 
     def _read(self, ready: Set[int], since: float) -> Iterator[Happening]:
         for descriptor in ready:

@@ -121,6 +121,7 @@ def _publisher_health(row: msg.PublisherHealth, theirs: clock.SenderClock) -> Pu
         detail=shown(row.detail),
         service=row.service,
         last_message=last_message(bytes(row.last_message)),
+        uri=row.uri,
     )
 
 

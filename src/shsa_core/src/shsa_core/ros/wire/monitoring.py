@@ -50,6 +50,7 @@ def health_row(row: PublisherHealth) -> msg.PublisherHealth:
         last_good=clock.to_stamp(row.last_good),
         service=row.service,
         last_message=row.last_message,
+        uri=row.uri,
     )
 
 
