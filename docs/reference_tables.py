@@ -63,6 +63,7 @@ BASIC_ARGUMENTS = (
 def basics() -> str:
     """All that a first robot needs to set."""
     places = {
+        "the SOM": {"act": keys.SOM["act"]},
         "a service in the SOM": keys.SERVICE,
         "a value of it, under `provides`": keys.VALUE,
         "a property or constant in the ontology": {**keys.PROPERTY, **keys.CONSTANT},
@@ -141,6 +142,7 @@ def commands() -> str:
 
 
 PARTS: Dict[str, Callable[[], str]] = {
+    "som": lambda: key_table(keys.SOM),
     "som_service": lambda: key_table(keys.SERVICE, Service),
     "som_value": lambda: key_table(keys.VALUE, Provision),
     "som_counts": lambda: key_table(keys.COUNTS, Checks),

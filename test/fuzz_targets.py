@@ -19,7 +19,7 @@ import audit  # noqa: E402
 
 from shsa_core import message_types  # noqa: E402
 from shsa_core.analysis.check import check_model  # noqa: E402
-from shsa_core.analysis.incident_log import read_log  # noqa: E402
+from shsa_learning.incident_log import read_log  # noqa: E402
 from shsa_core.codegen.checked_code import check_code  # noqa: E402
 from shsa_core.codegen.program import compile_program  # noqa: E402
 from shsa_core.errors import ModelError, ShsaError  # noqa: E402
@@ -29,7 +29,7 @@ from shsa_core.files.som_file import load_som, merge_parameters, som_parameters 
 from shsa_core.healing.naming import Names  # noqa: E402
 from shsa_core.healing.settings import Settings  # noqa: E402
 from shsa_core.journal.machines import MACHINES, machine_kind  # noqa: E402
-from shsa_core.journal.reader import Journal  # noqa: E402
+from shsa_learning.replay import Journal  # noqa: E402
 from shsa_core.language.expression import parse_law  # noqa: E402
 from shsa_core.language.units import parse_unit  # noqa: E402
 from shsa_core.model.field import parse_field  # noqa: E402

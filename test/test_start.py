@@ -8,7 +8,7 @@ from listings import PATIENCE_S, ROOT, Page, Reader, listings, new_reader
 from shsa_testing.waiting import wait_until
 
 START = ROOT / "docs" / "start.md"
-FILES = {"properties:": "robot.yaml", "services:": "robot_som.yaml"}
+FILES = {"properties:": "robot.yaml", "act: true": "robot_som.yaml"}
 """First words of blocks that are files."""
 
 

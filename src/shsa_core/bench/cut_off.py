@@ -105,7 +105,7 @@ def models(folder: Path) -> Dict[str, str]:
         "first": hot(FIRST, "far", "own"),
         "near": hot(NEAR, "own", "far"),
     }
-    som.write_text(json.dumps({"hosts": {"own": {}, "far": {}}, "services": services}))
+    som.write_text(json.dumps({"act": True, "hosts": {"own": {}, "far": {}}, "services": services}))
     return {"ontology": str(ontology), "som": str(som), "secret": str(folder / "secret")}
 
 

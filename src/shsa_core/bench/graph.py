@@ -192,5 +192,5 @@ def write_som(path: Path, services: Iterable[Mapping[str, object]]) -> Path:
     if rospy.has_param(PARAMETER):
         rospy.delete_param(PARAMETER)
     named = {str(each["topic"]).strip("/"): each for each in services}
-    path.write_text(json.dumps({"services": named}, indent=1))  # JSON is YAML as well
+    path.write_text(json.dumps({"act": True, "services": named}, indent=1))  # JSON is YAML as well
     return path

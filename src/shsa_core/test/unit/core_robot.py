@@ -1,7 +1,6 @@
 """A reconfigurator between a table that the test writes and the commands that it gives."""
 from typing import Any, Dict, List, Optional, Sequence, Tuple, Type, TypeVar, Union
 
-from shsa_core.codegen.generator import Program
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.machine import Reconfigurator
@@ -13,7 +12,7 @@ from shsa_core.model.relation import TransferFunction
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-from shsa_core.model.substitution import Substitution, row_key
+from shsa_core.model.substitution import Program, Substitution, row_key
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 A, B, C = "/a_node", "/b_node", "/c_node"

@@ -88,7 +88,7 @@ BOTH = replace(WITH_D, functions=[*ONTOLOGY.functions, function("d_by_b", "d", "
 
 
 def changed(som: Som, name: str, **changes: Any) -> Som:
-    return Som(replace(each, **changes) if each.name == name else each for each in som)
+    return som.with_services(replace(e, **changes) if e.name == name else e for e in som)
 
 
 def test_a_wrong_node_that_gives_what_nothing_replaces_is_kept_and_only_advised_on() -> None:
@@ -413,15 +413,17 @@ def test_a_policy_of_advice_plans_and_does_nothing(kind: str) -> None:
     incident = last_incident(robot.fail("/a", A, 10.0, kind))
     assert incident.inputs == ("/b/data",) and incident.kept
     assert incident.state is (State.ENDED if kind == "requested" else State.KEPT)
-    assert "nothing is done, as the policy is advise; else " in incident.decision
+    assert "nothing is done, as healing advises; else " in incident.decision
     robot.handle(events.Tick(20.0))
     assert acts(robot.said) == []
 
 
-def test_a_dry_run_advises_on_everything_whatever_the_som_says() -> None:
-    som = Som([service("a", A, needed=True, standby=Standby.HOT), service("b", B)])
+@pytest.mark.parametrize("act", [True, False])
+def test_healing_advises_in_a_dry_run_and_until_the_som_says_otherwise(act: bool) -> None:
+    hot = service("a", A, needed=True, standby=Standby.HOT)
+    som = Som([hot, service("b", B)], act=act)
     robot = Robot(som)
-    robot.core = Reconfigurator(ONTOLOGY, som, Settings(), dry_run=True)
+    robot.core = Reconfigurator(ONTOLOGY, som, Settings(), dry_run=act)
     robot.said.clear()
     robot.table(1.0)
     robot.idle(1.0)
@@ -431,6 +433,8 @@ def test_a_dry_run_advises_on_everything_whatever_the_som_says() -> None:
     robot.handle(events.ModelsReloaded(12.0, ONTOLOGY, som))
     robot.handle(events.Tick(30.0))
     assert acts(robot.said) == [] and last_incident(robot.said).state is State.KEPT
+    robot.handle(events.ModelsReloaded(31.0, ONTOLOGY, Som(som)))
+    assert bool(acts(robot.said)) is not act
 
 
 def test_what_somebody_asks_for_is_refused_if_it_would_cost_too_much() -> None:

@@ -73,20 +73,21 @@ def register(uri: str, name: str = NAME, topic: str = TOPIC) -> None:
     rosgraph.Master(name).registerPublisher(topic, KIND, uri)
 
 
+def outcome(end: Callable[[Nodes, str], bool], nodes: Nodes, node: str) -> Dict[str, str]:
+    try:
+        return {"left": ""} if end(nodes, node) else {}
+    except ending.Untouchable as why:
+        return {"failed": str(why)}
+
+
 def ended(nodes: Nodes, node: str = NAME) -> Dict[str, str]:
     """Return what becomes of `kill -9`."""
-    told: Dict[str, str] = {}
-    left, failed = lambda: told.update(left=""), lambda why: told.update(failed=why)
-    ending.end_process(nodes, node, left, failed)
-    return told
+    return outcome(ending.end_process, nodes, node)
 
 
 def asked(nodes: Nodes, node: str = NAME) -> Dict[str, str]:
     """Return what becomes of `rosnode kill`."""
-    told: Dict[str, str] = {}
-    left, failed = lambda: told.update(left=""), lambda why: told.update(failed=why)
-    ending.ask_to_leave(nodes, node, left, failed)
-    return told
+    return outcome(ending.ask_to_leave, nodes, node)
 
 
 def test_a_publisher_that_was_seen_well_is_ended_though_it_hangs(nodes: Nodes, make: Make) -> None:

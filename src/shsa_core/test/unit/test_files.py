@@ -12,12 +12,10 @@ from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.regular import open_to_append, read_text
 from shsa_core.files.som_file import load_som, read_som
 from shsa_core.files.trust import refuse_others_commands, written_by_others
-from shsa_core.journal.reader import Journal
 
 READERS: Dict[str, Callable[[str], object]] = {
     "ontology": load_ontology,
     "som": load_som,
-    "journal": Journal,
 }
 as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
 

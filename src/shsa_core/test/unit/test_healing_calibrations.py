@@ -6,7 +6,6 @@ import pytest
 from shsa_msgs.msg import Calibrations
 
 from core_robot import A, ONTOLOGY, SOM, Robot, last_incident, only, service
-from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
@@ -18,6 +17,7 @@ from shsa_core.model.error import Error
 from shsa_core.model.kinds import Standby
 from shsa_core.model.service import Signal
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import Program
 from shsa_core.monitoring.events import CalibrationRow
 from shsa_core.ros import clock
 from shsa_core.ros.wire.healing import calibrations_heard

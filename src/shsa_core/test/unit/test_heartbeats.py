@@ -1,4 +1,5 @@
 """Signs of life between processes: who sends them, who hears them, and who hangs."""
+import builtins
 import errno
 import os
 import signal
@@ -9,12 +10,13 @@ import time
 from pathlib import Path
 from typing import Iterator, List, Tuple
 
+import psutil
 import pytest
 import rospy
 
 from shsa_core.ros import settings
 from shsa_core.ros.processes.heartbeats import Heart, Signs
-from shsa_core.ros.processes.kernel import NOBODY, ended, identity, same_process
+from shsa_core.ros.processes.kernel import NOBODY, ended, gone, identity
 from shsa_core.ros.processes.watching import Life
 from shsa_testing.waiting import wait_until
 
@@ -151,22 +153,20 @@ def test_a_second_one_hears_nothing_and_says_so(role: str) -> None:
 
 def test_a_process_is_known_by_its_start_as_well() -> None:
     known = identity(os.getpid())
-    found = same_process(known)
-    assert found is not None and found.pid == os.getpid()
-    assert same_process((known[0], known[1] + 1.0)) is None
-    assert same_process(NOBODY) is None and identity(0) == NOBODY
+    assert not ended(known) and ended((known[0], known[1] + 1.0))
+    assert ended(NOBODY) and identity(0) == NOBODY
 
 
 def test_nobody_is_dead_because_there_is_no_descriptor_to_look(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    known = identity(os.getpid())
+    known, process = identity(os.getpid()), psutil.Process()
 
-    def refuse(*_: object) -> int:
+    def refuse(*_: object, **__: object) -> int:
         raise OSError(errno.EMFILE, "Too many open files")
 
-    monkeypatch.setattr(os, "open", refuse)
-    assert not ended(known)
+    monkeypatch.setattr(builtins, "open", refuse)
+    assert not ended(known) and not gone(process)
 
 
 STRANGER = """

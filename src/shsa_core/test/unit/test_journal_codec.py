@@ -19,7 +19,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import toy_machine as toy
+from shsa_testing import toy_machine as toy
 from shsa_core.errors import ModelError
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import FORMS, MACHINES, machine_kind

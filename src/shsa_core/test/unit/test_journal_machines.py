@@ -17,6 +17,7 @@ from shsa_core.journal.writer import JournalWriter  # noqa: E402
 from shsa_core.model.kinds import Standby  # noqa: E402
 
 PACKAGE = Path(__file__).resolve().parents[2]
+SOURCES = f"{PACKAGE / 'src'}:{PACKAGE.parent / 'shsa_learning' / 'src'}"
 
 
 class RecordedRobot(Robot):
@@ -44,7 +45,7 @@ def replayed(path: Path, seed: int) -> Any:
         [sys.executable, str(PACKAGE / "scripts/shsa"), "replay", str(path), "--json"],
         stdout=subprocess.PIPE,
         universal_newlines=True,
-        env={**os.environ, "PYTHONPATH": str(PACKAGE / "src"), "PYTHONHASHSEED": str(seed)},
+        env={**os.environ, "PYTHONPATH": SOURCES, "PYTHONHASHSEED": str(seed)},
     )
     assert done.returncode == 0, done.stdout
     return json.loads(done.stdout)

@@ -6,7 +6,6 @@ from typing import Any, Dict, List, Optional, Tuple
 
 import pytest
 
-from shsa_core.codegen.generator import Program
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.kinds import Kind
@@ -27,7 +26,7 @@ from shsa_core.monitoring.events import (
 )
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.model.service import Signal
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import Program, Substitution
 
 PERIOD = 0.05
 ONTOLOGY = """

@@ -161,11 +161,13 @@ def test_the_package_needs_none_of_the_others_and_no_library_for_learning() -> N
     assert run(NOT_NEEDED, list(MODULES)) == (0, "")
 
 
-@pytest.mark.parametrize("part", ["healing", "search", "codegen", "monitoring", "substitution"])
+@pytest.mark.parametrize(
+    "part", ["healing", "search", "codegen", "monitoring", "substitution", "gating"]
+)
 def test_what_runs_on_the_robot_loads_no_library_for_drawing_or_analysing(part: str) -> None:
     names = [name for name in MODULES if name.startswith(f"shsa_core.{part}")]
-    # A substitute starts when it is needed, and has no ontology: it does without the graph as well.
-    forbidden = LIBRARIES + ",networkx" if part == "substitution" else LIBRARIES
+    # Substitutes and gates have no ontology, and start at once: they do without the graph as well.
+    forbidden = LIBRARIES + ",networkx" if part in ("substitution", "gating") else LIBRARIES
     assert run(forbidden, names) == (0, "")
 
 

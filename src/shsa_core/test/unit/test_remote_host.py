@@ -1,4 +1,5 @@
 """Another computer by way of its agent: reached, cut off, started anew, and what that answers."""
+import random
 from typing import Any, List
 
 import pytest
@@ -13,7 +14,7 @@ from shsa_core.ros.agent.agent import AgentEnd  # noqa: E402
 from shsa_core.ros.processes.host import HostEvent  # noqa: E402
 from shsa_core.ros.agent.remote import RemoteHost  # noqa: E402
 from shsa_core.ros.settings import LOST_S, RETURN_S, TICK_S  # noqa: E402
-from shsa_core.ros.agent.line import COMMANDS, EVENTS, read_command, written  # noqa: E402
+from shsa_core.ros.agent.line import COMMANDS, EVENTS, read, written  # noqa: E402
 
 SUBSTITUTE = events.StartSubstitute("/substitute_a_1", None, host="pi")
 
@@ -33,17 +34,17 @@ class Cable:
 
     def command(self, message: msg.HostCommand) -> None:
         if self.whole and self.agent.hear(message, self.now):
-            self.done.append(read_command(message.command, "test"))
+            self.done.append(read(COMMANDS, message.command, "test"))
 
-    def say(self, number: int, text: str) -> None:
+    def say(self, text: str) -> None:
         if self.whole:
             self.host.heard(
                 msg.HostEvent(
                     began=self.agent.began,
                     session=self.agent.session,
                     open=self.agent.is_open(self.now),
-                    number=number,
-                    heard=self.agent.line.heard,
+                    number=self.agent.said,
+                    heard=self.agent.heard,
                     event=text,
                     addresses=["10.0.0.2", "pi"],
                     running=self.running,
@@ -55,16 +56,14 @@ class Cable:
             )
 
     def tell(self, event: HostEvent) -> None:
-        self.say(*self.agent.line.say(written(EVENTS, event), self.now))
+        self.agent.said += 1
+        self.say(written(EVENTS, event))
 
     def pass_time(self, seconds: float) -> None:
         end = self.now + seconds
         while self.now < end:
             self.now += TICK_S
-            self.say(0, "")
-            if self.agent.is_open(self.now):
-                for number, text in self.agent.line.again(self.now):
-                    self.say(number, text)
+            self.say("")
             self.host.tick(self.now)
             self.host.beat()
 
@@ -93,19 +92,49 @@ def test_a_command_arrives_once_and_its_answer_is_of_our_clock(cable: Cable) -> 
     assert cable.host.is_quiet
 
 
-def test_what_was_lost_on_the_way_is_said_again(cable: Cable) -> None:
+@pytest.mark.parametrize("node", ["/substitute_a_1", "/substitute_a_2"])
+def test_after_a_loss_both_begin_anew_and_what_is_not_wanted_is_stopped(
+    cable: Cable, node: str
+) -> None:
+    for start in (SUBSTITUTE, events.StartSubstitute("/substitute_a_2", None, host="pi")):
+        cable.host.carry_out(start, cable.now)
+        cable.running.append(start.node)
+    cable.pass_time(0.2)
+    session = cable.agent.session
     cable.whole = False
-    cable.host.carry_out(events.StopSubstitute("/substitute_a_1"), cable.now)
-    cable.tell(events.ProcessSilent(0.0, "/substitute_a_2"))
+    cable.host.carry_out(events.StopSubstitute(node), cable.now)
+    cable.tell(events.ProcessSilent(0.0, node))
+    cable.host.carry_out(events.FindNode("/a"), cable.now)
     cable.whole = True
     cable.pass_time(0.5)
-    assert cable.done.count(events.StopSubstitute("/substitute_a_1")) == 1
-    assert len(cable.take(events.ProcessSilent)) == 1
+    assert cable.agent.session > session and cable.host.is_reached
+    assert cable.done.count(events.StopSubstitute(node)) == 1
+    assert [each.where for each in cable.take(events.NodeFound)] == [Where.UNREACHABLE]
+    cable.pass_time(2.0)
+    assert not cable.take(events.HostLost) and cable.host.is_quiet
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_carried_out_is_in_order_and_each_once_on_a_cable_that_loses(seed: int) -> None:
+    chance, cable = random.Random(seed), Cable()
+    cable.pass_time(0.2)
+    nodes = [f"/{number}" for number in range(100)]
+    for node in nodes:
+        cable.whole = chance.random() < 0.9
+        cable.host.carry_out(events.ClearNode(node), cable.now)
+        cable.tell(events.NodeLeft(0.0, node))
+        cable.pass_time(0.2 * chance.random())
+    cable.whole = True
+    cable.pass_time(1.0)
+    assert cable.host.is_reached and cable.host.is_quiet
+    for heard in (cable.done, cable.take(events.NodeLeft)):
+        done = [int(each.node[1:]) for each in heard if not isinstance(each, events.WatchNodes)]
+        assert 10 < len(done) < 100 and done == sorted(set(done))
 
 
 def test_the_load_of_a_computer_is_told_as_often_as_it_comes(cable: Cable) -> None:
     cable.told.clear()
-    cable.say(0, "")
+    cable.say("")
     cable.tell(events.NodeLeft(0.0, "/a"))
     seen = cable.take(events.HostSeen)
     assert len(seen) == 1
@@ -165,15 +194,27 @@ def test_whoever_waits_when_it_is_lost_is_answered_at_once(cable: Cable) -> None
 
 def test_what_was_kept_back_on_a_cut_cable_is_refused(cable: Cable) -> None:
     text = written(COMMANDS, events.EndProcess("/a"))
-    number = cable.agent.line.heard + 1
-    late = msg.HostCommand(
-        session=cable.agent.session, agent=1000, number=number, heard=0, command=text
-    )
+    number = cable.agent.heard + 1
+    late = msg.HostCommand(session=cable.agent.session, agent=1000, number=number, command=text)
     cable.now += LOST_S + 0.1
     assert not cable.agent.hear(late, cable.now)
     cable.pass_time(0.3)
     assert cable.host.is_reached and cable.agent.session > late.session
     assert not cable.agent.hear(late, cable.now)
+
+
+def test_what_a_stranger_repeats_changes_nothing(cable: Cable) -> None:
+    text = written(COMMANDS, events.EndProcess("/a"))
+    cable.host.carry_out(events.EndProcess("/a"), cable.now)
+    cable.tell(events.NodeLeft(0.0, "/a"))
+    ours = msg.HostCommand(session=cable.agent.session, agent=1000, number=2, command=text)
+    done, session = list(cable.done), cable.agent.session
+    assert ours.number == cable.agent.heard and not cable.agent.hear(ours, cable.now)
+    cable.take(events.NodeLeft)
+    cable.say(written(EVENTS, events.NodeLeft(0.0, "/a")))
+    cable.pass_time(0.5)
+    assert cable.done == done and not cable.take(events.NodeLeft)
+    assert cable.host.is_reached and cable.agent.session == session
 
 
 def test_a_later_reconfigurator_is_heard_and_the_former_no_more(cable: Cable) -> None:
@@ -230,7 +271,8 @@ def test_what_runs_there_and_is_not_wanted_any_more_is_stopped(cable: Cable) -> 
 
 def test_nobody_is_told_twice_of_what_is_no_event(cable: Cable) -> None:
     cable.told.clear()
-    cable.say(*cable.agent.line.say("no event", cable.now))
+    cable.agent.said += 1
+    cable.say("no event")
     assert cable.told == []
     cable.tell(events.NodeLeft(0.0, "/a"))
     assert cable.take(events.NodeLeft)

@@ -31,7 +31,7 @@ def test_parameters_are_plain_and_give_the_same_som(good: Som) -> None:
     assert tree["services"]["imu"]["period"] == "none"
     assert som_of(tree) == good
     assert som_of(tree).services["imu"].where == "shsa/som/services/imu"
-    assert som_of({"services": {}}) == Som()
+    assert som_of({"services": {}, "act": True}) == Som()
 
 
 def test_a_number_is_one_parameter(good: Som) -> None:
@@ -86,6 +86,16 @@ def test_the_order_of_the_file_stays(good: Som) -> None:
     services["odometry"]["provides"] = {name: provides[name] for name in reversed(list(provides))}
     som, errors = merge_parameters(good, {"services": services})
     assert errors == [] and list(som) == list(good)
+
+
+def test_whether_healing_acts_comes_from_the_file_alone(good: Som, tmp_path: pathlib.Path) -> None:
+    acting = read_som(write(tmp_path, "act: true\n" + GOOD))
+    assert (good.act, acting.act) == (False, True) and acting != good
+    for file in good, acting:
+        tree: Any = som_parameters(file)
+        assert merge_parameters(file, tree) == (file, [])
+        som, errors = merge_parameters(file, {**tree, "act": not file.act})
+        assert som == file and [error.where for error in errors] == ["shsa/som/act"]
 
 
 @pytest.mark.parametrize("value", [None, 5, "x", [], [1], True, float("nan"), {"current": {}}])

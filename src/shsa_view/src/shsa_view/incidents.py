@@ -1,7 +1,7 @@
 """The incidents that are shown: those of the log, and those that are told as they happen."""
 from typing import Any, Dict, List, Optional, Set, Tuple
 
-from shsa_core.analysis.incident_log import MOMENTS, SAME_S
+from shsa_learning.incident_log import MOMENTS, SAME_S
 from shsa_core.healing.incident import Incident, State
 from shsa_core.text import shown
 from shsa_view.plain import code, number, texts

@@ -1,7 +1,7 @@
 """The robot without a service or a node: healing's answers, its cut sets, and in words."""
 from typing import Any, Dict, List, Mapping, Sequence, Tuple
 
-from shsa_core.analysis.fragility import Fragility
+from shsa_learning.fragility import Fragility
 from shsa_core.errors import ShsaError
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service

@@ -19,7 +19,8 @@ from shsa_core.errors import NoSubstitute, ShsaError
 
 ELSEWHERE = {
     **dict.fromkeys(
-        ("backtest", "explain", "import", "init", "learn", "plot", "report"), "shsa_learning"
+        ("backtest", "explain", "import", "init", "learn", "plot", "replay", "report"),
+        "shsa_learning",
     ),
     **dict.fromkeys(("chaos", "inject"), "shsa_injection"),
     "top": "shsa_view",

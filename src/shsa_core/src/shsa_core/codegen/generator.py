@@ -1,5 +1,4 @@
 """Generates a substitute's three strings from derivations (Section V-A3 of the paper)."""
-from dataclasses import dataclass
 from typing import Dict, List, Mapping, Sequence, Tuple, Union
 
 from shsa_core.codegen.checked_code import check_code
@@ -8,16 +7,8 @@ from shsa_core.language.expression import Condition, Law
 from shsa_core.model.ontology import Constant
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
+from shsa_core.model.substitution import Program
 from shsa_core.search.derivation import Derivation
-
-
-@dataclass(frozen=True)
-class Program:
-    """The three strings of a substitute: input paths, code, output paths."""
-
-    inputs: Tuple[str, ...]
-    code: str
-    outputs: Tuple[str, ...]
 
 
 def generate(

@@ -5,7 +5,7 @@ from math import prod
 from typing import Collection, Iterable, List, Optional, Sequence, Tuple, Union
 
 from shsa_core.codegen.choice import Listing, listing
-from shsa_core.codegen.generator import Program, generate, generate_values, inputs_of
+from shsa_core.codegen.generator import generate, generate_values, inputs_of
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, ShsaError
 from shsa_core.model.error import Error
@@ -13,6 +13,7 @@ from shsa_core.model.field import reduces
 from shsa_core.model.network import Network
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
+from shsa_core.model.substitution import Program
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Derivation, Rated, SourceTable, rate_joint

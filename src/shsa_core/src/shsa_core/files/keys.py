@@ -310,5 +310,6 @@ SERVICE: Keys = {
 }
 SOM: Keys = {
     "services": required(mapping, "the services, by name"),
+    "act": basic(flag, "true: healing acts; else it advises: it tells what it would do"),
     "hosts": expert(mapping, "the robot's computers, by name"),
 }

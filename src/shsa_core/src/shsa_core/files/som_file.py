@@ -66,7 +66,7 @@ def read_tree(tree: Value, namespace: str = "/") -> Tuple[Som, List[ModelError]]
             services.append(service)
         except ModelError as error:
             errors += error.errors
-    return Som(services, hosts), errors
+    return Som(services, hosts, sections.get("act", False)), errors
 
 
 def merge_parameters(
@@ -82,9 +82,10 @@ def merge_parameters(
         return current, [_no_services(value, where)]
     keys = from_parameters(dict.fromkeys(value), where)
     errors = list(keys.wrong_keys("the SOM", SOM))
-    hosts = _plain_hosts(current)
-    if value.get("hosts", hosts) != hosts:
-        errors.append(ModelError(f"{where}/hosts", "hosts can be changed in the SOM file alone"))
+    for key, plain_value in {"hosts": _plain_hosts(current), "act": current.act}.items():
+        if value.get(key, plain_value) != plain_value:
+            what = f"{key} can be changed in the SOM file alone"
+            errors.append(ModelError(f"{where}/{key}", what))
     services = dict(current.services)
     for name, plain_service in value["services"].items():
         try:
@@ -253,7 +254,9 @@ def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
 
 def som_parameters(som: Som) -> Dict[str, object]:
     """Return a SOM as it lies on the parameter server: plain values, and no command."""
-    tree: Dict[str, object] = {"hosts": _plain_hosts(som)} if som.hosts else {}
+    tree: Dict[str, object] = {"act": True} if som.act else {}
+    if som.hosts:
+        tree["hosts"] = _plain_hosts(som)
     tree["services"] = {service.name: service_parameters(service) for service in som}
     return tree
 

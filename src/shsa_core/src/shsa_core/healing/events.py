@@ -5,14 +5,13 @@ Times in s on one clock.
 from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
-from shsa_core.codegen.generator import Program
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.records import Record
 from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Signal
 from shsa_core.model.som import Som
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.events import CalibrationRow, PublisherHealth
 
 

@@ -48,7 +48,7 @@ class Reconfigurator:
         settings: times and limits.
         namespace: where healing runs: relative names are in it, and so are the substitutes' names,
             which are never used twice.
-        dry_run: whether every service's policy counts as `advise`: nothing is killed or started.
+        dry_run: advise, whatever the SOM says: nothing is killed or started.
         restarts: whether nodes may be started again; else their policy counts as the rest of it.
         host: the name in the SOM of the computer that we run on; empty: not known.
     """
@@ -329,16 +329,16 @@ class Reconfigurator:
     # Services come and go.
 
     def _as_told(self, som: Som) -> Som:
-        """Return a SOM as it counts: in a dry run every policy is to advise; none may restart."""
-        if self._restarts and not self._dry_run:
+        """Return a SOM as it counts: it may have to advise only, or to restart nothing."""
+        if not self.acts(som):
+            return som.with_services(replace(each, policy=Policy.ADVISE) for each in som)
+        if self._restarts:
             return som
-        return som.with_services(replace(each, policy=self._policy(each)) for each in som)
+        return som.with_services(replace(each, policy=_without_restart(each)) for each in som)
 
-    def _policy(self, service: Service) -> Policy:
-        if not self._dry_run and not service.policy.restarts:
-            return service.policy
-        substitutes = service.policy.substitutes and not self._dry_run
-        return Policy.SUBSTITUTE if substitutes else Policy.ADVISE
+    def acts(self, som: Som) -> bool:
+        """Tell that something may be killed or started: the SOM says so, and it is no dry run."""
+        return som.act and not self._dry_run
 
     def _add(self, service: Service) -> None:
         self.services[service.name] = ServiceMachine(service, self.robot)
@@ -535,3 +535,9 @@ class Reconfigurator:
         for row in processes.wanted.rows.values():
             if row.publishing and self.services[row.service].state is State.WELL:
                 raise ShsaError(f"{row.node} publishes for {row.service}, which is well")
+
+
+def _without_restart(service: Service) -> Policy:
+    if not service.policy.restarts:
+        return service.policy
+    return Policy.SUBSTITUTE if service.policy.substitutes else Policy.ADVISE

@@ -263,7 +263,7 @@ class Nodes:
         verdict = decide(self._stakes.case(service, node, kind, replaced, restarted))
         if service.policy is not Policy.ADVISE:
             return verdict
-        why = self._robot.waiting(service) or "the policy is advise"
+        why = self._robot.waiting(service) or "healing advises"
         return Verdict(False, f"nothing is done, as {why}; else {verdict.why}")
 
     @staticmethod

@@ -2,7 +2,6 @@
 from dataclasses import replace
 from typing import Collection, Dict, List, Optional, Sequence, Tuple, Union
 
-from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import Plan, SafeValues, plan_service, safe_values
 from shsa_core.codegen.prediction import Predictor, predictor
 from shsa_core.errors import ShsaError
@@ -14,7 +13,7 @@ from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Signal, Source
 from shsa_core.model.som import Som
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.events import CalibrationRow
 
 AnyPlan = Union[Plan, SafeValues]

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Callable, Dict, FrozenSet, Iterable, List, Optional, Tuple
 
 from shsa_core.agenda import doubled
-from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import NoSubstitute, ShsaError
 from shsa_core.healing.events import (
@@ -25,6 +24,7 @@ from shsa_core.healing.planner import AnyPlan
 from shsa_core.healing.records import Fate
 from shsa_core.healing.process import is_hot
 from shsa_core.model.kinds import Kind, Policy, Standby, Word
+from shsa_core.model.substitution import Program
 
 if TYPE_CHECKING:
     from shsa_core.healing.service import ServiceMachine

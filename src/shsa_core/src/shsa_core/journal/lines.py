@@ -61,15 +61,5 @@ def read_line(line: bytes, where: str) -> Any:
     return data
 
 
-def read_answer(data: Any, where: str) -> Answer:
-    """Return the answer of a line that has one. Raises ModelError."""
-    names, told = data[ANSWER], data.get(DIGEST)
-    if not isinstance(names, list) or not all(isinstance(each, str) for each in names):
-        raise ModelError(where, "an answer must be a list of names")
-    if not isinstance(told, str):
-        raise ModelError(where, f"an answer must have a {DIGEST}")
-    return Answer(tuple(names), told)
-
-
 def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not JSON")

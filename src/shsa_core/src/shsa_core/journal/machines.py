@@ -3,9 +3,8 @@ import inspect
 from functools import lru_cache
 from importlib import import_module
 from operator import attrgetter
-from typing import Any, Callable, Dict, List, Mapping, Protocol, Sequence, Tuple, get_type_hints
+from typing import Any, Callable, Dict, Mapping, Protocol, Sequence, Tuple, get_type_hints
 
-from shsa_core.errors import ModelError
 from shsa_core.journal.codec import Codec, Form
 from shsa_core.language.expression import Condition, Law, parse_constraint, parse_law
 from shsa_core.model.host import Host
@@ -30,7 +29,7 @@ class Machine(Protocol):
 
 FORMS: Mapping[type, Form] = {
     Som: Form(
-        Tuple[Tuple[Service, ...], Tuple[Host, ...]],
+        Tuple[Tuple[Service, ...], Tuple[Host, ...], bool],
         attrgetter("parts"),
         lambda parts: Som(*parts),
     ),
@@ -43,8 +42,8 @@ FORMS: Mapping[type, Form] = {
 class MachineKind:
     """A class of machines, and the codecs of its events, its commands and its setup.
 
-    `make` is the class; its arguments are the setup. `events` and `commands` are unions. Raises
-    TypeError if one of these types cannot be written.
+    `make` is the class; its arguments are the setup, those `required` have no default. `events` and
+    `commands` are unions. Raises TypeError if one of these types cannot be written.
     """
 
     def __init__(self, name: str, make: Callable[..., Machine], events: Any, commands: Any) -> None:
@@ -54,30 +53,15 @@ class MachineKind:
         self.commands = Codec(commands, FORMS)
         arguments = inspect.signature(make).parameters
         hints = get_type_hints(getattr(make, "__init__") if isinstance(make, type) else make)
-        self._setup = {each: Codec(hints[each], FORMS) for each in arguments}
-        self._required = [n for n, each in arguments.items() if each.default is inspect._empty]
+        self.setup = {each: Codec(hints[each], FORMS) for each in arguments}
+        self.required = [n for n, each in arguments.items() if each.default is inspect._empty]
 
     def encode_setup(self, setup: Mapping[str, Any]) -> Dict[str, Any]:
         """Return a machine's arguments as JSON values. Raises TypeError for an unknown one."""
-        unknown = set(setup) - set(self._setup)
+        unknown = set(setup) - set(self.setup)
         if unknown:
             raise TypeError(f"{self.name} takes no {', '.join(sorted(unknown))}")
-        return {name: self._setup[name].encode(value) for name, value in setup.items()}
-
-    def decode_setup(self, data: Any, where: str) -> Dict[str, Any]:
-        """Return the arguments of a machine. Raises ModelError."""
-        if not isinstance(data, dict):
-            raise ModelError(where, "the setup must be an object")
-        for name in data:
-            if name not in self._setup:
-                raise ModelError(where, f"the setup of {self.name} has no {name!a}")
-        missing: List[str] = [name for name in self._required if name not in data]
-        if missing:
-            raise ModelError(where, f"the setup of {self.name} lacks {', '.join(missing)}")
-        return {
-            name: self._setup[name].decode(each, where, f"setup.{name}")
-            for name, each in data.items()
-        }
+        return {name: self.setup[name].encode(value) for name, value in setup.items()}
 
 
 @lru_cache(maxsize=None)

@@ -8,13 +8,17 @@ from shsa_core.model.service import Deadlines, Service, Signal, Source
 
 
 class Som:
-    """All services and hosts by name, in the order of the file; immutable: `Som(services, hosts)`.
+    """All services and hosts by name, in the order of the file; immutable.
 
+    `act`: healing acts; else it advises. A file says so, or it is not so.
     Names differ, and so do the pairs of topic and node; hosts that services name are there; whoever
     reads a SOM has seen to that.
     """
 
-    def __init__(self, services: Iterable[Service] = (), hosts: Iterable[Host] = ()) -> None:
+    def __init__(
+        self, services: Iterable[Service] = (), hosts: Iterable[Host] = (), act: bool = True
+    ) -> None:
+        self.act = act
         self.hosts: Mapping[str, Host] = {host.name: host for host in hosts}
         self.services: Dict[str, Service] = {service.name: service for service in services}
         self._see_upstream()
@@ -60,13 +64,13 @@ class Som:
         return hash(tuple(self.services))
 
     @property
-    def parts(self) -> Tuple[Tuple[Service, ...], Tuple[Host, ...]]:
-        """Its services and hosts."""
-        return tuple(self), tuple(self.hosts.values())
+    def parts(self) -> Tuple[Tuple[Service, ...], Tuple[Host, ...], bool]:
+        """Its services and hosts, and `act`."""
+        return tuple(self), tuple(self.hosts.values()), self.act
 
     def with_services(self, services: Iterable[Service]) -> "Som":
         """Return other services on the same hosts."""
-        return Som(services, self.hosts.values())
+        return Som(services, self.hosts.values(), self.act)
 
     @property
     def sources(self) -> Tuple[Source, ...]:

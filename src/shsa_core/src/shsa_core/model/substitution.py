@@ -8,6 +8,15 @@ from shsa_core.model.service import Signal
 
 
 @dataclass(frozen=True)
+class Program:
+    """The three strings of a substitute: input paths, code, output paths."""
+
+    inputs: Tuple[str, ...]
+    code: str
+    outputs: Tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Substitution:
     """One row of the table; see shsa_msgs/Substitution.
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from math import inf
 from typing import Callable, Collection, Deque, Dict, FrozenSet, Iterable, List, Optional, Tuple
 
-from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import plan_service
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import ShsaError
@@ -19,6 +18,7 @@ from shsa_core.model.field import is_angle
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import Program
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.derivations import Derivations, FollowedPlan, Output
 from shsa_core.monitoring.events import CalibrationRow, CalibrationsChanged, Command

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import Dict, Iterable, List, Mapping, Optional, Set, Tuple
 
-from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import Plan
 from shsa_core.codegen.program import Step, compile_program
 from shsa_core.language.memory import MAX_GAP_S
@@ -15,6 +14,7 @@ from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.service import Deadlines, Service, Source
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import Program
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.calibration import Calibrator
 

@@ -5,12 +5,11 @@ Times in s on one monotonic clock.
 from dataclasses import dataclass
 from typing import Iterable, List, Optional, Tuple, Union
 
-from shsa_core.codegen.generator import Program
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import Program, Substitution
 
 Key = Tuple[str, str]
 """A topic and one of its publishers: the unit of health and of blame."""

@@ -108,7 +108,7 @@ def every_period(call: Callable[[], object]) -> None:
 
     def work() -> None:
         while not rospy.is_shutdown():
-            rospy.rostime.wallsleep(settings.DIAGNOSTICS_PERIOD_S)
+            rospy.rostime.wallsleep(settings.LOOK_S)
             call()
 
     threading.Thread(target=work, name="remind", daemon=True).start()

@@ -61,7 +61,7 @@ def run(name: str, work: Callable[[], None]) -> None:
     rospy.signal_shutdown("the work is done")
     with rospy.core._shutdown_lock:
         pass  # whoever shuts down, in whichever thread, has unregistered the node by now
-    thread.join(settings.LOOP_ANSWER_S)
+    thread.join(settings.ANSWER_S)
     log.close()
     if not done.is_set():
         sys.exit(1)

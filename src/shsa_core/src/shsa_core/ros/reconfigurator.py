@@ -43,9 +43,8 @@ from shsa_core.ros.master.som_parameter import SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.messages.fields import Problem, mark_unusable
 from shsa_core.ros.workers import Workers
-from shsa_core.ros.agent.agents import Agents
+from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_core.ros.processes.host import HostCommand
-from shsa_core.ros.agent.routing import Router
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import run
@@ -112,8 +111,7 @@ class ReconfiguratorNode:
         given = signing.path, journals, arguments.sandbox
         how = Setup(prefix, *given, forks=True, types=types, ready=ready)
         self._local = LocalHost(self._told, signs, how)
-        self._agents = Agents(signing, self._told, arguments.host)
-        self._hosts = Router(self._local, self._agents, self._told, arguments.host)
+        self._hosts = AllHosts(self._local, signing, self._told, arguments.host)
         self._asked: Dict[str, float] = {}
         self._spins, self._stopped = False, threading.Event()
         rospy.core.add_preshutdown_hook(self._stop_elsewhere)
@@ -152,11 +150,10 @@ class ReconfiguratorNode:
         diagnostics.every_period(lambda: self._queue.put(self._report))
         self._decided = clock.now()
         # First of all: what runs goes on, and no substitute may take a name that was used.
-        self._master = MasterWatch(lambda node: node.startswith(prefix), not arguments.dry_run)
+        self._master = MasterWatch(lambda node: node.startswith(prefix))
+        self._may_act(som)
         self._listen(som, taking_up=True)
-        homes = self._agents.take_up()
-        self._hosts.settle(homes)
-        heritage = take_over(self._local, list(homes))
+        heritage = take_over(self._local, self._hosts.take_up())
         self._records = heritage.file
         self._decide(replace(heritage.started, preparing=self._local.processes.forks))
         self._substitutions.open()
@@ -188,7 +185,7 @@ class ReconfiguratorNode:
         Unless another reconfigurator follows, which takes them up.
         """
         needed = ", ".join(service.topic for service in self._core.needed())
-        does = "advising (nothing is killed or started) on" if self._files.dry_run else "healing"
+        does = "healing" if self._master.acts else "advising (nothing is killed or started) on"
         rospy.loginfo("Reconfigurator ready, %s: %s.", does, needed or "nothing")
         self._spins = True
         while not rospy.is_shutdown():
@@ -210,9 +207,9 @@ class ReconfiguratorNode:
 
     def _stop_elsewhere(self, _: str) -> None:
         """Agents are told while our topics are open; with one computer nobody is waited for."""
-        if self._spins and self._agents.names and not self._handover.followed:
+        if self._spins and self._hosts.names and not self._handover.followed:
             self._queue.put(self._stop_all)
-            self._stopped.wait(settings.LOOP_ANSWER_S)
+            self._stopped.wait(settings.ANSWER_S)
 
     def _stop_all(self) -> None:
         if self._stopped.is_set():
@@ -221,8 +218,14 @@ class ReconfiguratorNode:
             self._handle(events.StarterEnded(clock.now(), node))
         self._handle(events.ShuttingDown(clock.now()))
         self._local.await_stops()
-        self._agents.await_quiet()
+        self._hosts.await_quiet()
         self._stopped.set()
+
+    def _may_act(self, som: Som) -> None:
+        self._master.acts = self._core.acts(som)
+        if not som.act:
+            text = "Healing advises: %s does not say `act: true` at its top. Then it acts."
+            rospy.logwarn(text, self._files.som)
 
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
@@ -231,6 +234,7 @@ class ReconfiguratorNode:
         self._listen(som)
         self._hear_monitors(som)
         put_som(som)
+        self._may_act(som)
         self._put(events.ModelsReloaded(clock.now(), ontology, self._usable(som)))
         relations = len({function.relation for function in ontology.functions})
         return f"{relations} relations and {len(som)} services were read"
@@ -295,7 +299,7 @@ class ReconfiguratorNode:
     def _listen(self, som: Som, taking_up: bool = False) -> None:
         """Hear the agents, and see to it that both ends hear of each other."""
         hosts = self._elsewhere(som)
-        self._agents.listen(hosts, taking_up)
+        self._hosts.listen(hosts, taking_up)
         ends = names.host_commands, names.host_events
         topics = (topic(host) for host in hosts for topic in ends)
         self._master.introduce(*map(rospy.resolve_name, topics))
@@ -329,7 +333,7 @@ class ReconfiguratorNode:
 
     def _report(self) -> None:
         open_ = self._incidents.open()
-        told = self._core.needed(), open_, self._master.told(), self._agents.told()
+        told = self._core.needed(), open_, self._master.told(), self._hosts.told()
         self._diagnostics.show(told)
 
     def _failure(self, message: msg.Failure) -> None:

@@ -64,9 +64,9 @@ class Services:
 
         self._enqueue(work)
         try:
-            return answer.result(timeout=settings.LOOP_ANSWER_S)
+            return answer.result(timeout=settings.ANSWER_S)
         except Late as error:
-            raise ShsaError(f"no answer within {settings.LOOP_ANSWER_S:g} s") from error
+            raise ShsaError(f"no answer within {settings.ANSWER_S:g} s") from error
 
     def _needed(self, name: str) -> Service:
         """Return the needed service of a name or topic. Raises ShsaError."""

@@ -8,19 +8,16 @@ TURN_S = 0.1
 """No longer between two looks at the clock: it bounds how late a message is known to have come."""
 
 REST_S = 0.002
-"""Between two looks at least: what comes within this is handled together, as of when it came."""
+"""Between two looks at least, also at a process that is waited for: what comes within this is
+handled together, as of when it came."""
 CLOCK_CHANGE_S = 0.002
 """A change of ROS time beside ours that the monitor is told of at once, and else now and then."""
-LOOP_ANSWER_S = 5.0
-"""So long the thread that does a node's work is given to answer, or to end; it may be busy."""
-DIAGNOSTICS_PERIOD_S = 1.0
-"""As an aggregator of /diagnostics expects."""
+ANSWER_S = 5.0
+"""So long the rest of healing is given to answer, and to end: an agent, the thread that works."""
 
 # Threads for calls that wait for others.
 STANDING_WORKERS = 2
-"""Always there: a call is made even where no thread can be started any more."""
-IDLE_WORKER_S = 10.0
-"""A thread beyond these ends when it has had nothing to do for so long."""
+"""There from the start: a call is made even where no thread can be started any more."""
 SAY_AGAIN_S = 10.0
 """Between two lines of the log on the same trouble."""
 
@@ -51,9 +48,9 @@ CONSUMER_QUEUE = 10
 """Messages that wait for a consumer that does not read; the others do not wait for it."""
 SUBSCRIBE_S = 0.005
 """Between two topics that the monitor subscribes: each new connection costs a publisher time."""
-PREPARE_PAUSE_S, SHARED_PAUSE_S = 0.01, 0.1
-"""Between two registrations of a substitute that is in no hurry: each costs other nodes a
-connection. Of those that share a process ten come up together, with a program each."""
+PAUSE_S, SHARED_PAUSE_S = 0.01, 0.1
+"""Between two calls that are in no hurry: nodes that are learned, registrations of what stands by.
+Each costs others work. Of those that share a process ten come up together, with a program each."""
 ALONE_S = 60.0
 """So long a substitute goes on without a reconfigurator, which a launch starts again within 2 s."""
 
@@ -96,8 +93,7 @@ TICK_S = 0.05
 HEARTBEAT_S = 0.1
 """Between two signs of life, of a process and of an agent."""
 SILENT_S = 0.3
-"""Three heartbeats: a takeover does not wait for a process that is silent for longer, and what an
-agent has not answered by then is said again."""
+"""Three heartbeats: a takeover does not wait for a process that is silent for longer."""
 HUNG_S = 1.5
 """A substitute that is silent for so long is ended."""
 STARVED_S = 15.0
@@ -106,24 +102,14 @@ HUNG_HEALER_S = {"monitor": 3.0, "reconfigurator": 5.0}
 """A healer that is silent for so long is ended by the other; they differ: one of both stays."""
 
 # Processes.
-EXIT_LOOK_S = 0.002
-"""Between two looks whether a process has ended, while somebody waits for that."""
 PROCESS_LOOK_S = 0.02
 """Between two looks whether any has ended or come up: starting takes many times that."""
-PROCESS_END_S = 2.0
-"""So long a process is given to end, once it was asked or killed."""
-EXIT_STATUS_S = 0.1
-"""So long after the end of a fork its exit status may come."""
-FORK_S = 1.0
-"""So long a fork is waited for, which takes 10 ms; then a process is started by rosrun."""
+PROCESS_S = 2.0
+"""So long a process is given to end, once it was asked or killed, and a fork to begin."""
 LOOK_S = 1.0
-"""Between two looks at what changes seldom: the starter of a node, the load of a computer."""
+"""Between two looks at what changes seldom, as the load of a computer, and two reports of them."""
 RECENT_S = 0.5
-"""So long an answer holds: of the master, who publishes what; of a hearer, that we are cut off."""
-LEARN_PAUSE_S = 0.02
-"""After each node that is learned: all of a large robot become healthy in the same moment."""
-GATHER_S = 0.5
-"""So long it is waited for more nodes that have come before their launches are looked for."""
+"""So long an answer holds, as of the master, who publishes what; and more of it is waited for."""
 
 # Calls, and tries again.
 CALL_S = 0.5
@@ -136,8 +122,6 @@ LOST_S = 1.0
 """An agent that is silent for so long cannot be reached, and its computer is lost."""
 RETURN_S = 4.0
 """An agent that has ended is started again within this time: its computer is there."""
-AGENT_ANSWER_S = 3.0
-"""So long agents are given to tell what runs there at our start, and to hear us at our end."""
 
 # The master.
 MASTER_LOOK_S = 0.25

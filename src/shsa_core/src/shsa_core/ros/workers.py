@@ -31,7 +31,7 @@ class Workers:
         self._threads = self._busy = 0
         self._said = float("-inf")
         for _ in range(min(settings.STANDING_WORKERS, most)):
-            self._start(standing=True)
+            self._start()
 
     def put(self, call: Call) -> None:
         """Make a call as soon as a thread is free; returns at once."""
@@ -40,26 +40,18 @@ class Workers:
             more = self._threads < self._most and self._busy + self._calls.qsize() > self._threads
         if more:
             try:
-                self._start(standing=False)
+                self._start()
             except (RuntimeError, MemoryError) as error:
                 self._say(f"no thread for {self._name}, its calls wait for one another: {error}")
 
-    def _start(self, standing: bool) -> None:
-        thread = threading.Thread(target=self._work, args=(standing,), name=self._name, daemon=True)
-        thread.start()
+    def _start(self) -> None:
+        threading.Thread(target=self._work, name=self._name, daemon=True).start()
         with self._lock:
             self._threads += 1
 
-    def _work(self, standing: bool) -> None:
+    def _work(self) -> None:
         while True:
-            try:
-                call = self._calls.get(timeout=None if standing else settings.IDLE_WORKER_S)
-            except queue.Empty:
-                with self._lock:
-                    if not self._calls.empty():
-                        continue  # it was put just now, for a thread that is counted
-                    self._threads -= 1
-                return
+            call = self._calls.get()
             with self._lock:
                 self._busy += 1
             try:

@@ -8,7 +8,6 @@ from typing import Tuple
 import numpy as np
 from scipy import stats
 
-from shsa_core.codegen.generator import Program
 from shsa_core.codegen.plans import Plan, plan_sources, program_of
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import GenerationError, NoSubstitute
@@ -16,6 +15,7 @@ from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import Program
 from shsa_core.search.derivation import Derivation, SourceTable
 from shsa_core.search.substitutes import iter_substitutes
 from shsa_learning.backtest.rehearsal import Played, Rehearsal, recorded

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from shsa_core.analysis.incident_log import MOMENTS
+from shsa_learning.incident_log import MOMENTS
 from shsa_core.healing.incident import Incident
 from shsa_learning.explain.bag import Values
 from shsa_learning.explain.truth import Truth

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 from typing import Any, List, Optional, Sequence, Tuple
 
-from shsa_core.analysis.incident_log import read_log
+from shsa_learning.incident_log import read_log
 from shsa_core.cli._common import add_namespace, say
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology

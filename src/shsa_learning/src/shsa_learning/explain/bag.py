@@ -1,7 +1,7 @@
 """Incidents in a rosbag: the incidents, the failures told, and the values of substitutes."""
 from typing import Any, Dict, List, NamedTuple, Tuple
 
-from shsa_core.analysis.incident_log import newest, of_message
+from shsa_learning.incident_log import newest, of_message
 from shsa_core.errors import ModelError
 from shsa_core.healing.incident import Incident
 from shsa_core.model.field import parse_field

@@ -6,12 +6,12 @@ from typing import Optional, Tuple
 
 import numpy as np
 
-from shsa_core.codegen.generator import Program
 from shsa_core.errors import ShsaError
 from shsa_core.healing.incident import Incident
 from shsa_core.model.error import Error
 from shsa_core.model.service import Source
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import Program
 from shsa_learning.backtest.rehearsal import Played, Rehearsal, recorded
 from shsa_learning.figures import error_of
 from shsa_learning.recordings.recording import Recording

@@ -1,7 +1,7 @@
 """An incident in words: what failed, why it was believed, and what was done."""
 from typing import Dict, List, Optional, Tuple
 
-from shsa_core.analysis.incident_log import MOMENTS
+from shsa_learning.incident_log import MOMENTS
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.kinds import Kind
 

@@ -40,6 +40,7 @@ HEAD = """\
 #    counters have no range here, nor has what only trembled: the robot may not have moved.
 #  - `period: none` is event-driven: it is never silent. Where that is wrong, give a period in s.
 #  - Then say `needed: true` where somebody relies on it. docs/som.md has all the other keys.
+#  - Healing tells what it would do, and does nothing, until `act: true` stands above `services:`.
 """
 ONTOLOGY_HEAD = """\
 # A draft of an ontology, made by `shsa init` from {source}.

@@ -1,7 +1,7 @@
 """Finds the new sensor or relation with which a robot survives most failures."""
 from typing import Collection, Dict, FrozenSet, List, NamedTuple, Optional, Sequence, Set, Tuple
 
-from shsa_core.analysis.fragility import AS_IT_IS, Fragility
+from shsa_learning.fragility import AS_IT_IS, Fragility
 from shsa_learning.report.report import ServiceReport, Suggestion, survival
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service

@@ -5,7 +5,7 @@ from math import comb, prod
 from typing import Dict, FrozenSet, Iterable, List, Sequence, Set, Tuple
 
 from shsa_core.analysis.budget import check_budgets
-from shsa_core.analysis.fragility import Fragility
+from shsa_learning.fragility import Fragility
 from shsa_learning.report.remedies import Remedies
 from shsa_learning.report.report import Alternative, Cut, NodeReport, Report, ServiceReport
 from shsa_learning.report.report import Survival, survival

@@ -10,7 +10,7 @@ from typing import Deque, Iterator, Tuple
 import rospkg
 import rospy
 
-from shsa_core.analysis.incident_log import read_log
+from shsa_learning.incident_log import read_log
 from shsa_core.errors import ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som

@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rospy import Time
 from shsa_msgs import msg
 
-from shsa_core.analysis.incident_log import of_message
+from shsa_learning.incident_log import of_message
 from shsa_core.model.names import full_name
 from shsa_core.model.service import signal_path
 from shsa_core.text import shown

@@ -20,7 +20,7 @@ from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.naming import Names
 from shsa_core.ros import clock, settings
-from shsa_core.ros.agent.line import EVENTS, Line, read_command, written
+from shsa_core.ros.agent.line import COMMANDS, EVENTS, read, written
 from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.node import publish, run
@@ -40,14 +40,14 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 class AgentEnd:
     """The agent's end of the conversation with a reconfigurator; of none at first.
 
-    `began`: the agent's own number. A reconfigurator that was silent must begin anew: what it has
+    `began`: the agent's own number; `said`, `heard`: the numbers of the last event and command. A
+    reconfigurator that was silent, or of which something was lost, must begin anew: what it has
     said before may come late, and is not wanted any more. Times in s, on one clock.
     """
 
     def __init__(self, began: int) -> None:
         self.began = began
-        self.session = 0
-        self.line = Line()
+        self.session = self.said = self.heard = 0
         self._heard_at = float("-inf")
         self._open = False
 
@@ -65,11 +65,16 @@ class AgentEnd:
         if message.agent != self.began or message.session < self.session:
             return False  # it is for another agent, or of a former reconfigurator
         if message.session > self.session:
-            self.session, self.line, self._open = message.session, Line(), True
+            self.session, self.said, self.heard, self._open = message.session, 0, 0, True
         elif not self.is_open(now):
             return False
-        self._heard_at = now
-        return self.line.hear(message.number, message.heard, now)
+        expected = self.heard + bool(message.command)
+        if message.number < expected:
+            return False  # it was heard before
+        self._open = message.number == expected
+        if self._open:
+            self._heard_at, self.heard = now, message.number
+        return self._open and bool(message.command)
 
 
 class AgentNode:
@@ -98,7 +103,7 @@ class AgentNode:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
         self._handover = handover
         self._publisher = rospy.Publisher(
-            topic, msg.HostEvent, queue_size=settings.QUEUE, tcp_nodelay=True
+            topic, msg.HostEvent, queue_size=0, tcp_nodelay=True  # none is dropped here
         )
         topic = names.host_commands(self._name)
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
@@ -166,7 +171,7 @@ class AgentNode:
             self._beat(now)
         if wanted:
             try:
-                self._commands.put(read_command(message.command, rospy.get_name()))
+                self._commands.put(read(COMMANDS, message.command, rospy.get_name()))
             except ModelError as error:
                 rospy.logerr("Refused a command: %s.", error)
 
@@ -175,17 +180,15 @@ class AgentNode:
         now = clock.now()
         with self._lock:
             if self._end.is_open(now):
-                self._say(*self._end.line.say(written(EVENTS, event), now))
+                self._end.said += 1
+                self._say(written(EVENTS, event))
 
     def _beat(self, now: float) -> None:
         self._load.look(now)
         with self._lock:
-            self._say(0, "")
-            if self._end.is_open(now):
-                for number, text in self._end.line.again(now):
-                    self._say(number, text)
+            self._say("")
 
-    def _say(self, number: int, text: str) -> None:
+    def _say(self, text: str) -> None:
         """Publish; the caller holds the lock, so that numbers come in order."""
         if self._publisher is None:
             return
@@ -194,8 +197,8 @@ class AgentNode:
             began=self._end.began,
             session=self._end.session,
             open=self._end.is_open(now),
-            number=number,
-            heard=self._end.line.heard,
+            number=self._end.said,
+            heard=self._end.heard,
             event=text,
             addresses=self._load.addresses,
             running=self._host.processes.children.running(),

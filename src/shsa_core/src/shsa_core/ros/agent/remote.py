@@ -1,8 +1,9 @@
 """Another computer, by way of the agent there: a Host over a line that may be cut.
 
-A conversation begins when the agent is heard, and again when it was silent or was started anew. It
-counts once both ends have heard each other. What is wanted of a computer that cannot be reached is
-answered at once, with what is known of it: nothing.
+A conversation begins when the agent is heard, and again when it was silent or was started anew, or
+when something was lost: both ends number what they say. It counts once both have heard each other.
+What is wanted of a computer that cannot be reached is answered at once, with what is known of it:
+nothing.
 """
 from dataclasses import replace
 from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Tuple, Type
@@ -13,7 +14,7 @@ from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.ros import settings
-from shsa_core.ros.agent.line import COMMANDS, Line, read_event, written
+from shsa_core.ros.agent.line import COMMANDS, EVENTS, read, written
 from shsa_core.ros.processes.host import HostCommand, HostEvent, not_done
 from shsa_core.watch import Watch
 
@@ -69,8 +70,10 @@ class RemoteHost:
         self.addresses: Tuple[str, ...] = ()
         self._tell, self._publish = tell, publish
         self._agent = self._session = 0
-        self._line = Line()
-        self._reached = self._known = self._lost = self._left = self._settled = False
+        self._said = self._heard = 0  # commands and events of this session
+        self._confirmed = 0  # so many of our commands has the agent heard
+        self._reached = self._left = self._settled = False
+        self._lost = True  # as far as anybody was told
         self._waits: Dict[Tuple[Type[Any], str], HostCommand] = {}
         # What is to run there, what was found to run there, and how each is stopped.
         self._wanted: Dict[str, HostCommand] = {}
@@ -88,7 +91,7 @@ class RemoteHost:
     @property
     def is_quiet(self) -> bool:
         """True if nothing is under way to the agent, or can be."""
-        return not self._reached or self._line.since is None
+        return not self._reached or self._confirmed == self._said
 
     def told(self) -> HostState:
         """Return how the computer does."""
@@ -115,7 +118,7 @@ class RemoteHost:
         elif isinstance(command, (events.StopSubstitute, events.StopNode)):
             self._wanted.pop(command.node, None)
         if self._reached:
-            self._send(command, now)
+            self._send(command)
         else:
             self._answer(command, now, f"{self.name} cannot be reached")
 
@@ -123,36 +126,35 @@ class RemoteHost:
         """Take in a message of the agent."""
         self._last = message
         self.addresses = tuple(message.addresses)
+        expected = self._heard + bool(message.event)
         if message.began != self._agent:
             self._give_up(now, f"the agent of {self.name} was started anew")
             self._begin(message)
-        elif message.session == self._session and message.open:
+        elif (message.session, message.number) < (self._session, expected):
+            return  # it is of a former conversation, or was heard before
+        elif message.open and message.session == self._session and message.number == expected:
             self._heard_at, self._left = now, False
-            new = self._line.hear(message.number, message.heard, now)
+            self._heard, self._confirmed = message.number, message.heard
             if not self._reached:
                 self._reach(message, now)
-            if new:
+            if message.event:
                 self._happened(message.event, now)
-            if message.number == 0:
+            else:
                 figures = message.load, message.cores, message.transmitted, message.received
                 self._tell(events.HostSeen(now, self.name, *figures))
         elif self._reached or message.session > self._session:
-            self._give_up(now, f"the agent of {self.name} did not hear us")
+            self._give_up(now, f"something was lost on the way to or from {self.name}")
             self._begin(message)
 
     def tick(self, now: float) -> None:
-        """Say again what was not heard, and give up an agent that is silent; every TICK_S."""
+        """Give up an agent that is silent; every TICK_S."""
         self._clock.look(now, self._clock.now + settings.TICK_S)
-        for number, text in self._line.again(now):
-            self._say(number, text)
         silence = self._clock.passed(self._heard_at)
-        owed = 0.0 if self._line.since is None else self._clock.passed(self._line.since)
-        if self._reached and max(silence, owed) >= settings.LOST_S:
-            why = f"{self.name} has not answered for {max(silence, owed):.1f} s"
-            self._give_up(now, why)
+        if self._reached and silence >= settings.LOST_S:
+            self._give_up(now, f"{self.name} has not answered for {silence:.1f} s")
         self._left = self._left or (not self._reached and self.ended())
         patience = settings.RETURN_S if self._left else settings.LOST_S
-        if self._known and not self._reached and not self._lost and silence >= patience:
+        if not self._reached and not self._lost and silence >= patience:
             self._lost = True
             why = f"its agent has not answered for {silence:.1f} s"
             self._tell(events.HostLost(now, self.name, why))
@@ -160,7 +162,7 @@ class RemoteHost:
     def beat(self) -> None:
         """Tell the agent that we are there, and how much of it was heard."""
         if self._agent:
-            self._say(0, "")
+            self._say("")
 
     def _begin(self, message: msg.HostEvent) -> None:
         """Begin a conversation; all that belongs to former ones counts no more."""
@@ -170,10 +172,10 @@ class RemoteHost:
 
     def _reach(self, message: msg.HostEvent, now: float) -> None:
         """Both ends hear each other from now on."""
-        self._reached, self._known, self._lost = True, True, False
+        self._reached, self._lost = True, False
         self._found = {node: events.StopSubstitute(node) for node in message.running}
         self._found.update({node: events.StopNode(node) for node in message.restarted})
-        self._send(self._watched, now)
+        self._send(self._watched)
         if self._settled:
             self._reconcile(now)
 
@@ -183,11 +185,11 @@ class RemoteHost:
             if isinstance(self._wanted.pop(node), events.StopSubstitute):
                 self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
         for node in [each for each in self._found if each not in self._wanted]:
-            self._send(self._found[node], now)
+            self._send(self._found[node])
 
     def _happened(self, text: str, now: float) -> None:
         try:
-            event = read_event(text, f"the agent of {self.name}")
+            event = read(EVENTS, text, f"the agent of {self.name}")
         except ModelError:
             return
         self._tell(self._ours(event, now))
@@ -206,8 +208,7 @@ class RemoteHost:
     def _give_up(self, now: float, why: str) -> None:
         """End the conversation, and answer what still waits."""
         self._reached = False
-        self._agent = 0
-        self._line = Line()
+        self._agent = self._said = self._heard = self._confirmed = 0
         waits, self._waits = self._waits, {}
         for command in waits.values():
             self._answer(command, now, why)
@@ -219,18 +220,18 @@ class RemoteHost:
         if event is not None:
             self._tell(event)
 
-    def _send(self, command: HostCommand, now: float) -> None:
+    def _send(self, command: HostCommand) -> None:
         if not isinstance(command, events.WatchNodes) and type(command) in ANSWERS:
             self._waits[type(command), command.node] = command
-        self._say(*self._line.say(written(COMMANDS, command), now))
+        self._said += 1
+        self._say(written(COMMANDS, command))
 
-    def _say(self, number: int, text: str) -> None:
+    def _say(self, text: str) -> None:
         self._publish(
             msg.HostCommand(
                 session=self._session,
                 agent=self._agent,
-                number=number,
-                heard=self._line.heard,
+                number=self._said,
                 command=text,
             )
         )

@@ -50,12 +50,12 @@ class MasterState(NamedTuple):
 class MasterWatch:
     """Looks at the master for as long as ROS is up.
 
-    `is_ours(node)`: whether a node is one of our substitutes. `acts`: whether it does anything, or
-    only looks, as in a dry run.
+    `is_ours(node)`: whether a node is one of our substitutes. While `acts` is false it only looks,
+    as healing that advises.
     """
 
-    def __init__(self, is_ours: Callable[[str], bool], acts: bool) -> None:
-        self._is_ours, self._acts = is_ours, acts
+    def __init__(self, is_ours: Callable[[str], bool]) -> None:
+        self._is_ours, self.acts = is_ours, False
         self._me = rospy.get_name()
         self._calls = MasterCalls()
         self._nodes = Workers("nodes", settings.MOST_CALLS)
@@ -118,7 +118,7 @@ class MasterWatch:
             pause = max(settings.MASTER_PAUSE_S, _took(now))
             self._keep_at = now + min(pause, settings.LONGEST_MASTER_PAUSE_S)
         self._look_at = now + min(settings.MASTER_PAUSE_S, _took(now))
-        if waiting and now < self._anew_at + settings.LOOP_ANSWER_S:
+        if waiting and now < self._anew_at + settings.ANSWER_S:
             self._look_at = now
 
     # What is known, and what a new master is told of it.
@@ -137,9 +137,9 @@ class MasterWatch:
 
     def _begin_anew(self, now: float) -> None:
         does = "It is told again what the former one knew."
-        does = does if self._acts else "A dry run only looks."
+        does = does if self.acts else "Healing advises, and only looks."
         rospy.logwarn_throttle(10.0, f"The master was started anew. {does}")
-        if self._acts:
+        if self.acts:
             values = missing_parameters(self._parameters, self._calls.parameters())
             self._calls.set_parameters(values)
             self._former, self._anew_at = self._known, now
@@ -202,7 +202,7 @@ class MasterWatch:
         self._introductions.heed(now, found)
         for publisher in self._introductions.due(now):
             # Our substitutes tell by themselves.
-            if self._acts and not self._is_ours(publisher.node):
+            if self.acts and not self._is_ours(publisher.node):
                 self._introduce(publisher, state, found)
 
     def _introduce(self, new: Publisher, state: State, all_: FrozenSet[Publisher]) -> None:

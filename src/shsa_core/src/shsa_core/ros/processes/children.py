@@ -26,25 +26,15 @@ class Process(Protocol):
 
 
 class Foreign:
-    """A process that another one has started, which may tell its exit status in `told`."""
+    """A process that another one has started: only that one hears its exit status."""
 
-    def __init__(self, pid: int, told: Optional[Dict[int, int]] = None) -> None:
-        self.pid = pid
-        self._known = kernel.identity(pid)
-        self._told = {} if told is None else told
-        self._told.pop(pid, None)  # of another one, which had this number
-        self._status: Optional[Status] = None
-        self._until = 0.0  # that long its status may come
+    def __init__(self, process: psutil.Process) -> None:
+        self.pid = int(process.pid)
+        self._process = process
 
     def poll(self) -> Optional[Status]:
-        """Return the exit status; None as long as it runs."""
-        if self._status is None and kernel.ended(self._known):
-            now = time.monotonic()
-            self._until = self._until or now + settings.EXIT_STATUS_S
-            status = self._told.pop(self.pid, None)
-            if status is not None or now > self._until:
-                self._status = UNKNOWN if status is None else status
-        return self._status
+        """Return UNKNOWN once it has ended; None as long as it runs."""
+        return UNKNOWN if kernel.gone(self._process) else None
 
 
 class Children:

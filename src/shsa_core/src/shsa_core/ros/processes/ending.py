@@ -4,11 +4,11 @@ Which process a node is was verified before (`nodes`), and healing decides when 
 """
 import socket
 import threading
-from typing import Callable
 
 import rosgraph
 import rospy
 
+from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, ask, master_api, resolved
 from shsa_core.ros.processes import kernel
@@ -17,44 +17,39 @@ from shsa_core.ros.trust.owners import listener
 
 WHY = "it failed, and is healed"
 
-Left = Callable[[], None]
-Failed = Callable[[str], None]
-"""Is told why a node is not touched, or not known to have left."""
+
+class Untouchable(ShsaError):
+    """It is not known which process a node is, whether it may be ended, or whether it has left."""
 
 
-def ask_to_leave(nodes: Nodes, node: str, left: Left, failed: Failed) -> None:
-    """`rosnode kill` by its API; calls `left` once the process has ended.
+def ask_to_leave(nodes: Nodes, node: str) -> bool:
+    """`rosnode kill` by its API; return whether the process has ended in time.
 
-    Elsewhere, once nobody listens any more where the node has answered; else `failed(why)`.
+    Elsewhere, whether nobody listens any more where the node has answered. Raises Untouchable.
     """
     known = nodes.known(node)
     if known is None:
-        failed("it is not known which process it is")
-    elif known.process is None:
-        _ask_elsewhere(node, known.uri, left, failed)
-    else:
-        process = known.process
-        threading.Thread(target=_ask, args=(nodes, node), daemon=True).start()
-        if kernel.wait_for(lambda: kernel.gone(process)):
-            left()
+        raise Untouchable("it is not known which process it is")
+    if known.process is None:
+        return _ask_elsewhere(node, known.uri)
+    process = known.process
+    threading.Thread(target=_ask, args=(nodes, node), daemon=True).start()
+    return kernel.wait_for(lambda: kernel.gone(process))
 
 
-def end_process(nodes: Nodes, node: str, left: Left, failed: Failed) -> None:
-    """`kill -9`; calls `left` once the process has ended, `failed(why)` if it is not ours."""
+def end_process(nodes: Nodes, node: str) -> bool:
+    """`kill -9`; return whether the process has ended in time. Raises Untouchable."""
     known = nodes.known(node)
     if known is None or known.process is None:
-        failed("it is not known which process it is")
-        return
+        raise Untouchable("it is not known which process it is")
     process = known.process
     try:
         kernel.kill(process)
     except ProcessLookupError:
-        left()
+        return True
     except PermissionError as error:
-        failed(f"it does not leave, and {error}")
-    else:
-        if kernel.wait_for(lambda: kernel.gone(process)):
-            left()
+        raise Untouchable(f"it does not leave, and {error}") from error
+    return kernel.wait_for(lambda: kernel.gone(process))
 
 
 def clear(nodes: Nodes, node: str) -> bool:
@@ -86,7 +81,7 @@ def _ask(nodes: Nodes, node: str) -> None:
         rospy.logdebug("%s was asked to leave: %s", node, error)
 
 
-def _ask_elsewhere(node: str, uri: str, left: Left, failed: Failed) -> None:
+def _ask_elsewhere(node: str, uri: str) -> bool:
     """Ask a node on another computer to leave.
 
     It has ended if it listens no more, and has said so before: to the master, when it left by
@@ -94,27 +89,22 @@ def _ask_elsewhere(node: str, uri: str, left: Left, failed: Failed) -> None:
     """
     try:
         ask(uri, "shutdown", WHY)
-    except ConnectionRefusedError:
+    except ConnectionRefusedError as error:
         if _is_registered(node):
-            failed("it refuses the connection, and cannot be verified to have ended")
-        else:
-            left()
-        return
+            why = "it refuses the connection, and cannot be verified to have ended"
+            raise Untouchable(why) from error
+        return True
     except FAILURES as error:
-        failed(f"it cannot be verified to have ended: {error}")
-        return
-    if kernel.wait_for(lambda: _refuses(uri)):
-        left()
+        raise Untouchable(f"it cannot be verified to have ended: {error}") from error
+    return kernel.wait_for(lambda: _refuses(uri))
 
 
 def _refuses(uri: str) -> bool:
     """Return whether nobody listens any more at an address; no answer is no proof."""
     try:
         socket.create_connection(resolved(uri), settings.CALL_S).close()
-    except ConnectionRefusedError:
-        return True
-    except OSError:
-        return False
+    except OSError as error:
+        return isinstance(error, ConnectionRefusedError)
     return False
 
 

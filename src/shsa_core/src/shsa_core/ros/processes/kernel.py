@@ -71,47 +71,22 @@ def user(process: psutil.Process) -> str:
         return "somebody else"
 
 
-def _stat(pid: int) -> List[bytes]:
-    """Return what /proc/PID/stat says from the third field on; empty: there is no such process.
-
-    Raises OSError if that cannot be told now, as without a file descriptor.
-    """
-    try:
-        file = os.open(f"/proc/{pid}/stat", os.O_RDONLY)
-    except (FileNotFoundError, ProcessLookupError):
-        return []
-    try:
-        return os.read(file, 4096).rsplit(b")", 1)[1].split()
-    except ProcessLookupError:
-        return []  # it has ended meanwhile
-    finally:
-        os.close(file)
-
-
 def identity(pid: int) -> Identity:
-    """Return what a process is known by; NOBODY: it is not there. Raises OSError: as _stat."""
-    found = _stat(pid)
-    return (pid, float(found[19])) if found else NOBODY
+    """Return what a process is known by; NOBODY: it is not there. Raises OSError: not told now."""
+    try:
+        with open(f"/proc/{pid}/stat", "rb") as file:
+            found = file.read().rsplit(b")", 1)[1].split()
+    except (FileNotFoundError, ProcessLookupError):
+        return NOBODY
+    return NOBODY if found[0] == b"Z" else (pid, float(found[19]))
 
 
 def ended(known: Identity) -> bool:
     """Return whether a process has ended, though nobody may have asked for its exit status yet."""
     try:
-        found = _stat(known[0])
+        return known == NOBODY or identity(known[0]) != known
     except OSError:
         return False  # nobody counts as dead because we lack the means to look
-    return not found or float(found[19]) != known[1] or found[0] == b"Z"
-
-
-def same_process(known: Identity) -> Optional[psutil.Process]:
-    """Return the process of our user that this is; None: it is gone, or another has its number."""
-    if known[0] <= 0 or ended(known):
-        return None
-    try:
-        process = psutil.Process(known[0])
-        return process if identity(process.pid) == known and is_ours(process) else None
-    except (psutil.Error, OSError):
-        return None
 
 
 def never_to_end(process: psutil.Process) -> str:
@@ -150,19 +125,17 @@ def _master(uri: str, age: int) -> Optional[psutil.Process]:
         return None
 
 
-def ancestors(pid: int) -> Iterator[int]:
+def ancestors(pid: int) -> List[int]:
     """Return the processes that a process descends from, the nearest first, without the first."""
-    while True:
-        found = _stat(pid)
-        pid = int(found[1]) if found else 0
-        if pid <= 1:
-            return
-        yield pid
+    try:
+        return [each.pid for each in psutil.Process(pid).parents() if each.pid > 1]
+    except psutil.Error:
+        return []
 
 
 def starter(pid: int) -> Starter:
     """Return the process that has started a process, as far as that can be told."""
-    parent = next(ancestors(pid), 0)
+    parent = next(iter(ancestors(pid)), 0)
     try:
         words = psutil.Process(parent).cmdline() if parent else []
     except psutil.Error:
@@ -177,18 +150,22 @@ def started_by_launch(pid: int) -> bool:
 
 def gone(process: psutil.Process) -> bool:
     """Return whether a process has ended, though nobody may have asked for its exit status yet."""
-    try:
-        return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return True
+    return _status(process) in (None, psutil.STATUS_ZOMBIE)
 
 
 def stopped(process: psutil.Process) -> bool:
     """Return whether a process is stopped, so that it hears nothing."""
+    return _status(process) == psutil.STATUS_STOPPED
+
+
+def _status(process: psutil.Process) -> Optional[str]:
+    """Return the state of a process; None: it has ended, and another one may have its number."""
     try:
-        return bool(process.status() == psutil.STATUS_STOPPED)
+        return str(process.status()) if process.is_running() else None
     except psutil.NoSuchProcess:
-        return False
+        return None
+    except OSError:
+        return psutil.STATUS_RUNNING  # nobody counts as dead because we lack the means to look
 
 
 def waited(pid: int) -> float:
@@ -239,9 +216,9 @@ def _descriptor(pid: int) -> Optional[int]:
 
 def wait_for(done: Callable[[], bool]) -> bool:
     """Wait until something is done, as long as a process is given to end; False: it is not."""
-    deadline = time.monotonic() + settings.PROCESS_END_S
+    deadline = time.monotonic() + settings.PROCESS_S
     while not done():
         if time.monotonic() > deadline:
             return False
-        time.sleep(settings.EXIT_LOOK_S)
+        time.sleep(settings.REST_S)
     return True

@@ -85,7 +85,7 @@ class Launches:
             return tuple(sorted(node for node, pid in self._of_node.items() if pid in ended))
 
     def _look(self) -> None:
-        time.sleep(settings.GATHER_S)
+        time.sleep(settings.RECENT_S)
         with self._lock:
             nodes, self._unknown = self._unknown, set()
         for node, process in _processes_of(nodes):

@@ -58,8 +58,12 @@ class LocalHost:
                 events.LearnNode: by("learn", self._learn, LEARNING),
                 events.WatchNodes: by("watch", lambda c: self._coming_up.watch(c.nodes)),
                 events.FindNode: by("find", self._find),
-                events.AskToLeave: by("ask to leave", lambda c: self._end(c, ending.ask_to_leave)),
-                events.EndProcess: by("end process", lambda c: self._end(c, ending.end_process)),
+                events.AskToLeave: by(
+                    "ask to leave", lambda c: self._end(c.node, ending.ask_to_leave)
+                ),
+                events.EndProcess: by(
+                    "end process", lambda c: self._end(c.node, ending.end_process)
+                ),
                 events.ClearNode: self._by(clearing, self._clear),
                 events.StartSubstitute: self._start,
                 events.StopSubstitute: self._by(stops, self._stop, True),
@@ -135,7 +139,7 @@ class LocalHost:
 
     def _learn(self, command: events.LearnNode) -> None:
         node = command.node
-        time.sleep(settings.LEARN_PAUSE_S)
+        time.sleep(settings.PAUSE_S)
         known = self.nodes.learn(node, command.topic)
         why = ""
         if known is not None and known.process is not None:
@@ -179,11 +183,12 @@ class LocalHost:
         name = programs[-1] if programs[0].startswith("python") else programs[0]
         return f"{name!a}, process {number}"
 
-    def _end(self, command: events.AskToLeave, how: Callable[..., None]) -> None:
-        node = command.node
-        left = lambda: self._tell(events.NodeLeft(clock.now(), node))
-        failed = lambda why: self._tell(events.ProcessUntouchable(clock.now(), node, why))
-        how(self.nodes, node, left, failed)
+    def _end(self, node: str, end: Callable[[Nodes, str], bool]) -> None:
+        try:
+            if end(self.nodes, node):
+                self._tell(events.NodeLeft(clock.now(), node))
+        except ending.Untouchable as why:
+            self._tell(events.ProcessUntouchable(clock.now(), node, str(why)))
 
     def _clear(self, command: events.ClearNode) -> None:
         if not ending.clear(self.nodes, command.node):

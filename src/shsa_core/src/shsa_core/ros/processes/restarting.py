@@ -18,15 +18,8 @@ from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.processes.children import Children, Foreign, Process
-from shsa_core.ros.processes.kernel import (
-    NOBODY,
-    Identity,
-    ended,
-    gone,
-    identity,
-    is_ours,
-    robot_processes,
-)
+from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity
+from shsa_core.ros.processes.kernel import is_ours, robot_processes
 
 MARK = "SHSA_RESTARTED"
 """The environment variable of a node that healing restarted: whose it is, its name, its starter."""
@@ -127,7 +120,7 @@ class Restarts:
             except (OSError, ValueError, TypeError):
                 continue
             if is_node and not gone(process):
-                self._keep(node, Foreign(process.pid), _Start([], "", {}, first))
+                self._keep(node, Foreign(process), _Start([], "", {}, first))
                 taken.append(node)
         return taken
 

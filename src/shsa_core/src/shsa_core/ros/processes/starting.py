@@ -133,7 +133,7 @@ class Processes:
 
     def take_up(self, node: str, process: psutil.Process) -> None:
         """Make a substitute of a former reconfigurator ours."""
-        self._keep(node, Foreign(process.pid), self._free_slot())
+        self._keep(node, Foreign(process), self._free_slot())
 
     def left_behind(self) -> Dict[str, psutil.Process]:
         """Return the substitutes of this master and agent that run, by name, and are not ours yet.

@@ -4,6 +4,7 @@ import time
 from dataclasses import dataclass, field
 from typing import Callable, Dict, Optional, Set
 
+import psutil
 import rospy
 
 from shsa_core.ros import settings
@@ -114,7 +115,7 @@ class Companion:
         self._name = rospy.resolve_name(role)
         self._heart, self._signs = Heart(role), signs
         self._beaten = time.monotonic()
-        self._known: Optional[kernel.Identity] = None
+        self._process: Optional[psutil.Process] = None
         patience = settings.HUNG_HEALER_S[role]
         at_work = lambda: time.monotonic() - self._beaten < settings.SILENT_S
         quiet: Told = lambda name: None
@@ -128,21 +129,23 @@ class Companion:
     @property
     def told(self) -> str:
         """Return how the other one is, in words."""
-        return self.problem or ("it gives signs of life" if self._known else "it was not heard yet")
+        return self.problem or (
+            "it gives signs of life" if self._process else "it was not heard yet"
+        )
 
     def _hear(self, name: str) -> None:
         sign = self._signs.of(name)
         try:
-            self._known = kernel.identity(sign.pid) if sign else None
-        except OSError:
-            self._known = None  # it cannot be told now: nobody is ended for it
+            self._process = psutil.Process(sign.pid) if sign else None
+        except (psutil.Error, OSError):
+            self._process = None  # it cannot be told now: nobody is ended for it
         if self.problem:
             rospy.loginfo("%s gives signs of life again.", name)
         self.problem = ""
 
     def _hangs(self, name: str) -> None:
-        process = kernel.same_process(self._known) if self._known else None
-        if process is None:
+        process = self._process
+        if process is None or kernel.gone(process):
             self.problem = f"{name} has ended"
             rospy.logerr("%s. No other has come.", self.problem)
             return

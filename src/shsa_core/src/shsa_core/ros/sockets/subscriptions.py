@@ -228,7 +228,7 @@ class Subscriptions:
             yield Arrived(self._time, connection, data, True, self._times.looked.ros_time)
 
     def _disown(self, by: Connection) -> Iterator[Happening]:
-        """Ask again about the connections of a node to where it is no more: another has its name."""
+        """Ask again about connections to where a node is no more: another has its name."""
         former = [
             each
             for each in self._standing.values()

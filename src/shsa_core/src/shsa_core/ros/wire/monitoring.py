@@ -6,9 +6,8 @@ import rospy
 from shsa_msgs import msg
 from std_msgs.msg import Header
 
-from shsa_core.codegen.generator import Program
 from shsa_core.model.service import Signal
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.events import (
     CalibrationRow,
     FormerlyHealthy,
@@ -17,41 +16,21 @@ from shsa_core.monitoring.events import (
     SubstitutionsChanged,
 )
 from shsa_core.ros import clock
+from shsa_core.ros.wire.rows import filled
 
 
 def failure_message(row: PublisherHealth) -> msg.Failure:
-    """Return what is told on shsa/failures.
-
-    It holds all that the row of health does: either may reach a reconfigurator first.
-    """
-    return msg.Failure(
-        header=Header(stamp=clock.to_stamp(row.since)),
-        service=row.service,
-        topic=row.topic,
-        publisher=row.publisher,
-        kind=row.kind.value if row.kind else "",
-        detail=row.detail,
-        told=rospy.Time.now(),
-        last_good=clock.to_stamp(row.last_good),
-        last_message=row.last_message,
-    )
+    """Return what is told on shsa/failures: all that the row says. Either may be heard first."""
+    stamps = {"told": rospy.Time.now(), "last_good": clock.to_stamp(row.last_good)}
+    header, kind = Header(stamp=clock.to_stamp(row.since)), row.kind or ""
+    return filled(msg.Failure, row, header=header, kind=str(kind), **stamps)
 
 
 def health_row(row: PublisherHealth) -> msg.PublisherHealth:
     """Return a row of the table of health."""
-    return msg.PublisherHealth(
-        topic=row.topic,
-        publisher=row.publisher,
-        state=row.state.value,
-        kind=row.kind.value if row.kind else "",
-        detail=row.detail,
-        since=clock.to_stamp(row.since),
-        first_message=clock.to_stamp(row.first_message),
-        last_good=clock.to_stamp(row.last_good),
-        service=row.service,
-        last_message=row.last_message,
-        uri=row.uri,
-    )
+    moments = {"since": row.since, "first_message": row.first_message, "last_good": row.last_good}
+    stamps = {name: clock.to_stamp(moment) for name, moment in moments.items()}
+    return filled(msg.PublisherHealth, row, kind=str(row.kind or ""), **stamps)
 
 
 def health_key(key: Key) -> str:
@@ -60,7 +39,7 @@ def health_key(key: Key) -> str:
 
 
 def health_row_key(row: msg.PublisherHealth) -> str:
-    """Return the key of a row of the table of health."""
+    """Return the key of a row of that table."""
     return health_key((row.topic, row.publisher))
 
 

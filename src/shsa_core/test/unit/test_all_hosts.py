@@ -5,32 +5,47 @@ import pytest
 import rospy
 
 from shsa_core.healing import events
-from shsa_core.ros.agent import routing
-from shsa_core.ros.agent.routing import Router
+from shsa_core.ros.agent import all_hosts
+from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_testing.waiting import wait_until
 
 Sent = List[Tuple[str, Any]]
+
+
+class Remote:
+    """A computer that has an agent."""
+
+    def __init__(self, name: str, address: str, sent: Sent) -> None:
+        self.addresses = (address, name)
+        self._name, self._sent = name, sent
+
+    def carry_out(self, command: Any, now: float) -> None:
+        self._sent.append((self._name, command))
+
+    def take_up(self) -> Tuple[str, ...]:
+        return (f"/substitute_on_{self._name}",)
 
 
 class Robot:
     """The computers pi and board beside our own, and who is where by the master's word."""
 
     def __init__(self) -> None:
-        self.names = ["pi", "board"]
         self.sent: Sent = []
         self.told: List[Any] = []
         self.uris = {"/a": "http://10.0.0.2:1/", "/b": "http://10.0.0.3:1/", "/c": "http://me:1/"}
         self.uris["/d"] = "http://10.0.0.9:1/"
         self.answers = True
-        self.hosts = Router(self, self, self.told.append, "notebook")  # type: ignore[arg-type]
+        signing: Any = None
+        self.hosts: Any = AllHosts(self, signing, self.told.append, "notebook")
+        places = {"pi": "10.0.0.2", "board": "10.0.0.3"}
+        self.hosts._remote = {name: Remote(name, at, self.sent) for name, at in places.items()}
 
-    def carry_out(self, *what: Any) -> None:
-        """As the local Host, and as the agents."""
-        host, command = what if len(what) == 2 else ("", *what)
-        self.sent.append((host, command))
+    def carry_out(self, command: Any) -> None:
+        """As the local Host."""
+        self.sent.append(("", command))
 
-    def home(self, uri: str) -> str:
-        return {"10.0.0.2": "pi", "10.0.0.3": "board"}.get(uri[7:-3], "")
+    def getSystemState(self) -> Tuple[List[Any], ...]:
+        return [], [], []
 
     def lookupNode(self, node: str) -> str:
         if not self.answers:
@@ -49,7 +64,7 @@ class Robot:
 @pytest.fixture
 def robot(monkeypatch: pytest.MonkeyPatch) -> Robot:
     robot = Robot()
-    monkeypatch.setattr(routing, "master_api", lambda: robot)
+    monkeypatch.setattr(all_hosts, "master_api", lambda: robot)
     monkeypatch.setattr(rospy, "get_node_uri", lambda: "http://me:99/")
     return robot
 
@@ -95,8 +110,8 @@ def test_a_substitute_on_an_unknown_computer_is_refused(robot: Robot) -> None:
 
 
 def test_what_ran_before_is_where_it_was_found(robot: Robot) -> None:
-    robot.hosts.settle({"/substitute_a_1": "board"})
-    stop = events.StopSubstitute("/substitute_a_1")
+    assert robot.hosts.take_up() == ["/substitute_on_pi", "/substitute_on_board"]
+    stop = events.StopSubstitute("/substitute_on_board")
     assert robot.do(stop) == [("board", stop)]
 
 
@@ -110,6 +125,6 @@ def test_nodes_are_awaited_here_and_by_their_own_agent(robot: Robot) -> None:
 
 
 def test_with_one_computer_the_master_is_not_asked(robot: Robot) -> None:
-    robot.names, robot.answers = [], False
+    robot.hosts._remote, robot.answers = {}, False
     robot.hosts.carry_out(events.FindNode("/a"))
     assert robot.sent == [("", events.FindNode("/a"))]

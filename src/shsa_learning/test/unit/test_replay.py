@@ -5,10 +5,11 @@ from typing import Any, Callable, Dict, List, Tuple
 
 import pytest
 
-import toy_machine as toy
-from shsa_core.cli.replay import in_short
+from shsa_testing import toy_machine as toy
+from shsa_learning import replay
+from shsa_learning.cli.replay import in_short
 from shsa_core.cli.main import main
-from shsa_core.journal import machines, reader, writer
+from shsa_core.journal import machines, writer
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 
@@ -24,7 +25,7 @@ Shsa = Callable[..., Tuple[int, str, str]]
 def registered(monkeypatch: Any) -> None:
     """The toy is one of the machines."""
     monkeypatch.setitem(machines.MACHINES, "adder", "adder.machine.Adder")
-    for module in (reader, writer):
+    for module in (replay, writer):
         monkeypatch.setattr(module, "machine_kind", lambda name: toy.ADDER)
 
 

@@ -13,11 +13,11 @@ from typing import Any, Callable, Dict, List, Optional
 
 import pytest
 
-import toy_machine as toy
+from shsa_testing import toy_machine as toy
 from shsa_core.errors import ModelError
 from shsa_core.journal import writer as writer_module
 from shsa_core.journal.machines import MACHINES
-from shsa_core.journal.reader import CUT, Journal, Step, replay
+from shsa_learning.replay import CUT, Journal, Step, replay
 from shsa_core.journal.writer import WRITE_PERIOD_S, JournalWriter
 from shsa_core.model.som import Som
 
@@ -39,8 +39,8 @@ def path(tmp_path: Path) -> Path:
 def adder(monkeypatch: Any) -> None:
     """Has the toy among the machines."""
     monkeypatch.setitem(MACHINES, "adder", "")
-    for module in ("reader", "writer"):
-        monkeypatch.setattr(f"shsa_core.journal.{module}.machine_kind", lambda name: toy.ADDER)
+    for module in ("shsa_learning.replay", "shsa_core.journal.writer"):
+        monkeypatch.setattr(f"{module}.machine_kind", lambda name: toy.ADDER)
 
 
 @pytest.fixture
@@ -104,7 +104,7 @@ def test_a_journal_is_plain_lines(opened: Open, path: Path, warnings: List[str])
     recorded(opened, EVENTS[:2])
     header, tick, added, answer, end = lines(path)
     assert (header["journal"], header["machine"]) == (1, "adder")
-    assert header["setup"] == {"som": [[], []], "step": 2.0}
+    assert header["setup"] == {"som": [[], [], True], "step": 2.0}
     assert tick == {"class": "Tick", "time": 10.0}
     assert (added["class"], added["number"], added["text"]) == ("Added", 3.0, "first")
     assert answer["answer"] == ["Show", "Log"] and len(answer["sha1"]) == 40
@@ -304,7 +304,7 @@ def test_closing_ends_the_thread_and_closes_the_file(opened: Open) -> None:
     assert not writer._waiting
 
 
-HEADER = '{"journal":1,"machine":"adder","setup":{"som":[[],[]]}}'
+HEADER = '{"journal":1,"machine":"adder","setup":{"som":[[],[],true]}}'
 TICK = '{"class":"Tick","time":1}'
 BAD = [
     ("", 1, "is no journal"),
@@ -314,9 +314,9 @@ BAD = [
     ('{"journal":2}\n', 1, "is no journal of version 1"),
     ('{"journal":1,"machine":"adder"}\n', 1, "the setup must be an object"),
     ('{"journal":1,"machine":"adder","setup":{}}\n', 1, "lacks som"),
-    ('{"journal":1,"machine":"adder","setup":{"som":[[],[]],"x":1}}\n', 1, "has no 'x'"),
+    ('{"journal":1,"machine":"adder","setup":{"som":[[],[],true],"x":1}}\n', 1, "has no 'x'"),
     (
-        '{"journal":1,"machine":"adder","setup":{"som":[[],[]],"step":"x"}}\n',
+        '{"journal":1,"machine":"adder","setup":{"som":[[],[],true],"step":"x"}}\n',
         1,
         "setup.step must be",
     ),
@@ -356,8 +356,14 @@ def test_a_setup_that_makes_no_machine_is_refused(path: Path, monkeypatch: Any) 
 
 def test_a_line_has_a_limit(path: Path, monkeypatch: Any) -> None:
     path.write_text(HEADER + "\n")
-    monkeypatch.setattr("shsa_core.journal.reader.MAX_LINE_BYTES", 20)
+    monkeypatch.setattr("shsa_learning.replay.MAX_LINE_BYTES", 20)
     with pytest.raises(ModelError, match="longer than 20 bytes"):
+        Journal(str(path))
+
+
+def test_a_pipe_keeps_nobody_waiting(path: Path) -> None:
+    os.mkfifo(path)
+    with pytest.raises(ModelError, match="it is a pipe"):
         Journal(str(path))
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import rospy
 
-from shsa_core.analysis.incident_log import MOST_BYTES, of_message, read_log
+from shsa_learning.incident_log import MOST_BYTES, of_message, read_log
 from shsa_core.errors import ModelError
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.error import Error

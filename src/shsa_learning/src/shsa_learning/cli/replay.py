@@ -8,7 +8,7 @@ from statistics import median
 from typing import Any, Callable, Dict, Iterator, List, Optional
 
 from shsa_core.cli._common import say
-from shsa_core.journal.reader import Journal, Step, replay
+from shsa_learning.replay import Journal, Step, replay
 
 DIFFER = "differ from the recording"
 PROBLEMS: Dict[str, Callable[[Step], bool]] = {

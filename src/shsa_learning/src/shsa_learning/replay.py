@@ -9,9 +9,18 @@ from typing import Any, Dict, Iterator, NamedTuple, Optional, Tuple
 from shsa_core.errors import ModelError
 from shsa_core.files.regular import open_to_read
 from shsa_core.journal.codec import CLASS
-from shsa_core.journal.lines import ANSWER, END, HEADER, SILENCE, VERSION, Answer
-from shsa_core.journal.lines import digest, read_answer, read_line
-from shsa_core.journal.machines import MACHINES, machine_kind
+from shsa_core.journal.lines import (
+    ANSWER,
+    DIGEST,
+    END,
+    HEADER,
+    SILENCE,
+    VERSION,
+    Answer,
+    digest,
+    read_line,
+)
+from shsa_core.journal.machines import MACHINES, MachineKind, machine_kind
 
 MAX_LINE_BYTES = 100_000_000
 CUT = "the recording stops without an end, as when the process is killed"
@@ -49,7 +58,7 @@ class Journal:
             raise ModelError(where, f"there is no machine {name!a}: {', '.join(MACHINES)}")
         self.kind = machine_kind(name)
         self.begun = str(header.get("begun", ""))
-        self.setup: Dict[str, Any] = self.kind.decode_setup(header.get("setup"), where)
+        self.setup: Dict[str, Any] = _setup(self.kind, header.get("setup"), where)
 
     def entries(self) -> Iterator[Entry]:
         """Yield the events in order. Raises ModelError at the first line that is not valid."""
@@ -62,7 +71,7 @@ class Journal:
                     yield waiting
                 waiting = Entry(where, self.kind.events.decode(data, where, "the event"), SILENCE)
             elif ANSWER in data and waiting is not None and waiting.answer is SILENCE:
-                waiting = waiting._replace(answer=read_answer(data, where))
+                waiting = waiting._replace(answer=_answer(data, where))
             elif END in data:
                 self.end = str(data[END])
                 break
@@ -86,6 +95,29 @@ class Journal:
                     yield where, read_line(line, where)
         except OSError as error:
             raise ModelError(self.path, f"cannot be read: {error.strerror}") from error
+
+
+def _setup(kind: MachineKind, data: Any, where: str) -> Dict[str, Any]:
+    """Return the arguments of a machine. Raises ModelError."""
+    if not isinstance(data, dict):
+        raise ModelError(where, "the setup must be an object")
+    for name in data:
+        if name not in kind.setup:
+            raise ModelError(where, f"the setup of {kind.name} has no {name!a}")
+    missing = [name for name in kind.required if name not in data]
+    if missing:
+        raise ModelError(where, f"the setup of {kind.name} lacks {', '.join(missing)}")
+    return {n: kind.setup[n].decode(each, where, f"setup.{n}") for n, each in data.items()}
+
+
+def _answer(data: Any, where: str) -> Answer:
+    """Return the answer of a line that has one. Raises ModelError."""
+    names, told = data[ANSWER], data.get(DIGEST)
+    if not isinstance(names, list) or not all(isinstance(each, str) for each in names):
+        raise ModelError(where, "an answer must be a list of names")
+    if not isinstance(told, str):
+        raise ModelError(where, f"an answer must have a {DIGEST}")
+    return Answer(tuple(names), told)
 
 
 @dataclass(frozen=True)
