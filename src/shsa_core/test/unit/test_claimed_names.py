@@ -38,7 +38,7 @@ def test_who_is_not_listed_counts_for_nobody(
     node.send(framed(b"true"))
     monitor.until(lambda: monitor.data == [b"true"])
     stranger.die()
-    monitor.until(lambda: not monitor.connections._identities._claims)
+    monitor.until(lambda: not monitor.connections._identities._tries)
     assert monitor.seen == [] and monitor.data == [b"true"]
 
 
@@ -128,7 +128,7 @@ def test_a_connection_that_ends_before_the_master_has_answered_is_asked_for_agai
     monkeypatch.setattr(settings, "ASK_MASTER_AGAIN_S", (0.05,))
     master.answers = False
     monitor.hear_of(node)
-    monitor.until(lambda: bool(monitor.connections._identities._claims))
+    monitor.until(lambda: bool(monitor.connections._identities._tries))
     node.close_connections()
     monitor.until(lambda: node.asked == 1)
     master.answers = True

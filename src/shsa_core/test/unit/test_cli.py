@@ -263,6 +263,7 @@ def test_all_commands_say_that_a_topic_is_lost_with_one_of_its_values(cart: Any)
     for words in (["speed"], ["--topic", "/odom"], ["--service", "odometry"]):
         status, out = cart("", "find", *words)
         assert status == 1 and "Nothing replaces the service odometry. Missing: any" in out
+        assert "any relation that yields the service" not in out
     status, out = cart("", "find", "speed")
     assert "speed alone could be derived: quality 1 by rolling from /wheel/data" in out
     answer = json.loads(cart("", "find", "speed", "--json")[1])

@@ -165,10 +165,10 @@ class AnyRobot(RuleBasedStateMachine):
         availability, planner, pool = (
             core.robot.availability,
             core.robot.planner,
-            core.robot.processes.pool,
+            core._processes.pool,
         )
         assert self.states == {
-            each.name: availability.state(self.som, each, core._missing(each.name))
+            each.name: availability.state(self.som, each, core._core.missing(each.name))
             for each in self.som
         }
         rows = {

@@ -8,6 +8,7 @@ from typing import Any, Dict, Iterator, List, Tuple
 import pytest
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
 from rospy.impl.tcpros_base import TCPROSServer
+from rospy.impl.tcpros_pubsub import TCPROSHandler
 
 from shsa_core.ros import settings
 from shsa_core.ros.rospy_patches import inbound
@@ -96,10 +97,22 @@ def test_the_oldest_goes_where_too_many_wait(
         each.close()
 
 
+def test_who_comes_for_a_withdrawn_topic_is_told_and_nobody_is_warned() -> None:
+    def handle(*_: Any) -> str:
+        return "Internal error"
+
+    ours, theirs = socket.socketpair()
+    header = {"topic": "/withdrawn", "callerid": "/consumer", "md5sum": "*"}
+    assert inbound._unless_withdrawn(handle)(None, ours, "", header) is None
+    assert b"/withdrawn is not published here now" in theirs.recv(1000)
+    theirs.close()
+
+
 @pytest.fixture
 def api(monkeypatch: pytest.MonkeyPatch) -> Iterator[Tuple[str, int]]:
     for kind, name in (
         (TCPROSServer, "_tcp_server_callback"),
+        (TCPROSHandler, "topic_connection_handler"),
         (ThreadingXMLRPCServer, "process_request"),
         (SilenceableXMLRPCRequestHandler, "do_POST"),
     ):

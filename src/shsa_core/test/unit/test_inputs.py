@@ -21,7 +21,7 @@ from shsa_core.ros import settings
 from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.sockets.connection import Connection
-from shsa_core.ros.sockets.identity import Identified, Identities, _Claim
+from shsa_core.ros.sockets.identity import Identified, Identities
 from shsa_core.ros.sockets.subscriptions import Subscriptions, _Closed, _Made
 from shsa_core.substitution.events import (
     Advertised,
@@ -109,7 +109,7 @@ def values(events: List[Event]) -> List[Tuple[str, Any]]:
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     def claim(self: Identities, connection: Connection) -> None:
-        self._claims[connection] = _Claim()
+        self._tries[connection] = 0
         self._tell(Identified(connection, connection.publisher, connection.uri))
 
     monkeypatch.setattr(Identities, "claim", claim)

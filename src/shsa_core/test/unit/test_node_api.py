@@ -8,7 +8,7 @@ import pytest
 
 from shsa_core.ros.master import node_api
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask, pid, publications
-from shsa_core.ros.master.master_calls import MasterCalls
+from shsa_core.ros.master.master_watch import MasterCalls
 from strange_nodes import NONSENSE, Send, StrangeNode, bomb, drip, endless, nothing, value, zipped
 
 NODES: List[StrangeNode] = []

@@ -62,7 +62,7 @@ def test_what_cannot_be_written_is_planned_by_nothing_and_says_why() -> None:
 def test_a_field_that_can_be_read_alone_is_an_input_and_never_an_output() -> None:
     nearest = Provision("speed", "min(ranges)")
     scan = Service("scan", "/scan", "x/Y", "/lidar", 0.1, (nearest,))
-    with pytest.raises(GenerationError, match=r"min\(ranges\) can be read alone"):
+    with pytest.raises(GenerationError, match=r"min\(ranges\) is read-only"):
         plan_odometry(service=scan)
     robot = ontology(law("same", "turn", "speed"))
     turn = Service("turn", "/turn", "x/Y", "/n", 0.1, (Provision("turn", "data"),))

@@ -6,8 +6,8 @@ from typing import Dict, Set, Tuple
 import pytest
 
 from core_robot import A, Robot
-from shsa_core.healing.incident import State
-from shsa_core.healing.repair import TRANSITIONS, Trigger
+from shsa_core.healing.incident import State, Trigger
+from shsa_core.healing.repair import TRANSITIONS
 from shsa_core.healing.service import InvalidTransition
 
 PAGE = Path(__file__).resolve().parents[4] / "docs" / "internals.md"

@@ -73,7 +73,7 @@ def test_what_is_there_is_fine(tmp_path: pathlib.Path, type: str, field: str) ->
         ("sensor_msgs/NavSatFix", "header.frame_id", "is a string, not a number"),
         ("sensor_msgs/NavSatFix", "position_covariance", "is an array"),
         ("sensor_msgs/NavSatFix", "position_covariance[9]", "whose last place is 8"),
-        ("sensor_msgs/LaserScan", "min(ranges)", "can be read alone: nothing can publish it"),
+        ("sensor_msgs/LaserScan", "min(ranges)", "is read-only: nothing can publish it"),
     ],
 )
 def test_what_is_not_there_is_an_error(

@@ -58,7 +58,7 @@ def check_healable(som: Som) -> Iterator[Finding]:
                 yield Finding(
                     "error",
                     provision.where,
-                    f"{service.name} is needed, but {provision.field} can be read alone: "
+                    f"{service.name} is needed, but {provision.field} is read-only: "
                     "nothing can publish it again",
                     "Give a field that can be written, or leave 'needed' out",
                 )

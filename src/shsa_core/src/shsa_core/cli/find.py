@@ -123,7 +123,8 @@ def _text(answer: Answer) -> Iterator[str]:
     if "substitute" in answer and answer.get("refused"):
         yield f"Nothing that can be executed replaces {name}: {answer['refused']}"
     elif "substitute" in answer:
-        lacking = ", ".join(answer["missing"]) or f"any relation that yields {name}"
+        values = answer.get("property") or " and ".join(answer["properties"])
+        lacking = ", ".join(answer["missing"]) or f"any relation that yields {values}"
         yield f"Nothing replaces {name}. Missing: {lacking}"
     if "alone" in answer:
         yield f"{answer['property']} alone could be derived: {_summary(answer['alone'])}"

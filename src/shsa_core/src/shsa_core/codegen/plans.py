@@ -176,7 +176,7 @@ def check_writable(service: Service) -> None:
 def read_alone(service: Service) -> str:
     """Return why the fields of a service cannot be written by any type; empty if they can."""
     fields = (provision.field for provision in service.provides)
-    return next((f"{field} can be read alone" for field in fields if reduces(field)), "")
+    return next((f"{field} is read-only" for field in fields if reduces(field)), "")
 
 
 def program_of(

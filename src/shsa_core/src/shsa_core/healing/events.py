@@ -8,19 +8,12 @@ from typing import Optional, Tuple, Union
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.records import Record
 from shsa_core.model.kinds import Kind, Word
+from shsa_core.model.log import Log
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Signal
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.events import CalibrationRow, PublisherHealth
-
-
-class Level(Word):
-    """The urgency of a line of the log."""
-
-    INFO = "info"
-    WARN = "warn"
-    ERROR = "error"
 
 
 class Where(Word):
@@ -517,14 +510,6 @@ class ShowSom:
 
     rows: Tuple[ServiceState, ...]
     removed: Tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Log:
-    """Tell people, in plain words."""
-
-    level: Level
-    text: str
 
 
 Command = Union[

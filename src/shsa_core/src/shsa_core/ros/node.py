@@ -3,12 +3,13 @@ import gc
 import logging
 import sys
 import threading
-from typing import Any, Callable
+from typing import Any, Callable, Dict
 
 import genpy
 import rospy
 
 from shsa_core.errors import ModelError, ShsaError
+from shsa_core.model.log import Level
 from shsa_core.ros import settings
 from shsa_core.ros.processes.priority import SWITCH_INTERVAL_S
 from shsa_core.ros.rospy_patches.inbound import serve_each_by_itself
@@ -19,6 +20,12 @@ from shsa_core.text import LONGEST_LINE, shown
 
 Tell = Callable[[Any], None]
 """Publishes a message to one subscriber alone."""
+LOG: Dict[Level, Callable[..., None]] = {
+    Level.DEBUG: rospy.logdebug,
+    Level.INFO: rospy.loginfo,
+    Level.WARN: rospy.logwarn,
+    Level.ERROR: rospy.logerr,
+}
 
 
 def run(name: str, work: Callable[[], None]) -> None:

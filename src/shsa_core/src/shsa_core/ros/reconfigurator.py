@@ -21,11 +21,12 @@ from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.healing import events
-from shsa_core.healing.events import Event, Level
+from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
 from shsa_core.journal.record_file import RecordFile
 from shsa_core.journal.writer import JournalWriter
+from shsa_core.model.log import Level
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
@@ -47,7 +48,7 @@ from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_core.ros.processes.host import HostCommand
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
-from shsa_core.ros.node import run
+from shsa_core.ros.node import LOG, run
 from shsa_core.ros.services import Services
 from shsa_core.ros.settings import MOST_CALLS
 from shsa_core.ros.succession import take_over
@@ -55,11 +56,6 @@ from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import own_rows, substitution_message
 
-LOG: Dict[Level, Callable[..., None]] = {
-    Level.INFO: rospy.loginfo,
-    Level.WARN: rospy.logwarn,
-    Level.ERROR: rospy.logerr,
-}
 MOST_WAITING = 10_000
 """With more to do than this, failures that nobody signed are dropped."""
 

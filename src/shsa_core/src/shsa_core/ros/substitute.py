@@ -17,6 +17,7 @@ from shsa_core.ros.master import announce
 from shsa_core.ros.master.bus import Originals
 from shsa_core.ros.master.node_api import FAILURES
 from shsa_core.ros.messages.tables import TableSubscriber
+from shsa_core.ros.node import LOG
 from shsa_core.ros.outputs import Outputs
 from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
 from shsa_core.ros.row_reader import RowReader, unusable
@@ -28,13 +29,6 @@ from shsa_core.substitution import events, machine, sharing
 
 if TYPE_CHECKING:
     from shsa_core.journal.writer import JournalWriter
-
-LOG = {
-    events.Level.DEBUG: rospy.logdebug,
-    events.Level.INFO: rospy.loginfo,
-    events.Level.WARNING: rospy.logwarn,
-    events.Level.ERROR: rospy.logerr,
-}
 
 
 class SubstituteNode:

@@ -246,6 +246,7 @@ class Chaos:
         """Wait until everything is as before the faults; what is not, at the deadline."""
         deadline = time.monotonic() + SETTLE_S
         quiet: Optional[float] = None
+        told: List[str] = []
         while True:
             seen = self._observer.seen(nodes=False)
             left = invariants.unsettled(self._observer.topics, seen)
@@ -255,6 +256,10 @@ class Chaos:
                     return []
             else:
                 quiet = None
+                waits = [f"{each.rule}: {each.about}" for each in left]
+                if waits != told:
+                    self._trace.write("waits", seconds=SETTLE_S, unsettled=waits)
+                    told = waits
                 self._release(seen)
                 if seen.now > deadline:
                     return left

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import Dict, FrozenSet, Iterator, List, Sequence, Tuple
 
 import psutil
-import rosgraph
 from roslib.packages import find_node
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.names import full_name
+from shsa_core.ros.processes.kernel import robot_processes
 from shsa_core.ros.processes.prepared import OPTION
 from shsa_injection.errors import Refused
 
@@ -50,22 +50,14 @@ def running(programs: Sequence[str] = HEALERS) -> List[Healer]:
 
 
 def _running(programs: Sequence[str]) -> Iterator[Healer]:
-    for process in psutil.process_iter():
-        try:
-            if process.uids().real != os.getuid() or process.status() == psutil.STATUS_ZOMBIE:
-                continue
-            words = process.cmdline()
-            program = _program(words, programs)
-            if not program or OPTION in words:
-                continue  # who only forks substitutes is none
-            environment = process.environ()
-        except (psutil.Error, OSError):
-            continue  # it has ended meanwhile
-        if environment.get("ROS_MASTER_URI") == rosgraph.get_master_uri():
-            namespace = environment.get("ROS_NAMESPACE", "/")
-            names = [word.split(":=")[1] for word in words if word.startswith("__name:=")]
-            node = full_name(names[-1] if names else program, namespace)
-            yield Healer(program, node, namespace, process, tuple(words))
+    for process, words, variables in robot_processes():
+        program = _program(words, programs)
+        if not program or OPTION in words:
+            continue  # who only forks substitutes is none
+        namespace = variables.get("ROS_NAMESPACE", "/")
+        names = [word.split(":=")[1] for word in words if word.startswith("__name:=")]
+        node = full_name(names[-1] if names else program, namespace)
+        yield Healer(program, node, namespace, process, tuple(words))
 
 
 def only(program: str) -> Healer:

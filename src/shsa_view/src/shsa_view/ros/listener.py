@@ -28,12 +28,13 @@ class Listener:
     """Hears healing in this namespace; `take` gives the facts that have come since the last time.
 
     `secret`: the file by which what is heard is checked; empty: the default one. `hosts`: the
-    computers that may have a monitor of their own.
+    computers that may have a monitor of their own. `make`: the secret is made if it is not there,
+    as by all nodes of one launch.
     """
 
-    def __init__(self, secret: str, hosts: Iterable[str]) -> None:
+    def __init__(self, secret: str, hosts: Iterable[str], make: bool = False) -> None:
         self._facts: Deque[Callable[[], Iterable[facts.Fact]]] = deque()
-        self._signing, self._trust = _signing(secret)
+        self._signing, self._trust = _signing(secret, make)
         self._diagnostics = wire.Diagnostics(rospy.get_namespace())
         self._heard: Dict[str, float] = {}
         self._tables: Dict[str, List[TableSubscriber]] = {}
@@ -108,10 +109,10 @@ class Listener:
         return facts.TrustTold("refused", f"refused so far: {what}")
 
 
-def _signing(secret: str) -> Any:
+def _signing(secret: str, make: bool) -> Any:
     """Return the checker of signatures; None, and why, if there is no secret that we may read."""
     try:
-        return Signing(secret, make=False), ""
+        return Signing(secret, make), ""
     except ShsaError as error:
         text = f"Nothing that is shown can be checked: {error}"
         rospy.logwarn("%s", text)

@@ -81,7 +81,7 @@ class ViewNode:
         token = _token() if arguments.actions else ""
         names = (socket.gethostname(), os.environ.get("ROS_HOSTNAME", ""))
         settings = Settings(arguments.address, arguments.port, token, tuple(filter(None, names)))
-        self._listener = Listener(arguments.secret, self._models.first.som.hosts)
+        self._listener = Listener(arguments.secret, self._models.first.som.hosts, make=True)
         state = State(rospy.get_namespace(), bool(token))
         answers = RosAnswers(state, Actions(arguments.som))
         failed = lambda text: rospy.logerr_throttle_identical(10.0, f"View: {text}")

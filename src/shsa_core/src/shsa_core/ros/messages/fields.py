@@ -56,7 +56,7 @@ class Field:
         value does not fit, or if an array has no such element.
         """
         if not self.writable:
-            raise ShsaError(f"{self._text} can be read alone")
+            raise ShsaError(f"{self._text} is read-only")
         owner: Any = message
         for step in self._steps[:-1]:
             owner = self._inner(owner, step)
@@ -115,7 +115,7 @@ def problem(message_type: str, text: str, written: bool) -> str:
         field = Field(message_types.message_class(message_type), text)
     except ShsaError as error:
         return str(error)
-    return f"{text} can be read alone" if written and not field.writable else ""
+    return f"{text} is read-only" if written and not field.writable else ""
 
 
 def _components(rotation: Any) -> Tuple[float, float, float, float]:

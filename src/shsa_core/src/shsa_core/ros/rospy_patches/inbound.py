@@ -3,7 +3,8 @@
 Faults of rospy 1.15 to 1.17: it reads the header of a connection in the thread that accepts them
 all, so that a silent one keeps every subscriber out (`TCPROSServer`); each connection to its
 XML-RPC interface has a thread for good, and may send any length at any pace. Here each connection
-has a thread, a deadline and a largest size, and the oldest goes where too many are open.
+has a thread, a deadline and a largest size, and the oldest goes where too many are open. A
+subscriber of a topic that was just withdrawn is told so; rospy logs an "internal error".
 """
 import io
 import socket
@@ -13,8 +14,11 @@ from collections import OrderedDict
 from typing import Any, Callable
 
 import rospy
+from rosgraph.network import write_ros_handshake_header
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
+from rospy.impl.registration import get_topic_manager
 from rospy.impl.tcpros_base import TCPROSServer
+from rospy.impl.tcpros_pubsub import TCPROSHandler
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
@@ -27,6 +31,9 @@ Callback = Callable[[Any, socket.socket, Any], None]
 def serve_each_by_itself() -> None:
     """To be called before the node is initialised."""
     TCPROSServer._tcp_server_callback = _apart(TCPROSServer._tcp_server_callback)
+    TCPROSHandler.topic_connection_handler = _unless_withdrawn(
+        TCPROSHandler.topic_connection_handler
+    )
     ThreadingXMLRPCServer.process_request = _with_room(ThreadingXMLRPCServer.process_request)
     SilenceableXMLRPCRequestHandler.do_POST = _up_to(SilenceableXMLRPCRequestHandler.do_POST)
 
@@ -78,6 +85,20 @@ def _apart(callback: Callback) -> Callback:
             raise
 
     return accept
+
+
+def _unless_withdrawn(handle: Callable[..., Any]) -> Callable[..., Any]:
+    def connected(handler: Any, connection: socket.socket, address: Any, header: Any) -> Any:
+        topic = header.get("topic", "")
+        publisher = get_topic_manager().get_publisher_impl(topic)
+        if publisher is not None and publisher.data_class and not publisher.closed:
+            return handle(handler, connection, address, header)
+        rospy.logdebug("%s asked for %s, which is withdrawn.", header.get("callerid"), topic)
+        write_ros_handshake_header(connection, {"error": f"{topic} is not published here now"})
+        connection.close()
+        return None
+
+    return connected
 
 
 def _with_room(process: Callback) -> Callback:

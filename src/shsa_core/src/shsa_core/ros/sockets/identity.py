@@ -4,13 +4,13 @@ A name is a claim. A connection counts for a node once the master lists that nod
 that was connected to, and, on this computer, the kernel says that one user listens there and sends.
 """
 import socket
-from dataclasses import dataclass
 from functools import partial
 from typing import Callable, Dict, NamedTuple, Optional
 
 import rosgraph
 import rospy
 
+from shsa_core.agenda import Agenda
 from shsa_core.ros import clock, settings
 from shsa_core.ros.master.announce import of_topic
 from shsa_core.ros.master.node_api import FAILURES, located, master_api, resolved
@@ -33,14 +33,6 @@ class Identified(NamedTuple):
     at: str = ""
 
 
-@dataclass
-class _Claim:
-    """A connection that is not known yet; `ask`: when the master is asked again; None: it is."""
-
-    tries: int = 0
-    ask: Optional[float] = None
-
-
 class Identities:
     """Asks the master whose connections are, and remembers where it said that nodes are.
 
@@ -53,18 +45,20 @@ class Identities:
     ) -> None:
         self._tell, self._refused = tell, refused
         self._nodes: Dict[str, str] = {}
-        self._claims: Dict[Connection, _Claim] = {}
+        self._tries: Dict[Connection, int] = {}  # of those that are not known yet
+        self._again: Agenda[Connection] = Agenda()
         self._workers = Workers("identities", settings.MOST_ASKING_MASTER)
 
     def claim(self, connection: Connection) -> None:
         """Have a connection count for nobody until it is known whose it is."""
         connection.is_known = False
-        self._claims[connection] = _Claim()
+        self._tries[connection] = 0
         self._workers.put(partial(self._work, connection))
 
     def drop(self, connection: Connection) -> None:
         """Stop asking about a connection that has ended."""
-        self._claims.pop(connection, None)
+        self._tries.pop(connection, None)
+        self._again.set(connection, None)
 
     def forget(self, node: str, uri: str) -> None:
         """Have whoever comes to the address of a node that has gone asked about."""
@@ -78,33 +72,30 @@ class Identities:
     def answered(self, item: Identified) -> bool:
         """Take the master's answer; return whether the connection is known by it."""
         connection, node, _ = item
-        claim = self._claims.get(connection)
-        if claim is None:
+        tries = self._tries.get(connection)
+        if tries is None:
             return False
         if node:
             if node != connection.publisher:
                 why = f"it is {node}, by the master's word"
                 self._refused(connection.topic, connection.publisher, why)
-            del self._claims[connection]
+            del self._tries[connection]
             connection.publisher, connection.at, connection.is_known = node, item.at, True
             if len(self._nodes) >= settings.MOST_KNOWN_NODES:
                 self._nodes.clear()
             self._nodes[node] = connection.uri
             return True
-        if node is not None and claim.tries:  # at first it may be registering
+        if node is not None and tries:  # at first it may be registering
             self._refused(connection.topic, connection.publisher, NOT_LISTED)
         pauses = settings.ASK_MASTER_AGAIN_S
-        claim.ask = clock.now() + pauses[min(claim.tries, len(pauses) - 1)]
-        claim.tries += 1
+        self._again.set(connection, clock.now() + pauses[min(tries, len(pauses) - 1)])
+        self._tries[connection] += 1
         return False
 
     def ask_again(self) -> None:
         """Ask about those whose pause is over."""
-        now = clock.now()
-        for connection, claim in self._claims.items():
-            if claim.ask is not None and claim.ask <= now:
-                claim.ask = None
-                self._workers.put(partial(self._work, connection))
+        for connection in self._again.pop_due(clock.now()):
+            self._workers.put(partial(self._work, connection))
 
     def _work(self, connection: Connection) -> None:
         node: Optional[str] = None

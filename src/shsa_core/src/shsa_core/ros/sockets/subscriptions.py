@@ -90,6 +90,9 @@ class _Closed(NamedTuple):
     transport: Any
 
 
+Told = Union[_Made, _Closed, Answered, Identified]
+
+
 class Subscriptions:
     """The connections of every subscribed topic.
 
@@ -108,7 +111,7 @@ class Subscriptions:
         self._times = ArrivalTimes(now)
         self._time = self._times.looked.time  # of what happens now
         self._wakes = wakes
-        self._told: Deque[Union[_Made, _Closed, Answered, Identified]] = deque()
+        self._told: Deque[Told] = deque()
         self._identities = Identities(self._tell, refused)
         self._reconnection = Reconnection(self._tell)
         self._implementations: Dict[str, HandedOver] = {}
@@ -172,11 +175,11 @@ class Subscriptions:
         ]
         return [*found, *sorted(came, key=lambda each: each.time)]
 
-    def _tell(self, item: Union[_Made, _Closed, Answered, Identified]) -> None:
+    def _tell(self, item: Told) -> None:
         self._told.append(item)
         self.inbox.wake()
 
-    def _heed(self, item: Union[_Made, _Closed, Answered, Identified]) -> Iterator[Happening]:
+    def _heed(self, item: Told) -> Iterator[Happening]:
         """Do what follows from what rospy did, or from what a node or the master answered."""
         topic = item.connection.topic if isinstance(item, Identified) else item.topic
         implementation = self._implementations.get(topic)
@@ -219,8 +222,8 @@ class Subscriptions:
         """Have what comes from now on count for the node whose connection it is."""
         topic, publisher = connection.topic, connection.publisher
         yield from self._disown(connection)
-        others = (each for each in self._standing.values() if each is not connection)
-        if not any(each.is_known and _same(each, connection) for each in others):
+        alike = [each for each in self._standing.values() if each.is_known and each.topic == topic]
+        if [each.publisher for each in alike].count(publisher) == 1:
             yield Connected(self._time, topic, publisher, connection.at)
         self._reconnection.connected(topic, connection.uri)
         if connection in self._newest:
@@ -293,7 +296,3 @@ class Subscriptions:
             if doubt.publisher and doubt.publisher not in self.publishers(doubt.topic):
                 self._identities.forget(doubt.publisher, doubt.uri)
                 yield Gone(self._time, doubt.topic, doubt.publisher)
-
-
-def _same(one: Connection, other: Connection) -> bool:
-    return (one.topic, one.publisher) == (other.topic, other.publisher)
