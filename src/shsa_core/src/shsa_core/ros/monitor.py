@@ -104,7 +104,7 @@ class MonitorNode:
         self._ends = False
         self._values: diagnostics.Values = {}
         self._diagnostics = diagnostics.Diagnostics(
-            diagnostics.MonitorRows(), signing, self._companion
+            lambda: self._inbox.put(_Report()), diagnostics.MonitorRows(), signing, self._companion
         )
         self._hear: Dict[type, Callable[[Any], object]] = {
             Som: self._som_changed,
@@ -120,7 +120,6 @@ class MonitorNode:
         heard = lambda table: self._inbox.put(_Substitutions(table))
         TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, heard, signing)
         TableSubscriber(names.SOM_STATE, msg.SomState, self._hear_som_state, signing)
-        diagnostics.every_period(lambda: self._inbox.put(_Report()))
 
     def spin(self) -> None:
         """Handle events until ROS shuts down."""

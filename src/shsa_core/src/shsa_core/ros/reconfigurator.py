@@ -141,9 +141,11 @@ class ReconfiguratorNode:
             },
         )
         self._diagnostics = diagnostics.Diagnostics(
-            diagnostics.healing_rows, signing, self._companion
+            lambda: self._queue.put(self._report),
+            diagnostics.healing_rows,
+            signing,
+            self._companion,
         )
-        diagnostics.every_period(lambda: self._queue.put(self._report))
         self._decided = clock.now()
         # First of all: what runs goes on, and no substitute may take a name that was used.
         self._master = MasterWatch(lambda node: node.startswith(prefix))

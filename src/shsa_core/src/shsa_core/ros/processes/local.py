@@ -1,5 +1,4 @@
 """The computer that we run on: its processes are learned, found, ended, started and listened to."""
-import threading
 import time
 from typing import Any, Callable, List, Optional
 
@@ -22,6 +21,8 @@ from shsa_core.ros.processes.starting import Processes, Setup
 from shsa_core.ros.processes.watching import Life
 from shsa_core.ros.workers import Workers
 
+Work = Callable[[Any], object]
+"""Carries out a command."""
 LEARNING = 2
 """So many nodes are learned at the same time: to look at each is work for several processes."""
 
@@ -32,7 +33,6 @@ class LocalHost:
     def __init__(self, tell: Tell, signs: Signs, setup: Setup) -> None:
         self._tell = tell
         self.prefix = setup.prefix
-        self._endings: List[threading.Event] = []
         clearing = Workers("clear", settings.MOST_CALLS)
         self.nodes = Nodes()
         self.processes = Processes(
@@ -50,7 +50,7 @@ class LocalHost:
             lambda node: tell(events.ProcessHung(clock.now(), node)),
             lambda node: tell(events.ProcessHeard(clock.now(), node)),
         )
-        stops = Workers("stop", settings.MOST_CALLS)
+        self._stops = stops = Workers("stop", settings.MOST_CALLS)
         by = lambda name, work, most=settings.MOST_CALLS: self._by(Workers(name, most), work)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             HostCommand,
@@ -66,20 +66,15 @@ class LocalHost:
                 ),
                 events.ClearNode: self._by(clearing, self._clear),
                 events.StartSubstitute: self._start,
-                events.StopSubstitute: self._by(stops, self._stop, True),
+                events.StopSubstitute: self._by(stops, self._stop),
                 events.RestartNode: self._restart,
-                events.StopNode: self._by(
-                    stops, lambda c: self.restarts.children.stop(c.node), True
-                ),
+                events.StopNode: self._by(stops, lambda c: self.restarts.children.stop(c.node)),
             },
         )
 
     def carry_out(self, command: HostCommand) -> None:
         """Begin to carry out a command; see Host."""
-        try:
-            self._carry_out[type(command)](command)
-        except Exception as error:  # whatever it is, the commands after it are carried out
-            self._failed(command, error)
+        self._guarded(self._carry_out[type(command)], command)
 
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has left running; return the nodes."""
@@ -98,33 +93,17 @@ class LocalHost:
 
     def await_stops(self) -> None:
         """Wait until all has ended that was to be stopped."""
-        for ended in self._endings:
-            ended.wait()
+        self._stops.join()
 
-    def _by(
-        self, workers: Workers, work: Callable[[Any], object], awaited: bool = False
-    ) -> Callable[[Any], None]:
-        """Return what has a command carried out by workers: to wait must not hold the events up.
+    def _by(self, workers: Workers, work: Work) -> Work:
+        """Return what has a command carried out by workers: to wait must not hold the events up."""
+        return lambda command: workers.put(lambda: self._guarded(work, command))
 
-        `awaited`: we do not end before it is done.
-        """
-
-        def put(command: Any) -> None:
-            done = threading.Event()
-
-            def call() -> None:
-                try:
-                    work(command)
-                except Exception as error:  # whatever it is, the next command is carried out
-                    self._failed(command, error)
-                finally:
-                    done.set()
-
-            if awaited:
-                self._endings = [each for each in self._endings if not each.is_set()] + [done]
-            workers.put(call)
-
-        return put
+    def _guarded(self, work: Work, command: Any) -> None:
+        try:
+            work(command)
+        except Exception as error:  # whatever it is, the commands after it are carried out
+            self._failed(command, error)
 
     def _failed(self, command: HostCommand, error: Exception) -> None:
         """Say that a command could not be carried out, and answer it, so that nobody waits."""
