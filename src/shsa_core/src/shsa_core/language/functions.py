@@ -1,7 +1,6 @@
 """The functions that expressions may use: a fixed list, and nothing else.
 
-To add one, add a row to the table, with its rules for units and ranges, and a row in
-docs/ontology.md.
+To add one, add a row to the table, with its rules for units and ranges.
 """
 import math
 from dataclasses import dataclass

@@ -175,10 +175,7 @@ class MonitorNode:
         """Look at ROS time before messages are read: their age is told by this look."""
         now, ros_time = clock.both()
         before, self._ahead = self._ahead, ros_time - now
-        if (
-            abs(self._ahead - before) > settings.CLOCK_CHANGE_S
-            or now - self._told_clock > settings.TURN_S
-        ):
+        if abs(self._ahead - before) > settings.REST_S or now - self._told_clock > settings.TURN_S:
             self._told_clock = now
             self._feed(events.ClockTicked(now, ros_time, clock.is_simulated()))
 

@@ -153,7 +153,7 @@ class ReconfiguratorNode:
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, self._hosts.take_up())
         self._records = heritage.file
-        self._decide(replace(heritage.started, preparing=self._local.processes.forks))
+        self._decide(replace(heritage.started, preparing=self._local.substitutes.forks))
         self._substitutions.open()
         self._som_state.open()
         put_som(som)

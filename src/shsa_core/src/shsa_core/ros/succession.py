@@ -10,14 +10,13 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.records import Record, RestartedNode, of_this_robot
 from shsa_core.journal.codec import Codec
-from shsa_core.journal.machines import FORMS
 from shsa_core.journal.record_file import Former, RecordFile, read_records
 from shsa_core.ros import clock
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.trust.places import boot, master_place
 
-CODEC = Codec(Record, FORMS)
+CODEC = Codec(Record)
 RUN = "/run_id"
 """The parameter that a ROS master's start is known by."""
 
@@ -65,7 +64,7 @@ def _registered(host: LocalHost, left: Set[str]) -> Tuple[Tuple[str, ...], Tuple
         except FAILURES:
             known = None  # nobody knows it
         process = known.process if known else None
-        ours = process is not None and host.processes.runs_ours(node, process)
+        ours = process is not None and host.substitutes.runs_ours(node, process)
         if known is not None and ours:
             host.nodes.adopt(node, known)
         dead = known is not None and known.dead

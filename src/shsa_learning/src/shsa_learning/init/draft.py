@@ -39,13 +39,13 @@ HEAD = """\
 #    of the largest value. What the robot can do is what you know. Places, angles, distances and
 #    counters have no range here, nor has what only trembled: the robot may not have moved.
 #  - `period: none` is event-driven: it is never silent. Where that is wrong, give a period in s.
-#  - Then say `needed: true` where somebody relies on it. docs/som.md has all the other keys.
+#  - Then say `needed: true` where somebody relies on it. docs/reference/som.md has all keys.
 #  - Healing tells what it would do, and does nothing, until `act: true` stands above `services:`.
 """
 ONTOLOGY_HEAD = """\
 # A draft of an ontology, made by `shsa init` from {source}.
 # Units are those that ROS fixes (REP 103, the message's definition). No unit: nobody knows.
-# Relations say how one property follows from others: docs/ontology.md tells how they are written,
+# Relations say how one property follows from others: see docs/reference/ontology.md,
 # and `shsa learn` learns them. What is learned holds as far as the recording went, and no further.
 """
 

@@ -16,7 +16,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.announce import Introductions, Publisher
-from shsa_core.ros.master.node_api import FAILURES, MASTER, BadAnswer, ask, node_api
+from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
 from shsa_core.ros.master.registrations import (
     NOTHING,
     Graph,
@@ -24,7 +24,6 @@ from shsa_core.ros.master.registrations import (
     Part,
     Registration,
     Said,
-    is_name,
     missing_parameters,
     read_pairs,
     to_ask,
@@ -256,11 +255,8 @@ class MasterWatch:
 
         def put(node: str, uri: str) -> None:
             try:
-                published = _topics(ask(uri, "getPublications"))
-                said[node] = {
-                    Part.PUBLISHER: published,
-                    Part.SUBSCRIBER: _topics(ask(uri, "getSubscriptions")),
-                }
+                published, subscribed = topics(uri), topics(uri, "getSubscriptions")
+                said[node] = {Part.PUBLISHER: published, Part.SUBSCRIBER: subscribed}
             except ConnectionRefusedError:
                 gone.add(node)
             except FAILURES as error:
@@ -282,11 +278,3 @@ class MasterWatch:
 def _took(began: float) -> float:
     """Return a pause after which what has begun then has taken a small share of the time, in s."""
     return (time.monotonic() - began) / settings.LOOKING_SHARE
-
-
-def _topics(rows: Any) -> Dict[str, str]:
-    """Return topics and their types of a node's answer; what is none is left out."""
-    if not isinstance(rows, list):
-        raise BadAnswer("these are no topics")
-    pairs = [row for row in rows if isinstance(row, list) and len(row) == 2]
-    return {name: kind for name, kind in pairs if is_name(name) and isinstance(kind, str)}

@@ -8,7 +8,7 @@ import re
 import socket
 import time
 import xmlrpc.client
-from typing import Any, FrozenSet, NamedTuple, Tuple
+from typing import Any, Dict, NamedTuple, Tuple
 
 import rosgraph
 import rosgraph.network
@@ -46,7 +46,7 @@ class Limits(NamedTuple):
 
 
 NODE = Limits(settings.CALL_S, LARGEST_ANSWER_B)
-MASTER = Limits(settings.MASTER_CALL_S, LARGEST_MASTER_ANSWER_B)
+MASTER = Limits(settings.LONG_CALL_S, LARGEST_MASTER_ANSWER_B)
 
 
 def address(uri: object) -> Address:
@@ -132,12 +132,12 @@ def pid(uri: str) -> int:
     return int(number)
 
 
-def publications(uri: str) -> FrozenSet[str]:
-    """Return the topics that a node says it publishes. Raises one of FAILURES."""
-    rows = ask(uri, "getPublications")
+def topics(uri: str, method: str = "getPublications") -> Dict[str, str]:
+    """Return the topics that a node says it publishes, and their types. Raises one of FAILURES."""
+    rows = ask(uri, method)
     if not isinstance(rows, list) or not all(_is_row(row) for row in rows):
-        raise BadAnswer(f"{uri} says that it publishes {_short(rows)}")
-    return frozenset(row[0] for row in rows)
+        raise BadAnswer(f"{uri} answers {method} with {_short(rows)}")
+    return dict(rows)
 
 
 def node_api(uri: str, limits: Limits = NODE) -> xmlrpc.client.ServerProxy:

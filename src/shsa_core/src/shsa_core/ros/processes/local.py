@@ -17,7 +17,7 @@ from shsa_core.ros.processes.heartbeats import Signs
 from shsa_core.ros.processes.host import HostCommand, Tell, not_done
 from shsa_core.ros.processes.nodes import Known, Nodes, protection
 from shsa_core.ros.processes.restarting import ComingUp, Restarts
-from shsa_core.ros.processes.starting import Processes, Setup
+from shsa_core.ros.processes.starting import Substitutes, Setup
 from shsa_core.ros.processes.watching import Life
 from shsa_core.ros.workers import Workers
 
@@ -35,7 +35,7 @@ class LocalHost:
         self.prefix = setup.prefix
         clearing = Workers("clear", settings.MOST_CALLS)
         self.nodes = Nodes()
-        self.processes = Processes(
+        self.substitutes = Substitutes(
             lambda node, detail: tell(events.ProcessExited(clock.now(), node, detail)),
             lambda node: clearing.put(lambda: ending.clear(self.nodes, node)),
             setup,
@@ -43,13 +43,7 @@ class LocalHost:
         ended = lambda node: tell(events.StarterEnded(clock.now(), node))
         self.restarts = Restarts(ended, setup.host)
         self._coming_up = ComingUp(self.restarts.started_again, self._came_up)
-        self._life = Life(
-            signs,
-            lambda node: node.startswith(setup.prefix),
-            lambda node: tell(events.ProcessSilent(clock.now(), node)),
-            lambda node: tell(events.ProcessHung(clock.now(), node)),
-            lambda node: tell(events.ProcessHeard(clock.now(), node)),
-        )
+        self._life = Life(signs, lambda node: node.startswith(setup.prefix), tell)
         self._stops = stops = Workers("stop", settings.MOST_CALLS)
         by = lambda name, work, most=settings.MOST_CALLS: self._by(Workers(name, most), work)
         self._carry_out: dispatch.Table[object] = dispatch.table(
@@ -78,14 +72,14 @@ class LocalHost:
 
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has left running; return the nodes."""
-        left = self.processes.left_behind()
+        left = self.substitutes.left_behind()
         for node, process in left.items():
-            self.processes.take_up(node, process)
+            self.substitutes.take_up(node, process)
         return [*left, *self.restarts.take_up()]
 
     def stop_all(self) -> None:
         """Stop the substitutes, and the nodes that would have ended with us; wait for that."""
-        for node in self.processes.children.running():
+        for node in self.substitutes.children.running():
             self.carry_out(events.StopSubstitute(node))
         for node in filter(self.restarts.is_with_us, self.restarts.children.running()):
             self.carry_out(events.StopNode(node))
@@ -175,11 +169,11 @@ class LocalHost:
 
     def _start(self, command: events.StartSubstitute) -> None:
         asked = clock.now()
-        self.processes.start(command)
+        self.substitutes.start(command)
         self._tell(events.SubstituteStarted(clock.now(), command.node, asked))
 
     def _stop(self, command: events.StopSubstitute) -> None:
-        self.processes.children.stop(command.node, answers=not self._life.is_silent(command.node))
+        self.substitutes.children.stop(command.node, answers=not self._life.is_silent(command.node))
 
     def _restart(self, command: events.RestartNode) -> None:
         node = command.node

@@ -22,8 +22,8 @@ from shsa_core.ros.master.node_api import (
     master_api,
     node_api,
     pid,
-    publications,
     resolved,
+    topics,
 )
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.owners import is_local, listener
@@ -154,13 +154,13 @@ class Nodes:
                 self._warn(f"{node} can be neither ended for certain nor started again: {why}.")
                 return None
             listed = self._lists(node, topic, settings.RECENT_S)
-            topics = publications(current.at) if listed else frozenset()
+            said = frozenset(topics(current.at)) if listed else frozenset()
         except FAILURES as error:
             rospy.logdebug("%s is not learned: %s", node, error)
             return None
-        if topic not in topics:
+        if topic not in said:
             return None
-        return self._put(node, replace(current, topics=topics, learned=True))
+        return self._put(node, replace(current, topics=said, learned=True))
 
     def adopt(self, node: str, known: Known) -> None:
         """Remember a process that we have started: it needs no further proof."""
@@ -235,12 +235,12 @@ class Nodes:
             why = f"the master does not list it as a publisher of {topic}"
             return Found(Where.ANOTHER, why)
         try:
-            topics = publications(known.at)
+            publishes = topic in topics(known.at)
         except FAILURES as error:
             if known.learned:
                 return None  # it was seen well, and hangs now
             return Found(Where.UNKNOWN, f"it was never seen well, and cannot be verified: {error}")
-        if topic in topics:
+        if publishes:
             return None
         return Found(Where.ANOTHER, f"whoever answers at its address does not publish {topic}")
 

@@ -214,7 +214,7 @@ class ComingUp:
                 for node in nodes:
                     self._ask(node)
                 ask_at = time.monotonic() + settings.TICK_S
-            time.sleep(settings.PROCESS_LOOK_S)
+            time.sleep(settings.SOON_S)
 
     def _ask(self, node: str) -> None:
         uri, known = _address(node), self._addresses.get(node)

@@ -68,7 +68,7 @@ class Setup(NamedTuple):
         return self.prefix.rsplit("/", 1)[0]
 
 
-class Processes:
+class Substitutes:
     """Starts and stops substitutes.
 
     `ended(node, detail)` is called whenever a process has ended that nobody stopped;

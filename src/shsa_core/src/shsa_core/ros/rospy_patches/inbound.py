@@ -11,6 +11,7 @@ import socket
 import threading
 import time
 from collections import OrderedDict
+from contextlib import suppress
 from typing import Any, Callable
 
 import rospy
@@ -51,7 +52,8 @@ class _Room:
             self._open[connection.fileno()] = connection
             oldest = self._open.popitem(last=False)[1] if len(self._open) > most else None
             if oldest is not None:
-                _end(oldest)
+                with suppress(OSError):  # it may have ended
+                    oldest.shutdown(socket.SHUT_RDWR)
 
     def leave(self, connection: socket.socket) -> None:
         """Have one less; before it is closed."""
@@ -161,7 +163,7 @@ class _Greeted(socket.socket):
 
 def _read_header(connection: socket.socket) -> bytes:
     """Return the header with its length, and no byte more. Raises OSError, ShsaError."""
-    end = time.monotonic() + settings.HEADER_S
+    end = time.monotonic() + settings.LONG_CALL_S
     length = _read(connection, LENGTH.size, connection.recv, end)
     (size,) = LENGTH.unpack(length)
     if size > settings.LARGEST_HEADER_B:
@@ -175,7 +177,7 @@ def _read(
     connection: socket.socket, size: int, read: Callable[[int], bytes], end: float = 0.0
 ) -> bytes:
     """Read so many bytes until `end`, or for as long as a header may take."""
-    end = end or time.monotonic() + settings.HEADER_S
+    end = end or time.monotonic() + settings.LONG_CALL_S
     data = b""
     while len(data) < size:
         connection.settimeout(max(1e-3, end - time.monotonic()))
@@ -186,10 +188,3 @@ def _read(
         if time.monotonic() > end:
             raise ShsaError("it takes too long")
     return data
-
-
-def _end(connection: socket.socket) -> None:
-    try:
-        connection.shutdown(socket.SHUT_RDWR)
-    except OSError:
-        return  # it has ended

@@ -14,12 +14,12 @@ from shsa_core.agenda import Agenda
 from shsa_core.ros import clock, settings
 from shsa_core.ros.master.announce import of_topic
 from shsa_core.ros.master.node_api import FAILURES, located, master_api, resolved
+from shsa_core.ros.master.registrations import is_name
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.trust.owners import is_local, listening, speaker
 from shsa_core.ros.workers import Workers
 
 NOT_LISTED = "the master does not list this name at its address: it counts for nobody"
-LONGEST_NAME = 255
 
 
 class Identified(NamedTuple):
@@ -121,10 +121,8 @@ class Identities:
     def _is_at(self, node: str, uri: str) -> bool:
         if self.knows(node, uri):
             return True
-        if not 0 < len(node) <= LONGEST_NAME:
-            return False
         try:
-            return bool(master_api().lookupNode(node) == uri)
+            return is_name(node) and bool(master_api().lookupNode(node) == uri)
         except rosgraph.MasterException:
             return False  # it knows no such node
 

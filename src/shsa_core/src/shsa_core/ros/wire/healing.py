@@ -167,11 +167,10 @@ def _stamps(record: Incident) -> Dict[str, rospy.Time]:
 def found(plan: Plan) -> srv.FindSubstituteResponse:
     """Return the answer that `plan` would be carried out."""
     using = ", ".join(plan.relations) or "the same property elsewhere"
-    return srv.FindSubstituteResponse(
+    return filled(
+        srv.FindSubstituteResponse,
+        plan.program,
         found=True,
-        inputs=list(plan.program.inputs),
-        code=plan.program.code,
-        outputs=list(plan.program.outputs),
         relations=list(plan.relations),
         quality=plan.quality,
         error_rms=rms_of(plan.errors),

@@ -46,11 +46,10 @@ def health_row_key(row: msg.PublisherHealth) -> str:
 def calibration_row(row: CalibrationRow) -> msg.Calibration:
     """Return a row of the table of calibrations; 0 stands for what is not known of an error."""
     errors = [each.error for each in row.calibrations]
-    return msg.Calibration(
+    return filled(
+        msg.Calibration,
+        row.program,
         service=row.service,
-        inputs=list(row.program.inputs),
-        code=row.program.code,
-        outputs=list(row.program.outputs),
         gains=[each.gain for each in row.calibrations],
         offsets=[each.offset for each in row.calibrations],
         rms=[each.rms if each else 0.0 for each in errors],
