@@ -33,3 +33,5 @@ html_title = "Self-healing for ROS 1"
 html_copy_source = False
 html_show_sphinx = False
 html_extra_path = ["site"]
+html_static_path = ["static"]
+html_css_files = ["site.css"]

@@ -110,6 +110,14 @@ class SomChanged:
 
 
 @dataclass(frozen=True)
+class SubscribersSeen:
+    """The master lists other subscribers of these topics than before."""
+
+    time: float
+    topics: Tuple[Tuple[str, Tuple[str, ...]], ...]
+
+
+@dataclass(frozen=True)
 class ModelsReloaded:
     """Ontology and SOM were read again."""
 
@@ -324,6 +332,7 @@ Event = Union[
     FailureSeen,
     HealthSeen,
     SomChanged,
+    SubscribersSeen,
     ModelsReloaded,
     NodeLearned,
     NodeCameUp,
@@ -493,7 +502,8 @@ class ShowIncident:
 class ServiceState:
     """One row of the running SOM: who provides the service now, and whether it is available.
 
-    `healthy`: all originals that do well; `verified`: those of them whose process is known.
+    `healthy`: all originals that do well; `verified`: those of them whose process is known;
+    `consumers`: the nodes outside healing that subscribe to its topic.
     """
 
     service: Service
@@ -502,6 +512,7 @@ class ServiceState:
     detail: str
     healthy: Tuple[str, ...] = ()
     verified: Tuple[str, ...] = ()
+    consumers: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -207,7 +207,7 @@ class MonitorNode:
     def _arrived(self, arrived: Arrived) -> None:
         time, connection, data, whole, _ = arrived
         service = self._core.service_of(connection.topic, connection.publisher)
-        if service is not None and service.needed and whole:
+        if service is not None and service.needed is not False and whole:
             if connection.header["type"] == service.type:
                 self._last_messages.keep(time, connection.topic, connection.publisher, data)
         event = self._reader.event(arrived, self._subscriptions.waited(time), service)

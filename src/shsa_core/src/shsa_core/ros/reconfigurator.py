@@ -148,7 +148,10 @@ class ReconfiguratorNode:
         )
         self._decided = clock.now()
         # First of all: what runs goes on, and no substitute may take a name that was used.
-        self._master = MasterWatch(lambda node: node.startswith(prefix))
+        self._master = MasterWatch(
+            lambda node: node.startswith(prefix),
+            lambda topics: self._put(events.SubscribersSeen(clock.now(), topics)),
+        )
         self._may_act(som)
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, self._hosts.take_up())
@@ -326,7 +329,7 @@ class ReconfiguratorNode:
         self._substitutions.update(map(substitution_message, command.rows), command.removed)
 
     def _show_som(self, command: events.ShowSom) -> None:
-        self._master.introduce(*(row.service.topic for row in command.rows))
+        self._master.introduce(*(topic for row in command.rows for topic in row.service.topics))
         self._som_state.update(map(wire.service_state, command.rows), command.removed)
 
     def _report(self) -> None:

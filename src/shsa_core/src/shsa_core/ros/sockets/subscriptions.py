@@ -3,11 +3,10 @@
 rospy makes the connections, each in a thread that then reads and calls back. Here that thread ends
 when the connection stands, and whoever calls `read` gets the messages straight from the sockets:
 what the kernel has received by then is handled before anybody is judged, and a connection that ends
-is seen after its last message, when it ends. Whether its node has gone then, `reconnection` tells.
+is seen after its last message. Whether its node has gone then, `reconnection` tells.
 
-What a connection calls itself is a claim. It counts for a node once the master has said that this
-node is at the address that we connected to; until then what comes is read and dropped, save the
-newest message, so that nobody who publishes is held up.
+A connection counts for nobody until `identity` knows whose it is: what comes is read and dropped,
+save the newest message, so that nobody who publishes is held up.
 """
 from collections import deque
 from typing import Any, Callable, Deque, Dict, Iterable, Iterator, List, NamedTuple, Set, Union

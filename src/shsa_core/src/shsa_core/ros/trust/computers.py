@@ -33,32 +33,33 @@ class NoAnswer(ShsaError):
 
 
 class OtherComputer(NamedTuple):
-    """A computer as people want to see it; times in s."""
+    """A computer as people want to see it; times in s.
+
+    `offset`: the lead of its wall clock over ours, known within `bound`, measured `age` ago.
+    """
 
     host: str
     address: str
     offset: float
-    """Lead of its wall clock over ours."""
     bound: float
-    """The offset is known this well."""
     round_trip: float
     age: float
-    """Since when that is not measured anew."""
 
 
 class Met(NamedTuple):
-    """A computer has proved itself, in answer to a question of ours."""
+    """A computer has proved itself, in answer to a question of ours; times in ns.
+
+    `clock`: its monotonic clock as it answered; `ahead`: the lead of its wall clock over ours, give
+    or take half the round trip; `asked`, `answered`: on our monotonic clock.
+    """
 
     boot: bytes
     host: str
     address: str
     clock: int
-    """Its monotonic clock as it answered, in ns."""
     ahead: int
-    """Lead of its wall clock over ours, in ns, give or take half the round trip."""
     asked: int
     answered: int
-    """Times of our question and of the answer, on our monotonic clock in ns."""
 
     @property
     def round_trip(self) -> int:

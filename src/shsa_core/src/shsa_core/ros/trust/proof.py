@@ -34,16 +34,16 @@ class WrongSecret(ShsaError):
 
 
 class Proof(NamedTuple):
-    """The words of a computer about itself at the moment it is asked."""
+    """The words of a computer about itself at the moment it is asked.
+
+    `boot`: the one that its messages name; `clock` and `wall`: its monotonic and wall clock, in ns.
+    """
 
     boot: bytes
-    """The one that its messages name."""
     host: str
     master: Place
     clock: int
-    """Its monotonic clock, in ns."""
     wall: int
-    """Its wall clock, in ns since 1970."""
 
 
 def nonce() -> str:

@@ -134,7 +134,7 @@ def service_state(state: events.ServiceState) -> msg.ServiceState:
         "topic": service.topic,
         "type": service.type,
         "period": service.period or 0.0,
-        "needed": service.needed,
+        "needed": bool(service.needed),
         "properties": list(service.properties),
         "fields": [provision.field for provision in service.provides],
         "qualities": [provision.quality for provision in service.provides],
