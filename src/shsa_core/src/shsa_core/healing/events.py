@@ -34,8 +34,8 @@ class Started:
     """The reconfigurator is up; `preparing`: what substitutes are forked from comes up (Prepared).
 
     `records`: what a former one has written down. `running`: the substitutes, and the nodes that
-    were started again, that run on. `leftovers`: other nodes named as a substitute that run ours,
-    or are dead; `strangers`: nodes whose names begin so, and of which nobody knows that.
+    were started again, that run on. `leftovers`: other nodes named as a substitute that are dead;
+    `strangers`: nodes whose names begin so, and of which nobody knows that.
     """
 
     time: float

@@ -95,12 +95,12 @@ def publish(publisher: rospy.Publisher, message: genpy.Message) -> None:
 
 
 class Greeter(rospy.SubscribeListener):
-    """Calls `greet` with what tells each new subscriber alone, in a thread of rospy."""
+    """Calls `greet(topic, tell)` for each new subscriber, in a thread of rospy."""
 
-    def __init__(self, greet: Callable[[Tell], None]) -> None:
+    def __init__(self, greet: Callable[[str, Tell], None]) -> None:
         super().__init__()
         self._greet = greet
 
     def peer_subscribe(self, topic_name: str, topic_publish: object, peer_publish: Tell) -> None:
         """Called by rospy once a subscriber has connected."""
-        self._greet(peer_publish)
+        self._greet(topic_name, peer_publish)

@@ -25,7 +25,7 @@ from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
 from shsa_core.journal.record_file import RecordFile
-from shsa_core.journal.writer import JournalWriter
+from shsa_core.journal.writer import Handle, JournalWriter
 from shsa_core.model.log import Level
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
@@ -91,10 +91,12 @@ class ReconfiguratorNode:
         for finding in (*check_budgets(som, settings), *unfit):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
+        self._answer: Handle = self._core.handle
         self._journal: Optional[JournalWriter] = None
         journal = arguments.journal and file_name(arguments.journal, rospy.get_namespace())
         if journal:
             self._journal = JournalWriter(journal, "healing", setup, rospy.logwarn)
+            self._answer = self._journal.recorded(self._answer)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
         self._handover, self._ends = handover, False
@@ -273,12 +275,8 @@ class ReconfiguratorNode:
         self._decide(event)
 
     def _decide(self, event: Event) -> None:
-        if self._journal is not None:
-            self._journal.record(event)
-        commands = self._core.handle(event)
+        commands = self._answer(event)
         self._decided = clock.now()
-        if self._journal is not None:
-            self._journal.answered(commands)
         for command in commands:
             try:
                 self._carry_out[type(command)](command)

@@ -24,13 +24,6 @@ Identity = Tuple[int, float]
 NOBODY: Identity = (0, 0.0)
 
 
-class Starter(NamedTuple):
-    """The process that has started another one: its number, and the programs that it runs."""
-
-    pid: int
-    programs: List[str]
-
-
 class Running(NamedTuple):
     """A process, its command line and its environment."""
 
@@ -133,19 +126,19 @@ def ancestors(pid: int) -> List[int]:
         return []
 
 
-def starter(pid: int) -> Starter:
-    """Return the process that has started a process, as far as that can be told."""
+def starter(pid: int) -> Tuple[int, List[str]]:
+    """Return the number and the programs of the process that has started one; 0, []: not told."""
     parent = next(iter(ancestors(pid)), 0)
     try:
         words = psutil.Process(parent).cmdline() if parent else []
     except psutil.Error:
         words = []
-    return Starter(parent, [os.path.basename(word) for word in words[:2]])
+    return parent, [os.path.basename(word) for word in words[:2]]
 
 
 def started_by_launch(pid: int) -> bool:
     """Return whether a roslaunch has started a process, which may start it again."""
-    return not {"roslaunch", "rostest"}.isdisjoint(starter(pid).programs)
+    return not {"roslaunch", "rostest"}.isdisjoint(starter(pid)[1])
 
 
 def gone(process: psutil.Process) -> bool:
