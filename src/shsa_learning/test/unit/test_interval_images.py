@@ -3,15 +3,15 @@ import math
 import random
 from typing import List, Optional, Sequence, Tuple
 
-from expressions import NAMES, NoValue, Sample, samples
+from shsa_testing.expressions import NAMES, NoValue, Sample, samples
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from shsa_core.codegen.program import compile_program
 from shsa_core.language.expression import parse_expression
 from shsa_core.language.functions import FUNCTIONS, STATEFUL
-from shsa_core.language.interval import Interval
-from shsa_core.language.range_check import find_troubles, interval_of
+from shsa_learning.ranges.interval import Interval
+from shsa_learning.ranges.analysis import find_troubles, interval_of
 from shsa_testing.thorough import many
 
 ends = st.floats(min_value=-50.0, max_value=50.0)
@@ -30,9 +30,10 @@ def test_values_lie_within_the_interval_and_exist_where_no_trouble_is_found(
         )
         for index, name in enumerate(NAMES)
     }
-    tree = parse_expression(sample.text).tree()
+    law = parse_expression(sample.text)
+    tree = law.tree()
     found = interval_of(tree, ranges)
-    trouble = find_troubles([("", sample.text, tree)], ranges)
+    trouble = find_troubles(law, ranges)
     for _ in range(20):
         values = {name: _pick(choice, ranges[name]) for name in NAMES}
         try:
@@ -69,9 +70,10 @@ def test_the_image_of_every_function_contains_its_values(
     ranges = [Interval(min(pair), max(pair)) for pair in pairs][: function.least]
     names = NAMES[: function.least]
     text = f"{name}({', '.join(names)})"
-    tree = parse_expression(text).tree()
+    law = parse_expression(text)
+    tree = law.tree()
     image = interval_of(tree, dict(zip(names, ranges)))
-    trouble = find_troubles([("", text, tree)], dict(zip(names, ranges)))
+    trouble = find_troubles(law, dict(zip(names, ranges)))
     choice = random.Random(seed)
     for _ in range(20):
         values = [_pick(choice, each) for each in ranges]
@@ -121,9 +123,10 @@ def test_the_image_of_every_operation_contains_its_values(
     other = Interval(min(bounds[2:]), max(bounds[2:]))
     if exponent is not None:
         other = Interval(exponent, exponent)
-    tree = parse_expression(f"a {sign} b").tree()
+    law = parse_expression(f"a {sign} b")
+    tree = law.tree()
     image = interval_of(tree, {"a": one, "b": other})
-    trouble = find_troubles([("", f"a {sign} b", tree)], {"a": one, "b": other})
+    trouble = find_troubles(law, {"a": one, "b": other})
     step = compile_program(
         f"t0=x[0]; t1=x[1];\ndef _tf1(i1,i2):\n  return i1 {sign} i2\nt2=_tf1(t0,t1)\ny=t2\n", 2, 1
     ).step
@@ -159,8 +162,9 @@ def test_the_images_of_functions_of_fitted_models_contain_their_values(
     names = [f"v{i}" for i in range(count)]
     known = dict(zip(names, ranges))
     text = f"{name}({', '.join(names)})"
-    tree = parse_expression(text).tree()
-    image, trouble = interval_of(tree, known), find_troubles([("", text, tree)], known)
+    law = parse_expression(text)
+    tree = law.tree()
+    image, trouble = interval_of(tree, known), find_troubles(law, known)
     assert image.known
     choice = random.Random(seed)
     for _ in range(20):

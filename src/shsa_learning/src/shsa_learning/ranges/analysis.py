@@ -3,12 +3,14 @@ import ast
 import math
 import operator
 from dataclasses import dataclass, replace
-from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Type
+from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Type, Union
 
-from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED, FUNCTIONS, STATEFUL
-from shsa_core.language.interval import ANYTHING, Interval, from_corners, hull, negative
-from shsa_core.language.interval import product, raised, total
+from shsa_core.language.expression import Condition, Expression, Law
+from shsa_core.language.functions import CONSTANTS, ELAPSED, FUNCTIONS, STATEFUL
 from shsa_core.language.trees import is_condition, literal, row
+from shsa_learning.ranges.interval import ANYTHING, Interval, from_corners, hull, negative
+from shsa_learning.ranges.interval import product, raised, total
+from shsa_learning.ranges.rules import RULES
 
 
 @dataclass(frozen=True)
@@ -20,21 +22,22 @@ class Trouble:
 
 
 def find_troubles(
-    parts: Sequence[Tuple[str, str, ast.expr]],
+    law: Union[Law, Expression],
     ranges: Mapping[str, Interval],
     always: Optional[Mapping[str, Interval]] = None,
 ) -> List[Trouble]:
-    """Return where expressions can have no value while each name stays in its range.
+    """Return where a law or a condition can have no value while each name stays in its range.
 
-    Each of `parts` has the name by which the parts behind it know it, its text and its tree. Names
-    that have no range are not taken into account. `ranges` hold where there is to be an output,
-    `always` at every sample, which the functions with a memory have seen.
+    Names that have no range are not taken into account. `ranges` hold where there is to be an
+    output, `always` at every sample, which the functions with a memory have seen.
     """
+    parts = (*law.steps, ("", law.result)) if isinstance(law, Law) else (("", law),)
     here = dict(ranges)
     before = here if always is None or always is ranges else dict(always)
     analysis = _Analysis(before)
     found: List[Trouble] = []
-    for name, text, tree in parts:
+    for name, each in parts:
+        tree = each.tree()
         if is_condition(tree):
             analysis.condition(tree, here)
         else:
@@ -42,13 +45,18 @@ def find_troubles(
             if before is not here:
                 before[name] = interval_of(tree, before)
             here[name] = value
-        found += analysis.told(text)
+        found += analysis.told(each.text)
     return list(dict.fromkeys(found))
 
 
 def interval_of(tree: ast.expr, ranges: Mapping[str, Interval]) -> Interval:
     """Return the range of an expression."""
     return _Analysis(ranges).interval(tree, ranges)
+
+
+def narrowed(condition: Condition, ranges: Mapping[str, Interval]) -> Dict[str, Interval]:
+    """Return the ranges for which a condition holds."""
+    return narrow(condition.tree(), ranges, True)
 
 
 def narrow(test: ast.expr, ranges: Mapping[str, Interval], holds: bool) -> Dict[str, Interval]:
@@ -198,9 +206,9 @@ class _Analysis:
         return raised(base, exponent)
 
     def _call(self, node: ast.Call, name: str, ranges: Mapping[str, Interval]) -> Interval:
-        function = CALLS[name]
+        rule = RULES[name]
         parts = [self.interval(argument, ranges) for argument in node.args]
-        domain = function.domain
+        domain = rule.domain
         if domain is not None:
             part = parts[domain.argument]
             if not part.known:
@@ -212,7 +220,7 @@ class _Analysis:
         if name in STATEFUL and ranges is not self._always:
             before = _Analysis(self._always)
             parts = [before.interval(argument, self._always) for argument in node.args]
-        return self._finite(node, function.range(parts), parts if name in FUNCTIONS else ())
+        return self._finite(node, rule.range(parts), parts if name in FUNCTIONS else ())
 
     def _finite(self, node: ast.expr, result: Interval, parts: Sequence[Interval]) -> Interval:
         """Return the result; note a trouble if it can overflow though its parts are finite."""

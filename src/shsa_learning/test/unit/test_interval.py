@@ -6,8 +6,9 @@ import pytest
 
 from shsa_core.language.expression import parse_constraint, parse_law
 from shsa_core.language.functions import CALLS
-from shsa_core.language.interval import ANYTHING, Interval
-from shsa_core.language.range_check import interval_of, narrow
+from shsa_learning.ranges.interval import ANYTHING, Interval
+from shsa_learning.ranges.rules import RULES
+from shsa_learning.ranges.analysis import find_troubles, interval_of, narrow, narrowed
 
 RANGES = {
     "v": Interval(0.0, 14.0),
@@ -19,8 +20,8 @@ RANGES = {
 
 
 def troubles(text: str, constraint: Optional[str] = None) -> List[Tuple[str, str]]:
-    ranges = parse_constraint(constraint).narrowed(RANGES) if constraint else RANGES
-    found = parse_law(text).troubles(ranges, RANGES)
+    ranges = narrowed(parse_constraint(constraint), RANGES) if constraint else RANGES
+    found = find_troubles(parse_law(text), ranges, RANGES)
     return [(trouble.part, trouble.reason) for trouble in found]
 
 
@@ -253,6 +254,7 @@ def test_zero() -> None:
 
 
 def test_every_function_has_an_interval() -> None:
+    assert set(RULES) == set(CALLS)
     for name, function in CALLS.items():
         assert interval(f"{name}({', '.join(['u'] * function.least)})").low is not None
 

@@ -1,6 +1,6 @@
 """Interval arithmetic: the values that a part of an expression can have.
 
-An infinite end, though the arguments are finite, is an overflow, which `range_check` reports.
+An infinite end, though the arguments are finite, is an overflow, which `analysis` reports.
 """
 import math
 from dataclasses import dataclass, replace
