@@ -132,7 +132,7 @@ class LocalHost:
 
     def _find(self, command: events.FindNode) -> None:
         node = command.node
-        found = self.nodes.find(node, command.topic, command.successor)
+        found = self.nodes.find(node, command.topic, command.successor, command.uri)
         rate = None
         if command.listen and found.where is Where.HERE:
             rate = self._rate(node, command.topic, command.listen)
