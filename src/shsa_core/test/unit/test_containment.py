@@ -349,7 +349,7 @@ DUTIES = ("takes /cmd_vel", "broadcasts tf")
 @pytest.mark.parametrize("kind", ["out_of_range", "silent", "requested"])
 def test_a_node_with_duties_is_killed_only_by_name_or_to_be_started_again(kind: str) -> None:
     robot = Robot(SHARED, BOTH)
-    robot.handle(events.DutiesSeen(2.0, A, DUTIES))
+    robot.handle(events.GraphSeen(2.0, (), ((A, DUTIES),)))
     commands = robot.fail("/a", A, 10.0, kind)
     why = f"{A} is kept: it takes /cmd_vel and broadcasts tf, which nothing takes over"
     assert last_incident(commands).decision == why
@@ -358,21 +358,21 @@ def test_a_node_with_duties_is_killed_only_by_name_or_to_be_started_again(kind: 
     assert not has(robot.said, events.FindNode)
     for allows in ({"contain": Contain.NODE}, {"policy": Policy.RESTART}):
         other = Robot(changed(SHARED, "a", **allows), BOTH)
-        other.handle(events.DutiesSeen(2.0, A, DUTIES))
+        other.handle(events.GraphSeen(2.0, (), ((A, DUTIES),)))
         other.fail("/a", A, 10.0, "out_of_range")
         assert only(other.said, events.FindNode).node == A
 
 
 def test_a_node_is_judged_again_when_its_duties_are_others() -> None:
     robot = Robot(SHARED, BOTH)
-    robot.handle(events.DutiesSeen(2.0, A, DUTIES))
+    robot.handle(events.GraphSeen(2.0, (), ((A, DUTIES),)))
     assert not has(robot.fail("/a", A, 10.0, "out_of_range"), events.FindNode)
-    assert only(robot.handle(events.DutiesSeen(11.0, A, ())), events.FindNode).node == A
+    assert only(robot.handle(events.GraphSeen(11.0, (), ((A, ()),))), events.FindNode).node == A
 
 
 def test_the_duties_of_a_dead_node_hinder_nothing() -> None:
     robot = Robot(SHARED, BOTH)
-    robot.handle(events.DutiesSeen(2.0, A, DUTIES))
+    robot.handle(events.GraphSeen(2.0, (), ((A, DUTIES),)))
     assert publishing(robot) == () and has(robot.fail("/a", A, 10.0), events.FindNode)
     assert publishing(robot) == (True,)
     incident = last_incident(robot.handle(events.NodeFound(10.1, A, events.Where.DEAD)))

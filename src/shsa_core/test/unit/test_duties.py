@@ -45,6 +45,7 @@ ASKED = "/move/goal", "/move/cancel"
         (on(A, "/x"), on("/user", "/x"), set(), ("publishes /x",)),
         (set(), on(A, "/p", "/q", "/r", "/s", "/t"), set(), ("takes /p, /q, /r and 2 more",)),
         (set(), on(A, "/shsa/incidents"), set(), ()),
+        (on(A, "/clock"), set(), set(), ("tells the time",)),
     ],
 )
 def test_what_the_master_lists_tells_the_duties(

@@ -1,6 +1,6 @@
 """Maps what the master lists of nodes to their duties: what a kill would cost beyond the SOM."""
 from collections import defaultdict
-from typing import DefaultDict, Dict, FrozenSet, List, Set, Tuple
+from typing import DefaultDict, Dict, FrozenSet, Set, Tuple
 
 from shsa_core.healing.naming import Names
 from shsa_core.model.som import Som
@@ -8,16 +8,13 @@ from shsa_core.model.som import Som
 Pairs = FrozenSet[Tuple[str, str]]
 """Names of topics or services, and the nodes that have registered them."""
 TF = ("/tf", "/tf_static")
-NO_COMMANDS = ("/clock", *TF)
-OF_EVERY_NODE = ("/rosout", "/diagnostics", "/statistics")
-"""Topics on which a node tells of itself."""
+OF_EVERY_NODE = ("/clock", "/rosout", "/diagnostics", "/statistics")
 OWN_TOPICS = ("/parameter_descriptions", "/parameter_updates", "/bond")
 OWN_SERVICES = (
     *("get_loggers", "set_logger_level", "set_parameters", "tf2_frames"),
     *("list", "load_nodelet", "unload_nodelet"),
 )
-SERVED, ASKED = ("/goal", "/cancel"), ("/status", "/feedback", "/result")
-"""The topics of an action: what its server hears, and what it says."""
+OF_ACTION = ("/goal", "/cancel", "/status", "/feedback", "/result")
 MOST_NAMED = 3
 
 
@@ -27,49 +24,37 @@ def duties_of(
     """Return the duties, in words, of each node that publishes a service and has any."""
     published, subscribed, served = map(_by_node, (publishers, subscribers, services))
     listeners = _by_node(frozenset((node, topic) for topic, node in subscribers))
-    in_som = {each.topic for each in som} | {each.beyond_gate for each in som}
-    nodes = {node for topic, node in publishers if topic in in_som}
+    in_som = {topic for each in som for topic in (each.topic, each.heard)}
+    named = {each.node for each in som}
     found: Dict[str, Tuple[str, ...]] = {}
 
-    def of_healing(name: str) -> bool:
-        return name.startswith(names.topics)
+    def others(topics: Set[str]) -> Set[str]:
+        """Return the topics that nothing else here knows, and that mean more than the node."""
+        return {
+            each
+            for each in topics - in_som - {*TF, *OF_EVERY_NODE}
+            if not each.endswith(OWN_TOPICS) and not each.startswith(names.topics)
+        }
 
-    def heard(topic: str, node: str) -> bool:
-        return any(not names.of_healing(each, False) for each in listeners[topic] - {node})
-
-    for node in sorted(nodes):
-        if names.of_healing(node, any(each.node == node for each in som)):
+    for node in sorted({node for topic, node in publishers if topic in in_som}):
+        if names.of_healing(node, node in named):
             continue
-        says = published[node] - in_som
-        hears = subscribed[node] - in_som
-        action = {topic[:-5] for topic in hears if topic.endswith("/goal")}
-        actions = {name for name in action if f"{name}/result" in says}
+        says, hears = others(published[node]), others(subscribed[node])
+        actions = {t[:-5] for t in hears if t.endswith("/goal") and t[:-5] + "/result" in says}
         asks = {topic[:-5] for topic in says if topic.endswith("/goal")}
-        parts = {name + end for name in actions | asks for end in (*SERVED, *ASKED)}
-        commands = {
-            each
-            for each in hears - parts
-            if each not in (*NO_COMMANDS, *OF_EVERY_NODE)
-            and not each.endswith(OWN_TOPICS)
-            and not of_healing(each)
-        }
-        told = {
-            each
-            for each in says - parts
-            if each not in (*TF, *OF_EVERY_NODE)
-            and not each.endswith(OWN_TOPICS)
-            and not of_healing(each)
-            and heard(each, node)
-        }
+        parts = {name + end for name in actions | asks for end in OF_ACTION}
+        heard = {each for each in says - parts if names.consumers(listeners[each] - {node})}
         calls = {each for each in served[node] if each.rsplit("/", 1)[-1] not in OWN_SERVICES}
-        duties: List[str] = []
-        duties += [f"takes {_named(commands)}"] if commands else []
-        duties += ["broadcasts tf"] if says & set(TF) else []
-        duties += [f"serves the action {_named(actions)}"] if actions else []
-        duties += [f"serves {_named(calls)}"] if calls else []
-        duties += [f"publishes {_named(told)}"] if told else []
-        if duties:
-            found[node] = tuple(duties)
+        duties = [
+            f"takes {_named(hears - parts)}" if hears - parts else "",
+            "broadcasts tf" if not published[node].isdisjoint(TF) else "",
+            "tells the time" if "/clock" in published[node] else "",
+            f"serves the action {_named(actions)}" if actions else "",
+            f"serves {_named(calls)}" if calls else "",
+            f"publishes {_named(heard)}" if heard else "",
+        ]
+        if any(duties):
+            found[node] = tuple(filter(None, duties))
     return found
 
 

@@ -110,11 +110,15 @@ class SomChanged:
 
 
 @dataclass(frozen=True)
-class SubscribersSeen:
-    """The master lists other subscribers of these topics than before."""
+class GraphSeen:
+    """The master lists other subscribers of topics than before, or other duties of nodes.
+
+    The duties of a node are what a kill costs beyond the SOM, in words.
+    """
 
     time: float
-    topics: Tuple[Tuple[str, Tuple[str, ...]], ...]
+    subscribers: Tuple[Tuple[str, Tuple[str, ...]], ...]
+    duties: Tuple[Tuple[str, Tuple[str, ...]], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -137,15 +141,6 @@ class NodeLearned:
     node: str
     known: bool
     protected: str = ""
-
-
-@dataclass(frozen=True)
-class DutiesSeen:
-    """The master lists other duties of a node than before: what a kill costs beyond the SOM."""
-
-    time: float
-    node: str
-    duties: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -349,10 +344,9 @@ Event = Union[
     FailureSeen,
     HealthSeen,
     SomChanged,
-    SubscribersSeen,
+    GraphSeen,
     ModelsReloaded,
     NodeLearned,
-    DutiesSeen,
     NodeCameUp,
     NodeFound,
     NodeAnswered,
@@ -405,13 +399,14 @@ class FindNode:
 
     `successor`: if the process that was learned is dead, the one with its name now is meant.
     `topic`: what it must publish; empty: it is a substitute of ours. `listen`: for how many s it is
-    counted on its own computer what it sends.
+    counted on its own computer what it sends. `uri`: the address at which it must listen.
     """
 
     node: str
     successor: bool = True
     topic: str = ""
     listen: float = 0.0
+    uri: str = ""
 
 
 @dataclass(frozen=True)

@@ -84,10 +84,9 @@ class Reconfigurator:
                 events.FailureSeen: partial(hearing.failure_seen, core),
                 events.HealthSeen: partial(hearing.health_seen, core),
                 events.SomChanged: self._som_changed,
-                events.SubscribersSeen: self._subscribers_seen,
+                events.GraphSeen: self._graph_seen,
                 events.ModelsReloaded: self._models_reloaded,
                 events.NodeLearned: self._node_learned,
-                events.DutiesSeen: self._duties_seen,
                 events.NodeCameUp: self._node_came_up,
                 **dict.fromkeys(KILL_EVENTS, self._kill_goes_on),
                 events.NodeUnregistered: lambda event: self._core.deliver(
@@ -213,13 +212,18 @@ class Reconfigurator:
         healing = service.name in self.services and self.incident(service.name) is not None
         return healing or bool(self._consumers.get(service.heard))
 
-    def _subscribers_seen(self, event: events.SubscribersSeen) -> List[Command]:
-        for topic, nodes in event.topics:
+    def _graph_seen(self, event: events.GraphSeen) -> List[Command]:
+        for topic, nodes in event.subscribers:
             self._consumers[topic] = self.names.consumers(nodes)
             self._core.unsettle([service.name for service in self.robot.som.of_topic(topic)])
+        commands: List[Command] = []
+        for node, duties in event.duties:
+            self.robot.health.duties[node] = duties
+            accusers = self._nodes.accusers(node)
+            commands += self._core.ask_all(accusers, lambda each: each.reconsider())
         if self.robot.som == self._as_told(self._given):
-            return []
-        return self._som_changed(events.SomChanged(event.time, self._given))
+            return commands
+        return commands + self._som_changed(events.SomChanged(event.time, self._given))
 
     def acts(self, som: Som) -> bool:
         """Tell that something may be killed or started: the SOM says so, and it is no dry run."""
@@ -313,11 +317,6 @@ class Reconfigurator:
         self._nodes.learned(event)
         self._core.unsettle_node(event.node)
         return []
-
-    def _duties_seen(self, event: events.DutiesSeen) -> List[Command]:
-        self.robot.health.duties[event.node] = event.duties
-        accusers = self._nodes.accusers(event.node)
-        return self._core.ask_all(accusers, lambda each: each.reconsider())
 
     def _kill_goes_on(self, event: KillEvent) -> List[Command]:
         return self._core.deliver(self._nodes.heed(event))

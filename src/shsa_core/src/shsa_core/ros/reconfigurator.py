@@ -59,6 +59,7 @@ from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import own_rows, substitution_message
 
+Listed = Dict[str, Tuple[str, ...]]
 MOST_WAITING = 10_000
 """With more to do than this, failures that nobody signed are dropped."""
 
@@ -152,13 +153,9 @@ class ReconfiguratorNode:
             self._companion,
         )
         self._decided = clock.now()
-        self._duties: Dict[str, Tuple[str, ...]] = {}
+        self._listed: Tuple[Listed, Listed] = {}, {}
         # First of all: what runs goes on, and no substitute may take a name that was used.
-        self._master = MasterWatch(
-            lambda node: node.startswith(prefix),
-            lambda topics: self._put(events.SubscribersSeen(clock.now(), topics)),
-            self._see_duties,
-        )
+        self._master = MasterWatch(lambda node: node.startswith(prefix), self._see_graph)
         self._may_act(som)
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, self._hosts.take_up())
@@ -328,14 +325,23 @@ class ReconfiguratorNode:
 
         run_command(command.words, report)
 
-    def _see_duties(self, state: State) -> None:
-        """Tell the core what the nodes of the SOM do besides, as the master lists it."""
-        before = self._duties
-        parts = (state.parts[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE))
-        self._duties = now = duties_of(self._core.robot.som, self._core.names, *parts)
-        for node in sorted({*before, *now}):
-            if before.get(node, ()) != now.get(node, ()):
-                self._put(events.DutiesSeen(clock.now(), node, now.get(node, ())))
+    def _see_graph(self, state: State) -> None:
+        """Tell the core who subscribes to services, and what else their nodes do."""
+        som, names = self._core.robot.som, self._core.names
+        parts = [state.parts[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE)]
+        heard = {each.heard for each in som}
+        subscribers: Listed = {}
+        for topic, node in sorted(parts[1]):
+            if topic in heard:
+                subscribers[topic] = (*subscribers.get(topic, ()), node)
+        now = subscribers, duties_of(som, names, *parts)
+        new = [
+            tuple((k, b.get(k, ())) for k in sorted({*a, *b}) if a.get(k, ()) != b.get(k, ()))
+            for a, b in zip(self._listed, now)
+        ]
+        self._listed = now
+        if any(new):
+            self._put(events.GraphSeen(clock.now(), *new))
 
     def _show_substitutions(self, command: events.ShowSubstitutions) -> None:
         self._substitutions.update(map(substitution_message, command.rows), command.removed)
