@@ -29,6 +29,14 @@ class Where(Word):
     UNREACHABLE = "unreachable"  # its computer was lost
 
 
+class Pulse(Word):
+    """The signs of life of a substitute's process."""
+
+    HEARD = "heard"
+    SILENT = "silent"  # just now: it hangs, or is slow
+    HUNG = "hung"  # for long
+
+
 @dataclass(frozen=True)
 class Started:
     """The reconfigurator is up; `preparing`: what substitutes are forked from comes up (Prepared).
@@ -220,27 +228,12 @@ class ProcessExited:
 
 
 @dataclass(frozen=True)
-class ProcessSilent:
-    """The process of a substitute gives no sign of life just now: it hangs, or is slow."""
+class ProcessPulse:
+    """The process of a substitute gives its first sign of life, or again one; or none any more."""
 
     time: float
     node: str
-
-
-@dataclass(frozen=True)
-class ProcessHeard:
-    """The process of a substitute gives its first sign of life, or again one."""
-
-    time: float
-    node: str
-
-
-@dataclass(frozen=True)
-class ProcessHung:
-    """The process of a substitute has given no sign of life for long: it hangs."""
-
-    time: float
-    node: str
+    pulse: Pulse
 
 
 @dataclass(frozen=True)
@@ -355,9 +348,7 @@ Event = Union[
     ProcessUntouchable,
     SubstituteStarted,
     ProcessExited,
-    ProcessSilent,
-    ProcessHeard,
-    ProcessHung,
+    ProcessPulse,
     SubstituteRequested,
     NodeRestarted,
     RestartFailed,

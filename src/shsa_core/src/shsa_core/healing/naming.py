@@ -6,7 +6,6 @@ PREFIX = "substitute_"
 NUMBERED = re.compile(r"[A-Za-z0-9_]+_([0-9]{1,9})")
 """The rest of a name. `[0-9]`: no digits but ours; `{1,9}`: no number that nobody reaches."""
 
-
 HEALERS = ("monitor", "reconfigurator")
 OF_ROS = ("/master", "/rosout")
 OBSERVERS = ("/rostopic_", "/record", "/rqt_", "/shsa_")
@@ -49,10 +48,6 @@ class Names:
             for node in sorted(subscribers)
             if not self.of_healing(node, False) and not node.startswith(OBSERVERS)
         )
-
-    def go_on(self, number: int) -> None:
-        """The next name has this number at least."""
-        self.next = max(self.next, number)
 
     def avoid(self, node: str) -> bool:
         """Use no number up to that in a node name; False: the name has another form."""

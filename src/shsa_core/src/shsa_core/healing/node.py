@@ -16,13 +16,7 @@ from shsa_core.healing import events
 from shsa_core.healing.containment import Stakes, Verdict, decide
 from shsa_core.healing.events import Command, Log
 from shsa_core.healing.health import MISSED
-from shsa_core.healing.kill import (
-    KillEvent,
-    KillNode,
-    KillOver,
-    Kills,
-    Outcome,
-)
+from shsa_core.healing.kill import KillEvent, KillNode, KillOver, Kills, Outcome
 from shsa_core.healing.records import Fate, NodeRecord, Trust
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import CERTAIN_S, LEARN_PAUSES_S

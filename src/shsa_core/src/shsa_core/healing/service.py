@@ -11,7 +11,14 @@ from typing import Callable, Deque, Dict, FrozenSet, List, Mapping, Optional, Tu
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.events import Command, FailureSeen, Log, ShowIncident, SubstituteStarted
+from shsa_core.healing.events import (
+    Command,
+    FailureSeen,
+    Pulse,
+    Log,
+    ShowIncident,
+    SubstituteStarted,
+)
 from shsa_core.healing.incident import STUCK, SUBSTITUTED, WAITING, WELL, State, Trigger
 from shsa_core.healing.kill import KillNode, KillOver, Outcome
 from shsa_core.healing.node import Accusation, NodeEvent, Nodes, TrustChanged, no_accusation
@@ -325,14 +332,12 @@ class ServiceMachine:
         """Replace the substitute's process, which has ended."""
         return self._substitute_failed(f"its process died ({detail})", False)
 
-    def process_silent(self) -> List[Command]:
-        """Replace a process that gives no sign of life at a takeover: another one is at hand."""
-        due = self.state is State.HEALING and not self.substitute.plan_to_blame
-        return self.process_hung() if due else []
-
-    def process_hung(self) -> List[Command]:
-        """Replace the substitute's process, which hangs."""
-        return self._substitute_failed("its process gives no sign of life", False)
+    def process_pulse(self, pulse: Pulse) -> List[Command]:
+        """Replace the substitute's process if it hangs, or is silent at a takeover."""
+        at_hand = self.state is State.HEALING and not self.substitute.plan_to_blame
+        if pulse is Pulse.HUNG or (pulse is Pulse.SILENT and at_hand):
+            return self._substitute_failed("its process gives no sign of life", False)
+        return []
 
     def _substitute_failed(self, why: str, tried: bool) -> List[Command]:
         """Stop the substitute; its plan is not tried again if `tried`."""

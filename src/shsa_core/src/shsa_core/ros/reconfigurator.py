@@ -37,8 +37,7 @@ from shsa_core.ros.processes.handover import Handover, await_turn
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch
-from shsa_core.ros.master.master_calls import State
-from shsa_core.ros.master.master_watch import MasterWatch
+from shsa_core.ros.master.master_watch import MasterWatch, State
 from shsa_core.ros.master.registrations import Part
 from shsa_core.ros.processes.starting import Setup, run_command
 from shsa_core.ros.processes.restarting import may_restart
