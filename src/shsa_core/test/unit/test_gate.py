@@ -255,6 +255,25 @@ def test_stamps_grow_across_substitute_and_node(stand: Stand) -> None:
     assert times == sorted(times) and stand.gap() <= 1.5 * PERIOD + 1e-9
 
 
+def test_a_substitutes_stamp_is_no_newer_than_that_of_the_missing_message(stand: Stand) -> None:
+    lag = 5 * round(PERIOD * NS)
+    stand.message(1.0, stamp=100 * NS)
+    stand.until(PERIOD)
+    stand.message(2.0, SUBSTITUTE, stamp=100 * NS + lag)
+    (filled,) = stand.message(math.nan, stamp=100 * NS + 1)
+    assert filled.stamp == 100 * NS + round(PERIOD * NS)
+
+
+def test_a_second_in_which_stamps_go_back_is_no_clock_that_was_set(stand: Stand) -> None:
+    for back, passes in ((NS - 1, False), (NS, True)):
+        stand.substitute(publishing=True)
+        stand.until(stand.time + PERIOD)
+        stand.message(2.0, SUBSTITUTE, stamp=1000 * NS)
+        stand.substitute()
+        stand.until(stand.time + PERIOD)
+        assert bool(stand.message(1.0, stamp=1000 * NS - back)) is passes
+
+
 def test_a_clock_that_was_set_locks_nobody_out(stand: Stand) -> None:
     stand.message(1.0, stamp=1000 * NS)
     stand.until(2 * PERIOD)
@@ -344,6 +363,27 @@ def test_a_stranger_does_not_mute_a_second_gate(second: Stand) -> None:
         second.feed(Overheard(second.time, "/stranger"))
         second.run(1)
     assert len(second.heard) >= 8
+
+
+def test_a_second_gate_goes_on_with_newer_stamps_than_those_of_the_first(second: Stand) -> None:
+    second.feed(Overheard(second.time, FIRST, 500 * NS))
+    second.feed(GateLeft(second.time, FIRST))
+    second.until(second.time + PERIOD)
+    (filled,) = second.message(2.0, SUBSTITUTE, stamp=500 * NS - 100)
+    assert filled.stamp == 500 * NS + 1
+
+
+def test_of_a_substitute_single_values_are_judged_and_no_history(stand: Stand) -> None:
+    assert stand.core.service_of(NODE).checks.each
+    assert not stand.core.service_of(SUBSTITUTE).checks.each
+
+
+def test_a_muted_gate_tells_nothing_of_what_the_first_one_tells(second: Stand) -> None:
+    for _ in range(10):
+        second.message(61.0)
+        second.feed(Overheard(second.time, FIRST))
+        second.until(second.time + PERIOD)
+    assert not second.said
 
 
 def test_a_second_gate_waits_until_it_could_hear_the_first() -> None:
