@@ -13,7 +13,7 @@ from shsa_core.analysis.type_check import MessageTypes, check_healable, check_ty
 from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL, compile_program
-from shsa_core.errors import GenerationError, ModelError, NoSubstitute, UnitError
+from shsa_core.errors import GenerationError, ModelError, NoSubstitute, UnitError, listed
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands
@@ -189,6 +189,8 @@ def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
         try:
             plan = takeovers.of(service)
         except NoSubstitute as none:
+            if none.in_the_way:
+                todo += f", or leave {listed(none.in_the_way)} out of its 'provides'"
             yield Finding("warning", service.where, f"{what} {none}", todo)
         except GenerationError as error:
             todo = "Write the relation as an expression, or add another one"

@@ -386,13 +386,14 @@ class FindNode:
 
     `successor`: if the process that was learned is dead, the one with its name now is meant.
     `topic`: what it must publish; empty: it is a substitute of ours. `listen`: for how many s it is
-    counted on its own computer what it sends.
+    counted on its own computer what it sends. `uri`: the address at which it must listen.
     """
 
     node: str
     successor: bool = True
     topic: str = ""
     listen: float = 0.0
+    uri: str = ""
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from shsa_core.ros import settings
 from shsa_core.ros.processes.priority import SWITCH_INTERVAL_S
 from shsa_core.ros.rospy_patches.inbound import serve_each_by_itself
 from shsa_core.ros.rospy_patches.log_queue import LogQueue, ask_once_for_rosout, say_failures_once
-from shsa_core.ros.rospy_patches.standing import keep_rospys_threads
-from shsa_core.ros.rospy_patches.wall_time import heed_launch
+from shsa_core.ros.rospy_patches.standing import heed_launch, keep_rospys_threads
 from shsa_core.text import LONGEST_LINE, shown
 
 Tell = Callable[[Any], None]

@@ -75,8 +75,9 @@ MOST_WAITING = 100
 """Connections to us without a header at the same time; an honest one takes milliseconds."""
 MOST_API_CONNECTIONS = 200
 """Connections to our XML-RPC interface at the same time."""
-LARGEST_CALL_B = 32 << 20
-"""Of a call to it: the SOM of a large robot, as the master tells it, has a tenth."""
+LARGEST_CALL_B = 1 << 16
+"""Of a call to it; all of them together so have 13 MB. A longer update of shsa/som, by the master,
+is refused too: the SOM is looked at all the same."""
 LOG_LINES = 1000
 """So many lines wait at most; what is said beyond is lost."""
 CLOSE_LOG_S = 1.0

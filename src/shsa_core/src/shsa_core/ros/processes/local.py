@@ -32,7 +32,7 @@ class LocalHost:
 
     def __init__(self, tell: Tell, signs: Signs, setup: Setup) -> None:
         self._tell = tell
-        self.prefix = setup.prefix
+        self.prefix, self._may_restart = setup.prefix, setup.restarts
         clearing = Workers("clear", settings.MOST_CALLS)
         self.nodes = Nodes()
         self.substitutes = Substitutes(
@@ -132,7 +132,7 @@ class LocalHost:
 
     def _find(self, command: events.FindNode) -> None:
         node = command.node
-        found = self.nodes.find(node, command.topic, command.successor)
+        found = self.nodes.find(node, command.topic, command.successor, command.uri)
         rate = None
         if command.listen and found.where is Where.HERE:
             rate = self._rate(node, command.topic, command.listen)
@@ -178,6 +178,8 @@ class LocalHost:
     def _restart(self, command: events.RestartNode) -> None:
         node = command.node
         try:
+            if not self._may_restart:
+                raise ShsaError("that would be as root there (restart_as_root:=true)")
             self.nodes.adopt(node, Known("", self.restarts.start(node)))
         except (ShsaError, OSError, psutil.Error) as error:
             self._tell(events.RestartFailed(clock.now(), node, str(error)))
