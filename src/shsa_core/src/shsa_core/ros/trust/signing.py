@@ -201,7 +201,7 @@ class Refusals:
             if now < self._said.get(key, -PAUSE_S) + PAUSE_S:
                 return False
             self._said[key] = now
-        text = "Refused a message on %s from who calls itself %s: %s (%d so far)."
+        text = "Refused a message on %s from a sender named %s: %s (%d so far)."
         rospy.logwarn(text, topic, key[1], why, count)
         return True
 
