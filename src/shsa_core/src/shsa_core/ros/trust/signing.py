@@ -199,7 +199,7 @@ class Refusals:
             self._counts[key] = count, now if again else said
         if not again:
             return False
-        text = "Refused a message on %s from who calls itself %s: %s (%d so far)."
+        text = "Refused a message on %s from a sender named %s: %s (%d so far)."
         rospy.logwarn(text, topic, key[1], why, count)
         return True
 
