@@ -89,8 +89,8 @@ def speaker(connected: socket.socket) -> Optional[int]:
     for fresh in (False, True):
         for head in ("", "::ffff:"):  # one end may be of IPv6 where the other is not
             if not head or "." in here.host:
-                pair = [Address(head + each.host, each.port) for each in (there, here)]
-                for found in _sockets(ESTABLISHED, *pair, fresh=fresh):
+                one, other = (Address(head + each.host, each.port) for each in (there, here))
+                for found in _sockets(ESTABLISHED, one, other, fresh):
                     return found.user
     raise ConnectionResetError(f"nobody is at {there.host}:{there.port} any more")
 
