@@ -228,7 +228,7 @@ class ReconfiguratorNode:
     def _may_act(self, som: Som) -> None:
         self._master.acts = self._core.acts(som)
         if not som.act:
-            text = "Healing advises: %s does not say `act: true` at its top. Then it acts."
+            text = "Healing only advises. To have it act, write `act: true` at the top of %s."
             rospy.logwarn(text, self._files.som)
 
     def reload(self) -> str:
@@ -356,7 +356,7 @@ class ReconfiguratorNode:
 
     def _failure(self, message: msg.Failure) -> None:
         if not message.sent and self._queue.qsize() > MOST_WAITING:
-            rospy.logerr_throttle(10.0, "Failures that nobody signed come too fast: dropped.")
+            rospy.logerr_throttle(10.0, "Unsigned failures come too fast: dropped.")
             return
         if not message.sent and message.kind == msg.Failure.NO_VALUE:
             return  # only a substitute of ours can tell that, and it signs
@@ -426,7 +426,7 @@ def main() -> None:
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
     parser.add_argument(
-        "--unsigned-failures", action="store_true", help="believe failures that nobody signed"
+        "--unsigned-failures", action="store_true", help="believe unsigned failures"
     )
     parser.add_argument(
         "--no-operator",

@@ -181,7 +181,6 @@ class MasterWatch:
         anew = self._pid and (state.pid != self._pid or self._me not in registered)
         self._pid = state.pid
         introductions.hung = introductions.hung & registered
-        self._seen(state)
         if anew:
             self._begin_anew(now)
         waiting: Collection[str] = ()
@@ -189,6 +188,8 @@ class MasterWatch:
             waiting = self._register_again(state, now)
             state = self._calls.state()
         self._introduce(state, now)
+        if self._former is None:  # else a new master does not know them all yet
+            self._seen(state)
         if now >= self._keep_at:
             self._known = together(self._graph(state), self._known, waiting)
             self._keep_parameters()

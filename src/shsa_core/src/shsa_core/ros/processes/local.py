@@ -89,21 +89,22 @@ class LocalHost:
         """Return what has a command carried out by workers: to wait must not hold the events up."""
         return lambda command: workers.put(lambda: self._guarded(work, command))
 
-    def _guarded(self, work: Work, command: Any) -> None:
+    def _guarded(self, work: Work, command: HostCommand) -> None:
+        """Carry out a command; if that cannot be done, answer it, so that nobody waits."""
         try:
             work(command)
+            return
+        except ShsaError as refusal:
+            why = str(refusal)
         except Exception as error:  # whatever it is, the commands after it are carried out
-            self._failed(command, error)
-
-    def _failed(self, command: HostCommand, error: Exception) -> None:
-        """Say that a command could not be carried out, and answer it, so that nobody waits."""
-        what = f"{type(command).__name__} {getattr(command, 'node', '')}".strip()
-        why = f"{type(error).__name__}: {error}"
-        rospy.logerr_throttle(10.0, f"{what} could not be carried out: {why}")
-        kill = isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess))
-        answer = not_done(command, clock.now(), f"it could not be carried out: {why}")
-        # This computer may lack the means now: a kill without an answer is tried again.
-        if answer is not None and not (kill and isinstance(error, OSError)):
+            why = f"it could not be carried out: {type(error).__name__}: {error}"
+            what = f"{type(command).__name__} {getattr(command, 'node', '')}".strip()
+            rospy.logerr_throttle(10.0, f"{what}: {why}")
+            kill = isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess))
+            if kill and isinstance(error, OSError):
+                return  # this computer may lack the means now: a kill without an answer is repeated
+        answer = not_done(command, clock.now(), why)
+        if answer is not None:
             self._tell(answer)
 
     def _learn(self, command: events.LearnNode) -> None:
@@ -155,18 +156,12 @@ class LocalHost:
     def _ask_to_leave(self, command: events.AskToLeave) -> None:
         node = command.node
         answered = lambda: self._tell(events.NodeAnswered(clock.now(), node))
-        self._end(node, lambda: ending.ask_to_leave(self.nodes, node, answered))
+        if ending.ask_to_leave(self.nodes, node, answered):
+            self._tell(events.NodeLeft(clock.now(), node))
 
     def _end_process(self, command: events.EndProcess) -> None:
-        node, gently = command.node, command.gently
-        self._end(node, lambda: ending.end_process(self.nodes, node, gently))
-
-    def _end(self, node: str, end: Callable[[], bool]) -> None:
-        try:
-            if end():
-                self._tell(events.NodeLeft(clock.now(), node))
-        except ending.Untouchable as why:
-            self._tell(events.ProcessUntouchable(clock.now(), node, str(why)))
+        if ending.end_process(self.nodes, command.node, command.gently):
+            self._tell(events.NodeLeft(clock.now(), command.node))
 
     def _clear(self, command: events.ClearNode) -> None:
         if not ending.clear(self.nodes, command.node):
@@ -182,11 +177,7 @@ class LocalHost:
 
     def _restart(self, command: events.RestartNode) -> None:
         node = command.node
-        try:
-            if not self._may_restart:
-                raise ShsaError("that would be as root there (restart_as_root:=true)")
-            self.nodes.adopt(node, Known("", self.restarts.start(node)))
-        except (ShsaError, OSError, psutil.Error) as error:
-            self._tell(events.RestartFailed(clock.now(), node, str(error)))
-            return
+        if not self._may_restart:
+            raise ShsaError("that would be as root there (restart_as_root:=true)")
+        self.nodes.adopt(node, Known("", self.restarts.start(node)))
         self._tell(events.NodeRestarted(clock.now(), node, self.restarts.is_with_us(node)))
