@@ -25,7 +25,6 @@ def duties_of(
     published, subscribed, served = map(_by_node, (publishers, subscribers, services))
     listeners = _by_node(frozenset((node, topic) for topic, node in subscribers))
     in_som = {topic for each in som for topic in (each.topic, each.heard)}
-    named = {each.node for each in som}
     found: Dict[str, Tuple[str, ...]] = {}
 
     def others(topics: Set[str]) -> Set[str]:
@@ -37,7 +36,7 @@ def duties_of(
         }
 
     for node in sorted({node for topic, node in publishers if topic in in_som}):
-        if names.of_healing(node, node in named):
+        if names.of_healing(node, any(each.node == node for each in som)):
             continue
         says, hears = others(published[node]), others(subscribed[node])
         actions = {t[:-5] for t in hears if t.endswith("/goal") and t[:-5] + "/result" in says}
@@ -53,9 +52,8 @@ def duties_of(
             f"serves {_named(calls)}" if calls else "",
             f"publishes {_named(heard)}" if heard else "",
         ]
-        if any(duties):
-            found[node] = tuple(filter(None, duties))
-    return found
+        found[node] = tuple(filter(None, duties))
+    return {node: duties for node, duties in found.items() if duties}
 
 
 def _by_node(pairs: Pairs) -> DefaultDict[str, Set[str]]:

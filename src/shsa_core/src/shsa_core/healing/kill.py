@@ -113,10 +113,9 @@ class _Kill:
 class Kills:
     """The kills that are under way; those are `Health.dying`.
 
-    A node is asked to leave, as by `rosnode kill`. One that answers has the time that roslaunch
-    gives, so that its shutdown handler can stop the motors: LEAVE_S until SIGTERM, then TERM_S
-    until SIGKILL. One that does not, or whose kill is quick, is ended at once. A node that is
-    stopped is not asked, and one on another computer is only asked.
+    A node is asked to leave. One that answers has the time that roslaunch gives, so that its
+    shutdown handler can stop the motors; one that does not, or whose kill is quick, is ended at
+    once. A node that is stopped is not asked, and one on another computer is only asked.
     """
 
     def __init__(self, health: Health, settings: Settings) -> None:

@@ -413,19 +413,15 @@ class Nodes:
     def shown(self, accusation: Accusation) -> Dict[str, object]:
         """Return what an incident shows of the node that it blames."""
         return {
-            "restarts": self.restarts(accusation.node),
+            "restarts": self.trust_in(accusation.node).restarts,
             "kept_out": self.kept_out(accusation.node),
             "kept": accusation.kept,
             "decision": accusation.decision,
         }
 
-    def restarts(self, node: str) -> int:
-        """Return how often a node was started again."""
-        return self._cases[node].trust.restarts
-
-    def exhausted(self, node: str) -> bool:
-        """Tell that a node is not started again any more."""
-        return self._cases[node].trust.exhausted
+    def trust_in(self, node: str) -> Trust:
+        """Return how far a node is trusted, and how often it was started again."""
+        return self._cases[node].trust
 
     def may_restart(self, node: str) -> bool:
         """Tell that a node would be started again if its policy is that."""

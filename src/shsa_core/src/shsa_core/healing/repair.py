@@ -352,7 +352,7 @@ def wait_for_node(service: ServiceMachine) -> List[Command]:
 def exhausted(service: ServiceMachine, _: Failure = None) -> List[Command]:
     """Give up: the node was started again too often."""
     node = service.incident.faulty_node
-    count = service.nodes.restarts(node)
+    count = service.nodes.trust_in(node).restarts
     return give_up(service, ShsaError(f"{node} was started again {count} times in vain"))
 
 

@@ -283,7 +283,7 @@ class ServiceMachine:
         """Tell that the faulty node is not started again any more."""
         node = self.incident.faulty_node  # how a stranger was started is not known
         stranger = node != self.spec.node and self.incident.killed is not None
-        return stranger or self.nodes.exhausted(node)
+        return stranger or self.nodes.trust_in(node).exhausted
 
     def _notice_exhaustion(self) -> List[Command]:
         waiting = self.state in (State.HEALING, *STUCK)

@@ -54,8 +54,8 @@ ANSWER_S = 0.5  # that a monitor has to send its table when its computer seems l
 
 # How a node is ended.
 FIND_TIMEOUT_S = 2.0  # that the search for a node's process may take
-EXIT_TIMEOUT_S = 1.0  # that a node may take to answer, and a process to end
-LEAVE_S, TERM_S = 15.0, 2.0  # that roslaunch gives a node: after it was asked, and after SIGTERM
+# To answer and for a process to end; as roslaunch: after it was asked, and after SIGTERM.
+EXIT_TIMEOUT_S, LEAVE_S, TERM_S = 1.0, 15.0, 2.0
 LEARN_PAUSES_S = (0.5, 2.0, 10.0)  # before each further look which process a node is; last repeats
 LISTEN_S, LISTEN_PERIODS = 0.5, 3.0  # that a node is counted on its own computer: the longer
 CERTAIN_S = 2.0  # that a computer is heard beside a node's silence before that is the node's own

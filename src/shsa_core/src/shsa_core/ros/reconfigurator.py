@@ -298,15 +298,11 @@ class ReconfiguratorNode:
 
     def _listen(self, som: Som, taking_up: bool = False) -> None:
         """Hear the agents, and see to it that both ends hear of each other."""
-        hosts = self._elsewhere(som)
+        hosts = [name for name in som.hosts if name != self._files.host]
         self._hosts.listen(hosts, taking_up)
         ends = names.host_commands, names.host_events
         topics = (topic(host) for host in hosts for topic in ends)
         self._master.introduce(*map(rospy.resolve_name, topics))
-
-    def _elsewhere(self, som: Som) -> List[str]:
-        """The computers whose agents carry out what is wanted there."""
-        return [name for name in som.hosts if name != self._files.host]
 
     def _assigned(self, command: events.AssignSubstitute) -> None:
         self._put(events.SubstituteStarted(clock.now(), command.node, self._decided))

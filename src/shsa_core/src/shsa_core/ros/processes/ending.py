@@ -28,23 +28,17 @@ class Untouchable(ShsaError):
 def ask_to_leave(nodes: Nodes, node: str, answered: Callable[[], object] = lambda: None) -> bool:
     """`rosnode kill` by its API; return whether the process has ended in time.
 
-    `answered` is called when the node has: then it has longer. Elsewhere, return whether nobody
-    listens any more where it has answered. Raises Untouchable.
+    `answered` is called when the node has. Elsewhere, return whether nobody listens any more where
+    it has answered. Raises Untouchable.
     """
     known = nodes.known(node)
     if known is None:
         raise Untouchable("it is not known which process it is")
     if known.process is None:
         return _ask_elsewhere(node, known.uri, answered)
-    process, answers = known.process, threading.Event()
-    gone = lambda: kernel.gone(process)
-
-    def note() -> None:
-        answers.set()
-        answered()
-
-    threading.Thread(target=_ask, args=(nodes, node, note), daemon=True).start()
-    return kernel.wait_for(gone) or (answers.is_set() and kernel.wait_for(gone, LEAVE_S))
+    process = known.process
+    threading.Thread(target=_ask, args=(nodes, node, answered), daemon=True).start()
+    return kernel.wait_for(lambda: kernel.gone(process), LEAVE_S)
 
 
 def end_process(nodes: Nodes, node: str, gently: bool = False) -> bool:
