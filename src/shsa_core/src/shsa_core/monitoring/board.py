@@ -1,5 +1,4 @@
 """Keeps up the table of health: who publishes what, how each is doing, and what changed."""
-from dataclasses import dataclass
 from math import inf
 from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
 
@@ -8,8 +7,6 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.events import (
-    ChangeAdopted,
-    ChangeRefused,
     Command,
     HealthChanged,
     Key,
@@ -36,15 +33,7 @@ class Grace(NamedTuple):
     service: str
 
 
-@dataclass(frozen=True)  # as a tuple it would be equal to a Grace
-class Trial:
-    """A service on probation may have been silent for longer than it would be allowed."""
-
-    topic: str
-    service: str
-
-
-Due = Union[Silence, Grace, Trial]
+Due = Union[Silence, Grace]
 
 NEVER_GOOD = "it was never good by these numbers: the SOM may be wrong, and not the node"
 BY_RATE = (Kind.RATE_LOW, Kind.RATE_HIGH)
@@ -59,7 +48,7 @@ class Board:
         self.bridges = Bridges()
         self.agenda: Agenda[Due] = Agenda()
         self._failed: List[PublisherHealth] = []
-        self._changes: List[Command] = []
+        self._bridged: List[Command] = []
         self._touched: Dict[Key, None] = {}
 
     def all(self) -> Iterable[Tuple[WatchedTopic, Publisher]]:
@@ -79,15 +68,15 @@ class Board:
         return tuple(publisher.row(topic.name) for topic, publisher in self.all())
 
     def commands(self, time: float) -> List[Command]:
-        """Return the changed rows and what became of changes since the last call."""
+        """Return the changed rows, and the bridges that are told, since the last call."""
         commands: List[Command] = []
         if self._touched:
             found = {key: self.find(*key) for key in self._touched}
             rows = tuple(each[1].row(each[0].name) for each in found.values() if each)
             removed = tuple(key for key, each in found.items() if not each)
             commands.append(HealthChanged(time, rows, removed, tuple(self._failed)))
-        commands += self._changes
-        self._failed, self._touched, self._changes = [], {}, []
+        commands += self._bridged
+        self._failed, self._touched, self._bridged = [], {}, []
         return commands
 
     # Who is who
@@ -125,7 +114,7 @@ class Board:
             return False
         bridged = self.bridges.heard((topic.name, publisher), row, time)
         if bridged is not None:
-            self._changes.append(bridged)
+            self._bridged.append(bridged)
         return True
 
     def meet(self, topic: WatchedTopic, name: str, time: float) -> Publisher:
@@ -194,10 +183,6 @@ class Board:
         if publisher.detail != detail:
             publisher.detail = detail
             self.touch(topic, publisher.name)
-
-    def decide(self, change: Union[ChangeAdopted, ChangeRefused]) -> None:
-        """Tell that a change of the SOM counts, or does not."""
-        self._changes.append(change)
 
     def become_healthy(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
         """Find a publisher healthy."""

@@ -229,7 +229,7 @@ class HealthChanged:
 
 @dataclass(frozen=True)
 class ChangeRefused:
-    """A changed service is refused, since a healthy publisher violates it at once.
+    """Changed numbers of a service are refused, since a healthy publisher violates them.
 
     `service` has the numbers that count. `text` says what was to change, and what the publisher
     does.
@@ -242,11 +242,12 @@ class ChangeRefused:
 
 @dataclass(frozen=True)
 class ChangeAdopted:
-    """A changed service counts, since a healthy publisher conforms to it; `text` says what."""
+    """Changed numbers of a service count; `text` says which. `weaker`: they allow more."""
 
     time: float
     service: str
     text: str
+    weaker: bool = False
 
 
 @dataclass(frozen=True)

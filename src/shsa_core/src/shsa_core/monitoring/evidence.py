@@ -58,12 +58,12 @@ class _Value:
     """One value of one publisher, and the checks of it."""
 
     def __init__(self, provision: Provision, learned: Optional[Learned]) -> None:
-        self._name, self._range = provision.property, provision.range
+        self.name, self._range = provision.property, provision.range
         self._checks = _of(_checks_of(provision), ValueSample)
         key = provision.property, provision.field
         self._learns = learned is not None
         self._run = Run(Stillness() if learned is None else learned.setdefault(key, Stillness()))
-        self._good: Optional[float] = None
+        self.good: Optional[float] = None
         self._newest: Optional[float] = None
 
     def look(self, value: float, time: float, failed: bool) -> Optional[Finding]:
@@ -71,18 +71,18 @@ class _Value:
 
         A failed publisher may start anew elsewhere, but must be steady there.
         """
-        before = self._newest if failed else self._good
+        before = self._newest if failed else self.good
         self._newest = value
         run = self._run
         run.add(value, time, self._learns and not failed)
         still = time - run.began
         hold = run.allowed
-        sample = ValueSample(self._name, value, self._range, still, before, run.length, hold)
+        sample = ValueSample(self.name, value, self._range, still, before, run.length, hold)
         finding = judge(self._checks, sample)
         if finding is not None:
             run.spoil()
         else:
-            self._good = value if isfinite(value) else None  # after a gap it may be anywhere
+            self.good = value if isfinite(value) else None  # after a gap it may be anywhere
         return finding
 
 
@@ -118,14 +118,11 @@ class Verdict:
 class Evidence:
     """The evidence against one publisher, who provides `service`.
 
-    `properties`: those whose values are judged. `hasty`: the rate is judged by fewer messages, as
-    soon as there are RATE_MESSAGES. `learned`: what is known of its values from before; None:
-    nothing is learned, as of a substitute, whose program may change.
+    `properties`: those whose values are judged. `learned`: what is known of its values from
+    before; None: nothing is learned, as of a substitute, whose program may change.
     """
 
-    def __init__(
-        self, service: Service, hasty: bool = False, learned: Optional[Learned] = None
-    ) -> None:
+    def __init__(self, service: Service, learned: Optional[Learned] = None) -> None:
         checks = service.checks
         self._verdict = Verdict(checks)
         checked = checked_provisions(service)
@@ -137,13 +134,8 @@ class Evidence:
         self._period = service.period or 0.0
         count = max(RATE_MESSAGES, ceil(RATE_SECONDS / self._period)) if self._rate_checks else 0
         self._times: Deque[Tuple[float, float, float]] = deque(maxlen=count + 1)
-        self._enough = (min(count, RATE_MESSAGES) if hasty else count) + 1
+        self._enough = count + 1
         self.rate_was_good = False
-
-    @property
-    def knows_rate(self) -> bool:
-        """True once there are enough messages to judge the rate by, or if it is not judged."""
-        return not self._rate_checks or len(self._times) >= self._enough
 
     @property
     def pace(self) -> Optional[float]:
@@ -159,22 +151,44 @@ class Evidence:
         return self._times[-1][1] - self._times[0][1] if self._times else 0.0
 
     @property
+    def pause(self) -> float:
+        """The longest pause in s between those messages."""
+        times = [each[1] for each in self._times]
+        return max((b - a for a, b in zip(times, times[1:])), default=0.0)
+
+    @property
     def recovery(self) -> int:
         """So many good messages in a row end a failure."""
         return self._verdict.recovery
-
-    def take_times(self, other: "Evidence") -> None:
-        """Begin with the messages whose rate another one judges."""
-        self._times.extend(other._times)
 
     def take_stamps(self, other: "Evidence") -> None:
         """Go on with what another one learned of the stamps on the same connection."""
         if self._stamps.period == other._stamps.period:
             self._stamps = other._stamps
 
+    def take_messages(self, other: "Evidence") -> None:
+        """Go on with the messages of the same publisher, judged by other numbers so far."""
+        self._times.extend(other._times)
+        good = {each.name: each.good for each in other._values}
+        for value in self._values:
+            value.good = good.get(value.name)
+
     def clear(self) -> None:
         """Forget what was bad."""
         self._verdict.clear()
+
+    def violation(self, service: Service) -> Optional[Finding]:
+        """Return how what was good so far violates the changed numbers of its service."""
+        good = {each.name: each.good for each in self._values if each.good is not None}
+        for new in checked_provisions(service):
+            if new.property in good:
+                sample = ValueSample(new.property, good[new.property], new.range)
+                finding = judge(_of(_checks_of(new), ValueSample), sample)
+                if finding is not None:
+                    return finding
+        if service.period is None or len(self._times) < 2:
+            return None
+        return judge(_of(service.checks.each, RateSample), self._rate(service.period))
 
     def clock_jumped(self) -> None:
         """Forget what was learned of stamps."""
@@ -219,17 +233,18 @@ class Evidence:
 
     def _look_at_rate(self, message: Message) -> Optional[Finding]:
         """Judge the mean rate, in doubt for the publisher: it came within the last `waited` s."""
-        times, earliest = self._times, message.time - message.waited
-        times.append((earliest, message.time, message.apart or 0.0))
-        if len(times) < self._enough:
+        earliest = message.time - message.waited
+        self._times.append((earliest, message.time, message.apart or 0.0))
+        if len(self._times) < self._enough:
             return None
-        first = times[0]
-        longest = message.time - first[0] + times[-1][2] - first[2]
-        shortest = earliest - first[1]
-        sample = RateSample(len(times) - 1, self._period, longest, shortest)
-        finding = judge(self._rate_checks, sample)
+        finding = judge(self._rate_checks, self._rate(self._period))
         self.rate_was_good = self.rate_was_good or finding is None
         return finding
+
+    def _rate(self, period: float) -> RateSample:
+        first, last = self._times[0], self._times[-1]
+        longest = last[1] - first[0] + last[2] - first[2]
+        return RateSample(len(self._times) - 1, period, longest, last[0] - first[1])
 
 
 def _count(history: int) -> int:

@@ -9,7 +9,6 @@ from shsa_core.monitoring.board import FAILED, UNKNOWN, Board
 from shsa_core.monitoring.comparisons import Comparisons
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import Finding, judge
-from shsa_core.monitoring.probation import Trials
 from shsa_core.monitoring.publishers import Publisher, WatchedTopic
 from shsa_core.monitoring.surroundings import Surroundings
 
@@ -21,11 +20,10 @@ class Judgement:
         self,
         board: Board,
         around: Surroundings,
-        trials: Trials,
         comparisons: Optional[Comparisons],
     ) -> None:
         self._board, self._around = board, around
-        self._trials, self._comparisons = trials, comparisons
+        self._comparisons = comparisons
 
     def message(
         self, topic: WatchedTopic, publisher: Publisher, event: Message, previous: Optional[float]
@@ -55,20 +53,16 @@ class Judgement:
     def _is_good(self, topic: WatchedTopic, publisher: Publisher, event: Message) -> bool:
         """Fail the publisher if this is one bad message too many; tell if it is good."""
         good, failure = True, None
-        probation = self._trials.of(topic, publisher.watched)
-        seen = probation.for_kept(event) if probation else event
         if publisher.evidence is not None:
-            good, failure = publisher.evidence.weigh(seen, publisher.state is FAILED)
+            good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
             alibi = self._alibi(publisher, failure, event.time) if failure is not None else ""
             if alibi:
                 good, failure = True, None
             if alibi or (good and publisher.detail and publisher.kind is None):
                 self._board.excuse(topic, publisher, alibi)
-        if probation is not None:
-            good = self._trials.weigh(topic, publisher, probation, event, good)
         comparisons, time, compared = self._comparisons, event.time, None
         if comparisons is not None:
-            compared = comparisons.compare(publisher, seen, good)
+            compared = comparisons.compare(publisher, event, good)
             if compared is not None and compared.finding is not None and good:
                 good, failure = False, compared.finding
         intrusion = self._intrusion(topic, publisher, time)

@@ -158,9 +158,12 @@ class Publisher:
 
     def provide(self, watched: Optional[WatchedService], anew: bool = True) -> None:
         """Provide a service from now on; `anew`: what was seen before does not count for it."""
+        name, before = self.service.name if self.service else "", self.evidence
         self.watched = watched
         if anew:
             self.begin_anew()
+            if before and self.evidence and self.service and self.service.name == name:
+                self.evidence.take_messages(before)
 
     def begin_anew(self) -> None:
         """Forget the evidence; but what was held up during a silence is as old as it is."""

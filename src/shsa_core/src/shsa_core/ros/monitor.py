@@ -45,7 +45,12 @@ from shsa_core.ros.sockets.subscriptions import (
     Subscriptions,
 )
 from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.master.som_parameter import SomWatch, get_som_parameter, put_som
+from shsa_core.ros.master.som_parameter import (
+    LIVE_PARAMETERS,
+    SomWatch,
+    get_som_parameter,
+    put_som,
+)
 from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
@@ -116,7 +121,8 @@ class MonitorNode:
         if not get_som_parameter():
             put_som(som)
         namespace = rospy.get_namespace()
-        SomWatch(som, self._inbox.put, lambda: read_som(arguments.som, namespace))
+        reread = lambda: read_som(arguments.som, namespace)
+        SomWatch(som, self._inbox.put, arguments.live_parameters, reread)
         heard = lambda table: self._inbox.put(_Substitutions(table))
         TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, heard, signing)
         TableSubscriber(names.SOM_STATE, msg.SomState, self._hear_som_state, signing)
@@ -310,6 +316,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--som", required=True, help="the SOM file: the services to watch")
     parser.add_argument("--ontology", default="", help="the ontology file, for checks by witnesses")
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
+    parser.add_argument("--live-parameters", action="store_true", help=LIVE_PARAMETERS)
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
     whose = parser.add_mutually_exclusive_group()
     whose.add_argument("--host", default="", help="watch the services of this computer alone")

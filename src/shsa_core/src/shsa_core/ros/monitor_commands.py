@@ -48,7 +48,7 @@ class Commands:
                 events.RobotAwaited: self._tell_awaited,
                 events.CalibrationsChanged: self._tell_calibrations,
                 events.Bridged: self._tell_bridged,
-                events.ChangeAdopted: lambda each: rospy.loginfo("%s counts now.", each.text),
+                events.ChangeAdopted: self._tell_adopted,
             },
         )
 
@@ -90,13 +90,14 @@ class Commands:
         times = "once" if bridged.times == 1 else f"{bridged.times} times"
         rospy.logwarn(text, bridged.topic, bridged.publisher, times)
 
+    def _tell_adopted(self, adopted: events.ChangeAdopted) -> None:
+        tell = rospy.logwarn if adopted.weaker else rospy.loginfo
+        tell("Changed: %s%s.", adopted.text, "; it allows more" if adopted.weaker else "")
+
     def _put_back(self, refusal: events.ChangeRefused) -> None:
-        """Say what is refused, and put the numbers that count back, for all who read them."""
+        """Put the numbers that count back, for all who read them, and tell what is refused."""
         service = refusal.service
-        rospy.logwarn(
-            "Refused: %s. The numbers so far are put back. If the new ones are meant, "
-            "stop the node, set them, and start it as it should be.",
-            refusal.text,
-        )
+        text = "Refused: %s. If it is meant, stop the node, change it, and start the node again."
+        rospy.logwarn(text, refusal.text)
         name = f"{PARAMETER}/services/{service.name}"
         self._parameters.put(lambda: rospy.set_param(name, service_parameters(service)))

@@ -39,7 +39,7 @@ from shsa_core.ros.master.master_watch import MasterWatch
 from shsa_core.ros.processes.starting import Setup, run_command
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.master.som_parameter import SomWatch, put_som
+from shsa_core.ros.master.som_parameter import LIVE_PARAMETERS, SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.messages.fields import Problem, mark_unusable
 from shsa_core.ros.workers import Workers
@@ -160,7 +160,9 @@ class ReconfiguratorNode:
         self._som_state.open()
         put_som(som)
         self._som_watch = SomWatch(
-            som, lambda s: self._put(events.SomChanged(clock.now(), self._usable(s)))
+            som,
+            lambda s: self._put(events.SomChanged(clock.now(), self._usable(s))),
+            arguments.live_parameters,
         )
         tables = (names.FAILURES, names.SUBSTITUTIONS, names.SOM_STATE)
         self._master.introduce(*map(rospy.resolve_name, tables))
@@ -406,6 +408,7 @@ def main() -> None:
     parser.add_argument("--incident-log", default="", help="a file for one JSON line an incident")
     parser.add_argument("--dry-run", action="store_true", help="advise: kill and start nothing")
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
+    parser.add_argument("--live-parameters", action="store_true", help=LIVE_PARAMETERS)
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
     parser.add_argument(
         "--unsigned-failures", action="store_true", help="believe failures that nobody signed"
