@@ -18,7 +18,7 @@ from shsa_core.journal.machines import FORMS
 from shsa_core.model.checks import Checks, Jump, RateHigh, default_checks
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import ChangeAdopted, Command, SomChanged
+from shsa_core.monitoring.events import Command, SomChanged, Told
 
 
 @pytest.fixture
@@ -76,9 +76,9 @@ def test_what_a_healthy_publisher_violates_at_once_is_refused(
 )
 def test_what_it_conforms_to_counts_at_once(bench: Bench, changed: Service, weaker: bool) -> None:
     said = bench.send(SomChanged(bench.now, Som([changed])))
-    (adopted,) = (each for each in said if isinstance(each, ChangeAdopted))
-    assert (adopted.service, adopted.weaker) == ("current", weaker)
-    assert adopted.text.endswith(f"it concerns {NODE}")
+    (told,) = (each for each in said if isinstance(each, Told))
+    assert told.text.startswith("Changed: current: ") and f"it concerns {NODE}" in told.text
+    assert told.warning is weaker is ("allows more" in told.text)
     assert counts(bench, changed)
     bench.stream(50)
     assert bench.failures == []
@@ -97,7 +97,7 @@ def test_a_rate_is_refused_where_few_messages_came_before() -> None:
 def test_what_does_not_judge_is_no_change_of_numbers(bench: Bench) -> None:
     changed = service(provision(quality=0.5), needed=True)
     said = bench.send(SomChanged(bench.now, Som([changed])))
-    assert counts(bench, changed) and not any(isinstance(each, ChangeAdopted) for each in said)
+    assert counts(bench, changed) and not any(isinstance(each, Told) for each in said)
 
 
 def test_after_a_refusal_the_numbers_can_be_put_back_and_changed_again(bench: Bench) -> None:
@@ -178,5 +178,5 @@ def test_what_became_of_a_change_can_be_journaled(bench: Bench) -> None:
     bench.watch(service(provision(range=(100.0, 200.0)), period=1e6))
     bench.stream(40)
     codec = Codec(Command, FORMS)
-    for said in (bench.refused[0], ChangeAdopted(1.0, "current", "period: 1 (so far 2)", True)):
+    for said in (bench.refused[0], Told(1.0, "Changed: current", True)):
         assert codec.decode(json.loads(json.dumps(codec.encode(said))), "here", "it") == said

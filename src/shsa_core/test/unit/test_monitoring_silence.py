@@ -203,6 +203,8 @@ def test_each_alibi_clears_of_what_it_says_and_ends() -> None:
         dict(connected=9.0),
         dict(came_up=8.5),
         dict(together=3),
+        dict(confirmed=True),
+        dict(together=2),
         dict(subscribed=False),
         dict(formerly=True, together=3),
         dict(robot_came=False),

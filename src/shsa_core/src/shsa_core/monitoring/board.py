@@ -12,6 +12,7 @@ from shsa_core.monitoring.events import (
     Key,
     PublisherHealth,
     PublisherState,
+    Told,
 )
 from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedService, WatchedTopic
 from shsa_core.monitoring.substitutes import Bridges, Substitutes
@@ -48,7 +49,7 @@ class Board:
         self.bridges = Bridges()
         self.agenda: Agenda[Due] = Agenda()
         self._failed: List[PublisherHealth] = []
-        self._bridged: List[Command] = []
+        self._told: List[Command] = []
         self._touched: Dict[Key, None] = {}
 
     def all(self) -> Iterable[Tuple[WatchedTopic, Publisher]]:
@@ -68,15 +69,15 @@ class Board:
         return tuple(publisher.row(topic.name) for topic, publisher in self.all())
 
     def commands(self, time: float) -> List[Command]:
-        """Return the changed rows, and the bridges that are told, since the last call."""
+        """Return the changed rows, and what is told to people, since the last call."""
         commands: List[Command] = []
         if self._touched:
             found = {key: self.find(*key) for key in self._touched}
             rows = tuple(each[1].row(each[0].name) for each in found.values() if each)
             removed = tuple(key for key, each in found.items() if not each)
             commands.append(HealthChanged(time, rows, removed, tuple(self._failed)))
-        commands += self._bridged
-        self._failed, self._touched, self._bridged = [], {}, []
+        commands += self._told
+        self._failed, self._touched, self._told = [], {}, []
         return commands
 
     # Who is who
@@ -114,7 +115,7 @@ class Board:
             return False
         bridged = self.bridges.heard((topic.name, publisher), row, time)
         if bridged is not None:
-            self._bridged.append(bridged)
+            self._told.append(bridged)
         return True
 
     def meet(self, topic: WatchedTopic, name: str, time: float) -> Publisher:
@@ -177,12 +178,19 @@ class Board:
         self._failed.append(publisher.row(topic.name))
         self.touch(topic, publisher.name)
 
-    def excuse(self, topic: WatchedTopic, publisher: Publisher, why: str) -> None:
-        """Tell why a publisher is not blamed though it is late; empty: it is not late any more."""
-        detail = f"not blamed: {why}" if why else ""
+    def note(
+        self, topic: WatchedTopic, publisher: Publisher, detail: str, time: float, log: bool = False
+    ) -> None:
+        """Tell why one that has not failed is not blamed, or what is unusual; empty: nothing is.
+
+        `log`: people are told as well, once in a life of it.
+        """
         if publisher.detail != detail:
             publisher.detail = detail
             self.touch(topic, publisher.name)
+        if log and detail not in publisher.logged:
+            publisher.logged.add(detail)
+            self._told.append(Told(time, f"{topic.name}: {publisher.name}: {detail}"))
 
     def become_healthy(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
         """Find a publisher healthy."""

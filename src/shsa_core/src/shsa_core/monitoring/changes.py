@@ -11,11 +11,11 @@ from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Deadlines, Service, is_within
 from shsa_core.model.som import Som
 from shsa_core.monitoring.board import Board
-from shsa_core.monitoring.events import ChangeAdopted, ChangeRefused
+from shsa_core.monitoring.events import ChangeRefused, Told
 from shsa_core.monitoring.evidence import Finding
 from shsa_core.monitoring.publishers import Publisher
 
-Change = Union[ChangeAdopted, ChangeRefused]
+Change = Union[Told, ChangeRefused]
 
 
 def decide(board: Board, som: Som, deadlines: Deadlines, time: float) -> Tuple[Som, List[Change]]:
@@ -38,8 +38,8 @@ def decide(board: Board, som: Som, deadlines: Deadlines, time: float) -> Tuple[S
         if wrong is None:
             whom = ", ".join(each.name for each in concerned) or "nobody yet"
             weaker = allowed > watched.allowed or _weakens(kept, service)
-            text = f"{text}; it concerns {whom}"
-            changes.append(ChangeAdopted(time, service.name, text, weaker))
+            more = "; it allows more" if weaker else ""
+            changes.append(Told(time, f"Changed: {text}; it concerns {whom}{more}", weaker))
         else:
             services[service.name] = kept
             name, why = wrong

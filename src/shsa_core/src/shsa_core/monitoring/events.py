@@ -27,9 +27,9 @@ class PublisherState(Word):
 class PublisherHealth:
     """One row of the monitor's table: the state since `since`; `kind` of failure, if it failed.
 
-    `detail`: what was seen and what is allowed; of one that has not failed: why it is not blamed
-    though it is late. `last_message`: of one that failed, the serialized message from which a
-    substitute goes on; empty: not known.
+    `detail`: what was seen and what is allowed; of one that has not failed: why it is not blamed,
+    or what is doubtful or unusual. `last_message`: of one that failed, the serialized message from
+    which a substitute goes on; empty: not known.
     """
 
     topic: str
@@ -241,21 +241,12 @@ class ChangeRefused:
 
 
 @dataclass(frozen=True)
-class ChangeAdopted:
-    """Changed numbers of a service count; `text` says which. `weaker`: they allow more."""
+class Told:
+    """A line for people, in the log: a warning, or how things go."""
 
     time: float
-    service: str
     text: str
-    weaker: bool = False
-
-
-@dataclass(frozen=True)
-class RobotAwaited:
-    """Nobody has come yet for these services, each a topic and its node; so nobody is blamed."""
-
-    time: float
-    services: Tuple[Key, ...]
+    warning: bool = True
 
 
 @dataclass(frozen=True)
@@ -267,25 +258,7 @@ class CalibrationsChanged:
     removed: Tuple[Tuple[str, Program], ...] = ()
 
 
-@dataclass(frozen=True)
-class Bridged:
-    """The muted substitute `publisher` filled in for a late message, for the `times`th time."""
-
-    time: float
-    service: str
-    topic: str
-    publisher: str
-    times: int
-
-
-Command = Union[
-    HealthChanged,
-    ChangeRefused,
-    ChangeAdopted,
-    RobotAwaited,
-    CalibrationsChanged,
-    Bridged,
-]
+Command = Union[HealthChanged, ChangeRefused, CalibrationsChanged, Told]
 
 
 def failures_in(commands: Iterable[Command]) -> List[PublisherHealth]:

@@ -27,8 +27,8 @@ Learned = Dict[Tuple[str, str], Stillness]
 
 
 def checked_provisions(service: Service) -> Tuple[Provision, ...]:
-    """Return the provisions whose values some check needs; a message is decoded for no others."""
-    return tuple(provision for provision in service.provides if _checks_of(provision))
+    """Return the provisions whose values are looked at; a message is decoded for no others."""
+    return tuple(each for each in service.provides if each.usual or _checks_of(each))
 
 
 def checks_stamps(service: Service) -> bool:
@@ -59,18 +59,23 @@ class _Value:
 
     def __init__(self, provision: Provision, learned: Optional[Learned]) -> None:
         self.name, self._range = provision.property, provision.range
+        self._usual, self._back = provision.usual, 0
+        self.unusual = ""
         self._checks = _of(_checks_of(provision), ValueSample)
         key = provision.property, provision.field
         self._learns = learned is not None
         self._run = Run(Stillness() if learned is None else learned.setdefault(key, Stillness()))
         self.good: Optional[float] = None
         self._newest: Optional[float] = None
+        self.outside: Optional[ValueSample] = None
 
     def look(self, value: float, time: float, failed: bool) -> Optional[Finding]:
         """Return what is wrong with a new value.
 
         A failed publisher may start anew elsewhere, but must be steady there.
         """
+        if self._usual is not None:
+            self._compare_with(self._usual, value)
         before = self._newest if failed else self.good
         self._newest = value
         run = self._run
@@ -79,11 +84,25 @@ class _Value:
         hold = run.allowed
         sample = ValueSample(self.name, value, self._range, still, before, run.length, hold)
         finding = judge(self._checks, sample)
+        self.outside = None
         if finding is not None:
             run.spoil()
+            self.outside = sample if finding.kind is Kind.OUT_OF_RANGE else None
         else:
             self.good = value if isfinite(value) else None  # after a gap it may be anywhere
         return finding
+
+    def _compare_with(self, usual: Tuple[float, float], value: float) -> None:
+        """Note a value that leaves what is usual, until as many as are judged together are back."""
+        low, high = usual
+        if low <= value <= high:
+            self._back += 1
+            if self._back >= Checks.of:
+                self.unusual = ""
+        elif isfinite(value):
+            self._back = 0
+            if not self.unusual:
+                self.unusual = f"{self.name} is {value:g}, {low:g} to {high:g} are usual"
 
 
 class Verdict:
@@ -128,6 +147,7 @@ class Evidence:
         checked = checked_provisions(service)
         self.properties = tuple(each.property for each in checked)
         self._values = [_Value(provision, learned) for provision in checked]
+        self._with_usual = [v for v, each in zip(self._values, checked) if each.usual]
         self._stamp_checks = _of(checks.each, StampSample)
         self._stamps = StampAges(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
@@ -144,6 +164,19 @@ class Evidence:
             return None
         passed = self.span
         return (len(self._times) - 1) * self._period / passed if passed > 0.0 else None
+
+    @property
+    def outside(self) -> Optional[ValueSample]:
+        """A value of the newest message that is out of its range."""
+        return next((each.outside for each in self._values if each.outside), None)
+
+    @property
+    def unusual(self) -> str:
+        """The first of its values that is not as usual, in words; empty: all are."""
+        for value in self._with_usual:
+            if value.unusual:
+                return value.unusual
+        return ""
 
     @property
     def span(self) -> float:

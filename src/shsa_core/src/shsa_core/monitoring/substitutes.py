@@ -5,7 +5,7 @@ from math import inf
 from typing import DefaultDict, Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.monitoring.events import Bridged, Key, SubstitutionsChanged
+from shsa_core.monitoring.events import Key, SubstitutionsChanged, Told
 from shsa_core.monitoring.settings import BRIDGES_APART, SERVES_S, TELL_S
 
 Change = Tuple[str, Optional[Substitution], Optional[Substitution]]
@@ -95,7 +95,7 @@ class Bridges:
         """Mute a substitute: what comes soon is for those whom it still serves."""
         self._latest[key] = time + SERVES_S
 
-    def heard(self, key: Key, row: Substitution, time: float) -> Optional[Bridged]:
+    def heard(self, key: Key, row: Substitution, time: float) -> Optional[Told]:
         """Count a bridge of a muted substitute; return what people are told of that now."""
         latest = self._latest.get(key, -inf)
         self._latest[key] = max(time, latest)
@@ -106,7 +106,9 @@ class Bridges:
         if time < count.tell:
             return None
         count.tell = time + TELL_S
-        return Bridged(time, row.service, *key, count.times)
+        times = "once" if count.times == 1 else f"{count.times} times"
+        what = f"{key[1]} has filled in for a late message, {times} so far"
+        return Told(time, f"{key[0]}: {what}. Nobody is blamed for that")
 
     def times(self, service: str) -> int:
         """Return how often a service was bridged so far."""

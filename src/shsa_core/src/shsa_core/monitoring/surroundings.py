@@ -68,6 +68,18 @@ class Surroundings:
         moments = (time, time - span, inf, -inf, -inf, connected, self._came_up)
         return Case(Blame.RATE, *moments, self._slow)
 
+    def range(self, publisher: Publisher, time: float, confirmed: bool) -> Case:
+        """Return the case of a publisher with a value out of range; `confirmed`: by others."""
+        service = publisher.service
+        causes = set(service.wrong_with) if service else set()
+        others = [
+            each
+            for each in self._everybody()
+            if each.connected and each.service and each.evidence and each.evidence.outside
+        ]
+        apart = [o for o in others if o.service and causes.isdisjoint(o.service.wrong_with)]
+        return Case(Blame.RANGE, time, time, together=1 + len(apart), confirmed=confirmed)
+
     def heard(self, topic: str, publisher: Publisher, began: float, time: float) -> List[Key]:
         """Take the gap of a healthy publisher; return whose allowed silence has changed by that.
 

@@ -45,10 +45,8 @@ class Commands:
             {
                 events.HealthChanged: self._tell_health,
                 events.ChangeRefused: self._put_back,
-                events.RobotAwaited: self._tell_awaited,
                 events.CalibrationsChanged: self._tell_calibrations,
-                events.Bridged: self._tell_bridged,
-                events.ChangeAdopted: self._tell_adopted,
+                events.Told: self._tell,
             },
         )
 
@@ -81,18 +79,8 @@ class Commands:
         rows = map(wire.calibration_row, change.rows)
         self._calibrations.update(rows, [wire.calibration_key(*key) for key in change.removed])
 
-    def _tell_awaited(self, awaited: events.RobotAwaited) -> None:
-        services = ", ".join(f"{topic} from {node}" for topic, node in awaited.services)
-        rospy.logwarn("Nothing of the robot is there yet. Awaited: %s.", services)
-
-    def _tell_bridged(self, bridged: events.Bridged) -> None:
-        text = "%s: %s has filled in for a late message, %s so far. Nobody is blamed for that."
-        times = "once" if bridged.times == 1 else f"{bridged.times} times"
-        rospy.logwarn(text, bridged.topic, bridged.publisher, times)
-
-    def _tell_adopted(self, adopted: events.ChangeAdopted) -> None:
-        tell = rospy.logwarn if adopted.weaker else rospy.loginfo
-        tell("Changed: %s%s.", adopted.text, "; it allows more" if adopted.weaker else "")
+    def _tell(self, told: events.Told) -> None:
+        (rospy.logwarn if told.warning else rospy.loginfo)("%s.", told.text)
 
     def _put_back(self, refusal: events.ChangeRefused) -> None:
         """Put the numbers that count back, for all who read them, and tell what is refused."""
