@@ -356,7 +356,7 @@ def unhealable(sizes: Sequence[int], say: Say, goals: Goals) -> None:
 def second_best(sizes: Sequence[int], say: Say, goals: Goals) -> None:
     """The second-best substitute in a ring, where the best one uses every relation.
 
-    Quadratic, as docs/ontology.md says.
+    Quadratic, as docs/reference/ontology.md says.
     """
     times = []
     for size in sizes:

@@ -7,13 +7,12 @@
 
 namespace shsa_rover {
 
-/// What is known of a battery: capacity in Ah, resistances in Ohm, a time in s, and the open-circuit voltages in V
+/// What is known of a battery: capacity in Ah, resistances in Ohm, and the open-circuit voltages in V
 /// for states of charge that rise evenly from 0 to 1 (at least two, rising).
 struct BatteryModel {
   double capacity;
   double resistance;               ///< of the sag that follows the current at once
-  double polarisation_resistance;  ///< of the sag that follows it within `polarisation_time`
-  double polarisation_time;
+  double polarisation_resistance;  ///< of the sag that follows it slowly
   std::vector<double> open_circuit;
 
   /// The state of charge, 0 to 1, at the open-circuit voltage `source` (V).
@@ -46,12 +45,6 @@ struct MeasurementErrors {
   double voltage;         ///< V; with what the table of open-circuit voltages is off by
   double resistance;      ///< Ohm
   double unknown_current;  ///< A: how much the current that flowed before may have differed from the first one seen
-};
-
-/// By which current a rover at rest is known.
-struct Rest {
-  double current;  ///< A: no more than this
-  double spread;   ///< A: with a standard deviation of no more than this
 };
 
 }  // namespace shsa_rover

@@ -1,4 +1,5 @@
-// Estimates the battery's state of charge: /battery_current and /battery_voltage in, /battery_state out.
+// Estimates the battery's state of charge: /battery_current in, /battery_state out. Where no state of charge is known,
+// it starts from the first second of /battery_voltage, and listens to that no more.
 #include <cmath>
 #include <cstdlib>
 #include <limits>
@@ -18,7 +19,6 @@ namespace {
 using shsa_rover::BatteryModel;
 using shsa_rover::ChargeEstimator;
 using shsa_rover::MeasurementErrors;
-using shsa_rover::Rest;
 using shsa_rover::SavedCharge;
 using shsa_rover::loadCharge;
 using shsa_rover::saveCharge;
@@ -39,7 +39,6 @@ BatteryModel readBattery(const ros::NodeHandle& node) {
   battery.capacity = positiveParameter(node, "capacity", -1.0);
   battery.resistance = positiveParameter(node, "resistance", -1.0);
   battery.polarisation_resistance = positiveParameter(node, "polarisation_resistance", -1.0);
-  battery.polarisation_time = positiveParameter(node, "polarisation_time", -1.0);
   node.getParam("open_circuit", battery.open_circuit);
   bool rising = battery.open_circuit.size() >= 2;
   for (std::size_t i = 1; i < battery.open_circuit.size(); ++i) {
@@ -62,10 +61,6 @@ MeasurementErrors readErrors(const ros::NodeHandle& node) {
   return errors;
 }
 
-Rest readRest(const ros::NodeHandle& node) {
-  return {positiveParameter(node, "rest/current", -1.0), positiveParameter(node, "rest/spread", -1.0)};
-}
-
 /// `~state_file`, or a file by the node's name in the folder of ROS.
 std::string stateFile(const ros::NodeHandle& node) {
   const std::string told = node.param<std::string>("state_file", "");
@@ -82,20 +77,21 @@ public:
   SocEstimator(ros::NodeHandle& node, const ros::NodeHandle& parameters)
       : battery_(readBattery(parameters)),
         errors_(readErrors(parameters)),
-        estimator_(battery_, errors_, readRest(parameters), positiveParameter(parameters, "longest_hold", 2.0),
+        estimator_(battery_, errors_, positiveParameter(parameters, "longest_hold", 2.0),
                    static_cast<int>(positiveParameter(parameters, "reading_samples", 50.0))),
         state_file_(stateFile(parameters)),
         longest_absence_(positiveParameter(parameters, "longest_absence", 600.0)),
         other_runs_(parameters.param("state_of_other_runs", true)) {
     run_ = node.param<std::string>("/run_id", "-");
     restore();
-    restored_ = estimator_.restored();
     publisher_ = node.advertise<sensor_msgs::BatteryState>("battery_state", 10);
     uncertainty_ = node.advertise<shsa_msgs::Float64Stamped>("battery_state/uncertainty", 10);
     current_ = node.subscribe("battery_current", 1000, &SocEstimator::onCurrent, this,
                               ros::TransportHints().tcpNoDelay());
-    voltage_ = node.subscribe("battery_voltage", 1000, &SocEstimator::onVoltage, this,
-                              ros::TransportHints().tcpNoDelay());
+    if (!estimator_.started()) {
+      voltage_ = node.subscribe("battery_voltage", 1000, &SocEstimator::onVoltage, this,
+                                ros::TransportHints().tcpNoDelay());
+    }
     timer_ = node.createSteadyTimer(ros::WallDuration(0.1), &SocEstimator::publish, this);
     save_timer_ = node.createSteadyTimer(ros::WallDuration(kSavePeriod), &SocEstimator::onSave, this);
   }
@@ -132,7 +128,7 @@ private:
       return;
     }
     const double unknown = errors_.unknown_current * absence / 3600.0 / battery_.capacity;
-    estimator_.restore(saved.state_of_charge, saved.uncertainty + unknown);
+    estimator_.start(saved.state_of_charge, saved.uncertainty + unknown);
     ROS_INFO("The state of charge goes on from %.1f %%, %.0f s ago.", 100.0 * saved.state_of_charge, absence);
   }
 
@@ -145,30 +141,23 @@ private:
     if (estimator_.uncounted() > uncounted) {
       ROS_WARN("No battery current for too long: %.1f s are not counted.", estimator_.uncounted() - uncounted);
     }
-    sayContradiction();
+    needVoltage();
   }
 
   void onVoltage(const shsa_msgs::Float64Stamped& message) {
     if (!estimator_.addVoltage(message.data)) {
       ROS_WARN_THROTTLE(5.0, "A battery voltage that is not a number is ignored.");
     }
-    sayContradiction();
+    needVoltage();
   }
 
   void onSave(const ros::SteadyTimerEvent&) { save(); }
 
-  void sayContradiction() {
-    const bool dropped = restored_ && !estimator_.restored();
-    restored_ = estimator_.restored();
-    if (estimator_.contradictions() == contradictions_) return;
-    contradictions_ = estimator_.contradictions();
-    if (dropped) {
-      ROS_WARN("The last state of charge is ignored: the voltage contradicts it, which tells %.1f %%.",
-               100.0 * estimator_.lastReading());
-    } else {
-      ROS_WARN_THROTTLE(60.0, "Voltage and current contradict each other: a state of charge of %.1f %% and %.1f %%.",
-                        100.0 * estimator_.lastReading(), 100.0 * estimator_.stateOfCharge());
-    }
+  /// Stops listening to the voltage once it has told the start.
+  void needVoltage() {
+    if (!estimator_.started() || !voltage_) return;
+    voltage_.shutdown();
+    ROS_INFO("The state of charge starts from %.1f %%, by the voltage.", 100.0 * estimator_.stateOfCharge());
   }
 
   void publish(const ros::SteadyTimerEvent&) {
@@ -179,7 +168,7 @@ private:
     sensor_msgs::BatteryState state;
     state.header.stamp = ros::Time::now();
     state.header.frame_id = "battery";
-    state.voltage = static_cast<float>(estimator_.voltage());
+    state.voltage = std::numeric_limits<float>::quiet_NaN();  // not listened to
     state.temperature = std::numeric_limits<float>::quiet_NaN();  // not measured
     state.current = static_cast<float>(-estimator_.current());  // by the message's definition: negative discharges
     state.capacity = static_cast<float>(battery_.capacity);
@@ -205,8 +194,6 @@ private:
   double longest_absence_;
   bool other_runs_;
   std::string run_;
-  bool restored_ = false;
-  int contradictions_ = 0;
   ros::Publisher publisher_;
   ros::Publisher uncertainty_;
   ros::Subscriber current_;

@@ -21,11 +21,10 @@ from core_robot import (
 )
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.incident import WELL, State
+from shsa_core.healing.incident import WELL, State, Trigger
 from shsa_core.healing.node import no_accusation
 from shsa_core.healing.process import Substitute
 from shsa_core.healing.records import IdleProcess
-from shsa_core.healing.repair import Trigger
 from shsa_core.model.kinds import Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Provision, Service
@@ -367,7 +366,7 @@ def test_safe_values_promise_nothing() -> None:
             "a: healed without a substitute",
         ),
         (
-            lambda core, a: core.robot.processes.pool.add(IdleProcess(a.node, 0.0)),
+            lambda core, a: core._processes.pool.add(IdleProcess(a.node, 0.0)),
             "works for a and for the pool",
         ),
         (
@@ -382,7 +381,9 @@ def test_safe_values_promise_nothing() -> None:
         ),
         (
             lambda core, a: a.__dict__.update(
-                incident=WELL, accusation=no_accusation(), substitute=Substitute("a", core.robot)
+                incident=WELL,
+                accusation=no_accusation(),
+                substitute=Substitute("a", core.robot, core._processes),
             ),
             "is in the table of substitutions, but has no owner",
         ),

@@ -12,6 +12,7 @@ from substitute_driver import PERIOD, Driver, row, signal
 from shsa_core.codegen.program import compile_program
 from shsa_core.healing import events as healing
 from shsa_core.model.kinds import Kind, Others, Standby
+from shsa_core.model.log import Level
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.error import Error
 from shsa_core.model.service import LastResort, Provision
@@ -322,7 +323,7 @@ def test_an_integral_from_nobody_knows_where_is_not_published_and_it_says_so_onc
     driver.stream(3.0)
     assert driver.published() == []
     logs = [c for _, c in driver.said if isinstance(c, events.Log)]
-    assert [each.level for each in logs] == [events.Level.ERROR]
+    assert [each.level for each in logs] == [Level.ERROR]
     assert "data of /out" in logs[0].text
     change(driver, of_service(True, b"k"), known(1.0))
     driver.stream(3.1)
@@ -341,7 +342,7 @@ def test_an_integral_within_an_expression_starts_at_zero_and_that_is_said() -> N
     change(driver, of_service(True, b"m", HIDDEN), known(9.7))
     driver.stream(3.0)
     logs = [c for _, c in driver.said if isinstance(c, events.Log)]
-    assert driver.published() and [each.level for each in logs] == [events.Level.WARNING]
+    assert driver.published() and [each.level for each in logs] == [Level.WARN]
 
 
 def test_which_outputs_are_integrals() -> None:

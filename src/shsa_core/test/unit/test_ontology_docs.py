@@ -1,4 +1,4 @@
-"""docs/ontology.md and docs/som.md say what is true: their examples are run."""
+"""docs/reference/ontology.md and som.md say what is true: their examples are run."""
 import dataclasses
 import itertools
 import pathlib
@@ -13,7 +13,6 @@ from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import NoSubstitute
 from shsa_core.files import keys
-from shsa_core.language.functions import FUNCTIONS, STATEFUL
 from shsa_core.model.ontology import Ontology
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
@@ -21,10 +20,10 @@ from shsa_core.model.service import Provision, Service, Source
 from shsa_core.search.derivation import Derivation
 from shsa_core.search.substitutes import find_substitute, iter_substitutes
 
-DOCS = pathlib.Path(__file__).resolve().parents[4] / "docs"
-TEXT = (DOCS / "ontology.md").read_text("utf-8")
+REFERENCE = pathlib.Path(__file__).resolve().parents[4] / "docs" / "reference"
+TEXT = (REFERENCE / "ontology.md").read_text("utf-8")
 BLOCKS = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
-SOM_TEXT = "".join((DOCS / page).read_text("utf-8") for page in ("som.md", "reference/som.md"))
+SOM_TEXT = (REFERENCE / "som.md").read_text("utf-8")
 SOM_BLOCKS = re.findall(r"```yaml\n(.*?)```", SOM_TEXT, re.DOTALL)
 
 
@@ -79,11 +78,6 @@ def test_every_field_of_the_model_has_its_key() -> None:
 
 def _names(of: Any) -> List[str]:
     return [each.name for each in dataclasses.fields(of)]
-
-
-def test_every_function_is_described() -> None:
-    for name in [*FUNCTIONS, *STATEFUL]:
-        assert f"`{name}(" in TEXT
 
 
 def block_after(words: str) -> str:

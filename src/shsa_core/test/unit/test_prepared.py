@@ -18,8 +18,7 @@ from shsa_core.model.substitution import Program
 from shsa_core.ros import settings
 from shsa_core.ros.processes import forking, kernel
 from shsa_core.ros.processes import prepared as prepared_process
-from shsa_core.ros.processes.children import Foreign
-from shsa_core.ros.processes.starting import Processes, Setup
+from shsa_core.ros.processes.starting import Substitutes, Setup
 from shsa_testing.waiting import wait_until
 
 NAMESPACE = "/robot"
@@ -34,11 +33,11 @@ class Bench:
         self.ended: Dict[str, str] = {}
         self.ours = self.processes()
 
-    def processes(self) -> Processes:
+    def processes(self) -> Substitutes:
         """As a reconfigurator, or one that follows it, has them."""
         told = self.ended.__setitem__
         setup = SETUP._replace(forks=True, types=["std_msgs/Bool"])
-        return Processes(told, lambda _: None, setup)
+        return Substitutes(told, lambda _: None, setup)
 
     @property
     def forking(self) -> forking.Forking:
@@ -55,13 +54,12 @@ class Bench:
         """Start an idle substitute."""
         node = f"{NAMESPACE}/substitute_a_{number}"
         self.ours.start(StartSubstitute(node, None))
-        return psutil.Process(self.ours.children._running[node].pid)
+        return self.ours.children._running[node]
 
     def is_forked(self, number: int = 1) -> bool:
         """Or was it started by rosrun?"""
-        return isinstance(
-            self.ours.children._running[f"{NAMESPACE}/substitute_a_{number}"], Foreign
-        )
+        process = self.ours.children._running[f"{NAMESPACE}/substitute_a_{number}"]
+        return not isinstance(process, psutil.Popen)
 
 
 @pytest.fixture
@@ -98,8 +96,8 @@ def test_a_fork_with_a_program_shows_its_name_however_long_its_code_is(bench: Be
     signals = [(Signal(t, "data", "std_msgs/Float64", "", 0.1, 0.5),) for t in ("/a", "/b")]
     program = Program(("/a/data",), code, ("/b/data",))
     bench.ours.start(StartSubstitute(node, program, signals[0], signals[1]))
-    process = psutil.Process(bench.ours.children._running[node].pid)
-    assert isinstance(bench.ours.children._running[node], Foreign)
+    process = bench.ours.children._running[node]
+    assert not isinstance(process, psutil.Popen)
     assert "__name:=substitute_b_1" in process.cmdline()
     assert bench.ours.runs_ours(node, process)
 
@@ -151,7 +149,7 @@ def test_what_was_forked_goes_on_when_who_forked_it_is_killed_and_is_known(bench
     prepared.kill()
     again = bench.ready(but=prepared.pid)
     assert process.is_running() and not bench.ended
-    follower = Processes(lambda *_: None, lambda _: None, SETUP)
+    follower = Substitutes(lambda *_: None, lambda _: None, SETUP)
     left = follower.left_behind()
     assert left == {f"{NAMESPACE}/substitute_a_1": process}
     process.kill()
@@ -225,7 +223,7 @@ def test_another_environment_is_not_forked(bench: Bench, monkeypatch: pytest.Mon
 
 
 def test_in_a_sandbox_each_is_started_by_itself() -> None:
-    none = Processes(lambda *_: None, lambda _: None, Setup("/", sandbox=["env"], forks=True))
+    none = Substitutes(lambda *_: None, lambda _: None, Setup("/", sandbox=["env"], forks=True))
     assert none._forking is None
 
 

@@ -60,20 +60,11 @@ def part_of(module: str) -> str:
 
 
 def imports_of(module: str) -> Set[str]:
-    """The modules of the package that a module imports, wherever in its text.
-
-    Types alone do not count.
-    """
+    """The modules of the package that a module imports, wherever in its text, also for types."""
     tree = ast.parse(MODULES[module].read_text("utf-8"))
-    typing = {
-        node
-        for block in ast.walk(tree)
-        if isinstance(block, ast.If) and getattr(block.test, "id", "") == "TYPE_CHECKING"
-        for node in ast.walk(block)
-    }
     found: Set[str] = set()
     for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node not in typing:
+        if isinstance(node, ast.ImportFrom):
             names = [f"{node.module}.{alias.name}" for alias in node.names]
             found.update(name if name in MODULES else str(node.module) for name in names)
         elif isinstance(node, ast.Import):

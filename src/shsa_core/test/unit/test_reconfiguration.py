@@ -23,6 +23,7 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.model.kinds import Kind
+from shsa_core.model.log import Level
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
@@ -392,7 +393,7 @@ def test_an_uncertain_kill_is_said_and_the_substitute_publishes() -> None:
     robot = Robot()
     robot.fail("/a", A, 10.0)
     commands = robot.killed(11.0, A, certain=False)
-    assert any(isinstance(c, events.Log) and c.level is events.Level.ERROR for c in commands)
+    assert any(isinstance(c, events.Log) and c.level is Level.ERROR for c in commands)
     assert publishing(robot) == (True,)
 
 

@@ -48,7 +48,7 @@ def test_agents_that_the_master_cannot_tell_of_us_are_told() -> None:
     heard: List[Any] = []
     node = SimpleNamespace(
         _files=Namespace(host="board"),
-        _agents=SimpleNamespace(listen=lambda *arguments: heard.extend(arguments)),
+        _hosts=SimpleNamespace(listen=lambda *arguments: heard.extend(arguments)),
         _master=SimpleNamespace(introduce=lambda *topics: told.extend(topics)),
     )
     node._elsewhere = lambda som: reconfigurator.ReconfiguratorNode._elsewhere(node, som)

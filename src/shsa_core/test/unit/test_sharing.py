@@ -130,7 +130,7 @@ def test_who_follows_a_reconfigurator_takes_up_what_shares_a_process() -> None:
     said = succeed(found, 50.0, tuple(rows), ontology=found.core.robot.planner.ontology)
     assert not has(said, healing.StopSubstitute) and processes(found) == rows
     assert {row.service for row in found.working() if row.shared} == set("cdef")
-    assert found.core.robot.processes.served(node) == ("c", "d")
+    assert found.core._processes.served(node) == ("c", "d")
 
 
 # The monitor's side.

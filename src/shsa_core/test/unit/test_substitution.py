@@ -21,6 +21,7 @@ from substitute_driver import (
 )
 
 from shsa_core.errors import ShsaError
+from shsa_core.model.log import Level
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
 from shsa_core.substitution.settings import FIRST_MISSES, REST_S
@@ -303,7 +304,7 @@ def test_a_program_that_is_not_valid_is_refused_once_and_the_old_one_goes_on(
 ) -> None:
     driver = running()
     (log,) = driver.change(bad)
-    assert log.level == events.Level.ERROR and log.text.startswith("refuses its program: ")
+    assert log.level == Level.ERROR and log.text.startswith("refuses its program: ")
     assert problem in log.text or "__import__" in problem
     assert driver.change(bad) == []
     driver.time = 0.001
@@ -340,9 +341,7 @@ def test_an_idle_process_prepares_for_what_it_can_and_names_the_rest() -> None:
     driver = Driver(idle())
     said = driver.change(idle((IN, strange), (OUT, strange)), ((strange, "no_such is not built"),))
     assert said == [
-        events.Log(
-            events.Level.WARNING, "does not prepare for /strange/data: no_such is not built"
-        ),
+        events.Log(Level.WARN, "does not prepare for /strange/data: no_such is not built"),
         events.Listen((IN,)),
         events.Advertise("/out", "std_msgs/Float64"),
     ]
@@ -366,7 +365,7 @@ def test_a_substitute_that_cannot_do_what_it_was_started_for_gives_up() -> None:
 def test_without_a_row_it_goes_on_as_told_last() -> None:
     driver = running(publishing=True)
     (log,) = driver.tell(events.RowRemoved)
-    assert log.level == events.Level.DEBUG
+    assert log.level == Level.DEBUG
     assert values(driver.pass_to(PERIOD)) == [(1.0,)]
 
 

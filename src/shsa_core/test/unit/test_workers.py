@@ -6,6 +6,7 @@ import threading
 import time
 from typing import Any, Dict, List
 
+import psutil
 import pytest
 
 from shsa_core.ros.processes.children import Children
@@ -83,7 +84,7 @@ def test_the_end_of_each_process_is_told_by_one_thread() -> None:
     children = Children(ended.__setitem__)
     before = threading.active_count()
     for status in range(5):
-        process = subprocess.Popen([sys.executable, "-c", f"raise SystemExit({status})"])
+        process = psutil.Popen([sys.executable, "-c", f"raise SystemExit({status})"])
         children.keep(f"/{status}", process)
     wait_until(lambda: len(ended) == 5, 20.0, "all have ended")
     assert ended == {f"/{status}": status for status in range(5)}

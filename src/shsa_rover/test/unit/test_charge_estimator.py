@@ -22,8 +22,8 @@ MINUTE = 3000  # rows
 
 def estimate(rows: Iterable[Tuple[float, float, float]]) -> np.ndarray:
     """State of charge and its uncertainty after each row of stamp (s), current (A), voltage (V)."""
-    names = ("capacity", "resistance", "polarisation_resistance", "polarisation_time")
-    numbers = [KNOWN[name] for name in names] + [*KNOWN["errors"].values(), *KNOWN["rest"].values()]
+    names = ("capacity", "resistance", "polarisation_resistance")
+    numbers = [KNOWN[name] for name in names] + [*KNOWN["errors"].values()]
     command = [str(find_node("shsa_rover", "replay_charge")[0])]
     command += [str(number) for number in [*numbers, SAMPLES, *KNOWN["open_circuit"]]]
     done = subprocess.run(
@@ -59,7 +59,6 @@ def test_errors_stand_in_the_order_in_which_the_program_takes_them() -> None:
         "resistance",
         "unknown_current",
     ]
-    assert list(KNOWN["rest"]) == ["current", "spread"]
 
 
 def test_from_rest_it_starts_right_and_counts() -> None:
@@ -68,19 +67,17 @@ def test_from_rest_it_starts_right_and_counts() -> None:
     assert np.max(np.abs(error)) < 0.006
 
 
-def test_started_while_moving_it_is_put_right_at_rest_and_knows_how_far_it_may_be_off() -> None:
+def test_started_while_moving_it_knows_how_far_it_may_be_off() -> None:
     """The open-circuit voltage of a moving battery alone is 2.3 points off, and 7.1 at p95."""
-    first, later, covered = [], [], []
+    first, covered = [], []
     for seed in range(6):
         data = simulate(random_drive(seed), 240.0, seed, Random(seed).uniform(0.3, 0.95))
         for start in starts_while_moving(data, Random(seed), 3):
             found = estimate(measured(data, start))
             error = np.abs(found[:, 0] - data.truth["state_of_charge"][start:])
             first.append(error[SAMPLES])
-            later.append(error[MINUTE])
             covered.append(error[[SAMPLES, MINUTE]] < 2.0 * found[[SAMPLES, MINUTE], 1])
     assert np.median(first) > 0.015  # else these starts show nothing
-    assert np.median(later) < 0.008 and np.percentile(later, 95) < 0.025
     assert np.mean(covered) > 0.93
 
 
@@ -96,34 +93,15 @@ def test_with_real_sensors_it_is_as_uncertain_as_it_says() -> None:
     assert 0.85 < np.mean(covered)
 
 
-def test_a_moving_rovers_voltage_moves_nothing() -> None:
-    """Between rests nothing but the current counts, however far the voltage is off."""
-    drive = Drive([Leg(1000.0, 0.4, 0.5)])
-    data = simulate(drive, 60.0, 1)
+def test_after_the_start_nothing_but_the_current_counts() -> None:
+    """At rest neither, however far the voltage is off: the estimate never jumps."""
+    data = simulate(Drive(), 120.0, 3)
     rows = measured(data)
     lied = [(time, current, voltage - 1.0 * (time > 5.0)) for time, current, voltage in rows]
-    assert estimate(lied)[-1, 0] == pytest.approx(estimate(rows)[-1, 0], abs=1e-9)
-
-
-def test_what_is_counted_for_long_is_corrected_at_rest() -> None:
-    """A current that is told 0.3 A too small drifts by 1.4 points an hour, and not for ever."""
-    battery = BatteryParameters()
-    rows, soc = [], 0.9
-    for second in range(0, 8 * 3600):
-        current = 2.4
-        soc -= current / 3600.0 / battery.capacity
-        charges, volts = np.array(battery.open_circuit).T
-        voltage = np.interp(soc, charges, volts) - battery.resting_resistance * current
-        rows.append((float(second), current - 0.3, float(voltage)))
-    found = estimate(rows)
-    assert abs(found[-1, 0] - soc) < 0.06
-    assert np.max(found[MINUTE:, 1]) < 0.06
-
-
-def test_two_readings_of_one_wrong_voltage_make_nothing_more_certain() -> None:
-    rows = [(PERIOD_S * row, 2.4, 12.3) for row in range(10 * MINUTE)]
-    # 25 mV are 2 points; no number of samples makes it less.
-    assert estimate(rows)[-1, 1] > 0.02
+    found = estimate(lied)[SAMPLES:, 0]
+    assert np.all(found == estimate(rows)[SAMPLES:, 0])
+    most = 38.0 * PERIOD_S / 3600.0 / KNOWN["capacity"]  # what the sensor can tell
+    assert np.max(np.abs(np.diff(found))) < most
 
 
 def test_a_gap_makes_it_uncertain() -> None:

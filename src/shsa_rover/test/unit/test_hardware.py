@@ -84,7 +84,7 @@ def test_the_estimator_knows_the_battery_that_is_simulated() -> None:
     file = Path(__file__).resolve().parents[2] / "config" / "battery.yaml"
     known, p = YAML(typ="safe").load(file.read_text(encoding="utf-8")), BatteryParameters()
     assert known["capacity"] == p.capacity
-    for name in ("resistance", "polarisation_resistance", "polarisation_time"):
+    for name in ("resistance", "polarisation_resistance"):
         assert known[name] == pytest.approx(getattr(p, name))
     steps = len(known["open_circuit"]) - 1
     table = [(i / steps, volts) for i, volts in enumerate(known["open_circuit"])]

@@ -71,12 +71,12 @@ def forgets_nothing(browser: Browser, rover: Rover) -> None:
     kept = browser.texts("#timeline summary b")
     browser.open(rover.address)
     browser.wait(f"{STATE} === 'substituted'")
-    assert browser.texts("#timeline summary b") == kept
+    wait_until(lambda: browser.texts("#timeline summary b") == kept, HEALED_S, "the timeline")
     rover.kill("view")
     browser.wait("!document.querySelector('#lost').hidden")
     browser.wait("document.querySelector('#lost').hidden", HEALED_S * 2)
     browser.wait(f"{STATE} === 'substituted'", HEALED_S)
-    assert browser.texts("#timeline summary b") == kept
+    wait_until(lambda: browser.texts("#timeline summary b") == kept, HEALED_S, "the timeline")
 
 
 def returns(browser: Browser, rover: Rover) -> None:

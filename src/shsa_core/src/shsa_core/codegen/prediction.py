@@ -2,7 +2,7 @@
 
 By first-order propagation (JCGM 100:2008, 5.1 and 5.2): each error of a service or of a relation
 goes on with the derivatives of the relations behind it. What has one cause is added with its sign
-before it is squared, biases as well. docs/ontology.md has the assumptions.
+before it is squared, biases as well. docs/explanation/errors.md has the assumptions.
 """
 from dataclasses import dataclass, replace
 from math import isnan, nan, sqrt

@@ -262,7 +262,9 @@ SERVICE: Keys = {
         number_in(1e-4, 1e6, "0.0001 to 1e+06 s, or none", {"none": None}),
         "s between two messages; none: event-driven",
     ),
-    "needed": basic(flag, "somebody relies on it: it is healed"),
+    "needed": basic(
+        flag, "true: it is healed; unsaid, while a node outside healing subscribes to its topic"
+    ),
     "standby": basic(one_of(Standby), "what is ready before a failure"),
     "policy": basic(one_of(Policy), "what is done about a failure"),
     "provides": required(Reader("mapping", _provides), "the properties in it, by name, see below"),

@@ -2,6 +2,7 @@
 from dataclasses import dataclass
 from typing import Optional, Union
 
+from shsa_core.model.log import Log
 from shsa_core.monitoring.events import Message, SubstitutionsChanged
 
 
@@ -60,14 +61,6 @@ class Pass:
     data: bytes
     publisher: str
     stamp: Optional[int] = None
-
-
-@dataclass(frozen=True)
-class Log:
-    """Say this to people; `bad`: something is wrong."""
-
-    text: str
-    bad: bool = True
 
 
 Command = Union[Pass, Log]

@@ -7,6 +7,7 @@ from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.gating import events, settings
 from shsa_core.gating.events import Arrived, Command, Event, Log, Pass
+from shsa_core.model.log import Level
 from shsa_core.model.checks import NotANumber, OutOfRange, RateHigh
 from shsa_core.model.samples import RateSample
 from shsa_core.model.service import Service
@@ -160,7 +161,7 @@ class Gate:
             return []
         self._strangers[publisher] = math.inf
         who = "is neither its node nor a substitute of it, and is not heard"
-        return [Log(f"{publisher} publishes on {self._service.topic}: it {who}")]
+        return [Log(Level.WARN, f"{publisher} publishes on {self._service.topic}: it {who}")]
 
     def _of_original(self, event: Arrived) -> List[Command]:
         original, before = self._original, self._original.failure
@@ -186,8 +187,8 @@ class Gate:
             return []
         topic, node = self._service.heard, self._service.node
         if after is None:
-            return [Log(f"{topic}: {node} is good again, and is heard", bad=False)]
-        return [Log(f"{topic}: {node} is not heard now: {after.detail}")]
+            return [Log(Level.INFO, f"{topic}: {node} is good again, and is heard")]
+        return [Log(Level.WARN, f"{topic}: {node} is not heard now: {after.detail}")]
 
     def _of_substitute(self, event: Arrived) -> List[Command]:
         """Keep a good value; pass it on while nobody better speaks."""
@@ -209,7 +210,7 @@ class Gate:
         self._stamp = max(self._stamp, event.stamp)
         was_muted, self._muted, self._filling = self._muted, True, False
         text = f"{self._service.heard}: {event.publisher} is back, it goes on"
-        return [] if was_muted else [Log(text, bad=False)]
+        return [] if was_muted else [Log(Level.INFO, text)]
 
     def _gate_left(self, event: events.GateLeft) -> List[Command]:
         """Take over from the gate that is gone: nobody has to wait for its silence."""
@@ -229,7 +230,7 @@ class Gate:
         self._muted, self._filling = False, True
         text = f"{self._service.heard}: {self._first} is silent, this gate takes over"
         late = time - self._last_out > self._periods(settings.LATE)
-        return [Log(text), *(self._fill(time) if late else [])]
+        return [Log(Level.WARN, text), *(self._fill(time) if late else [])]
 
     # What goes out.
 

@@ -6,29 +6,28 @@ nobody says so: the monitor is asked for its whole table, and if that does not c
 watched count as silent. When the computer is back, it is asked again: what did not change it never
 tells.
 """
-from typing import TYPE_CHECKING, Dict, Iterable, List, Optional, Tuple
+from typing import Dict, Iterable, List, Optional, Tuple
 
-from shsa_core.healing.events import AskMonitor, Command, FailureSeen, HealthSeen, Level, Log
+from shsa_core.healing.core import Core
+from shsa_core.healing.events import AskMonitor, Command, FailureSeen, HealthSeen, Log
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.records import Healthy
 from shsa_core.model.kinds import Kind, OnPartition
+from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 
-if TYPE_CHECKING:
-    from shsa_core.healing.machine import Reconfigurator
 
-
-def failure_seen(core: "Reconfigurator", event: FailureSeen) -> List[Command]:
+def failure_seen(core: Core, event: FailureSeen) -> List[Command]:
     """Heal after a failure that somebody tells, unless the table has told of it."""
     return failed(core, event, told=False)
 
 
-def failed(core: "Reconfigurator", event: FailureSeen, told: bool = True) -> List[Command]:
+def failed(core: Core, event: FailureSeen, told: bool = True) -> List[Command]:
     """Have a service decide about a failure; `told`: the table of health tells of it."""
     robot = core.robot
     topic, publisher = event.topic, event.publisher
-    served = robot.processes.served(publisher)
+    served = core.processes.served(publisher)
     service = _service_of(core, event, served)
     if core.ending or service is None:
         return []
@@ -58,9 +57,7 @@ def failed(core: "Reconfigurator", event: FailureSeen, told: bool = True) -> Lis
     return core.ask(name, lambda each: each.failed(event))
 
 
-def _service_of(
-    core: "Reconfigurator", event: FailureSeen, served: Tuple[str, ...]
-) -> Optional[Service]:
+def _service_of(core: Core, event: FailureSeen, served: Tuple[str, ...]) -> Optional[Service]:
     som = core.robot.som
     if event.service:
         return som.services.get(event.service)
@@ -71,7 +68,7 @@ def _service_of(
     return som.service_of(event.topic, event.publisher)
 
 
-def _substituted(core: "Reconfigurator", topic: str, served: Tuple[str, ...]) -> Tuple[str, ...]:
+def _substituted(core: Core, topic: str, served: Tuple[str, ...]) -> Tuple[str, ...]:
     """Return the services of a topic that the substitutes in a process work for.
 
     One that is nobody else's may have advertised other topics before it was set to work.
@@ -82,7 +79,7 @@ def _substituted(core: "Reconfigurator", topic: str, served: Tuple[str, ...]) ->
     return tuple(name for name in served if services[name].topic == topic)
 
 
-def _doubt(core: "Reconfigurator", service: Service, event: FailureSeen) -> None:
+def _doubt(core: Core, service: Service, event: FailureSeen) -> None:
     """Note that somebody is silent: it is not known yet whether the computer is lost."""
     robot = core.robot
     host = robot.host_of(event.publisher or service.node)
@@ -96,7 +93,7 @@ def _doubt(core: "Reconfigurator", service: Service, event: FailureSeen) -> None
         robot.doubted[service.name] = event.time
 
 
-def health_seen(core: "Reconfigurator", event: HealthSeen) -> List[Command]:
+def health_seen(core: Core, event: HealthSeen) -> List[Command]:
     """Take over what a monitor tells, and have those decide whom it concerns."""
     if event.whole:
         core.asked.set(core.robot.computers.name(event.host), None)
@@ -108,23 +105,21 @@ def health_seen(core: "Reconfigurator", event: HealthSeen) -> List[Command]:
     return commands
 
 
-def _changed(
-    core: "Reconfigurator", keys: Iterable[Key], failures: Iterable[FailureSeen]
-) -> List[Command]:
+def _changed(core: Core, keys: Iterable[Key], failures: Iterable[FailureSeen]) -> List[Command]:
     robot = core.robot
     commands: List[Command] = []
     concerned: Dict[str, None] = {}
     judged: Dict[str, None] = {}
     for topic, publisher in keys:
         _write_health(core, (topic, publisher))
-        served = robot.processes.served(publisher)
+        served = core.processes.served(publisher)
         if served:
             concerned.update(dict.fromkeys(_substituted(core, topic, served)))
         elif publisher not in robot.health.substitutes:
             services = core.concerned(topic, publisher)
             concerned.update(dict.fromkeys(services))
             core.unsettle(services)
-            accusers = robot.nodes.accusers(publisher)
+            accusers = core.nodes.accusers(publisher)
             judged.update((name, None) for name in accusers if name in robot.indexes.kept)
             commands += acquaint(core, publisher, robot.health.row((topic, publisher)))
     failures = list(failures)
@@ -136,7 +131,7 @@ def _changed(
     return commands + core.ask_all(judged, lambda each: each.reconsider())
 
 
-def look_again(core: "Reconfigurator") -> List[Command]:
+def look_again(core: Core) -> List[Command]:
     """Heal what has failed before it was needed, as the SOM is another one now."""
     robot = core.robot
     commands: List[Command] = []
@@ -150,9 +145,9 @@ def look_again(core: "Reconfigurator") -> List[Command]:
     return commands
 
 
-def acquaint(core: "Reconfigurator", node: str, row: Optional[PublisherHealth]) -> List[Command]:
+def acquaint(core: Core, node: str, row: Optional[PublisherHealth]) -> List[Command]:
     """Learn which process a node is that is well; forget that of one that is gone."""
-    nodes, som = core.robot.nodes, core.robot.som
+    nodes, som = core.nodes, core.robot.som
     if row is None or (row.state is PublisherState.FAILED and row.kind is Kind.NODE_GONE):
         nodes.went(node)
     elif row.state is PublisherState.HEALTHY:
@@ -162,7 +157,7 @@ def acquaint(core: "Reconfigurator", node: str, row: Optional[PublisherHealth]) 
     return []
 
 
-def _write_health(core: "Reconfigurator", key: Key) -> None:
+def _write_health(core: Core, key: Key) -> None:
     topic, node = key
     row = core.robot.health.rows.get(topic, {}).get(node)
     well = row is not None and row.state is PublisherState.HEALTHY
@@ -170,22 +165,22 @@ def _write_health(core: "Reconfigurator", key: Key) -> None:
     core.robot.records.set(f"healthy {topic} {node}", record)
 
 
-def tick(core: "Reconfigurator", time: float) -> List[Command]:
+def tick(core: Core, time: float) -> List[Command]:
     """Act on monitors that should have told something by now, and have not."""
     robot = core.robot
     commands: List[Command] = []
     for host in core.asked.pop_due(time):
         why = f"{host} is lost, and its monitor: {robot.computers.lost(host).rstrip('.')}"
-        processes = robot.processes.nodes
+        processes = core.processes.nodes
         elsewhere = [node for node in processes if robot.host_of(node) != host]
         commands += _changed(core, *robot.health.lose_monitor(time, host, why, elsewhere))
-        working = robot.processes.working_on(host)  # what was heard so far is not now
+        working = core.processes.working_on(host)  # what was heard so far is not now
         commands += core.ask_all(working, lambda each: each.host_lost(why))
     missed = robot.health.missed(time)
     return commands + ([] if missed is None else health_seen(core, missed))
 
 
-def ask_monitor(core: "Reconfigurator", host: str, due: Optional[float] = None) -> List[Command]:
+def ask_monitor(core: Core, host: str, due: Optional[float] = None) -> List[Command]:
     """Ask the monitor of a computer for its whole table; `due`: it is lost if it is silent then."""
     in_som = core.robot.computers.in_som(host)
     known = core.robot.health.has_monitor(in_som)

@@ -19,6 +19,32 @@ class State(Word):
     ENDED = "ended"
 
 
+SUBSTITUTED = (State.HEALING, State.HEALED)
+STUCK = (State.UNHEALED, State.SAFE)
+WAITING = (*STUCK, State.KEPT)
+
+
+class Trigger(Word):
+    """Causes of a change of the state of a service."""
+
+    FAILED = "its node failed"
+    SUBSTITUTE_FAILED = "substitute failed"
+    FIRST_MESSAGE = "first message of the substitute"
+    SILENT = "silent while its program changes"
+    LATE = "first message is late"
+    INPUT_LOST = "an input was lost"
+    NO_VALUE = "its law does not hold"
+    RETURNED = "its node is back"
+    STEADY = "healthy for the hold-off"
+    RETRY = "a pause is over"
+    SERVICE_CAME = "a service appeared"
+    EXHAUSTED = "restarts are used up"
+    RELEASED = "released"
+    NODE_CHANGED = "its node is judged again"
+    PREPARE = "another plan is best"
+    WITHDRAWN = "no longer in the SOM"
+
+
 @dataclass(frozen=True)
 class Incident:
     """The record of a failure and its repair.

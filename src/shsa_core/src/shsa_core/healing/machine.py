@@ -7,36 +7,30 @@ so that a decision costs the same on a large robot.
 """
 from dataclasses import replace
 from functools import partial
-from operator import attrgetter
-from typing import Any, Callable, Collection, Dict, Iterable, List, Optional, Tuple, Type
+from typing import Any, Callable, Collection, Dict, List, Optional, Tuple, Type
 
 from shsa_core import dispatch
-from shsa_core.agenda import Agenda
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events, hearing, reach, succession
+from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Event, FailureSeen
-from shsa_core.healing.incident import WELL, Incident, State
-from shsa_core.healing.node import NODE_EVENTS, RestartVain, Said
+from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.node import RestartVain
 from shsa_core.healing.process import is_warm
-from shsa_core.healing.records import Counters, RestartedNode, ServiceRecord, Table
-from shsa_core.healing.repair import STUCK, SUBSTITUTED
+from shsa_core.healing.records import Counters, RestartedNode
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.service import ServiceMachine
 from shsa_core.healing.settings import Settings
-from shsa_core.healing.containment import Computed
 from shsa_core.model.kinds import Kind, Policy
 from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.model.substitution import row_key
 from shsa_core.monitoring.events import PublisherState
 
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
 """Commands for people come after those that act: a line of the log takes as long as a takeover."""
-
-Ask = Callable[[ServiceMachine], List[Command]]
 
 
 class Reconfigurator:
@@ -64,39 +58,42 @@ class Reconfigurator:
         host: str = "",
     ) -> None:
         self.settings = settings
-        self.ending = self._over = False
+        self._over = False
         self._namespace = namespace
         self._dry_run = dry_run
         self._restarts = restarts
-        self.robot = robot = Robot(ontology, self._as_told(som), settings, namespace, host)
-        self.names = robot.names
         self.services: Dict[str, ServiceMachine] = {}
-        self.asked: Agenda[str] = Agenda()  # computers whose monitor owes its table
-        self._agenda: Agenda[str] = Agenda()
-        self._unsettled: Dict[str, bool] = {}  # services whose availability may have changed
-        self._states: Table[events.ServiceState, events.ShowSom] = Table(events.ShowSom)
+        self._given = som
+        self._consumers: Dict[str, Tuple[str, ...]] = {}
+        self.robot = robot = Robot(ontology, self._as_told(som), settings, namespace, host)
+        robot.health.consumers = self._consumers
+        self.names = robot.names
+        self._core = core = Core(robot)
+        self.services = core.services
         self._watched: Tuple[str, ...] = ()
-        self._ended: List[str] = []  # services whose incident has ended with the last event
-        self._nodes, self._processes = nodes, _ = robot.nodes, robot.processes
+        self._nodes, self._processes = nodes, _ = core.nodes, core.processes
         for service in robot.som:
             self._add(service)
         self._handlers: Dict[Type[Event], Callable[[Any], List[Command]]] = dispatch.table(
             Event,
             {
-                events.Started: partial(succession.started, self),
+                events.Started: partial(succession.started, core),
                 events.Prepared: self._prepared,
                 events.ShuttingDown: self._shutting_down,
                 events.LaunchEnding: self._launch_ending,
-                events.FailureSeen: partial(hearing.failure_seen, self),
-                events.HealthSeen: partial(hearing.health_seen, self),
+                events.FailureSeen: partial(hearing.failure_seen, core),
+                events.HealthSeen: partial(hearing.health_seen, core),
                 events.SomChanged: self._som_changed,
+                events.SubscribersSeen: self._subscribers_seen,
                 events.ModelsReloaded: self._models_reloaded,
                 events.NodeLearned: self._node_learned,
                 events.NodeCameUp: self._node_came_up,
-                events.NodeFound: lambda event: self.deliver(nodes.heed(event)),
-                events.NodeLeft: lambda event: self.deliver(nodes.heed(event)),
-                events.ProcessUntouchable: lambda event: self.deliver(nodes.heed(event)),
-                events.NodeUnregistered: lambda event: self.deliver(nodes.left_in_order(event)),
+                events.NodeFound: lambda event: self._core.deliver(nodes.heed(event)),
+                events.NodeLeft: lambda event: self._core.deliver(nodes.heed(event)),
+                events.ProcessUntouchable: lambda event: self._core.deliver(nodes.heed(event)),
+                events.NodeUnregistered: lambda event: self._core.deliver(
+                    nodes.left_in_order(event)
+                ),
                 events.SubstituteStarted: self._substitute_started,
                 events.ProcessExited: self._process_exited,
                 events.ProcessSilent: self._process_silent,
@@ -104,14 +101,14 @@ class Reconfigurator:
                 events.ProcessHung: self._process_hung,
                 events.SubstituteRequested: self._requested,
                 events.NodeRestarted: self._node_restarted,
-                events.RestartFailed: lambda e: self.deliver(
+                events.RestartFailed: lambda e: self._core.deliver(
                     [RestartVain(e.time, e.node, e.detail)]
                 ),
                 events.StarterEnded: self._starter_ended,
-                events.Released: lambda e: self.ask(e.service, lambda each: each.released()),
+                events.Released: lambda e: self._core.ask(e.service, lambda each: each.released()),
                 events.CalibrationsHeard: self._calibrations_heard,
-                events.HostSeen: partial(reach.host_seen, self),
-                events.HostLost: partial(reach.host_lost, self),
+                events.HostSeen: partial(reach.host_seen, core),
+                events.HostLost: partial(reach.host_lost, core),
                 events.Idle: self._idle,
                 events.Tick: self._tick,
             },
@@ -123,12 +120,12 @@ class Reconfigurator:
         if self._over:
             return []  # nobody would stop what is started now
         robot.time = max(robot.time, event.time)  # a failure is heard after it was seen
-        self._forget_ended()
+        self._core.forget_ended()
         commands = self._handlers[type(event)](event)
         if processes.starts.waiting:
             turns = processes.starts.due(robot.time)
-            commands += self.ask_all(turns, lambda each: each.replan())
-        commands += self.settle()
+            commands += self._core.ask_all(turns, lambda each: each.replan())
+        commands += self._core.settle()
         if not self._over:
             commands += processes.refill(robot.time)
         watched = tuple(sorted({*robot.indexes.refused.values()}))
@@ -140,7 +137,7 @@ class Reconfigurator:
         first: List[Command] = [*robot.records.change(), *processes.wanted.change()]
         acting: List[Command] = []
         telling: List[Command] = []
-        for command in (*first, *commands, *self._states.change()):
+        for command in (*first, *commands, *self._core.states.change()):
             (telling if isinstance(command, TELLING) else acting).append(command)
         return acting + telling
 
@@ -154,10 +151,10 @@ class Reconfigurator:
         """Return when a Tick is due, in s; None: none is."""
         robot = self.robot
         dues = (
-            self._agenda.next(),
+            self._core.agenda.next(),
             self._processes.deadline,
             self._nodes.deadline,
-            self.asked.next(),
+            self._core.asked.next(),
             robot.health.due,
             robot.computers.deadline,
         )
@@ -171,6 +168,10 @@ class Reconfigurator:
     def needed(self) -> Tuple[Service, ...]:
         """Return the services that are healed when they fail."""
         return self.robot.som.needed()
+
+    def incident(self, service: str) -> Optional[Incident]:
+        """Return the open incident of a service."""
+        return self._core.incident(service)
 
     def find(self, name: str) -> Service:
         """Return the service of a name, a topic or a property; a needed one first.
@@ -192,175 +193,61 @@ class Reconfigurator:
         plan = self.robot.planner.explain(self.find(name), excluded, method)
         return replace(plan, errors=self.robot.planner.errors(plan))
 
-    def incident(self, service: str) -> Optional[Incident]:
-        """Return the open incident of a service."""
-        machine = self.services.get(service)
-        return machine.incident if machine and machine.incident is not WELL else None
-
-    # Asking services, and keeping up what follows.
-
-    def ask(self, name: str, ask: Ask, removed: Optional[Service] = None) -> List[Command]:
-        """Have a service decide, and keep up what follows; `removed`: what it was in the SOM."""
-        machine, robot = self.services.get(name), self.robot
-        service = removed or robot.som.services.get(name)
-        if machine is None or service is None:
-            return []
-        machine.spec = service
-        if service.host and removed is None:
-            machine.spec = robot.spec(name) or service
-        before = machine.incident
-        decided = before, machine.substitute.node, machine.substitute.plan
-        commands = ask(machine)
-        incident, substitute = machine.incident, machine.substitute
-        row, due, refuses = machine.row(), machine.deadline, machine.refuses
-        record = machine.record(row)
-        if (incident, substitute.node, substitute.plan) != decided:
-            self._follow(machine, refuses)
-        self._agenda.set(name, due)
-        if row is not None:
-            self._processes.wanted.set(row_key(row), row)
-        shown: Optional[Incident] = None
-        for each in commands:
-            shown = each.incident if isinstance(each, events.ShowIncident) else shown
-        if shown is not None and incident is WELL:
-            record = replace(record, incident=shown)  # until it is told, and logged
-            self._ended.append(name)
-            robot.calibrations.healed(name)
-        empty = record == ServiceRecord(name)
-        robot.records.set(f"service {name}", None if empty else record)
-        if (before is WELL) != (incident is WELL):
-            self.unsettle([name])
-        return commands
-
-    def _follow(self, machine: ServiceMachine, refuses: bool) -> None:
-        """Keep up the indexes of a service that has decided."""
-        name, indexes = machine.spec.name, self.robot.indexes
-        incident, plan = machine.incident, machine.substitute.plan
-        reads = plan.inputs if isinstance(plan, Plan) else ()
-        indexes.follow(name, tuple(dict.fromkeys([source.service.name for source in reads])))
-        if incident is WELL:
-            return
-        if incident.state in STUCK:
-            indexes.stuck[name] = None
-        if incident.state is State.KEPT or incident.kept:
-            indexes.kept[name] = None
-        if incident.state in SUBSTITUTED:
-            indexes.computed[name] = Computed(incident.faulty_node, machine.substitute.tried)
-        if refuses:
-            indexes.refused[name] = incident.faulty_node
-
-    def ask_all(self, names: Iterable[str], ask: Ask) -> List[Command]:
-        """Have some services decide."""
-        commands: List[Command] = []
-        for name in list(names):
-            commands += self.ask(name, ask)
-        return commands
-
-    def deliver(self, said: Iterable[Said]) -> List[Command]:
-        """Carry what became of nodes to the services that accuse them; the rest are commands."""
-        commands: List[Command] = []
-        for each in said:
-            if not isinstance(each, NODE_EVENTS):
-                commands.append(each)  # type: ignore[arg-type]
-                continue
-            event = each
-            self.unsettle_node(event.node)
-            accusers = self._nodes.accusers(event.node)
-            commands += self.ask_all(accusers, lambda service: service.heed(event))
-        return commands
-
-    def settle(self) -> List[Command]:
-        """See which services come and go by what has happened, and tell those whom it concerns."""
-        commands: List[Command] = []
-        robot, indexes = self.robot, self.robot.indexes
-        while self._unsettled:
-            names, self._unsettled = self._unsettled, {}
-            looked = [(name, another, self._missing(name)) for name, another in names.items()]
-            others = [name for name, another in names.items() if another]
-            gone, come = robot.availability.update(robot.som, looked)
-            for name in names:
-                self._states.set(name, robot.availability.states.get(name))
-            robot.planner.plans.change(gone, come)
-            for name in indexes.readers((*others, *map(attrgetter("name"), gone))):
-                commands += self.ask(name, lambda each: each.changed())
-            if come:
-                waiting = [*indexes.stuck, *indexes.kept]
-                commands += self.ask_all(waiting, lambda each: each.changed(service_came=True))
-        return commands
-
-    def _missing(self, name: str) -> str:
-        """Return why a service is not available whoever is well; empty: it may be."""
-        machine, service = self.services.get(name), self.robot.som.services.get(name)
-        if machine is not None and machine.incident is not WELL:
-            return "failed"
-        if service is None or not service.host or not service.event_driven:
-            return ""
-        lost = self.robot.lost(service.host)  # no silence tells of one that is due at no time
-        return f"{service.host} is lost: {lost}" if lost else ""
-
-    def unsettle(self, names: Iterable[str], another: bool = False) -> None:
-        """Look again whether some services are available; `another`: they are other ones now."""
-        for name in names:
-            self._unsettled[name] = another or self._unsettled.get(name, False)
-
-    def unsettle_node(self, node: str) -> None:
-        """Look again at the services that a node publishes."""
-        for topic in self.robot.health.topics.get(node, ()):
-            self.unsettle(self.concerned(topic, node))
-
-    def concerned(self, topic: str, publisher: str) -> List[str]:
-        """Return the services that a publisher of a topic may be of."""
-        som = self.robot.som
-        service = som.service_of(topic, publisher)
-        return [service.name] if service else [each.name for each in som.of_topic(topic)]
-
-    def _forget_ended(self) -> None:
-        """Forget the incidents that have ended with the event before: they are logged by now."""
-        names, self._ended = self._ended, []
-        for name in names:
-            key = ServiceRecord(name).key
-            record = self.robot.records.rows.get(key)
-            if isinstance(record, ServiceRecord) and record.incident is not None:
-                if record.incident.state is State.ENDED:
-                    record = replace(record, incident=None)
-                empty = record == ServiceRecord(name)
-                self.robot.records.set(key, None if empty else record)
-
     # Services come and go.
 
     def _as_told(self, som: Som) -> Som:
-        """Return a SOM as it counts: it may have to advise only, or to restart nothing."""
-        if not self.acts(som):
-            return som.with_services(replace(each, policy=Policy.ADVISE) for each in som)
-        if self._restarts:
-            return som
-        return som.with_services(replace(each, policy=_without_restart(each)) for each in som)
+        """Return a SOM as it counts: what is needed, and what may be done about it."""
+        acts = self.acts(som)
+
+        def counts(service: Service) -> Service:
+            policy = service.policy if self._restarts else _without_restart(service)
+            policy = policy if acts else Policy.ADVISE
+            return replace(service, policy=policy, needed=self._needs(service))
+
+        return som.with_services(map(counts, som))
+
+    def _needs(self, service: Service) -> bool:
+        """Tell that a service is needed: as the SOM says, else while anybody hears it.
+
+        One that is being healed stays so: a consumer may be starting anew.
+        """
+        if service.needed is not None:
+            return service.needed
+        healing = service.name in self.services and self.incident(service.name) is not None
+        return healing or bool(self._consumers.get(service.heard))
+
+    def _subscribers_seen(self, event: events.SubscribersSeen) -> List[Command]:
+        for topic, nodes in event.topics:
+            self._consumers[topic] = self.names.consumers(nodes)
+            self._core.unsettle([service.name for service in self.robot.som.of_topic(topic)])
+        if self.robot.som == self._as_told(self._given):
+            return []
+        return self._som_changed(events.SomChanged(event.time, self._given))
 
     def acts(self, som: Som) -> bool:
         """Tell that something may be killed or started: the SOM says so, and it is no dry run."""
         return som.act and not self._dry_run
 
     def _add(self, service: Service) -> None:
-        self.services[service.name] = ServiceMachine(service, self.robot)
-        self.unsettle([service.name], another=True)
+        self._core.add(service)
         self._offer(service)
 
     def _change(self, service: Service) -> List[Command]:
-        self.unsettle([service.name], another=True)
+        self._core.unsettle([service.name], another=True)
         self._offer(service)
         if not service.needed:
-            return self.ask(service.name, lambda each: each.close())
-        return self.ask(service.name, lambda each: each.replan())
+            return self._core.ask(service.name, lambda each: each.close())
+        return self._core.ask(service.name, lambda each: each.replan())
 
     def _remove(self, service: Service) -> List[Command]:
         name = service.name
-        commands = self.ask(name, lambda each: each.close(), service)
+        commands = self._core.ask(name, lambda each: each.close(), service)
         del self.services[name]
         self.robot.planner.plans.forget(name)
         self.robot.calibrations.forget(name)
         self._processes.no_stand_by(name)
-        self._agenda.set(name, None)
-        self.unsettle([name], another=True)
+        self._core.agenda.set(name, None)
+        self._core.unsettle([name], another=True)
         return commands
 
     def _offer(self, service: Service) -> None:
@@ -371,12 +258,13 @@ class Reconfigurator:
         else:
             plans.forget(service.name)
         if is_warm(service):
-            self.robot.stand_by(service, None)
+            self._processes.stand_by(service, None)
         else:
             self._processes.no_stand_by(service.name)
 
     def _som_changed(self, event: events.SomChanged) -> List[Command]:
         robot = self.robot
+        self._given = event.som
         old, robot.som = robot.som, self._as_told(event.som)
         robot.planner.som = som = robot.som
         commands: List[Command] = []
@@ -393,10 +281,10 @@ class Reconfigurator:
             beside = len(old.of_topic(service.topic)) > 1, len(som.of_topic(service.topic)) > 1
             if before != service or beside[0] is not beside[1]:
                 commands += self._change(service)
-        commands += self.ask_all(robot.indexes.kept, lambda each: each.reconsider())
+        commands += self._core.ask_all(robot.indexes.kept, lambda each: each.reconsider())
         if old.hosts or som.hosts:
-            commands += reach.rehost(self)
-        return commands + hearing.look_again(self)
+            commands += reach.rehost(self._core)
+        return commands + hearing.look_again(self._core)
 
     def _models_reloaded(self, event: events.ModelsReloaded) -> List[Command]:
         """Let plans follow the new models; what runs goes on."""
@@ -420,17 +308,17 @@ class Reconfigurator:
 
     def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
         """Heal nothing from now on: what stops does so on purpose."""
-        self.ending = True
+        self._core.ending = True
         self._processes.starts.forget()
         return []
 
     def _node_learned(self, event: events.NodeLearned) -> List[Command]:
         self._nodes.learned(event)
-        self.unsettle_node(event.node)
+        self._core.unsettle_node(event.node)
         return []
 
     def _node_came_up(self, event: events.NodeCameUp) -> List[Command]:
-        return self.ask_all(self._nodes.accusers(event.node), lambda each: each.came_up())
+        return self._core.ask_all(self._nodes.accusers(event.node), lambda each: each.came_up())
 
     def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
         if event.node not in self.robot.health.substitutes:  # none of ours is ever started again
@@ -445,15 +333,19 @@ class Reconfigurator:
         return [events.StopNode(event.node)] if ours else []
 
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
-        return self.ask_all(self._processes.served(event.node), lambda each: each.started(event))
+        return self._core.ask_all(
+            self._processes.served(event.node), lambda each: each.started(event)
+        )
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
         served, commands = self._processes.exited(event)
-        return commands + self.ask_all(served, lambda each: each.exited(event.detail))
+        return commands + self._core.ask_all(served, lambda each: each.exited(event.detail))
 
     def _process_silent(self, event: events.ProcessSilent) -> List[Command]:
         self._processes.silent(event.node)
-        return self.ask_all(self._processes.served(event.node), lambda each: each.process_silent())
+        return self._core.ask_all(
+            self._processes.served(event.node), lambda each: each.process_silent()
+        )
 
     def _process_heard(self, event: events.ProcessHeard) -> List[Command]:
         self._processes.heard(event.node)
@@ -461,10 +353,12 @@ class Reconfigurator:
 
     def _process_hung(self, event: events.ProcessHung) -> List[Command]:
         served, commands = self._processes.served(event.node), self._processes.hung(event.node)
-        return commands + self.ask_all(served, lambda each: each.process_hung())
+        return commands + self._core.ask_all(served, lambda each: each.process_hung())
 
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
-        incident, service = self.incident(event.service), self.robot.som.services.get(event.service)
+        incident, service = self._core.incident(event.service), self.robot.som.services.get(
+            event.service
+        )
         if incident is not None:
             return [events.ShowIncident(incident)]
         if service is None:
@@ -475,18 +369,18 @@ class Reconfigurator:
         last_good = healthy[0].last_good if healthy else None
         what = service.name, service.topic, node, Kind.REQUESTED, "somebody asked for a substitute"
         failure = FailureSeen(event.time, *what, last_good, event.last_message)
-        return hearing.failed(self, failure)
+        return hearing.failed(self._core, failure)
 
     def _calibrations_heard(self, event: events.CalibrationsHeard) -> List[Command]:
         """Note what the substitutes start with; one that computes already, as hot, follows."""
         known, services = self.robot.calibrations, self.services
         for name, program in event.removed:
-            if self.incident(name) is None:
+            if self._core.incident(name) is None:
                 known.leave(name, program)
-        healing = {row.service: self.incident(row.service) is not None for row in event.rows}
+        healing = {row.service: self._core.incident(row.service) is not None for row in event.rows}
         counts = [row.service for row in event.rows if known.add(row, healing[row.service])]
         names = [n for n in dict.fromkeys(counts) if n in services and services[n].node]
-        return self.ask_all(names, lambda each: [])
+        return self._core.ask_all(names, lambda each: [])
 
     def _idle(self, event: events.Idle) -> List[Command]:
         """Make one plan ahead; what follows it follows the new one."""
@@ -496,15 +390,17 @@ class Reconfigurator:
             return []
         service = self.robot.som.services[name]
         if is_warm(service):
-            self.robot.stand_by(service, plans.plan(name))
-        return self.ask(name, lambda each: each.replan())
+            self._processes.stand_by(service, plans.plan(name))
+        return self._core.ask(name, lambda each: each.replan())
 
     def _tick(self, event: events.Tick) -> List[Command]:
-        commands = self.deliver(self._nodes.tick())
+        commands = self._core.deliver(self._nodes.tick())
         if self.robot.computers.settled(event.time):  # what stands by goes where it belongs
-            commands += reach.rehost(self)
-        commands += hearing.tick(self, event.time)
-        return commands + self.ask_all(self._agenda.pop_due(event.time), lambda each: each.tick())
+            commands += reach.rehost(self._core)
+        commands += hearing.tick(self._core, event.time)
+        return commands + self._core.ask_all(
+            self._core.agenda.pop_due(event.time), lambda each: each.tick()
+        )
 
     def validate(self) -> None:
         """Raise ShsaError if an invariant is broken.

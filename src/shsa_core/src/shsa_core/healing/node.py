@@ -9,7 +9,6 @@ it is kept out. A relapse that may be its link's makes the hold-off longer, and 
 import math
 from dataclasses import dataclass, field, replace
 from typing import (
-    TYPE_CHECKING,
     Any,
     Callable,
     Dict,
@@ -25,7 +24,7 @@ from shsa_core.agenda import Agenda, doubled
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.containment import Stakes, Verdict, decide
-from shsa_core.healing.events import Command, Level, Log
+from shsa_core.healing.events import Command, Log
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.kill import (
     KillNode,
@@ -37,12 +36,11 @@ from shsa_core.healing.kill import (
     NodeUnreached,
 )
 from shsa_core.healing.records import Fate, NodeRecord, Trust
+from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import CERTAIN_S, LEARN_PAUSES_S
 from shsa_core.model.kinds import BY_LINK, QUIET, Contain, Kind, Policy
+from shsa_core.model.log import Level
 from shsa_core.model.service import Service
-
-if TYPE_CHECKING:
-    from shsa_core.healing.robot import Robot
 
 UNTRIED = Trust()
 
@@ -140,11 +138,11 @@ class Nodes:
     first.
     """
 
-    def __init__(self, robot: "Robot", stakes: Stakes) -> None:
+    def __init__(self, robot: Robot) -> None:
         self.kills = Kills(robot.health, robot.settings)
         self.restarted: Dict[str, bool] = {}
         self._robot = robot
-        self._stakes = stakes
+        self._stakes = Stakes(robot.names, robot.health, robot.indexes, robot.planner)
         self._settings = robot.settings
         self._health = robot.health
         self._cases: Dict[str, Case] = {}

@@ -3,23 +3,23 @@
 Each computer starts and ends processes as it is told here, and ends by itself those of ours that
 nothing wants, as after a cut.
 """
-from typing import TYPE_CHECKING, Collection, Dict, FrozenSet, List, Optional, Set, Tuple
+from typing import Collection, Dict, FrozenSet, List, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan, safe_values
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.events import Command, Level, Log
+from shsa_core.healing.events import Command, Log
+from shsa_core.healing.placement import HERE, Place, Placement
 from shsa_core.healing.planner import AnyPlan
 from shsa_core.healing.pool import Pool, Starts
 from shsa_core.healing.records import IdleProcess, Table
+from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import CHANGEOVER_S, LONGEST_START_S, TAKEOVER_S
+from shsa_core.model.cost import Cost, cost
 from shsa_core.model.kinds import Standby
+from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, shared_key
-
-
-if TYPE_CHECKING:
-    from shsa_core.healing.robot import Robot
 
 
 class Processes:
@@ -31,14 +31,14 @@ class Processes:
     of a process takes no more away than where each has its own.
     """
 
-    def __init__(self, robot: "Robot") -> None:
+    def __init__(self, robot: Robot) -> None:
         self.wanted: Table[Substitution, events.ShowSubstitutions] = Table(events.ShowSubstitutions)
         self.pool = Pool(robot.settings)
         self.starts = Starts()
         self._most = robot.settings.hot_hosts
         self._robot = robot
         self._services: Dict[str, Dict[str, str]] = {}  # by process; and whose they are
-        self._elsewhere: Dict[str, str] = {}  # the other computers that processes run on
+        self.placement = Placement(robot.computers, self._placed, lambda: robot.som)
         self._shared: Dict[str, bool] = {}  # processes that several share; another may join
         self._alone: Set[str] = set()  # services whose hot substitute has its own process
 
@@ -53,10 +53,6 @@ class Processes:
         dues = (self.starts.earliest(self.pool.deadline), self.starts.deadline)
         return min((due for due in dues if due is not None), default=None)
 
-    def host(self, node: str) -> str:
-        """Return the computer that a process runs on; empty: the reconfigurator's own."""
-        return self._elsewhere.get(node, "")
-
     def served(self, node: str) -> Tuple[str, ...]:
         """Return the services that the substitutes in a process work for."""
         return tuple(self._services.get(node, ()))
@@ -68,7 +64,36 @@ class Processes:
 
     def working_on(self, host: str) -> List[str]:
         """Return the services whose substitute runs on a computer."""
-        return [name for node, s in self._services.items() if self.host(node) == host for name in s]
+        return [
+            name
+            for node, s in self._services.items()
+            if self._robot.elsewhere.get(node, "") == host
+            for name in s
+        ]
+
+    # Where they run.
+
+    def place(self, service: Service, plan: AnyPlan) -> Place:
+        """Return the computer for a plan; rather where an idle process is. Raises ShsaError."""
+        if not self._robot.som.hosts:
+            return HERE
+        ready = self.pool.plans.get(service.name)
+        if ready is None:
+            return self.placement.place(self._robot.time, service, plan)
+        idle = self.pool.hosts()
+        return self.placement.place(self._robot.time, service, plan, ready.host, idle)
+
+    def _placed(self, host: str, since: float) -> List[Cost]:
+        """Return what the substitutes cost that were set to work on a computer since a moment."""
+        here = {host, self._robot.computers.in_som(host)}
+        found = []
+        for name in self.working_on(host):
+            changed, plan = self._robot.indexes.working[name]
+            service = self._robot.som.services.get(name)
+            if service is not None and changed > since:
+                inputs = plan.inputs if isinstance(plan, Plan) else ()
+                found.append(cost([source.service for source in inputs], service, here))
+        return found
 
     # One is started, or set to work.
 
@@ -108,7 +133,7 @@ class Processes:
         self._robot.health.substitutes.add(command.node, self.nodes)
         self.starts.began(self._robot.time, command.node)
         if command.host:
-            self._elsewhere[command.node] = command.host
+            self._robot.elsewhere[command.node] = command.host
         return command
 
     def take_up(self, service: Service, node: str, host: str, shared: bool) -> None:
@@ -116,7 +141,7 @@ class Processes:
         services = self._services.setdefault(node, {})
         services[service.name] = service.node
         if host:
-            self._elsewhere[node] = host
+            self._robot.elsewhere[node] = host
         if shared:
             self._shared[node] = len(services) < self._most
         elif is_hot(service):
@@ -193,14 +218,19 @@ class Processes:
     def _forget(self, node: str) -> None:
         self._services.pop(node, None)
         self._shared.pop(node, None)
-        self._elsewhere.pop(node, None)
+        self._robot.elsewhere.pop(node, None)
         self.wanted.set(node, None)
         self._robot.records.set(f"idle {node}", None)
 
     # The pool.
 
-    def stand_by(self, service: Service, plan: Optional[Plan], host: str) -> None:
-        """Let idle processes prepare for a warm service on a computer."""
+    def stand_by(self, service: Service, plan: Optional[Plan]) -> None:
+        """Let idle processes prepare for a warm service where its plan is placed."""
+        if plan is not None:
+            host = self.placement.stands_by(self._robot.time, service, plan)
+        else:
+            known = self.pool.plans.get(service.name)
+            host = known.host if known and self._robot.computers.reachable(known.host) else ""
         self.wanted.set(service.name, self.pool.serve(service, self._robot.planner, plan, host))
 
     def no_stand_by(self, service: str) -> None:
@@ -226,7 +256,7 @@ class Processes:
     def add_idle(self, idle: IdleProcess) -> None:
         """Note that an idle process runs."""
         if idle.host:
-            self._elsewhere[idle.node] = idle.host
+            self._robot.elsewhere[idle.node] = idle.host
         self.pool.add(idle)
         self.wanted.set(idle.node, Substitution(idle.node, "", (), "", (), host=idle.host))
         self._robot.records.set(idle.key, idle)
@@ -243,12 +273,14 @@ class Processes:
 
 def is_warm(service: Service) -> bool:
     """Tell that idle processes are ready for a service."""
-    return service.needed and service.standby is Standby.WARM and service.policy.substitutes
+    needed = bool(service.needed)
+    return needed and service.standby is Standby.WARM and service.policy.substitutes
 
 
 def is_hot(service: Service) -> bool:
     """Tell that a substitute of a service computes before it is needed."""
-    return service.needed and service.standby is Standby.HOT and service.policy.substitutes
+    needed = bool(service.needed)
+    return needed and service.standby is Standby.HOT and service.policy.substitutes
 
 
 class Substitute:
@@ -261,7 +293,7 @@ class Substitute:
     or else the process is. `tried`: the plans that were tried in vain.
     """
 
-    def __init__(self, service: str, robot: "Robot") -> None:
+    def __init__(self, service: str, robot: Robot, processes: Processes) -> None:
         self.node = self.host = ""
         self.shared = False
         self.plan: Optional[AnyPlan] = None
@@ -270,6 +302,7 @@ class Substitute:
         self.plan_to_blame = True
         self._service = service
         self._robot = robot
+        self._processes = processes
         self.started = 0.0
         self.tried: FrozenSet[Plan] = frozenset()
         self._values_tried = False
@@ -330,14 +363,14 @@ class Substitute:
         """
         robot, now = self._robot, self._robot.time
         chosen = bool(self.node) or not robot.som.hosts
-        host = self.host if chosen else robot.place(service, plan).host
+        host = self.host if chosen else self._processes.place(service, plan).host
         self.plan, self.changed, starts = plan, now, False
         commands: List[Command] = []
         if self.node:
             commands.append(events.AssignSubstitute(self.node))
         else:
             self.working_since, self.host = now, host
-            command = robot.processes.set_to_work(service, self, ahead)
+            command = self._processes.set_to_work(service, self, ahead)
             commands.append(command)
             starts = isinstance(command, events.StartSubstitute)
         # One that was started a moment ago is on its way: another one would come up no sooner.
@@ -375,7 +408,7 @@ class Substitute:
             plan = robot.planner.ahead(service)
             if plan == self.plan:
                 return []
-            if not self.node and not robot.processes.starts.may(robot.time, service.name):
+            if not self.node and not self._processes.starts.may(robot.time, service.name):
                 return []
             return self.use(service, plan, ahead=True)
         except ShsaError:
@@ -385,7 +418,7 @@ class Substitute:
         """End the process."""
         node, self.node, self.host, self.shared, self.plan = self.node, "", "", False, None
         self._robot.indexes.working.pop(self._service, None)
-        return self._robot.processes.leave(self._service, node) if node else []
+        return self._processes.leave(self._service, node) if node else []
 
     def failed(self, tried: bool) -> List[Command]:
         """End the process, which failed.

@@ -5,18 +5,17 @@ and a node's silence is found sooner: what was decided in between is looked at a
 computer is back, the kills go on that could not be finished, and its nodes are judged as any that
 return.
 """
-from typing import TYPE_CHECKING, List
+from typing import List
 
 from shsa_core.healing import hearing
-from shsa_core.healing.events import Command, HostLost, HostSeen, Level, Log
+from shsa_core.healing.core import Core
+from shsa_core.healing.events import Command, HostLost, HostSeen, Log
 from shsa_core.healing.settings import ANSWER_S, CERTAIN_S
 from shsa_core.model.kinds import OnPartition
-
-if TYPE_CHECKING:
-    from shsa_core.healing.machine import Reconfigurator
+from shsa_core.model.log import Level
 
 
-def host_seen(core: "Reconfigurator", event: HostSeen) -> List[Command]:
+def host_seen(core: Core, event: HostSeen) -> List[Command]:
     """Note that a computer is there, and what it has to do."""
     robot, time = core.robot, event.time
     computers, host = robot.computers, robot.computers.name(event.host)
@@ -32,8 +31,8 @@ def host_seen(core: "Reconfigurator", event: HostSeen) -> List[Command]:
             if service.on_partition is OnPartition.WAIT and service.needed:
                 robot.doubted[service.name] = time + CERTAIN_S
     if back:
-        commands += core.deliver(robot.nodes.excuse(host, heard))
-    commands += core.deliver(robot.nodes.computer_heard(host))
+        commands += core.deliver(core.nodes.excuse(host, heard))
+    commands += core.deliver(core.nodes.computer_heard(host))
     lacking = [name for name in robot.indexes.stuck if core.services[name].lacks_room]
     commands += core.ask_all(lacking, lambda each: each.changed(service_came=True))
     for name in _cleared(core, time, host):
@@ -42,9 +41,9 @@ def host_seen(core: "Reconfigurator", event: HostSeen) -> List[Command]:
     return commands + (hearing.ask_monitor(core, host) if lost else [])
 
 
-def host_lost(core: "Reconfigurator", event: HostLost) -> List[Command]:
+def host_lost(core: Core, event: HostLost) -> List[Command]:
     """Note that a computer is not heard any more."""
-    robot, processes = core.robot, core.robot.processes
+    robot, processes = core.robot, core.processes
     host = robot.computers.name(event.host)
     heard = robot.computers.heard(host)
     if host not in robot.som.hosts or not robot.computers.lose(event):
@@ -56,8 +55,8 @@ def host_lost(core: "Reconfigurator", event: HostLost) -> List[Command]:
         if service.needed and service.event_driven:
             text = f"Whether anybody publishes {service.topic} cannot be told by its silence"
             commands.append(Log(Level.WARN, f"{text}: it is not healed while {host} is lost."))
-    commands += core.settle() + core.deliver(robot.nodes.excuse(host, heard))
-    commands += core.deliver(robot.nodes.computer_lost(host, why))
+    commands += core.settle() + core.deliver(core.nodes.excuse(host, heard))
+    commands += core.deliver(core.nodes.computer_lost(host, why))
     for node in processes.pool.on(host):
         commands += processes.drop_idle(node)
     _place_warm(core)
@@ -69,23 +68,23 @@ def host_lost(core: "Reconfigurator", event: HostLost) -> List[Command]:
     return commands + hearing.ask_monitor(core, host, event.time + ANSWER_S)
 
 
-def rehost(core: "Reconfigurator") -> List[Command]:
+def rehost(core: Core) -> List[Command]:
     """Move what stands by to where it belongs: other computers count now."""
     robot = core.robot
     _place_warm(core)
-    commands = core.ask_all(robot.processes.substituted, lambda each: each.rehost())
+    commands = core.ask_all(core.processes.substituted, lambda each: each.rehost())
     stuck = robot.indexes.stuck
     return commands + core.ask_all(stuck, lambda each: each.changed(service_came=True))
 
 
-def _place_warm(core: "Reconfigurator") -> None:
+def _place_warm(core: Core) -> None:
     """Want idle processes where the plans of the warm services are placed now."""
     robot = core.robot
-    for name in list(robot.processes.pool.plans):
-        robot.stand_by(robot.som.services[name], robot.planner.plans.plan(name))
+    for name in list(core.processes.pool.plans):
+        core.processes.stand_by(robot.som.services[name], robot.planner.plans.plan(name))
 
 
-def _cleared(core: "Reconfigurator", time: float, host: str) -> List[str]:
+def _cleared(core: Core, time: float, host: str) -> List[str]:
     """Return the services on a computer that is heard, so that their silence is their own."""
     robot, services = core.robot, core.robot.som.services
     doubted = [name for name, since in robot.doubted.items() if since < time]

@@ -1,66 +1,30 @@
 """The states of a service as a table, and what is done when they change.
 
-The diagram in docs/internals.md is this table.
+docs/reference/ros.md shows this table.
 """
 from dataclasses import replace
-from typing import TYPE_CHECKING, Callable, Dict, FrozenSet, Iterable, List, Optional, Tuple
+from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import NoSubstitute, ShsaError
-from shsa_core.healing.events import (
-    Command,
-    FailureSeen,
-    Level,
-    Log,
-    RunCommand,
-    ShowIncident,
-    StartSubstitute,
-)
-from shsa_core.healing.incident import WELL, Incident, State
+from shsa_core.healing.events import Command, Log, RunCommand, ShowIncident, StartSubstitute
+from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, Incident, State, Trigger
 from shsa_core.healing.node import no_accusation
 from shsa_core.healing.placement import NoRoom, Place
 from shsa_core.healing.planner import AnyPlan
 from shsa_core.healing.records import Fate
 from shsa_core.healing.process import is_hot
-from shsa_core.model.kinds import Kind, Policy, Standby, Word
+from shsa_core.healing.service import Action, Failure, ServiceMachine, Transitions
+from shsa_core.model.kinds import Kind, Policy, Standby
+from shsa_core.model.log import Level
 from shsa_core.model.substitution import Program
 
-if TYPE_CHECKING:
-    from shsa_core.healing.service import ServiceMachine
-
-SUBSTITUTED = (State.HEALING, State.HEALED)
-STUCK = (State.UNHEALED, State.SAFE)
-WAITING = (*STUCK, State.KEPT)
 NOTHING = Program((), "", ())
 NOT_MISSED = ShsaError("nothing is missing")
 
-Failure = Optional[FailureSeen]
-Action = Callable[["ServiceMachine", Failure], List[Command]]
 
-
-class Trigger(Word):
-    """Causes of a change of the state of a service."""
-
-    FAILED = "its node failed"
-    SUBSTITUTE_FAILED = "substitute failed"
-    FIRST_MESSAGE = "first message of the substitute"
-    SILENT = "silent while its program changes"
-    LATE = "first message is late"
-    INPUT_LOST = "an input was lost"
-    NO_VALUE = "its law does not hold"
-    RETURNED = "its node is back"
-    STEADY = "healthy for the hold-off"
-    RETRY = "a pause is over"
-    SERVICE_CAME = "a service appeared"
-    EXHAUSTED = "restarts are used up"
-    RELEASED = "released"
-    NODE_CHANGED = "its node is judged again"
-    PREPARE = "another plan is best"
-    WITHDRAWN = "no longer in the SOM"
-
-
-def begin(service: "ServiceMachine", failure: Failure) -> List[Command]:
+def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
     """Open an incident, and heal."""
     assert failure is not None
     spec, robot, node = service.spec, service.robot, failure.publisher
@@ -68,8 +32,8 @@ def begin(service: "ServiceMachine", failure: Failure) -> List[Command]:
     service.substitute.forget()
     service.substitute.working_since = failure.time
     service.pauses = 0
-    service.accusation = robot.nodes.accuse(spec.name, node, failure.kind)
-    robot.nodes.failed(failure.time, spec, node, failure.kind, soon=False)
+    service.accusation = service.nodes.accuse(spec.name, node, failure.kind)
+    service.nodes.failed(failure.time, spec, node, failure.kind, soon=False)
     robot.incidents += 1
     service.incident = Incident(
         id=robot.incidents,
@@ -91,10 +55,10 @@ def begin(service: "ServiceMachine", failure: Failure) -> List[Command]:
     return commands
 
 
-def still_failing(service: "ServiceMachine", failure: Failure) -> List[Command]:
+def still_failing(service: ServiceMachine, failure: Failure) -> List[Command]:
     """Judge a node that failed once more, or another one beside it."""
     assert failure is not None
-    nodes, name, node = service.robot.nodes, service.spec.name, failure.publisher
+    nodes, name, node = service.nodes, service.spec.name, failure.publisher
     text = f"{service.spec.topic}: {node} failed again: {failure.detail}."
     commands: List[Command] = [Log(Level.WARN, text)]
     former = service.incident.faulty_node
@@ -108,9 +72,9 @@ def still_failing(service: "ServiceMachine", failure: Failure) -> List[Command]:
     return commands + judge_again(service)
 
 
-def blame(service: "ServiceMachine", node: str, kind: Kind) -> List[Command]:
+def blame(service: ServiceMachine, node: str, kind: Kind) -> List[Command]:
     """Blame a node, in place of another that the incident blames."""
-    nodes, former = service.robot.nodes, service.incident.faulty_node
+    nodes, former = service.nodes, service.incident.faulty_node
     service.accusation = nodes.accuse(service.spec.name, node, kind)
     if node == former:
         return []
@@ -119,7 +83,7 @@ def blame(service: "ServiceMachine", node: str, kind: Kind) -> List[Command]:
     return service.step()
 
 
-def judge_again(service: "ServiceMachine", _: Failure = None) -> List[Command]:
+def judge_again(service: ServiceMachine, _: Failure = None) -> List[Command]:
     """Decide about the node anew: what it costs may have changed."""
     if service.incident.state is State.KEPT:
         return heal(service)
@@ -130,19 +94,19 @@ def judge_again(service: "ServiceMachine", _: Failure = None) -> List[Command]:
     return commands + service.step() if commands else []
 
 
-def failed_again(service: "ServiceMachine", failure: Failure) -> List[Command]:
+def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     """Go on after the node failed within its hold-off."""
     assert failure is not None
     spec, robot, node = service.spec, service.robot, failure.publisher
     commands = blame(service, node, failure.kind)
     accusation = service.accusation
-    robot.nodes.failed(failure.time, spec, node, failure.kind, soon=True)
+    service.nodes.failed(failure.time, spec, node, failure.kind, soon=True)
     service.timers.clear()
     plan, none = search(service)
     text = f"{spec.topic}: {node} failed again: {failure.detail}."
     commands += [Log(Level.WARN, text), *service.judge(accusation, plan is not None)]
     detail = f"{node} failed again: {failure.detail}"
-    if robot.nodes.kept_out(node) and not accusation.kept:
+    if service.nodes.kept_out(node) and not accusation.kept:
         detail = f"{node} keeps failing. It is kept out until it is released."
         commands.append(Log(Level.ERROR, f"{spec.topic}: {detail}"))
     healed = service.substitute.computes
@@ -162,7 +126,7 @@ def failed_again(service: "ServiceMachine", failure: Failure) -> List[Command]:
     return commands if healed else commands + heal(service)
 
 
-def await_again(service: "ServiceMachine", failure: Failure) -> List[Command]:
+def await_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     """Wait for a message: what it has published since counts, though it may be heard late."""
     assert failure is not None
     service.timers[Trigger.LATE] = service.robot.time + service.substitute.patience
@@ -170,25 +134,25 @@ def await_again(service: "ServiceMachine", failure: Failure) -> List[Command]:
     return service.step(state=State.HEALING, first_message=None)
 
 
-def replace_substitute(service: "ServiceMachine", _: Failure) -> List[Command]:
+def replace_substitute(service: ServiceMachine, _: Failure) -> List[Command]:
     """Set another process to work."""
     service.timers.clear()
     return heal(service)
 
 
-def replace_late(service: "ServiceMachine", _: Failure) -> List[Command]:
+def replace_late(service: ServiceMachine, _: Failure) -> List[Command]:
     """Replace a process whose first message has not come.
 
     The next best plan is taken if the plan is to blame.
     """
     robot, spec, substitute = service.robot, service.spec, service.substitute
     unseen = robot.health.row((spec.topic, service.node)) is None
-    spare = robot.processes.spare(spec, substitute.host)
+    spare = service.processes.spare(spec, substitute.host)
     away = not robot.computers.reachable(robot.computers.name(spec.host))
     starting = (
         unseen
         and substitute.starting
-        and not (spare is not None and spare.node in robot.processes.pool.heard)
+        and not (spare is not None and spare.node in service.processes.pool.heard)
     )
     if starting or not robot.health.watched(spec.topic, away):
         # It is not up yet: a new process would only make the machine busier. Or nobody can say.
@@ -199,13 +163,13 @@ def replace_late(service: "ServiceMachine", _: Failure) -> List[Command]:
     return [*substitute.failed(blamed), Log(Level.WARN, text), *heal(service)]
 
 
-def change_inputs(service: "ServiceMachine", _: Failure) -> List[Command]:
+def change_inputs(service: ServiceMachine, _: Failure) -> List[Command]:
     """Follow another plan."""
     text = f"{service.spec.topic}: the substitute lost an input."
     return [Log(Level.WARN, text), *heal(service)]
 
 
-def change_law(service: "ServiceMachine", _: Failure) -> List[Command]:
+def change_law(service: ServiceMachine, _: Failure) -> List[Command]:
     """Follow the next plan, if there is one, as the substitute says that its law does not hold.
 
     Before an incident, the better law is looked at again after a while.
@@ -225,13 +189,13 @@ def change_law(service: "ServiceMachine", _: Failure) -> List[Command]:
     return [*substitute.use(spec, another), said]
 
 
-def retry(service: "ServiceMachine", _: Failure) -> List[Command]:
+def retry(service: ServiceMachine, _: Failure) -> List[Command]:
     """Try again, also the plans that were tried in vain."""
     service.substitute.forget()
     return heal(service)
 
 
-def heal(service: "ServiceMachine", _: Failure = None) -> List[Command]:
+def heal(service: ServiceMachine, _: Failure = None) -> List[Command]:
     """Search, decide about the node, and set a process to work: the one at hand, or another."""
     plan, none = search(service)
     commands = service.judge(service.accusation, plan is not None)
@@ -244,7 +208,7 @@ def heal(service: "ServiceMachine", _: Failure = None) -> List[Command]:
     return commands + follow(service, plan)
 
 
-def search(service: "ServiceMachine") -> Tuple[Optional[Plan], ShsaError]:
+def search(service: ServiceMachine) -> Tuple[Optional[Plan], ShsaError]:
     """Return the plan to follow now; None: there is none, and why."""
     spec, policy, substitute = service.spec, service.spec.policy, service.substitute
     service.lacks_room = False
@@ -253,20 +217,20 @@ def search(service: "ServiceMachine") -> Tuple[Optional[Plan], ShsaError]:
             raise ShsaError(f"its policy is {policy}")
         plan = substitute.find(spec, service.incident.faulty_node)
         if policy.substitutes and not substitute.node and service.robot.som.hosts:
-            service.robot.place(spec, plan)  # is there a computer for it?
+            service.processes.place(spec, plan)  # is there a computer for it?
         return plan, NOT_MISSED
     except ShsaError as none:
         service.lacks_room = isinstance(none, NoRoom)
         return None, none
 
 
-def idle(service: "ServiceMachine") -> bool:
+def idle(service: ServiceMachine) -> bool:
     """Tell that nothing is done: by its policy, or as a kept node is not to be replaced."""
     policy, kept = service.spec.policy, service.accusation.fate is Fate.KEPT
     return policy is Policy.ADVISE or (kept and not policy.substitutes)
 
 
-def follow(service: "ServiceMachine", plan: Plan) -> List[Command]:
+def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
     """Set a process to work on a plan."""
     spec, robot, substitute = service.spec, service.robot, service.substitute
     state, first_message = service.incident.state, service.incident.first_message
@@ -275,7 +239,7 @@ def follow(service: "ServiceMachine", plan: Plan) -> List[Command]:
     publishes = bool(substitute.node) and state in (State.HEALED, State.SAFE)
     text = f"{spec.topic}: found a substitute of {told(plan)}."
     at_hand = Place(substitute.host) if substitute.node else None
-    where = (at_hand or robot.place(spec, plan)).words if robot.som.hosts else ""
+    where = (at_hand or service.processes.place(spec, plan)).words if robot.som.hosts else ""
     commands = substitute.use(spec, plan, publishes)
     if spec.standby is Standby.WARM and isinstance(commands[0], StartSubstitute):
         text += " No idle process is left: this is a cold start."
@@ -296,7 +260,7 @@ def follow(service: "ServiceMachine", plan: Plan) -> List[Command]:
     )
 
 
-def carried_out(service: "ServiceMachine", plan: Optional[AnyPlan]) -> Dict[str, object]:
+def carried_out(service: ServiceMachine, plan: Optional[AnyPlan]) -> Dict[str, object]:
     """Return what an incident shows of the plan that is carried out, or could be."""
     planner = service.robot.planner
     program, computes = plan.program if plan else NOTHING, isinstance(plan, Plan)
@@ -314,7 +278,7 @@ def carried_out(service: "ServiceMachine", plan: Optional[AnyPlan]) -> Dict[str,
     }
 
 
-def wait(service: "ServiceMachine") -> bool:
+def wait(service: ServiceMachine) -> bool:
     """Set the time of the next try. Returns that it is waited for already."""
     waits = service.state in WAITING
     due = service.timers.get(Trigger.RETRY) if waits else None
@@ -323,7 +287,7 @@ def wait(service: "ServiceMachine") -> bool:
     return waits
 
 
-def keep(service: "ServiceMachine", plan: Optional[Plan], none: ShsaError) -> List[Command]:
+def keep(service: ServiceMachine, plan: Optional[Plan], none: ShsaError) -> List[Command]:
     """Say what could be done: the node is kept, and nobody publishes beside it."""
     spec, incident = service.spec, service.incident
     commands = [] if is_hot(spec) else service.substitute.drop()
@@ -347,12 +311,12 @@ def keep(service: "ServiceMachine", plan: Optional[Plan], none: ShsaError) -> Li
     )
 
 
-def give_up(service: "ServiceMachine", none: ShsaError) -> List[Command]:
+def give_up(service: ServiceMachine, none: ShsaError) -> List[Command]:
     """Say what is missing, and try again later: nothing can substitute."""
     spec, incident = service.spec, service.incident
     commands = service.substitute.use_safe_values(spec)
     waits, words, plan = wait(service), spec.last_resort.command, service.substitute.plan
-    service.robot.nodes.trust(incident.faulty_node)  # one that keeps failing is better than none
+    service.nodes.trust(incident.faulty_node)  # one that keeps failing is better than none
     missing = none.missing if isinstance(none, NoSubstitute) else ()
     state = State.SAFE if plan or words else State.UNHEALED
     before = (incident.state, incident.missing, incident.substitute, incident.decision)
@@ -370,10 +334,10 @@ def give_up(service: "ServiceMachine", none: ShsaError) -> List[Command]:
     )
 
 
-def wait_for_node(service: "ServiceMachine") -> List[Command]:
+def wait_for_node(service: ServiceMachine) -> List[Command]:
     """Wait for the node's start, which is all that can heal the service; give up in the end."""
     incident, robot = service.incident, service.robot
-    if incident.killed is not None and not robot.nodes.awaited(incident.faulty_node):
+    if incident.killed is not None and not service.nodes.awaited(incident.faulty_node):
         service.start_node()  # the policy may have been another one when it was killed
     if service.exhausted:
         return exhausted(service)
@@ -384,31 +348,31 @@ def wait_for_node(service: "ServiceMachine") -> List[Command]:
     return []
 
 
-def exhausted(service: "ServiceMachine", _: Failure = None) -> List[Command]:
+def exhausted(service: ServiceMachine, _: Failure = None) -> List[Command]:
     """Give up: the node was started again too often."""
     node = service.incident.faulty_node
-    count = service.robot.nodes.restarts(node)
+    count = service.nodes.restarts(node)
     return give_up(service, ShsaError(f"{node} was started again {count} times in vain"))
 
 
-def prepare(service: "ServiceMachine", _: Failure = None) -> List[Command]:
+def prepare(service: ServiceMachine, _: Failure = None) -> List[Command]:
     """Keep the substitute of a hot service on the best plan; without an incident."""
     hot = is_hot(service.spec)
     return service.substitute.prepare(service.spec) if hot else service.substitute.drop()
 
 
-def pause_standby(service: "ServiceMachine", _: Failure) -> List[Command]:
+def pause_standby(service: ServiceMachine, _: Failure) -> List[Command]:
     """Prepare again after a pause."""
     service.timers[Trigger.RETRY] = service.robot.time + pause(service)
     return []
 
 
-def show(service: "ServiceMachine", _: Failure) -> List[Command]:
+def show(service: ServiceMachine, _: Failure) -> List[Command]:
     """Show the incident as it is now."""
     return service.step(substitute=service.node)
 
 
-def publish(service: "ServiceMachine", _: Failure) -> List[Command]:
+def publish(service: ServiceMachine, _: Failure) -> List[Command]:
     """Note that the substitute publishes; what was silent can be killed now."""
     service.timers.clear()
     commands = service.step(state=State.HEALED, first_message=service.first_message())
@@ -421,12 +385,12 @@ def publish(service: "ServiceMachine", _: Failure) -> List[Command]:
     return commands
 
 
-def hold_off(service: "ServiceMachine", _: Failure) -> List[Command]:
+def hold_off(service: ServiceMachine, _: Failure) -> List[Command]:
     """Wait whether an original that is back stays healthy."""
     incident, row, robot = service.incident, service.returned(), service.robot
     assert row is not None
-    robot.nodes.returned(service.spec.name, incident.faulty_node, row.since)
-    length = robot.nodes.hold_off(incident.faulty_node)
+    service.nodes.returned(service.spec.name, incident.faulty_node, row.since)
+    length = service.nodes.hold_off(incident.faulty_node)
     service.timers.clear()
     service.timers[Trigger.STEADY] = robot.time + length
     text = f"{incident.topic}: {row.publisher} is back."
@@ -434,7 +398,7 @@ def hold_off(service: "ServiceMachine", _: Failure) -> List[Command]:
     return [said, *service.step(state=State.RETURNING, returned=row.since, detail=text)]
 
 
-def end(service: "ServiceMachine", _: Failure) -> List[Command]:
+def end(service: ServiceMachine, _: Failure) -> List[Command]:
     """End the incident: the original is well again."""
     hot = is_hot(service.spec)
     stopped = " The substitute has stopped." if service.node and not hot else ""
@@ -442,13 +406,13 @@ def end(service: "ServiceMachine", _: Failure) -> List[Command]:
     return commands + close(service, service.incident.detail + stopped) + prepare(service)
 
 
-def withdraw(service: "ServiceMachine", _: Failure) -> List[Command]:
+def withdraw(service: ServiceMachine, _: Failure) -> List[Command]:
     """End the incident: the service is healed no longer."""
     why = f"{service.spec.name} is not in the SOM any more."
     return [*service.substitute.drop(), *close(service, why)]
 
 
-def close(service: "ServiceMachine", why: str) -> List[Command]:
+def close(service: ServiceMachine, why: str) -> List[Command]:
     """Close the incident."""
     node, time = service.incident.faulty_node, service.robot.time
     commands = service.step(state=State.ENDED, ended=time, detail=why)
@@ -456,11 +420,11 @@ def close(service: "ServiceMachine", why: str) -> List[Command]:
     service.last_message = b""
     service.timers.clear()
     service.pauses = 0
-    service.robot.nodes.acquit(service.spec, node, well_at=time)
+    service.nodes.acquit(service.spec, node, well_at=time)
     return [*commands, Log(Level.INFO, why)]
 
 
-def pause(service: "ServiceMachine") -> float:
+def pause(service: ServiceMachine) -> float:
     """Return how long to wait before the next try, in s."""
     service.pauses += 1
     settings = service.robot.settings
@@ -529,6 +493,6 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
         yield state, Trigger.WITHDRAWN, withdraw, (well,)
 
 
-TRANSITIONS: Dict[Tuple[State, Trigger], Tuple[Action, FrozenSet[State]]] = {
+TRANSITIONS: Transitions = {
     (state, trigger): (act, frozenset(to)) for state, trigger, act, to in _rows()
 }

@@ -1,21 +1,16 @@
 """The rooms that the machines of the reconfigurator share: its knowledge of the robot."""
 from dataclasses import replace
 from math import inf
-from typing import Dict, Iterator, List, Optional
+from typing import Dict, Iterator, Optional
 
-from shsa_core.codegen.plans import Plan
-from shsa_core.healing.containment import Indexes, Stakes
+from shsa_core.healing.containment import Indexes
 from shsa_core.healing.events import WriteDown
 from shsa_core.healing.health import Availability, Health
 from shsa_core.healing.hosts import Computers
 from shsa_core.healing.naming import Names
-from shsa_core.healing.node import Nodes
-from shsa_core.healing.placement import HERE, Place, Placement
-from shsa_core.healing.planner import AnyPlan, Calibrations, Planner
-from shsa_core.healing.process import Processes
+from shsa_core.healing.planner import Calibrations, Planner
 from shsa_core.healing.records import Record, Table
 from shsa_core.healing.settings import Settings
-from shsa_core.model.cost import Cost, cost
 from shsa_core.model.kinds import OnPartition, Policy
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
@@ -25,7 +20,8 @@ from shsa_core.model.som import Som
 class Robot:
     """Everything that is known; nothing here decides.
 
-    Nodes are where the SOM says, substitutes where they were started. `doubted`: the services whose
+    Nodes are where the SOM says, substitutes where they were started; `elsewhere`: the computers of
+    those that run on another one than we. `doubted`: the services whose
     node is silent, and that wait until its computer is heard, at a moment in s or later.
     `incidents`: the last number of one.
     """
@@ -38,6 +34,7 @@ class Robot:
         self.time = -inf
         self.incidents = 0
         self.doubted: Dict[str, float] = {}
+        self.elsewhere: Dict[str, str] = {}
         self.names = Names(namespace)
         self.records: Table[Record, WriteDown] = Table(WriteDown)
         self.health = Health()
@@ -47,9 +44,6 @@ class Robot:
         self.calibrations = Calibrations()
         rooms = self.health, self.availability, self.calibrations
         self.planner = Planner(ontology, som, settings, *rooms)
-        self.placement = Placement(self.computers, self._placed, lambda: self.som)
-        self.processes = Processes(self)
-        self.nodes = Nodes(self, Stakes(self.names, self.health, self.indexes, self.planner))
 
     def spec(self, name: str) -> Optional[Service]:
         """Return a service as it counts now: nothing is done while it waits for its computer."""
@@ -71,7 +65,7 @@ class Robot:
         if not self.som.hosts:
             return ""
         named = next((each.host for each in self.som if each.node == node and each.host), "")
-        return self.processes.host(node) or self.computers.name(named)
+        return self.elsewhere.get(node) or self.computers.name(named)
 
     def on(self, host: str) -> Iterator[Service]:
         """Return the services whose nodes run on another computer."""
@@ -80,34 +74,3 @@ class Robot:
     def lost(self, host: str) -> str:
         """Return why a computer of the SOM is lost; empty: it is not."""
         return self.computers.lost(self.computers.name(host))
-
-    def place(self, service: Service, plan: AnyPlan) -> Place:
-        """Return the computer for a plan; rather where an idle process is. Raises ShsaError."""
-        if not self.som.hosts:
-            return HERE
-        ready = self.processes.pool.plans.get(service.name)
-        if ready is None:
-            return self.placement.place(self.time, service, plan)
-        idle = self.processes.pool.hosts()
-        return self.placement.place(self.time, service, plan, ready.host, idle)
-
-    def stand_by(self, service: Service, plan: Optional[Plan]) -> None:
-        """Let idle processes prepare for a warm service where its plan is placed."""
-        if plan is not None:
-            host = self.placement.stands_by(self.time, service, plan)
-        else:
-            known = self.processes.pool.plans.get(service.name)
-            host = known.host if known and self.computers.reachable(known.host) else ""
-        self.processes.stand_by(service, plan, host)
-
-    def _placed(self, host: str, since: float) -> List[Cost]:
-        """Return what the substitutes cost that were set to work on a computer since a moment."""
-        here = {host, self.computers.in_som(host)}
-        found = []
-        for name in self.processes.working_on(host):
-            changed, plan = self.indexes.working[name]
-            service = self.som.services.get(name)
-            if service is not None and changed > since:
-                inputs = plan.inputs if isinstance(plan, Plan) else ()
-                found.append(cost([source.service for source in inputs], service, here))
-        return found

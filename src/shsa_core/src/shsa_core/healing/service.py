@@ -6,33 +6,31 @@ into the triggers of that table.
 import math
 from collections import deque
 from dataclasses import replace
-from typing import Deque, Dict, List, Optional, Tuple
+from typing import Callable, Deque, Dict, FrozenSet, List, Mapping, Optional, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
-from shsa_core.healing.events import (
-    Command,
-    FailureSeen,
-    Level,
-    Log,
-    ShowIncident,
-    SubstituteStarted,
-)
-from shsa_core.healing.incident import WELL, State
+from shsa_core.healing.events import Command, FailureSeen, Log, ShowIncident, SubstituteStarted
+from shsa_core.healing.incident import STUCK, SUBSTITUTED, WAITING, WELL, State, Trigger
 from shsa_core.healing.kill import KillNode, NodeAlive, NodeKilled, NodeSpared, NodeUnreached
-from shsa_core.healing.node import Accusation, NodeEvent, RestartVain, no_accusation
+from shsa_core.healing.node import Accusation, NodeEvent, Nodes, RestartVain, no_accusation
 from shsa_core.healing.records import Fate, ServiceRecord
-from shsa_core.healing.repair import STUCK, SUBSTITUTED, TRANSITIONS, WAITING, Trigger
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import START_S, SAME_S
-from shsa_core.healing.process import Substitute
+from shsa_core.healing.process import Processes, Substitute
 from shsa_core.model.kinds import Kind, OnPartition, Policy
+from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
 STORY_LENGTH = 20
+
+
+Failure = Optional[FailureSeen]
+Action = Callable[["ServiceMachine", Failure], List[Command]]
+Transitions = Mapping[Tuple[State, Trigger], Tuple[Action, FrozenSet[State]]]
 
 
 class InvalidTransition(ShsaError):
@@ -48,12 +46,22 @@ class ServiceMachine:
     has a plan, and no computer for it.
     """
 
-    def __init__(self, spec: Service, robot: Robot) -> None:
+    def __init__(
+        self,
+        spec: Service,
+        robot: Robot,
+        nodes: Nodes,
+        processes: Processes,
+        transitions: Transitions,
+    ) -> None:
         self.spec = spec
         self.robot = robot
+        self.nodes = nodes
+        self.processes = processes
+        self._transitions = transitions
         self.incident = WELL
         self.accusation = no_accusation()
-        self.substitute = Substitute(spec.name, robot)
+        self.substitute = Substitute(spec.name, robot, processes)
         self.timers: Dict[Trigger, float] = {}
         self.pauses = 0
         self.lacks_room = False
@@ -104,7 +112,7 @@ class ServiceMachine:
     def kept_out(self) -> bool:
         """Tell that the faulty node may not return."""
         node = self.incident.faulty_node
-        return self.state is not State.WELL and self.robot.nodes.kept_out(node)
+        return self.state is not State.WELL and self.nodes.kept_out(node)
 
     @property
     def refuses(self) -> bool:
@@ -121,9 +129,9 @@ class ServiceMachine:
     def fire(self, trigger: Trigger, failure: Optional[FailureSeen] = None) -> List[Command]:
         """Do what the table says. Raises InvalidTransition if it says nothing."""
         before = self.state
-        if (before, trigger) not in TRANSITIONS:
+        if (before, trigger) not in self._transitions:
             raise self._invalid(f"{before}: nothing is to be done about '{trigger}'")
-        act, ends = TRANSITIONS[before, trigger]
+        act, ends = self._transitions[before, trigger]
         commands = act(self, failure)
         self._story.append((self.robot.time, before, trigger, self.state))
         if self.state not in ends:
@@ -136,7 +144,7 @@ class ServiceMachine:
 
     def step(self, **changes: object) -> List[Command]:
         """Change the incident, and show it."""
-        changes.update(self.robot.nodes.shown(self.accusation))
+        changes.update(self.nodes.shown(self.accusation))
         self.incident = replace(self.incident, **changes)  # type: ignore[arg-type]
         return [ShowIncident(self.incident)]
 
@@ -161,9 +169,9 @@ class ServiceMachine:
             well = (row.publisher for row in self.originals if row.state is PublisherState.HEALTHY)
             others = [each for each in well if each != node and each not in self.robot.health.dying]
             if others:
-                accusation = self.robot.nodes.accuse(self.spec.name, node, event.kind)
+                accusation = self.nodes.accuse(self.spec.name, node, event.kind)
                 commands = self.judge(accusation, replaced=True)
-                self.robot.nodes.acquit(self.spec, node)
+                self.nodes.acquit(self.spec, node)
                 text = f"{event.topic}: {node} failed ({event.detail}); {others[0]} carries on."
                 return [*commands, Log(Level.WARN, text)]
         commands = self.fire(Trigger.FAILED, replace(event, publisher=node))
@@ -172,7 +180,7 @@ class ServiceMachine:
     def judge(self, accusation: Accusation, replaced: bool) -> List[Command]:
         """Have it decided what becomes of a node."""
         taken_over = self.state is State.HEALED
-        return self.robot.nodes.judge(self.spec, accusation, replaced, taken_over, self.parted)
+        return self.nodes.judge(self.spec, accusation, replaced, taken_over, self.parted)
 
     def note_message(self, event: FailureSeen) -> None:
         """Keep the newest last good message: of the original, or of what was computed for it."""
@@ -240,7 +248,7 @@ class ServiceMachine:
             self.start_node()
         commands: List[Command] = []
         node, topic = event.node, self.incident.topic
-        count = self.robot.nodes.refusals(node)
+        count = self.nodes.refusals(node)
         if count:
             times = "once" if count == 1 else f"{count} times"
             text = f"{node} is kept out, and was started again {times}"
@@ -254,7 +262,7 @@ class ServiceMachine:
         """Have the faulty node started again, if that is its policy."""
         node = self.incident.faulty_node
         if self.spec.policy.restarts and node == self.spec.node:
-            self.robot.nodes.start_again(node)
+            self.nodes.start_again(node)
 
     def _left_alone(self, why: str) -> List[Command]:
         """Go on beside the faulty node: no more can be done about it."""
@@ -267,7 +275,7 @@ class ServiceMachine:
         """Tell that the faulty node is not started again any more."""
         node = self.incident.faulty_node  # how a stranger was started is not known
         stranger = node != self.spec.node and self.incident.killed is not None
-        return stranger or self.robot.nodes.exhausted(node)
+        return stranger or self.nodes.exhausted(node)
 
     def _notice_exhaustion(self) -> List[Command]:
         waiting = self.state in (State.HEALING, *STUCK)
@@ -280,7 +288,7 @@ class ServiceMachine:
 
         The substitute goes on. Who costs what nothing replaces is let in once it publishes.
         """
-        node, nodes, health = self.incident.faulty_node, self.robot.nodes, self.robot.health
+        node, nodes, health = self.incident.faulty_node, self.nodes, self.robot.health
         if not self.refuses or self.accusation.kept or node in health.dying or self._awaited():
             return []
         if not nodes.verdict(self.spec, node, Kind.OTHER, self.substitute.computes).kill:
@@ -290,7 +298,7 @@ class ServiceMachine:
 
     def _awaited(self) -> bool:
         """Tell that the faulty node may bring another service that nothing else gives."""
-        accusers = self.robot.nodes.accusers(self.incident.faulty_node)
+        accusers = self.nodes.accusers(self.incident.faulty_node)
         return any(n in self.robot.indexes.stuck for n in accusers if n != self.spec.name)
 
     def reconsider(self) -> List[Command]:
@@ -302,7 +310,7 @@ class ServiceMachine:
         """Let return what is kept out, and try again what was given up."""
         if self.state is State.WELL:
             return []
-        self.robot.nodes.trust(self.incident.faulty_node)
+        self.nodes.trust(self.incident.faulty_node)
         return self.fire(Trigger.RELEASED)
 
     # The substitute's process.
@@ -347,15 +355,15 @@ class ServiceMachine:
 
         One that publishes stays where it is, as long as that is allowed.
         """
-        robot, substitute = self.robot, self.substitute
+        substitute = self.substitute
         if not self.node or substitute.plan is None:
             return []
-        if not robot.placement.allowed(self.spec, substitute.host):
+        if not self.processes.placement.allowed(self.spec, substitute.host):
             return self._move(f"{self.node} must not run on {substitute.host or 'here'}")
         if self.state is not State.WELL:
             return []
         try:
-            place = robot.place(self.spec, substitute.plan)
+            place = self.processes.place(self.spec, substitute.plan)
         except ShsaError:
             return []  # it has a place
         if place.host == substitute.host:
@@ -448,7 +456,7 @@ class ServiceMachine:
         if row is None:
             return []
         if self.kept_out and row.publisher == incident.faulty_node and not self._awaited():
-            nodes = self.robot.nodes
+            nodes = self.nodes
             self.accusation = nodes.accuse(self.spec.name, row.publisher, Kind.OTHER)
             commands = self.judge(self.accusation, replaced=self.substitute.computes)
             if not self.accusation.kept:
@@ -524,7 +532,7 @@ class ServiceMachine:
             back = incident.state is State.RETURNING
             accusation = Accusation(node, record.kind, fate, record.heard, decision, back=back)
             self.accusation = accusation
-            robot.nodes.take_up(self.spec.name, accusation)
+            self.nodes.take_up(self.spec.name, accusation)
         commands = self.substitute.drop()  # it may stand by for us already
         commands += [] if incident is None else [ShowIncident(incident)]
         plan = None
@@ -552,7 +560,7 @@ class ServiceMachine:
         if state is State.HEALING:
             self.timers[Trigger.LATE if self.substitute.node else Trigger.PREPARE] = later
         elif state is State.RETURNING:
-            hold_off = self.robot.nodes.hold_off(self.incident.faulty_node)
+            hold_off = self.nodes.hold_off(self.incident.faulty_node)
             self.timers[Trigger.STEADY] = self.robot.time + max(START_S, hold_off)
         elif state in WAITING:
             self.timers[Trigger.RETRY] = later

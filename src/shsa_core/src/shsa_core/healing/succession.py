@@ -4,10 +4,11 @@ Nothing in its records is believed that does not fit: a process counts if it is 
 program if it is a plan of the models as they are now, a health until the monitor tells another.
 """
 from dataclasses import replace
-from typing import TYPE_CHECKING, List
+from typing import List
 
 from shsa_core.healing import events, hearing
-from shsa_core.healing.events import Command, Level, Log
+from shsa_core.healing.core import Core
+from shsa_core.healing.events import Command, Log
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.planner import program_of
@@ -19,26 +20,24 @@ from shsa_core.healing.records import (
     RestartedNode,
     ServiceRecord,
 )
+from shsa_core.model.log import Level
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
-if TYPE_CHECKING:
-    from shsa_core.healing.machine import Reconfigurator
 
-
-def started(core: "Reconfigurator", event: events.Started) -> List[Command]:
+def started(core: Core, event: events.Started) -> List[Command]:
     """Take up what a former reconfigurator has left, and end the rest.
 
     Its names are not used again. A user's node may have a name that begins like that: it is none of
     our business.
     """
-    robot, names = core.robot, core.names
+    robot, names = core.robot, core.robot.names
     if event.preparing:
-        robot.processes.starts.hold(event.time)
+        core.processes.starts.hold(event.time)
     for node in event.running:
         if names.avoid(node):
             robot.health.substitutes.add(node, event.running)
     commands = _take_up(core, event)
-    kept = {*core.substitutes, *robot.nodes.restarted}
+    kept = {*core.processes.nodes, *core.nodes.restarted}
     stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
     for node in event.running:
         if node not in kept | stopped:
@@ -46,7 +45,7 @@ def started(core: "Reconfigurator", event: events.Started) -> List[Command]:
             commands.append(events.StopSubstitute(node))
     if event.records:
         incidents = sum(each.state is not State.WELL for each in core.services.values())
-        working, idle = len(robot.processes.substituted), len(robot.processes.pool.processes)
+        working, idle = len(core.processes.substituted), len(core.processes.pool.processes)
         text = f"{incidents} incidents, {working} substitutes, {idle} idle processes"
         commands.append(Log(Level.INFO, f"Taking up what was left behind: {text}."))
     for node in filter(names.avoid, event.strangers):
@@ -54,23 +53,23 @@ def started(core: "Reconfigurator", event: events.Started) -> List[Command]:
         commands.append(Log(Level.WARN, f"{text} If it was left behind: rosnode kill {node}"))
     for node in filter(names.avoid, event.leftovers):
         commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-        commands += robot.nodes.end_orphan(node)
+        commands += core.nodes.end_orphan(node)
     return commands
 
 
-def _take_up(core: "Reconfigurator", event: events.Started) -> List[Command]:
+def _take_up(core: Core, event: events.Started) -> List[Command]:
     """Go on with the records."""
     robot, services = core.robot, core.robot.som.services
-    health, processes = robot.health, robot.processes
+    health, processes = robot.health, core.processes
     stand = [each for each in event.records if isinstance(each, ServiceRecord)]
     for record in event.records:
         if isinstance(record, Counters):
             robot.incidents = max(robot.incidents, record.incidents)
             robot.names.go_on(record.names)
         elif isinstance(record, NodeRecord):
-            robot.nodes.recall(record)
+            core.nodes.recall(record)
         elif isinstance(record, RestartedNode) and record.node in event.running:
-            robot.nodes.restarted[record.node] = record.with_us
+            core.nodes.restarted[record.node] = record.with_us
             robot.records.set(record.key, record)
     for each in stand:  # all of them, before any can end a process that it shares
         row = each.substitution
@@ -94,11 +93,11 @@ def _take_up(core: "Reconfigurator", event: events.Started) -> List[Command]:
     return commands
 
 
-def _recall(core: "Reconfigurator", time: float, record: Healthy) -> List[Command]:
+def _recall(core: Core, time: float, record: Healthy) -> List[Command]:
     """Count a publisher as well that was so; not a substitute that has ended."""
     robot, node = core.robot, record.publisher
     ours = node in robot.health.substitutes
-    if core.names.avoid(node) and not ours:
+    if core.robot.names.avoid(node) and not ours:
         return []
     since = record.since
     state = PublisherState.HEALTHY
@@ -111,9 +110,7 @@ def _recall(core: "Reconfigurator", time: float, record: Healthy) -> List[Comman
     return hearing.acquaint(core, node, row)
 
 
-def _take_up_service(
-    core: "Reconfigurator", event: events.Started, record: ServiceRecord
-) -> List[Command]:
+def _take_up_service(core: Core, event: events.Started, record: ServiceRecord) -> List[Command]:
     incident, row = record.incident, record.substitution
     if record.service not in core.robot.som.services:
         return [] if incident is None else [_withdrawn(incident, event.time)]

@@ -78,7 +78,7 @@ class Publisher:
     a message came within its deadline once.
 
     `suspicions`: what others hold against its values, by property. `logged`: what people were told
-    of it.
+    of it. `uri`: where its process is.
 
     `watched` is the service that it provides, None: nobody can tell, so that only its connection is
     watched.
@@ -106,6 +106,7 @@ class Publisher:
     backlog: Backlog = field(default_factory=Backlog)
     suspicions: Dict[str, Suspicion] = field(default_factory=dict)
     logged: Set[str] = field(default_factory=set)
+    uri: str = ""
 
     def __post_init__(self) -> None:
         self.begin_anew()
@@ -216,7 +217,7 @@ class Publisher:
         """Return its row in the table."""
         moments = (self.since, self.first_message, self.last_good)
         told = (self.kind, self.detail, self.service_name)
-        return PublisherHealth(topic, self.name, self.state, *moments, *told)
+        return PublisherHealth(topic, self.name, self.state, *moments, *told, uri=self.uri)
 
 
 @dataclass

@@ -46,17 +46,19 @@ HEALINGS = {State.WELL: OK, State.RETURNING: OK, State.HEALING: WARN, State.HEAL
 class Diagnostics:
     """Shows what it is given from a thread of its own: whoever gives something never waits.
 
-    `rows` makes statuses of it, named after services. More rows count what `signing` refused,
-    and tell of the other healer and of each other computer that has proved itself.
+    `ask` has somebody `show` something, once a second; `rows` makes statuses of it, named after
+    services. More rows count what `signing` refused, and tell of the other healer and of each other
+    computer that has proved itself.
     """
 
     def __init__(
         self,
+        ask: Callable[[], object],
         rows: Callable[[Any], List[DiagnosticStatus]],
         signing: Signing,
         companion: Companion,
     ) -> None:
-        self._rows = rows
+        self._ask, self._rows = ask, rows
         self._signing = signing
         self._companion = companion
         self._given: "queue.Queue[Any]" = queue.Queue()
@@ -69,14 +71,32 @@ class Diagnostics:
 
     def _run(self) -> None:
         while not rospy.is_shutdown():
+            rospy.rostime.wallsleep(settings.LOOK_S)
+            self._ask()
             rows = self._rows(self._given.get())
             rows.append(refused_row(self._signing.refusals.counts()))
-            rows.append(_companion_row(self._companion))
+            level = ERROR if self._companion.problem else OK
+            rows.append(_row(self._companion.role, level, self._companion.told))
             rows += map(computer_row, self._signing.computers.seen())
             for row in rows:
                 row.name = f"{rospy.get_name()[1:]}: {row.name}"
             header = Header(stamp=rospy.Time.now())
             publish(self._publisher, DiagnosticArray(header=header, status=rows))
+
+
+def _row(
+    name: str, level: int, text: str, values: Iterable[Tuple[str, str]] = (), of: str = ""
+) -> DiagnosticStatus:
+    """Return a status; `of`: the node or the computer that it is about."""
+    pairs = [KeyValue(shown(key), shown(value)) for key, value in values]
+    return DiagnosticStatus(level, name, shown(text), of, pairs)
+
+
+def _service_row(
+    service: Service, level: int, text: str, values: Iterable[Tuple[str, str]] = ()
+) -> DiagnosticStatus:
+    pairs = [("topic", service.topic), *values]
+    return _row(service.name, level, text, pairs, service.node)
 
 
 def computer_row(seen: OtherComputer) -> DiagnosticStatus:
@@ -88,30 +108,17 @@ def computer_row(seen: OtherComputer) -> DiagnosticStatus:
         "round trip (s)": f"{seen.round_trip:.6f}",
         "measured (s ago)": f"{seen.age:.0f}",
     }
-    is_off = abs(seen.offset) - seen.bound > CLOCK_OFF_S
-    return DiagnosticStatus(
-        level=WARN if is_off else OK,
-        name=f"computer {seen.host} at {seen.address}",
-        message=f"{text}, known within {seen.bound:.4f} s",
-        hardware_id=seen.host,
-        values=[KeyValue(key, value) for key, value in values.items()],
-    )
+    level = WARN if abs(seen.offset) - seen.bound > CLOCK_OFF_S else OK
+    name = f"computer {seen.host} at {seen.address}"
+    text = f"{text}, known within {seen.bound:.4f} s"
+    return _row(name, level, text, values.items(), seen.host)
 
 
-def _companion_row(companion: Companion) -> DiagnosticStatus:
-    level = ERROR if companion.problem else OK
-    return DiagnosticStatus(level=level, name=companion.role, message=companion.told)
-
-
-def every_period(call: Callable[[], object]) -> None:
-    """Call it once a second, in a thread of its own, until ROS shuts down."""
-
-    def work() -> None:
-        while not rospy.is_shutdown():
-            rospy.rostime.wallsleep(settings.LOOK_S)
-            call()
-
-    threading.Thread(target=work, name="remind", daemon=True).start()
+def refused_row(counts: List[Tuple[str, int]]) -> DiagnosticStatus:
+    """Return the row of the messages that were refused since the start, of whom, and why."""
+    total = sum(count for _, count in counts)
+    values = [(what, str(count)) for what, count in [("in all", total), *counts]]
+    return _row("refused messages", WARN if total else OK, str(total), values)
 
 
 Values = Dict[Key, Optional[Tuple[Optional[float], ...]]]
@@ -151,7 +158,7 @@ class MonitorRows:
         text = health.detail
         if health.condition is not Condition.HEALTHY:
             text = f"{health.condition}: {text}"
-        return _status(health.service, CONDITIONS[health.condition], text, told)
+        return _service_row(health.service, CONDITIONS[health.condition], text, told)
 
     def _publisher(
         self, row: PublisherHealth, counts: Dict[Key, int], elapsed: Optional[float], now: float
@@ -191,19 +198,18 @@ def healing_rows(given: Healing) -> List[DiagnosticStatus]:
 def _host_row(host: HostState) -> DiagnosticStatus:
     name = f"host {host.name}"
     if host.silent is None:
-        return DiagnosticStatus(level=WARN, name=name, message="its agent was not heard yet")
+        return _row(name, WARN, "its agent was not heard yet")
     level, text = OK, f"{host.load:.1f} of {host.cores:g} cores are busy"
     if not host.reached:
         level, text = ERROR, f"it cannot be reached, for {host.silent:.1f} s"
-    figures = {
+    values = {
         "busy cores": f"{host.load:.2f}",
         "cores": f"{host.cores:g}",
         "sent": f"{host.transmitted:.0f} bytes/s",
         "received": f"{host.received:.0f} bytes/s",
         "silent": f"{host.silent:.1f} s",
     }
-    values = [KeyValue(key, value) for key, value in figures.items()]
-    return DiagnosticStatus(level=level, name=name, message=text, values=values)
+    return _row(name, level, text, values.items())
 
 
 def _master_row(master: MasterState) -> DiagnosticStatus:
@@ -212,14 +218,14 @@ def _master_row(master: MasterState) -> DiagnosticStatus:
         level, text = ERROR, "it does not answer; healing goes on, but no new node can come"
     elif master.hung:
         level, text = WARN, "subscribers do not answer, and it waits for them"
-    values = [KeyValue("hung", node) for node in master.hung]
-    values.append(KeyValue("kept", f"{master.kept} registrations, {master.age:.1f} s ago"))
-    return DiagnosticStatus(level=level, name="ROS master", message=text, values=values)
+    values = [("hung", node) for node in master.hung]
+    values.append(("kept", f"{master.kept} registrations, {master.age:.1f} s ago"))
+    return _row("ROS master", level, text, values)
 
 
 def _healing_row(service: Service, incident: Optional[Incident]) -> DiagnosticStatus:
     if incident is None:
-        return _status(service, OK, "well", [])
+        return _service_row(service, OK, "well")
     values = {
         "faulty node": incident.faulty_node,
         "kind": str(incident.kind),
@@ -230,28 +236,4 @@ def _healing_row(service: Service, incident: Optional[Incident]) -> DiagnosticSt
     }
     told = [(key, value) for key, value in values.items() if value]
     level = HEALINGS.get(incident.state, ERROR)
-    return _status(service, level, f"{incident.state}: {incident.detail}", told)
-
-
-def refused_row(counts: List[Tuple[str, int]]) -> DiagnosticStatus:
-    """Return the row of the messages that were refused since the start, of whom, and why."""
-    total = sum(count for _, count in counts)
-    return DiagnosticStatus(
-        level=WARN if total else OK,
-        name="refused messages",
-        message=str(total),
-        values=[KeyValue(what, str(count)) for what, count in [("in all", total), *counts]],
-    )
-
-
-def _status(
-    service: Service, level: int, text: str, values: Iterable[Tuple[str, str]]
-) -> DiagnosticStatus:
-    pairs = [("topic", service.topic), *values]
-    return DiagnosticStatus(
-        level=level,
-        name=service.name,
-        message=shown(text),
-        hardware_id=service.node,
-        values=[KeyValue(shown(key), shown(value)) for key, value in pairs],
-    )
+    return _service_row(service, level, f"{incident.state}: {incident.detail}", told)

@@ -5,7 +5,7 @@ import argparse
 import struct
 import sys
 from dataclasses import replace
-from typing import Callable, Dict
+from typing import Dict
 
 import rospy
 from shsa_msgs import msg
@@ -25,7 +25,7 @@ from shsa_core.ros.reader import ALL, Reader
 from shsa_core.ros.sockets.subscriptions import Arrived, Gone, Looked, Subscriptions
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.messages.tables import TableSubscriber
-from shsa_core.ros.node import run
+from shsa_core.ros.node import LOG, run
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
 
@@ -117,8 +117,7 @@ class GateNode:
         self._publisher.publish(self._written(data))
 
     def _log(self, command: events.Log) -> None:
-        say: Callable[..., None] = rospy.logwarn if command.bad else rospy.loginfo
-        say("%s.", command.text)
+        LOG[command.level]("%s.", command.text)
 
 
 def _service(arguments: argparse.Namespace) -> Service:

@@ -21,11 +21,12 @@ from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.healing import events
-from shsa_core.healing.events import Event, Level
+from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
 from shsa_core.journal.record_file import RecordFile
-from shsa_core.journal.writer import JournalWriter
+from shsa_core.journal.writer import Handle, JournalWriter
+from shsa_core.model.log import Level
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
@@ -47,7 +48,7 @@ from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_core.ros.processes.host import HostCommand
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
-from shsa_core.ros.node import run
+from shsa_core.ros.node import LOG, run
 from shsa_core.ros.services import Services
 from shsa_core.ros.settings import MOST_CALLS
 from shsa_core.ros.succession import take_over
@@ -55,11 +56,6 @@ from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import own_rows, substitution_message
 
-LOG: Dict[Level, Callable[..., None]] = {
-    Level.INFO: rospy.loginfo,
-    Level.WARN: rospy.logwarn,
-    Level.ERROR: rospy.logerr,
-}
 MOST_WAITING = 10_000
 """With more to do than this, failures that nobody signed are dropped."""
 
@@ -95,10 +91,12 @@ class ReconfiguratorNode:
         for finding in (*check_budgets(som, settings), *unfit):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
+        self._answer: Handle = self._core.handle
         self._journal: Optional[JournalWriter] = None
         journal = arguments.journal and file_name(arguments.journal, rospy.get_namespace())
         if journal:
             self._journal = JournalWriter(journal, "healing", setup, rospy.logwarn)
+            self._answer = self._journal.recorded(self._answer)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
         self._handover, self._ends = handover, False
@@ -145,17 +143,22 @@ class ReconfiguratorNode:
             },
         )
         self._diagnostics = diagnostics.Diagnostics(
-            diagnostics.healing_rows, signing, self._companion
+            lambda: self._queue.put(self._report),
+            diagnostics.healing_rows,
+            signing,
+            self._companion,
         )
-        diagnostics.every_period(lambda: self._queue.put(self._report))
         self._decided = clock.now()
         # First of all: what runs goes on, and no substitute may take a name that was used.
-        self._master = MasterWatch(lambda node: node.startswith(prefix))
+        self._master = MasterWatch(
+            lambda node: node.startswith(prefix),
+            lambda topics: self._put(events.SubscribersSeen(clock.now(), topics)),
+        )
         self._may_act(som)
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, self._hosts.take_up())
         self._records = heritage.file
-        self._decide(replace(heritage.started, preparing=self._local.processes.forks))
+        self._decide(replace(heritage.started, preparing=self._local.substitutes.forks))
         self._substitutions.open()
         self._som_state.open()
         put_som(som)
@@ -274,12 +277,8 @@ class ReconfiguratorNode:
         self._decide(event)
 
     def _decide(self, event: Event) -> None:
-        if self._journal is not None:
-            self._journal.record(event)
-        commands = self._core.handle(event)
+        commands = self._answer(event)
         self._decided = clock.now()
-        if self._journal is not None:
-            self._journal.answered(commands)
         for command in commands:
             try:
                 self._carry_out[type(command)](command)
@@ -330,7 +329,7 @@ class ReconfiguratorNode:
         self._substitutions.update(map(substitution_message, command.rows), command.removed)
 
     def _show_som(self, command: events.ShowSom) -> None:
-        self._master.introduce(*(row.service.topic for row in command.rows))
+        self._master.introduce(*(topic for row in command.rows for topic in row.service.topics))
         self._som_state.update(map(wire.service_state, command.rows), command.removed)
 
     def _report(self) -> None:

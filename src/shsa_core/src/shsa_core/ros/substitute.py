@@ -17,6 +17,7 @@ from shsa_core.ros.master import announce
 from shsa_core.ros.master.bus import Originals
 from shsa_core.ros.master.node_api import FAILURES
 from shsa_core.ros.messages.tables import TableSubscriber
+from shsa_core.ros.node import LOG
 from shsa_core.ros.outputs import Outputs
 from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
 from shsa_core.ros.row_reader import RowReader, unusable
@@ -28,13 +29,6 @@ from shsa_core.substitution import events, machine, sharing
 
 if TYPE_CHECKING:
     from shsa_core.journal.writer import JournalWriter
-
-LOG = {
-    events.Level.DEBUG: rospy.logdebug,
-    events.Level.INFO: rospy.loginfo,
-    events.Level.WARNING: rospy.logwarn,
-    events.Level.ERROR: rospy.logerr,
-}
 
 
 class SubstituteNode:
@@ -61,7 +55,8 @@ class SubstituteNode:
         self._core: Union[machine.Substitute, sharing.Sharing] = (
             sharing.Sharing() if row.shared else machine.Substitute()
         )
-        self._journal = journal
+        handle = self._core.handle
+        self._journal, self._answer = journal, journal.recorded(handle) if journal else handle
         self._inputs = Inputs(row.node, self._clock, lowered)
         self._inputs.read(signal.topic for signal in row.inputs)
         self._heart = Heart(hearer(os.environ.get(HOST, "")))
@@ -127,12 +122,7 @@ class SubstituteNode:
                 self._feed(events.Tick(self._clock.now()))
 
     def _feed(self, event: events.Event) -> None:
-        if self._journal is not None:
-            self._journal.record(event)
-        commands = self._core.handle(event)
-        if self._journal is not None:
-            self._journal.answered(commands)
-        for command in commands:
+        for command in self._answer(event):
             self._carry_out[type(command)](command)
 
     # Events, from rospy's threads.

@@ -44,6 +44,10 @@ class Workers:
             except (RuntimeError, MemoryError) as error:
                 self._say(f"no thread for {self._name}, its calls wait for one another: {error}")
 
+    def join(self) -> None:
+        """Wait until all calls that were put have been made."""
+        self._calls.join()
+
     def _start(self) -> None:
         threading.Thread(target=self._work, name=self._name, daemon=True).start()
         with self._lock:
@@ -62,6 +66,7 @@ class Workers:
                 del call
                 with self._lock:
                     self._busy -= 1
+                self._calls.task_done()
 
     def _say(self, text: str) -> None:
         now = time.monotonic()

@@ -6,7 +6,8 @@ the moment of an event in ns of ROS time; 0: not known.
 from dataclasses import dataclass
 from typing import FrozenSet, Optional, Tuple, Union
 
-from shsa_core.model.kinds import Others, Word
+from shsa_core.model.kinds import Others
+from shsa_core.model.log import Log
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 
@@ -198,15 +199,6 @@ Event = Union[
 LEFT_ALONE = "no reconfigurator has been there for a minute"
 
 
-class Level(Word):
-    """The weight of a log line."""
-
-    DEBUG = "debug"
-    INFO = "info"
-    WARNING = "warning"
-    ERROR = "error"
-
-
 @dataclass(frozen=True)
 class Listen:
     """Send the values of these signals from now on, beside those of before."""
@@ -301,14 +293,6 @@ class GiveUp:
     """End the node: it cannot do what it was started for."""
 
     reason: str
-
-
-@dataclass(frozen=True)
-class Log:
-    """A line for people."""
-
-    level: Level
-    text: str
 
 
 Command = Union[

@@ -4,9 +4,10 @@ from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import ShsaError
+from shsa_core.model.log import Level
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
-from shsa_core.substitution.events import Level, Log
+from shsa_core.substitution.events import Log
 from shsa_core.substitution.settings import (
     FIRST_MISSES,
     GAP_PERIODS,
@@ -149,7 +150,7 @@ class Job:
             said.append(Log(Level.ERROR, f"publishes nothing: {text}"))
         if self._hidden:
             text = f"{self.topic} is computed with an integral that has started at 0"
-            said.append(Log(Level.WARNING, text))
+            said.append(Log(Level.WARN, text))
         return said
 
     @property

@@ -5,11 +5,12 @@ from typing import Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
+from shsa_core.model.log import Level
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.advertising import Advertising
-from shsa_core.substitution.events import Command, Event, LastMessage, Level, Log
+from shsa_core.substitution.events import Command, Event, LastMessage, Log
 from shsa_core.substitution.readings import Readings
 from shsa_core.substitution.job import Job, Stamps, Words, words
 from shsa_core.substitution.speech import Speech
@@ -244,7 +245,7 @@ class Substitute:
         for row in (each for each in rows if each.host == here):
             problems = self._problems(row)
             commands += [
-                Log(Level.WARNING, f"does not prepare for {signal.path}: {why}")
+                Log(Level.WARN, f"does not prepare for {signal.path}: {why}")
                 for signal, why in problems.items()
             ]
             commands += self._listen(tuple(each for each in row.inputs if each not in problems))

@@ -4,8 +4,9 @@ from collections import defaultdict
 from typing import DefaultDict, Dict, Iterable, List, NamedTuple, Union
 
 from shsa_core.dispatch import Table, table
+from shsa_core.model.log import Level
 from shsa_core.substitution import events
-from shsa_core.substitution.events import Command, Event, Level, Log
+from shsa_core.substitution.events import Command, Event, Log
 from shsa_core.substitution.machine import Substitute
 
 OfTopic = Union[

@@ -201,7 +201,7 @@ class AgentNode:
             heard=self._end.heard,
             event=text,
             addresses=self._load.addresses,
-            running=self._host.processes.children.running(),
+            running=self._host.substitutes.children.running(),
             restarted=self._host.restarts.children.running(),
             load=self._load.busy,
             cores=self._load.cores,

@@ -3,7 +3,7 @@ import os
 import signal
 import threading
 import time
-from typing import Callable, Dict, List, Optional, Protocol, Set, Union
+from typing import Callable, Dict, List, Optional, Set, Union, cast
 
 import psutil
 import rospy
@@ -16,25 +16,11 @@ Status = Union[int, str]
 """An exit status; UNKNOWN: it is not told."""
 
 
-class Process(Protocol):
-    """A process, as subprocess.Popen has it."""
-
-    pid: int
-
-    def poll(self) -> Optional[Status]:
-        """Return the exit status; None as long as it runs."""
-
-
-class Foreign:
-    """A process that another one has started: only that one hears its exit status."""
-
-    def __init__(self, process: psutil.Process) -> None:
-        self.pid = int(process.pid)
-        self._process = process
-
-    def poll(self) -> Optional[Status]:
-        """Return UNKNOWN once it has ended; None as long as it runs."""
-        return UNKNOWN if kernel.gone(self._process) else None
+def exit_status(process: psutil.Process) -> Optional[Status]:
+    """Return None as long as a process runs; of one that we have not started it is UNKNOWN."""
+    if isinstance(process, psutil.Popen):
+        return cast(Optional[int], process.poll())
+    return UNKNOWN if kernel.gone(process) else None
 
 
 class Children:
@@ -46,19 +32,19 @@ class Children:
 
     def __init__(self, ended: Callable[[str, Optional[Status]], object]) -> None:
         self._ended = ended
-        self._running: Dict[str, Process] = {}
+        self._running: Dict[str, psutil.Process] = {}
         self._stopped: Set[str] = set()
         self._changed = threading.Condition()
         threading.Thread(target=self._watch, name="children", daemon=True).start()
 
-    def keep(self, node: str, process: Process) -> None:
+    def keep(self, node: str, process: psutil.Process) -> None:
         """Take a process for that of a node, and wait for its end."""
         with self._changed:
             self._running[node] = process
             self._stopped.discard(node)
             self._changed.notify()
 
-    def process(self, node: str) -> Optional[Process]:
+    def process(self, node: str) -> Optional[psutil.Process]:
         """Return the process of a node; None: it does not run."""
         with self._changed:
             return self._running.get(node)
@@ -79,7 +65,7 @@ class Children:
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._running)
-                polled = {node: process.poll() for node, process in self._running.items()}
+                polled = {node: exit_status(process) for node, process in self._running.items()}
                 over = {node: status for node, status in polled.items() if status is not None}
                 for node in over:
                     del self._running[node]
@@ -90,18 +76,18 @@ class Children:
                     self._ended(node, None if stopped else status)
                 except Exception as error:  # whatever it is, the other processes are waited for
                     rospy.logerr("The end of %s: %r", node, error)
-            time.sleep(settings.PROCESS_LOOK_S)
+            time.sleep(settings.SOON_S)
 
 
-def end(process: Process, answers: bool = True) -> None:
+def end(process: psutil.Process, answers: bool = True) -> None:
     """End a process and all that it started; ask it first if it can be asked. Waits for its end."""
-    if process.poll() is not None:
+    if exit_status(process) is not None:
         return  # its number may be another one's by now
     try:
-        asks = answers and not kernel.stopped(psutil.Process(process.pid))
+        asks = answers and not kernel.stopped(process)
         for number in (signal.SIGINT, signal.SIGKILL) if asks else (signal.SIGKILL,):
             os.killpg(process.pid, number)
-            if kernel.wait_for(lambda: process.poll() is not None):
+            if kernel.wait_for(lambda: exit_status(process) is not None):
                 return
     except (ProcessLookupError, psutil.NoSuchProcess):
         return

@@ -11,7 +11,6 @@ import rospy
 
 from shsa_core.ros import settings
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.processes.children import Foreign
 from shsa_core.ros.processes.prepared import LARGEST_ORDER_B, VARIABLES, arguments
 from shsa_core.substitution import signals
 
@@ -34,9 +33,8 @@ class Forking:
         types: Sequence[str] = (),
         ready: Callable[[], object] = lambda: None,
     ) -> None:
-        self._words = [*words, *arguments()]
+        self._words = [*words, *arguments(types)]
         self._variables = {**variables, **VARIABLES}
-        self._types = json.dumps({"types": list(types)}).encode()
         self._ready = ready
         self._lock = threading.Lock()
         self._process: Optional["subprocess.Popen[bytes]"] = None
@@ -58,7 +56,7 @@ class Forking:
             self._process.kill()
         self._thread.join()
 
-    def start(self, words: List[str], variables: Mapping[str, str]) -> Optional[Foreign]:
+    def start(self, words: List[str], variables: Mapping[str, str]) -> Optional[psutil.Process]:
         """Fork a process that has these words as its command line; None: that cannot be done now.
 
         `variables`: its environment beside the one that all have.
@@ -80,7 +78,7 @@ class Forking:
                 rospy.logwarn("%s could not be forked: %r", words[-1], error)
                 pid = self._give_up(self._line, self._process)
         try:
-            return Foreign(psutil.Process(pid)) if pid else None
+            return psutil.Process(pid) if pid else None
         except psutil.NoSuchProcess:
             return None  # it has ended already
 
@@ -129,7 +127,6 @@ class Forking:
             self._process = process
             try:
                 if ours.recv(LONGEST_ANSWER_B):
-                    ours.send(self._types)
                     with self._lock:
                         self._line = ours
                     self._ready()

@@ -11,6 +11,7 @@ import socket
 import struct
 import threading
 import time
+from contextlib import suppress
 from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 import rospkg
@@ -171,15 +172,11 @@ def _address(role: str) -> str:
 
 
 def _bind(listener: socket.socket, path: str) -> None:
-    """Hear what is sent to `path`, in the place of a process that has ended. Raises OSError."""
+    """Hear what is sent to `path` from now on, instead of any former hearer. Raises OSError."""
     folder = os.stat(os.path.dirname(path))
     if folder.st_uid != os.geteuid() or folder.st_mode & 0o022:
         raise OSError(f"others can write the folder of {path}")
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect(path)
-        except (FileNotFoundError, ConnectionRefusedError):
-            if os.path.lexists(path):
-                os.unlink(path)
+    with suppress(FileNotFoundError):
+        os.unlink(path)
     os.fchmod(listener.fileno(), 0o600)  # the file that `bind` makes has this mode
     listener.bind(path)

@@ -1,5 +1,4 @@
 """The computer that we run on: its processes are learned, found, ended, started and listened to."""
-import threading
 import time
 from typing import Any, Callable, List, Optional
 
@@ -18,10 +17,12 @@ from shsa_core.ros.processes.heartbeats import Signs
 from shsa_core.ros.processes.host import HostCommand, Tell, not_done
 from shsa_core.ros.processes.nodes import Known, Nodes, protection
 from shsa_core.ros.processes.restarting import ComingUp, Restarts
-from shsa_core.ros.processes.starting import Processes, Setup
+from shsa_core.ros.processes.starting import Substitutes, Setup
 from shsa_core.ros.processes.watching import Life
 from shsa_core.ros.workers import Workers
 
+Work = Callable[[Any], object]
+"""Carries out a command."""
 LEARNING = 2
 """So many nodes are learned at the same time: to look at each is work for several processes."""
 
@@ -32,10 +33,9 @@ class LocalHost:
     def __init__(self, tell: Tell, signs: Signs, setup: Setup) -> None:
         self._tell = tell
         self.prefix = setup.prefix
-        self._endings: List[threading.Event] = []
         clearing = Workers("clear", settings.MOST_CALLS)
         self.nodes = Nodes()
-        self.processes = Processes(
+        self.substitutes = Substitutes(
             lambda node, detail: tell(events.ProcessExited(clock.now(), node, detail)),
             lambda node: clearing.put(lambda: ending.clear(self.nodes, node)),
             setup,
@@ -43,14 +43,8 @@ class LocalHost:
         ended = lambda node: tell(events.StarterEnded(clock.now(), node))
         self.restarts = Restarts(ended, setup.host)
         self._coming_up = ComingUp(self.restarts.started_again, self._came_up)
-        self._life = Life(
-            signs,
-            lambda node: node.startswith(setup.prefix),
-            lambda node: tell(events.ProcessSilent(clock.now(), node)),
-            lambda node: tell(events.ProcessHung(clock.now(), node)),
-            lambda node: tell(events.ProcessHeard(clock.now(), node)),
-        )
-        stops = Workers("stop", settings.MOST_CALLS)
+        self._life = Life(signs, lambda node: node.startswith(setup.prefix), tell)
+        self._stops = stops = Workers("stop", settings.MOST_CALLS)
         by = lambda name, work, most=settings.MOST_CALLS: self._by(Workers(name, most), work)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             HostCommand,
@@ -66,31 +60,26 @@ class LocalHost:
                 ),
                 events.ClearNode: self._by(clearing, self._clear),
                 events.StartSubstitute: self._start,
-                events.StopSubstitute: self._by(stops, self._stop, True),
+                events.StopSubstitute: self._by(stops, self._stop),
                 events.RestartNode: self._restart,
-                events.StopNode: self._by(
-                    stops, lambda c: self.restarts.children.stop(c.node), True
-                ),
+                events.StopNode: self._by(stops, lambda c: self.restarts.children.stop(c.node)),
             },
         )
 
     def carry_out(self, command: HostCommand) -> None:
         """Begin to carry out a command; see Host."""
-        try:
-            self._carry_out[type(command)](command)
-        except Exception as error:  # whatever it is, the commands after it are carried out
-            self._failed(command, error)
+        self._guarded(self._carry_out[type(command)], command)
 
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has left running; return the nodes."""
-        left = self.processes.left_behind()
+        left = self.substitutes.left_behind()
         for node, process in left.items():
-            self.processes.take_up(node, process)
+            self.substitutes.take_up(node, process)
         return [*left, *self.restarts.take_up()]
 
     def stop_all(self) -> None:
         """Stop the substitutes, and the nodes that would have ended with us; wait for that."""
-        for node in self.processes.children.running():
+        for node in self.substitutes.children.running():
             self.carry_out(events.StopSubstitute(node))
         for node in filter(self.restarts.is_with_us, self.restarts.children.running()):
             self.carry_out(events.StopNode(node))
@@ -98,33 +87,17 @@ class LocalHost:
 
     def await_stops(self) -> None:
         """Wait until all has ended that was to be stopped."""
-        for ended in self._endings:
-            ended.wait()
+        self._stops.join()
 
-    def _by(
-        self, workers: Workers, work: Callable[[Any], object], awaited: bool = False
-    ) -> Callable[[Any], None]:
-        """Return what has a command carried out by workers: to wait must not hold the events up.
+    def _by(self, workers: Workers, work: Work) -> Work:
+        """Return what has a command carried out by workers: to wait must not hold the events up."""
+        return lambda command: workers.put(lambda: self._guarded(work, command))
 
-        `awaited`: we do not end before it is done.
-        """
-
-        def put(command: Any) -> None:
-            done = threading.Event()
-
-            def call() -> None:
-                try:
-                    work(command)
-                except Exception as error:  # whatever it is, the next command is carried out
-                    self._failed(command, error)
-                finally:
-                    done.set()
-
-            if awaited:
-                self._endings = [each for each in self._endings if not each.is_set()] + [done]
-            workers.put(call)
-
-        return put
+    def _guarded(self, work: Work, command: Any) -> None:
+        try:
+            work(command)
+        except Exception as error:  # whatever it is, the commands after it are carried out
+            self._failed(command, error)
 
     def _failed(self, command: HostCommand, error: Exception) -> None:
         """Say that a command could not be carried out, and answer it, so that nobody waits."""
@@ -159,7 +132,7 @@ class LocalHost:
 
     def _find(self, command: events.FindNode) -> None:
         node = command.node
-        found = self.nodes.find(node, command.topic, command.successor)
+        found = self.nodes.find(node, command.topic, command.successor, command.uri)
         rate = None
         if command.listen and found.where is Where.HERE:
             rate = self._rate(node, command.topic, command.listen)
@@ -196,11 +169,11 @@ class LocalHost:
 
     def _start(self, command: events.StartSubstitute) -> None:
         asked = clock.now()
-        self.processes.start(command)
+        self.substitutes.start(command)
         self._tell(events.SubstituteStarted(clock.now(), command.node, asked))
 
     def _stop(self, command: events.StopSubstitute) -> None:
-        self.processes.children.stop(command.node, answers=not self._life.is_silent(command.node))
+        self.substitutes.children.stop(command.node, answers=not self._life.is_silent(command.node))
 
     def _restart(self, command: events.RestartNode) -> None:
         node = command.node

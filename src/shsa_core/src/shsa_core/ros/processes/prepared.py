@@ -10,7 +10,8 @@ import os
 import signal
 import socket
 import sys
-from typing import Any, Dict, List
+from contextlib import suppress
+from typing import Any, Dict, List, Sequence
 
 import rospy
 
@@ -27,9 +28,9 @@ VARIABLES = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """numpy starts threads when it is imported, unless it is told so."""
 
 
-def arguments() -> List[str]:
-    """Return the words that make an executable a prepared process."""
-    return [OPTION, " " * SPACE]
+def arguments(types: Sequence[str]) -> List[str]:
+    """Return the words that make an executable a prepared process, which loads message types."""
+    return [OPTION, " " * SPACE, *types]
 
 
 def serve() -> None:
@@ -43,7 +44,11 @@ def serve() -> None:
         raise SystemExit(f"{OPTION} is for healing alone: it takes orders on a socket") from None
     line.setblocking(True)
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel forgets the forks that have ended
-    _freeze()
+    for name in sys.argv[3:]:
+        with suppress(ShsaError):  # a fork says what is wrong with it
+            message_class(name)
+    gc.collect()
+    gc.freeze()  # a collection in a fork neither moves nor writes to what is here by now
     _rename(sys.argv[:2])  # raises OSError here and not in each fork
     try:
         line.send(str(os.getpid()).encode())
@@ -52,9 +57,7 @@ def serve() -> None:
             if not data:
                 break
             order = json.loads(data)
-            if "types" in order:
-                _load(order["types"])
-            elif _fork(order, line):
+            if _fork(order, line):
                 _begin(order)
                 line.send(str(os.getpid()).encode())
                 line.close()
@@ -62,22 +65,6 @@ def serve() -> None:
     except ConnectionError:
         pass  # who gave us orders has ended, or has given this one up
     os._exit(0)
-
-
-def _freeze() -> None:
-    """Have nothing of what is here by now moved or written to by a collection in a fork."""
-    gc.collect()
-    gc.freeze()
-
-
-def _load(types: List[str]) -> None:
-    """Import message types that substitutes will need; a fork says what is wrong with one."""
-    for name in types:
-        try:
-            message_class(name)
-        except ShsaError:
-            continue
-    _freeze()
 
 
 def _fork(order: Dict[str, Any], line: socket.socket) -> bool:

@@ -17,7 +17,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.processes.children import Children, Foreign, Process
+from shsa_core.ros.processes.children import Children
 from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity
 from shsa_core.ros.processes.kernel import is_ours, robot_processes
 
@@ -120,7 +120,7 @@ class Restarts:
             except (OSError, ValueError, TypeError):
                 continue
             if is_node and not gone(process):
-                self._keep(node, Foreign(process), _Start([], "", {}, first))
+                self._keep(node, process, _Start([], "", {}, first))
                 taken.append(node)
         return taken
 
@@ -134,7 +134,7 @@ class Restarts:
         if start is None or not start.words:
             raise ShsaError("it was never seen healthy on this computer")
         mark = {MARK: json.dumps([self._owner, node, *start.starter])}
-        process = subprocess.Popen(
+        process = psutil.Popen(
             start.words,
             cwd=start.folder,
             env={**start.environment, **mark},
@@ -142,7 +142,7 @@ class Restarts:
             start_new_session=True,
         )
         self._keep(node, process, start)
-        return psutil.Process(process.pid)
+        return process
 
     def is_with_us(self, node: str) -> bool:
         """Return whether the process that started a node first has started us too."""
@@ -157,7 +157,7 @@ class Restarts:
             starters = {node: self._starts[node].starter for node in running}
         return [node for node, first in starters.items() if first != NOBODY and ended(first)]
 
-    def _keep(self, node: str, process: Process, start: _Start) -> None:
+    def _keep(self, node: str, process: psutil.Process, start: _Start) -> None:
         with self._lock:
             self._starts[node] = start
             self._told.discard(node)
@@ -214,7 +214,7 @@ class ComingUp:
                 for node in nodes:
                     self._ask(node)
                 ask_at = time.monotonic() + settings.TICK_S
-            time.sleep(settings.PROCESS_LOOK_S)
+            time.sleep(settings.SOON_S)
 
     def _ask(self, node: str) -> None:
         uri, known = _address(node), self._addresses.get(node)

@@ -11,7 +11,7 @@ from roslib.packages import find_node, get_pkg_dir
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
-from shsa_core.ros.processes.children import Children, Foreign, Process, Status
+from shsa_core.ros.processes.children import Children, Status
 from shsa_core.ros.processes.forking import Forking
 from shsa_core.ros.processes.heartbeats import HOST
 from shsa_core.ros.processes.kernel import is_ours, robot_processes
@@ -68,7 +68,7 @@ class Setup(NamedTuple):
         return self.prefix.rsplit("/", 1)[0]
 
 
-class Processes:
+class Substitutes:
     """Starts and stops substitutes.
 
     `ended(node, detail)` is called whenever a process has ended that nobody stopped;
@@ -119,11 +119,11 @@ class Processes:
         slot = self._free_slot()
         if self._setup.journals:
             variables[signals.JOURNAL] = f"{self._setup.journals}{slot}.journal"
-        process: Optional[Process] = None
+        process: Optional[psutil.Process] = None
         if self._forking is not None:
             process = self._forking.start([self._paths[executable], *words], variables)
         if process is None:
-            process = subprocess.Popen(
+            process = psutil.Popen(
                 [*self._wrapper, "rosrun", PACKAGE, self._executables[executable], *words],
                 env=variables,
                 stdin=subprocess.DEVNULL,
@@ -133,7 +133,7 @@ class Processes:
 
     def take_up(self, node: str, process: psutil.Process) -> None:
         """Make a substitute of a former reconfigurator ours."""
-        self._keep(node, Foreign(process), self._free_slot())
+        self._keep(node, process, self._free_slot())
 
     def left_behind(self) -> Dict[str, psutil.Process]:
         """Return the substitutes of this master and agent that run, by name, and are not ours yet.
@@ -164,7 +164,7 @@ class Processes:
         name = "__name:=" + node.rsplit("/", 1)[1]
         return name in words and any(os.path.realpath(w) in self._files for w in words[:2])
 
-    def _keep(self, node: str, process: Process, slot: int) -> None:
+    def _keep(self, node: str, process: psutil.Process, slot: int) -> None:
         self._slots[node] = slot
         self.children.keep(node, process)
 

@@ -1,0 +1,183 @@
+"""Has services decide, and keeps up what follows from their answers.
+
+The machines of services, nodes and processes are joined here. What an event does not concern stays
+as it is, so that a decision costs the same on a large robot.
+"""
+from dataclasses import replace
+from operator import attrgetter
+from typing import Callable, Dict, Iterable, List, Optional
+
+from shsa_core.agenda import Agenda
+from shsa_core.codegen.plans import Plan
+from shsa_core.healing import events
+from shsa_core.healing.containment import Computed
+from shsa_core.healing.events import Command
+from shsa_core.healing.incident import STUCK, SUBSTITUTED, WELL, Incident, State
+from shsa_core.healing.node import NODE_EVENTS, Nodes, Said
+from shsa_core.healing.process import Processes
+from shsa_core.healing.records import ServiceRecord, Table
+from shsa_core.healing.repair import TRANSITIONS
+from shsa_core.healing.robot import Robot
+from shsa_core.healing.service import ServiceMachine
+from shsa_core.model.service import Service
+from shsa_core.model.substitution import row_key
+
+Ask = Callable[[ServiceMachine], List[Command]]
+
+
+class Core:
+    """The machines of all services, nodes and processes.
+
+    `ending`: the launch of the robot ends, so that nothing is healed any more. `asked`: computers
+    whose monitor owes its table. `states`: the running SOM, as it is shown.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.nodes = Nodes(robot)
+        self.processes = Processes(robot)
+        self.services: Dict[str, ServiceMachine] = {}
+        self.ending = False
+        self.asked: Agenda[str] = Agenda()
+        self.agenda: Agenda[str] = Agenda()  # services by when their timers are due
+        self.states: Table[events.ServiceState, events.ShowSom] = Table(events.ShowSom)
+        self._unsettled: Dict[str, bool] = {}  # services whose availability may have changed
+        self._ended: List[str] = []  # services whose incident has ended with the last event
+
+    def add(self, service: Service) -> None:
+        """Heal a service from now on."""
+        parts = self.robot, self.nodes, self.processes
+        self.services[service.name] = ServiceMachine(service, *parts, TRANSITIONS)
+        self.unsettle([service.name], another=True)
+
+    def incident(self, service: str) -> Optional[Incident]:
+        """Return the open incident of a service."""
+        machine = self.services.get(service)
+        return machine.incident if machine and machine.incident is not WELL else None
+
+    def ask(self, name: str, ask: Ask, removed: Optional[Service] = None) -> List[Command]:
+        """Have a service decide, and keep up what follows; `removed`: what it was in the SOM."""
+        machine, robot = self.services.get(name), self.robot
+        service = removed or robot.som.services.get(name)
+        if machine is None or service is None:
+            return []
+        machine.spec = service
+        if service.host and removed is None:
+            machine.spec = robot.spec(name) or service
+        before = machine.incident
+        decided = before, machine.substitute.node, machine.substitute.plan
+        commands = ask(machine)
+        incident, substitute = machine.incident, machine.substitute
+        row, due, refuses = machine.row(), machine.deadline, machine.refuses
+        record = machine.record(row)
+        if (incident, substitute.node, substitute.plan) != decided:
+            self._follow(machine, refuses)
+        self.agenda.set(name, due)
+        if row is not None:
+            self.processes.wanted.set(row_key(row), row)
+        shown: Optional[Incident] = None
+        for each in commands:
+            shown = each.incident if isinstance(each, events.ShowIncident) else shown
+        if shown is not None and incident is WELL:
+            record = replace(record, incident=shown)  # until it is told, and logged
+            self._ended.append(name)
+            robot.calibrations.healed(name)
+        empty = record == ServiceRecord(name)
+        robot.records.set(f"service {name}", None if empty else record)
+        if (before is WELL) != (incident is WELL):
+            self.unsettle([name])
+        return commands
+
+    def _follow(self, machine: ServiceMachine, refuses: bool) -> None:
+        """Keep up the indexes of a service that has decided."""
+        name, indexes = machine.spec.name, self.robot.indexes
+        incident, plan = machine.incident, machine.substitute.plan
+        reads = plan.inputs if isinstance(plan, Plan) else ()
+        indexes.follow(name, tuple(dict.fromkeys([source.service.name for source in reads])))
+        if incident is WELL:
+            return
+        if incident.state in STUCK:
+            indexes.stuck[name] = None
+        if incident.state is State.KEPT or incident.kept:
+            indexes.kept[name] = None
+        if incident.state in SUBSTITUTED:
+            indexes.computed[name] = Computed(incident.faulty_node, machine.substitute.tried)
+        if refuses:
+            indexes.refused[name] = incident.faulty_node
+
+    def ask_all(self, names: Iterable[str], ask: Ask) -> List[Command]:
+        """Have some services decide."""
+        commands: List[Command] = []
+        for name in list(names):
+            commands += self.ask(name, ask)
+        return commands
+
+    def deliver(self, said: Iterable[Said]) -> List[Command]:
+        """Carry what became of nodes to the services that accuse them; the rest are commands."""
+        commands: List[Command] = []
+        for each in said:
+            if not isinstance(each, NODE_EVENTS):
+                commands.append(each)  # type: ignore[arg-type]
+                continue
+            event = each
+            self.unsettle_node(event.node)
+            accusers = self.nodes.accusers(event.node)
+            commands += self.ask_all(accusers, lambda service: service.heed(event))
+        return commands
+
+    def settle(self) -> List[Command]:
+        """See which services come and go by what has happened, and tell those whom it concerns."""
+        commands: List[Command] = []
+        robot, indexes = self.robot, self.robot.indexes
+        while self._unsettled:
+            names, self._unsettled = self._unsettled, {}
+            looked = [(name, another, self.missing(name)) for name, another in names.items()]
+            others = [name for name, another in names.items() if another]
+            gone, come = robot.availability.update(robot.som, looked)
+            for name in names:
+                self.states.set(name, robot.availability.states.get(name))
+            robot.planner.plans.change(gone, come)
+            for name in indexes.readers((*others, *map(attrgetter("name"), gone))):
+                commands += self.ask(name, lambda each: each.changed())
+            if come:
+                waiting = [*indexes.stuck, *indexes.kept]
+                commands += self.ask_all(waiting, lambda each: each.changed(service_came=True))
+        return commands
+
+    def missing(self, name: str) -> str:
+        """Return why a service is not available whoever is well; empty: it may be."""
+        machine, service = self.services.get(name), self.robot.som.services.get(name)
+        if machine is not None and machine.incident is not WELL:
+            return "failed"
+        if service is None or not service.host or not service.event_driven:
+            return ""
+        lost = self.robot.lost(service.host)  # no silence tells of one that is due at no time
+        return f"{service.host} is lost: {lost}" if lost else ""
+
+    def unsettle(self, names: Iterable[str], another: bool = False) -> None:
+        """Look again whether some services are available; `another`: they are other ones now."""
+        for name in names:
+            self._unsettled[name] = another or self._unsettled.get(name, False)
+
+    def unsettle_node(self, node: str) -> None:
+        """Look again at the services that a node publishes."""
+        for topic in self.robot.health.topics.get(node, ()):
+            self.unsettle(self.concerned(topic, node))
+
+    def concerned(self, topic: str, publisher: str) -> List[str]:
+        """Return the services that a publisher of a topic may be of."""
+        som = self.robot.som
+        service = som.service_of(topic, publisher)
+        return [service.name] if service else [each.name for each in som.of_topic(topic)]
+
+    def forget_ended(self) -> None:
+        """Forget the incidents that have ended with the event before: they are logged by now."""
+        names, self._ended = self._ended, []
+        for name in names:
+            key = ServiceRecord(name).key
+            record = self.robot.records.rows.get(key)
+            if isinstance(record, ServiceRecord) and record.incident is not None:
+                if record.incident.state is State.ENDED:
+                    record = replace(record, incident=None)
+                empty = record == ServiceRecord(name)
+                self.robot.records.set(key, None if empty else record)
