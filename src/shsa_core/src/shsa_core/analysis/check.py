@@ -13,7 +13,14 @@ from shsa_core.analysis.type_check import MessageTypes, check_healable, check_ty
 from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL, compile_program
-from shsa_core.errors import GenerationError, ModelError, NoSubstitute, UnitError, listed
+from shsa_core.errors import (
+    GenerationError,
+    ModelError,
+    ModelErrors,
+    NoSubstitute,
+    UnitError,
+    listed,
+)
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands
@@ -71,6 +78,14 @@ def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
         findings += check_placements(ontology, som)
         findings += _check_elsewhere(ontology, som)
     return findings
+
+
+def refuse_invalid(ontology: Ontology, som: Som) -> None:
+    """Raise ModelErrors, with file and line, if a model that can be read is not valid."""
+    found = (*_check_units(ontology), *_check_functions(ontology), *_check_names(ontology, som))
+    errors = [ModelError(each.where, each.what) for each in found if each.level == "error"]
+    if errors:
+        raise ModelErrors(errors)
 
 
 def _check_elsewhere(ontology: Ontology, som: Som) -> Iterator[Finding]:

@@ -1,8 +1,8 @@
 """Decides who may not be blamed, why, and for how long: one table, in order.
 
-A silence, a low rate, a late start, a value out of range and a gap that would teach how long a
-stream may be silent are asked the same. Together all alibis of a silence grant it as long again as
-it is allowed, at most.
+A silence, a low rate, an old stamp, a late start, a value out of range and a gap that would teach
+how long a stream may be silent are asked the same. Together all alibis of a silence grant it as
+long again as it is allowed, at most.
 """
 from dataclasses import dataclass
 from enum import Enum
@@ -18,6 +18,7 @@ class Blame(Enum):
     SILENCE = "silence"
     RATE = "rate"
     GAP = "gap"
+    STAMP = "stamp"
     RANGE = "range"
     START = "start"
 
@@ -28,7 +29,8 @@ class Case:
 
     `limit`: until when alibis of a silence count. `due`: when it is late by the watch, which stands
     while nobody could act. `reconnects_until`: until then it gives a connection that was lost anew.
-    `connected`, `came_up`: when healing connected to it, and when a substitute came up, last.
+    `connected`, `came_up`, `short`: when healing connected to it, when a substitute came up, and
+    when the computer was short of processor time, last.
     `together`: how many nodes are late, or out of range, with it, itself included. `confirmed`:
     what others tell is as far out of range. `subscribed`: its topic is. `robot_came`: some node of
     the robot was there. `formerly`: it did well under a former monitor.
@@ -42,6 +44,7 @@ class Case:
     reconnects_until: float = -inf
     connected: float = -inf
     came_up: float = -inf
+    short: float = -inf
     together: int = 1
     confirmed: bool = False
     subscribed: bool = True
@@ -94,6 +97,11 @@ ROWS = (
         "a substitute came up, which takes time from others",
         _LATE,
         lambda case: case.came_up + COMING_UP_S >= case.began,
+    ),
+    Row(
+        "the computer is short of processor time",
+        (*_LATE, Blame.STAMP),
+        lambda case: case.short + COMING_UP_S >= case.began,
     ),
     Row(
         "nodes that have nothing to do with each other are late together",

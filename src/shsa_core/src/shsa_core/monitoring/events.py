@@ -182,11 +182,15 @@ class Tick:
 
 @dataclass(frozen=True)
 class ClockTicked:
-    """ROS time was `ros_time` s; `simulated`: it comes from /clock, and not from this computer."""
+    """ROS time was `ros_time` s; `simulated`: it comes from /clock, and not from this computer.
+
+    `waited`: s in all in which something waited for a processor, by the kernel; None: not known.
+    """
 
     time: float
     ros_time: float
     simulated: bool = False
+    waited: Optional[float] = None
 
 
 @dataclass(frozen=True)

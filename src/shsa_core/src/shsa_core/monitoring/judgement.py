@@ -4,7 +4,7 @@ from typing import Optional
 from shsa_core.model.checks import Checks
 from shsa_core.model.samples import IntruderSample
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.alibis import Alibi, decide
+from shsa_core.monitoring.alibis import Alibi, Blame, decide
 from shsa_core.monitoring.board import FAILED, UNKNOWN, Board
 from shsa_core.monitoring.comparisons import Comparisons
 from shsa_core.monitoring.events import Message
@@ -12,6 +12,7 @@ from shsa_core.monitoring.evidence import Finding, judge
 from shsa_core.monitoring.publishers import Publisher, WatchedTopic
 from shsa_core.monitoring.surroundings import Surroundings
 
+LATE = {Kind.RATE_LOW: Blame.RATE, Kind.STALE_STAMP: Blame.STAMP}
 NOT_BLAMED = "not blamed: "
 
 
@@ -93,8 +94,9 @@ class Judgement:
 
     def _alibi(self, publisher: Publisher, failure: Finding, time: float) -> Optional[Alibi]:
         """Return why a publisher is not blamed for its rate, or its range; None: it is."""
-        if failure.kind is Kind.RATE_LOW and publisher.is_healthy:
-            return decide(self._around.rate(publisher, time))
+        if failure.kind in LATE:
+            case = self._around.slow(LATE[failure.kind], publisher, time)
+            return decide(case) if publisher.is_healthy else None
         evidence = publisher.evidence
         if failure.kind is not Kind.OUT_OF_RANGE or evidence is None or evidence.outside is None:
             return None

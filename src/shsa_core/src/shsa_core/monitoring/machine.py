@@ -288,8 +288,9 @@ class Monitor:
                 found.append(service.name)
         return found
 
-    def _clock_ticked(self, _: events.ClockTicked) -> None:
+    def _clock_ticked(self, event: events.ClockTicked) -> None:
         """Learn stamps anew if our own clock was set."""
+        self._around.clock(event.time, event.waited)
         if self._pace.jumped:
             for _topic, publisher in self._board.all():
                 if publisher.evidence is not None:

@@ -33,6 +33,7 @@ from shsa_core.ros.monitor_commands import Commands
 from shsa_core.ros.node import run
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
+from shsa_core.ros.processes.kernel import waited_in_all
 from shsa_core.ros.processes.launch import Launch, Launches
 from shsa_core.ros.reader import Reader
 from shsa_core.ros.sockets.subscriptions import (
@@ -101,6 +102,7 @@ class MonitorNode:
         # Only the monitor that the reconfigurator watches may hear, and so end, it in turn.
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
         self._reader = Reader()
+        self._pressure = arguments.pressure
         self._last_messages = LastMessages()
         self._commands = Commands(self._last_messages, signing, arguments.host)
         self._watched: Set[str] = set()
@@ -185,7 +187,8 @@ class MonitorNode:
         before, self._ahead = self._ahead, ros_time - now
         if abs(self._ahead - before) > settings.REST_S or now - self._told_clock > settings.TURN_S:
             self._told_clock = now
-            self._feed(events.ClockTicked(now, ros_time, clock.is_simulated()))
+            waited = waited_in_all(self._pressure)
+            self._feed(events.ClockTicked(now, ros_time, clock.is_simulated(), waited))
 
     def _guarded(self, handle: Callable[..., None], *what: Any) -> None:
         """Handle something; whatever goes wrong with it, the rest is still handled."""
@@ -310,6 +313,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--ontology", default="", help="the ontology file, for checks by witnesses")
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
     parser.add_argument("--live-parameters", action="store_true", help=LIVE_PARAMETERS)
+    pressure = "the kernel's file of who waits for a processor; empty: nobody is excused by that"
+    parser.add_argument("--pressure", default="/proc/pressure/cpu", help=pressure)
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
     whose = parser.add_mutually_exclusive_group()
     whose.add_argument("--host", default="", help="watch the services of this computer alone")

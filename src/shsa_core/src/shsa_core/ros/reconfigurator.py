@@ -14,6 +14,7 @@ from shsa_msgs import msg
 
 from shsa_core import dispatch
 from shsa_core.analysis.budget import check_budgets
+from shsa_core.analysis.check import refuse_invalid
 from shsa_core.analysis.schedulability import check_placements
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
@@ -382,7 +383,7 @@ class ReconfiguratorNode:
 def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     """The ontology and the SOM in two files.
 
-    Raises ModelError that names every error in them, or why a SOM that starts programs is not
+    Raises ModelError that names every error of `shsa check` in them, or why a SOM that starts programs is not
     believed.
     """
     read_ontology, errors = load_ontology(ontology)
@@ -390,6 +391,7 @@ def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     errors = [*errors, *som_errors]
     if errors:
         raise ModelErrors(errors)
+    refuse_invalid(read_ontology, read_som)
     refuse_others_commands(read_som, som)
     return read_ontology, read_som
 
