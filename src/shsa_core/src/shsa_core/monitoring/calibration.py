@@ -10,7 +10,7 @@ before it failed teaches nothing. After the first SETTLING_S, gain and offset mo
 far: who drifts along with a sensor must be slower than the sensor's drift is seen.
 """
 from collections import deque
-from math import ceil, exp, sqrt
+from math import ceil, exp, remainder, sqrt, tau
 from typing import Deque, List, Optional, Tuple
 
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
@@ -24,11 +24,11 @@ class Calibrator:
     """The calibration of one derivation of one sensor's value.
 
     `stated`: the rms error that the relation is known to have, in the unit of the value; None: not
-    known. Times in s.
+    known. `angle`: in rad, of any zero: there is an offset, and no gain. Times in s.
     """
 
-    def __init__(self, stated: Optional[float] = None) -> None:
-        self._stated = stated or 0.0
+    def __init__(self, stated: Optional[float] = None, angle: bool = False) -> None:
+        self._stated, self._angle = stated or 0.0, angle
         self._taken: Optional[float] = None
         self._waiting: Deque[Tuple[float, float, float]] = deque()
         self._learned: Optional[float] = None
@@ -89,13 +89,16 @@ class Calibrator:
             else min(time - self._learned, settings.SAMPLE_COUNTS_S)
         )
         self._learned = time
-        residual = measured - derived
-        self._note(time, derived, residual)
         means = self._means
+        residual = measured - derived
+        if self._angle:
+            residual = means.residual + remainder(residual - means.residual, tau)
+        self._note(time, derived, residual)
         told = self._slope.learn(passed, derived - means.derived, residual - means.residual)
         means.learn(passed, derived, residual)
         gain = min(max(self._slope.gain, settings.GAINS[0]), settings.GAINS[1]) - 1.0
-        self._gain.follow(gain, passed, told, settings.GAIN_STEP)
+        if not self._angle:
+            self._gain.follow(gain, passed, told, settings.GAIN_STEP)
         if not self._shift.settled:
             self._at = means.derived
         shift = means.residual + self._gain.value * (self._at - means.derived)
@@ -107,7 +110,8 @@ class Calibrator:
         if known and (self._noted is None or time - self._noted >= settings.SAMPLE_COUNTS_S):
             self._noted = time
             gain, offset = self._applied
-            self._errors.append(((gain - 1.0) * derived + offset - residual, -residual))
+            plain = -remainder(residual, tau) if self._angle else -residual
+            self._errors.append(((gain - 1.0) * derived + offset - residual, plain))
 
     @property
     def _step(self) -> float:

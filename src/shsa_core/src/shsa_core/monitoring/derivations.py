@@ -12,6 +12,7 @@ from shsa_core.codegen.program import Step, compile_program
 from shsa_core.language.memory import MAX_GAP_S
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
+from shsa_core.model.field import is_angle
 from shsa_core.model.service import Deadlines, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
@@ -36,7 +37,8 @@ class Output:
     def calibrate(self) -> None:
         """Learn gain and offset from now on."""
         if self.calibrator is None:
-            self.calibrator = Calibrator(self.stated.rms if self.stated else None)
+            angle = is_angle(self.source.provision.field)
+            self.calibrator = Calibrator(self.stated.rms if self.stated else None, angle)
 
 
 @dataclass(eq=False)
