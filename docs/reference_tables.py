@@ -264,6 +264,7 @@ def _constants(path: Path) -> List[Tuple[str, str, str]]:
 
 
 def _help(name: str, parser: argparse.ArgumentParser) -> str:
-    parser.formatter_class = lambda prog: argparse.HelpFormatter(prog, width=WIDTH)
+    form: Any = parser.formatter_class
+    parser.formatter_class = lambda prog: form(prog, width=WIDTH)
     title = f"shsa {name}".strip()
     return f"## {title}\n\n```text\n{parser.format_help().rstrip()}\n```\n"

@@ -15,6 +15,8 @@ MOST_PAGES = 25
 MOST_WORDS = 25000
 LONGEST_MEAN = 18.5
 """Words a sentence, in the mean of a page's prose."""
+RIDDLES = re.compile(r"\b(whoever|stands? (by|in)|voices|pictures?|as ever)\b", re.IGNORECASE)
+"""Words that have a plainer one: anyone who, is ready, replaces, publishers, images, as usual."""
 TYPOGRAPHY = re.compile(r"typography\.symbols\.(ellipsis|curly_quotes|sentence_spacing)")
 """What proselint says of characters that commands and code have."""
 
@@ -44,6 +46,11 @@ def test_there_are_few_pages_and_words() -> None:
 def test_sentences_are_short(page: Path) -> None:
     found = sentences(prose(page))
     assert sum(len(words(each)) for each in found) <= LONGEST_MEAN * len(found)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_words_are_plain(page: Path) -> None:
+    assert [found.group() for found in RIDDLES.finditer(page.read_text("utf-8"))] == []
 
 
 def test_proselint_has_no_complaint(tmp_path: Path) -> None:

@@ -324,12 +324,7 @@ def test_a_substitute_of_ours_is_ended_without_further_proof(nodes: Nodes, make:
     assert ended(nodes) == {"left": ""}
 
 
-@pytest.mark.parametrize("has_descriptors", [True, False])
-def test_a_process_that_has_the_number_of_a_dead_one_is_not_killed(
-    make: Make, monkeypatch: pytest.MonkeyPatch, has_descriptors: bool
-) -> None:
-    if not has_descriptors:
-        monkeypatch.delattr(os, "pidfd_open", raising=False)
+def test_a_process_that_has_the_number_of_a_dead_one_is_not_killed(make: Make) -> None:
     node = make()
     learned = psutil.Process(node.process.pid)
     learned._ident = (learned.pid, learned.create_time() - 1.0)

@@ -20,7 +20,7 @@ def test_a_robot_that_is_not_there_is_awaited_and_nobody_has_failed() -> None:
         bench.now += 1.0
         told += awaited(bench.send(Tick(bench.now)))
     assert bench.failures == []
-    assert told == [f"Nothing of the robot is there yet. Awaited: {TOPIC} from {NODE}"]
+    assert told == [f"No node of the SOM is there yet. Waiting for: {TOPIC} from {NODE}"]
 
 
 def test_once_the_robot_comes_the_rest_has_the_grace_from_then_on() -> None:

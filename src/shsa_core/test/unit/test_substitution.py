@@ -24,7 +24,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.log import Level
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
-from shsa_core.substitution.settings import FIRST_MISSES, REST_S
+from shsa_core.substitution.settings import REST_S
 
 DERIVATIVE = "t0=x[0];\ndef _tf1(i1): return derivative(i1)\nt1=_tf1(t0);\ny=t1"
 
@@ -224,7 +224,7 @@ def test_a_law_that_does_not_hold_any_more_is_told_at_the_second_miss_and_once(
 
 def test_a_law_that_never_held_is_told_later_as_filters_need_a_few_samples() -> None:
     driver = running(publishing=True, code=HOLDS.replace("5.0-i1", "i1-5.0"))
-    assert told(driver, 1.0, FIRST_MISSES - 2) == []
+    assert told(driver, 1.0, 8) == []
     assert len(told(driver, 1.0, 2)) == 1
 
 

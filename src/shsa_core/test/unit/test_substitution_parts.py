@@ -225,6 +225,14 @@ def test_an_angle_of_another_zero_goes_on_from_the_last_good_one() -> None:
     assert job.latest == pytest.approx((0.53,))
 
 
+@pytest.mark.parametrize(
+    "law, integrates", [("i1", False), ("integral(i1)", True), ("1.0+integral(i1)", True)]
+)
+def test_a_sum_is_as_good_as_where_it_started(law: str, integrates: bool) -> None:
+    code = f"t0=x[0];\ndef _tf1(i1): return {law}\nt1=_tf1(t0);\ny=t1"
+    assert Job(row(code=code), 0.0).integrates is integrates
+
+
 def test_signals_survive_the_way_as_text() -> None:
     inputs = (IN, signal("/x", None, None, "/left", "a.b[3]", "pkg/Type"))
     assert decode(encode(inputs, (OUT,))) == (inputs, (OUT,))

@@ -16,7 +16,6 @@ from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source
-from shsa_core.model.som import Som
 from shsa_core.search.derivation import Derivation
 
 POINTS = 32
@@ -263,12 +262,6 @@ def predictor(ontology: Ontology, sources: Iterable[Source]) -> Optional[Predict
     if not errors and all(function.error is None for function in ontology.functions):
         return None
     return Predictor(ontology, sources)
-
-
-def predict(derivation: Derivation, ontology: Ontology, som: Som) -> Optional[Error]:
-    """Return the expected error of a derivation, in its property's unit; None: not known."""
-    found = predictor(ontology, som.sources)
-    return None if found is None else found.of([derivation])[0]
 
 
 def _told(cause: Cause, error: Optional[Error]) -> Optional[_Part]:

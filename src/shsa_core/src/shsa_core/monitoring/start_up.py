@@ -84,7 +84,7 @@ class StartUp:
         awaited = self._awaited
         if awaited:
             self._awaited = ""
-        what = "Nothing of the robot is there yet. Awaited"
+        what = "No node of the SOM is there yet. Waiting for"
         return [Told(time, f"{what}: {awaited}")] if awaited else []
 
     def _soon(self, watched: WatchedService) -> float:

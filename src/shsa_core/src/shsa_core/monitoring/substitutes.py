@@ -108,7 +108,7 @@ class Bridges:
         count.tell = time + TELL_S
         times = "once" if count.times == 1 else f"{count.times} times"
         what = f"{key[1]} has filled in for a late message, {times} so far"
-        return Told(time, f"{key[0]}: {what}. Nobody is blamed for that")
+        return Told(time, f"{key[0]}: {what}. This is no failure")
 
     def times(self, service: str) -> int:
         """Return how often a service was bridged so far."""

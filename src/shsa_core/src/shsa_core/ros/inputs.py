@@ -162,5 +162,5 @@ class Inputs:
 
 
 def _refused(topic: str, claim: str, why: str) -> None:
-    text = f"Who calls itself {claim} on {topic} is not heard as that: {why}"
+    text = f"A publisher of {topic} claims to be {claim} and is ignored: {why}"
     rospy.logwarn_throttle_identical(60.0, text)

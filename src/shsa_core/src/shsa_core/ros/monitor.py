@@ -300,7 +300,7 @@ def _read_ontology(path: str) -> Optional[Ontology]:
     try:
         ontology, errors = load_ontology(path)
     except ModelError as unreadable:
-        rospy.logerr("No value is compared with what others tell of it: %s", unreadable)
+        rospy.logerr("Witnesses and calibration are off: %s", unreadable)
         return None
     for error in errors:
         rospy.logerr("Refused: %s", error)

@@ -340,7 +340,7 @@ class ReconfiguratorNode:
 
     def _failure(self, message: msg.Failure) -> None:
         if not message.sent and self._queue.qsize() > MOST_WAITING:
-            rospy.logerr_throttle(10.0, "Failures that nobody signed come too fast: dropped.")
+            rospy.logerr_throttle(10.0, "Unsigned failures come too fast: dropped.")
             return
         if not message.sent and message.kind == msg.Failure.NO_VALUE:
             return  # only a substitute of ours can tell that, and it signs
@@ -412,7 +412,7 @@ def main() -> None:
     parser.add_argument("--live-parameters", action="store_true", help=LIVE_PARAMETERS)
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
     parser.add_argument(
-        "--unsigned-failures", action="store_true", help="believe failures that nobody signed"
+        "--unsigned-failures", action="store_true", help="believe unsigned failures"
     )
     parser.add_argument(
         "--no-operator",

@@ -20,7 +20,7 @@ from shsa_core.ros.master.node_api import FAILURES, master_api, pid
 from shsa_core.ros.master.som_parameter import get_som_parameter
 from shsa_core.ros.messages.fields import mark_unusable
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.trust import secret
+from shsa_core.ros.trust import owners, secret
 from shsa_learning.doctor import Seen
 from shsa_learning.incident_log import read_log
 
@@ -91,7 +91,7 @@ def _users(nodes: Sequence[str]) -> Iterator[Tuple[str, str]]:
     for node in nodes:
         with suppress(*FAILURES, psutil.Error):
             uri = master_api().lookupNode(node)
-            if kernel.is_local(uri):
+            if owners.is_local(uri):
                 yield node, kernel.user(psutil.Process(pid(uri)))
 
 

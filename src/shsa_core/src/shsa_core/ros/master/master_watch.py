@@ -195,7 +195,8 @@ class MasterWatch:
             waiting = self._register_again(state, now)
             state = self._calls.state()
         self._introduce(state, now)
-        self._tell_subscribers(state)
+        if self._former is None:  # else a new master does not know them all yet
+            self._tell_subscribers(state)
         if now >= self._keep_at:
             self._known = together(self._graph(state), self._known, waiting)
             self._keep_parameters()

@@ -193,30 +193,11 @@ def kill(process: psutil.Process) -> None:
 
     Raises PermissionError if it is not ours, ProcessLookupError if it has ended.
     """
-    opened = _descriptor(process.pid)
-    try:
-        # From here on the descriptor, if there is one, names what this looks at.
-        if gone(process):
-            raise ProcessLookupError(process.pid)
-        if not is_ours(process):
-            raise PermissionError(f"it belongs to {user(process)}")
-        if opened is None:
-            os.kill(process.pid, signal.SIGKILL)
-        else:
-            signal.pidfd_send_signal(opened, signal.SIGKILL)  # type: ignore[attr-defined]
-    finally:
-        if opened is not None:
-            os.close(opened)
-
-
-def _descriptor(pid: int) -> Optional[int]:
-    """Return a descriptor of a process; None: Python before 3.9 or Linux before 5.3 has none."""
-    try:
-        return int(os.pidfd_open(pid))  # type: ignore[attr-defined]
-    except ProcessLookupError:
-        raise
-    except (AttributeError, OSError):
-        return None
+    if gone(process):
+        raise ProcessLookupError(process.pid)
+    if not is_ours(process):
+        raise PermissionError(f"it belongs to {user(process)}")
+    os.kill(process.pid, signal.SIGKILL)
 
 
 def wait_for(done: Callable[[], bool]) -> bool:

@@ -32,7 +32,7 @@ class LocalHost:
 
     def __init__(self, tell: Tell, signs: Signs, setup: Setup) -> None:
         self._tell = tell
-        self.prefix = setup.prefix
+        self.prefix, self._may_restart = setup.prefix, setup.restarts
         clearing = Workers("clear", settings.MOST_CALLS)
         self.nodes = Nodes()
         self.substitutes = Substitutes(
@@ -93,21 +93,22 @@ class LocalHost:
         """Return what has a command carried out by workers: to wait must not hold the events up."""
         return lambda command: workers.put(lambda: self._guarded(work, command))
 
-    def _guarded(self, work: Work, command: Any) -> None:
+    def _guarded(self, work: Work, command: HostCommand) -> None:
+        """Carry out a command; if that cannot be done, answer it, so that nobody waits."""
         try:
             work(command)
+            return
+        except ShsaError as refusal:
+            why = str(refusal)
         except Exception as error:  # whatever it is, the commands after it are carried out
-            self._failed(command, error)
-
-    def _failed(self, command: HostCommand, error: Exception) -> None:
-        """Say that a command could not be carried out, and answer it, so that nobody waits."""
-        what = f"{type(command).__name__} {getattr(command, 'node', '')}".strip()
-        why = f"{type(error).__name__}: {error}"
-        rospy.logerr_throttle(10.0, f"{what} could not be carried out: {why}")
-        kill = isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess))
-        answer = not_done(command, clock.now(), f"it could not be carried out: {why}")
-        # This computer may lack the means now: a kill without an answer is tried again.
-        if answer is not None and not (kill and isinstance(error, OSError)):
+            why = f"it could not be carried out: {type(error).__name__}: {error}"
+            what = f"{type(command).__name__} {getattr(command, 'node', '')}".strip()
+            rospy.logerr_throttle(10.0, f"{what}: {why}")
+            kill = isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess))
+            if kill and isinstance(error, OSError):
+                return  # this computer may lack the means now: a kill without an answer is repeated
+        answer = not_done(command, clock.now(), why)
+        if answer is not None:
             self._tell(answer)
 
     def _learn(self, command: events.LearnNode) -> None:
@@ -157,11 +158,8 @@ class LocalHost:
         return f"{name!a}, process {number}"
 
     def _end(self, node: str, end: Callable[[Nodes, str], bool]) -> None:
-        try:
-            if end(self.nodes, node):
-                self._tell(events.NodeLeft(clock.now(), node))
-        except ending.Untouchable as why:
-            self._tell(events.ProcessUntouchable(clock.now(), node, str(why)))
+        if end(self.nodes, node):
+            self._tell(events.NodeLeft(clock.now(), node))
 
     def _clear(self, command: events.ClearNode) -> None:
         if not ending.clear(self.nodes, command.node):
@@ -177,9 +175,7 @@ class LocalHost:
 
     def _restart(self, command: events.RestartNode) -> None:
         node = command.node
-        try:
-            self.nodes.adopt(node, Known("", self.restarts.start(node)))
-        except (ShsaError, OSError, psutil.Error) as error:
-            self._tell(events.RestartFailed(clock.now(), node, str(error)))
-            return
+        if not self._may_restart:
+            raise ShsaError("that would be as root there (restart_as_root:=true)")
+        self.nodes.adopt(node, Known("", self.restarts.start(node)))
         self._tell(events.NodeRestarted(clock.now(), node, self.restarts.is_with_us(node)))

@@ -149,7 +149,7 @@ class Companion:
         process = self._process
         if process is None or kernel.gone(process):
             self.problem = f"{name} has ended"
-            rospy.logerr("%s. No other has come.", self.problem)
+            rospy.logerr("%s. No launch has started another one.", self.problem)
             return
         self.problem = f"{name} hangs: process {process.pid} gives no sign of life"
         done = "No launch would start it again: it is left alone."

@@ -10,9 +10,8 @@ import io
 import socket
 import threading
 import time
-from collections import OrderedDict
 from contextlib import suppress
-from typing import Any, Callable
+from typing import Any, Callable, List
 
 import rospy
 from rosgraph.network import write_ros_handshake_header
@@ -43,23 +42,17 @@ class _Room:
     """Connections that are open at the same time: with more than `most`, the oldest is ended."""
 
     def __init__(self) -> None:
-        self._open: "OrderedDict[int, socket.socket]" = OrderedDict()
+        self._open: List[socket.socket] = []
         self._lock = threading.Lock()
 
     def enter(self, connection: socket.socket, most: int) -> None:
-        """Have one more."""
+        """Have one more, until it is closed or detached."""
         with self._lock:
-            self._open[connection.fileno()] = connection
-            oldest = self._open.popitem(last=False)[1] if len(self._open) > most else None
-            if oldest is not None:
-                with suppress(OSError):  # it may have ended
-                    oldest.shutdown(socket.SHUT_RDWR)
-
-    def leave(self, connection: socket.socket) -> None:
-        """Have one less; before it is closed."""
-        with self._lock:
-            if self._open.get(connection.fileno()) is connection:
-                del self._open[connection.fileno()]
+            self._open = [each for each in self._open if each.fileno() >= 0] + [connection]
+            oldest = self._open.pop(0) if len(self._open) > most else None
+        if oldest is not None:
+            with suppress(OSError):  # it may have ended
+                oldest.shutdown(socket.SHUT_RDWR)
 
 
 def _apart(callback: Callback) -> Callback:
@@ -70,10 +63,8 @@ def _apart(callback: Callback) -> Callback:
             header = _read_header(connection)
         except (OSError, ShsaError) as error:
             rospy.logdebug("A connection from %s is given up: %s", address, error)
-            room.leave(connection)
             connection.close()
             return
-        room.leave(connection)
         callback(server, _Greeted(connection, header), address)
 
     def accept(server: Any, connection: socket.socket, address: Any) -> None:
@@ -82,7 +73,6 @@ def _apart(callback: Callback) -> Callback:
         try:
             threading.Thread(target=serve, args=arguments, name="inbound", daemon=True).start()
         except (RuntimeError, MemoryError):  # no thread is left: whoever asks again may be served
-            room.leave(connection)
             connection.close()
             raise
 
@@ -108,14 +98,6 @@ def _with_room(process: Callback) -> Callback:
     room = _Room()
 
     def accept(server: Any, connection: socket.socket, address: Any) -> None:
-        shutdown = server.shutdown_request
-
-        def leave(request: socket.socket) -> None:
-            room.leave(request)
-            shutdown(request)
-
-        if "shutdown_request" not in vars(server):
-            server.shutdown_request = leave
         room.enter(connection, settings.MOST_API_CONNECTIONS)
         process(server, connection, address)
 

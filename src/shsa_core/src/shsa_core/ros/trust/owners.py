@@ -1,12 +1,15 @@
 """Asks the kernel whose a TCP socket of this computer is: nobody on the graph can forge that."""
+import functools
 import os
 import socket
 import struct
-from typing import Any, Iterator, List, NamedTuple, Optional, Tuple
+import time
+from typing import Any, List, NamedTuple, Optional, Tuple
 
 import psutil
 import rosgraph.network
 
+from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import Address, BadAnswer, family, resolved
 
 ESTABLISHED, LISTENING = "01", "0A"
@@ -37,7 +40,7 @@ def _is_own(host: str) -> bool:
     return True
 
 
-def listening(at: Address) -> Optional[Owned]:
+def listening(at: Address, fresh: bool = True) -> Optional[Owned]:
     """Return the socket that answers at a numeric address; None: there is none, or several.
 
     The very address counts before the wildcard of its family, as the kernel has it.
@@ -46,10 +49,17 @@ def listening(at: Address) -> Optional[Owned]:
     if rosgraph.network.use_ipv6():
         wildcards.append("::")  # nodes listen there for both families
     for host in (at.host, *wildcards):
-        found = list(_sockets(LISTENING, Address(host, at.port)))
+        nobody = Address("::" if ":" in host else "0.0.0.0", 0)
+        found = _sockets(LISTENING, Address(host, at.port), nobody, fresh)
         if found:
             return found[0] if len(found) == 1 else None
     return None
+
+
+def listens(user: int, at: Address) -> bool:
+    """Return whether the socket that answers at a numeric address is of a user."""
+    found = (listening(at, fresh) for fresh in (False, True))
+    return any(owned is not None and owned.user == user for owned in found)
 
 
 def listener(at: Address, hint: int = 0) -> Optional[psutil.Process]:
@@ -76,11 +86,12 @@ def speaker(connected: socket.socket) -> Optional[int]:
     here, there = _plain(connected.getsockname()), _plain(connected.getpeername())
     if not _is_own(there.host):
         return None
-    for head in ("", "::ffff:"):  # one end may be of IPv6 where the other is not
-        pair = [Address(head + each.host, each.port) for each in (there, here)]
-        if not head or "." in here.host:
-            for found in _sockets(ESTABLISHED, *pair):
-                return found.user
+    for fresh in (False, True):
+        for head in ("", "::ffff:"):  # one end may be of IPv6 where the other is not
+            if not head or "." in here.host:
+                one, other = (Address(head + each.host, each.port) for each in (there, here))
+                for found in _sockets(ESTABLISHED, one, other, fresh):
+                    return found.user
     raise ConnectionResetError(f"nobody is at {there.host}:{there.port} any more")
 
 
@@ -88,16 +99,24 @@ def _plain(name: Tuple[Any, ...]) -> Address:
     return Address(name[0].split("%")[0].replace("::ffff:", ""), name[1])
 
 
-def _sockets(state: str, here: Address, there: Optional[Address] = None) -> Iterator[Owned]:
-    """Find sockets in the kernel's tables, see proc(5)."""
-    table = "/proc/net/tcp6" if ":" in here.host else "/proc/net/tcp"
-    own, other = _written(here), _written(there) if there else ""
-    with open(table, encoding="ascii") as file:
-        for line in file:
-            if own in line:
-                _, local, remote, now, _, _, _, user, _, inode, *_ = line.split()
-                if local == own and now == state and other in ("", remote):
-                    yield Owned(int(inode), int(user))
+def _sockets(state: str, here: Address, there: Address, fresh: bool) -> List[Owned]:
+    """Return sockets of the kernel's table, see proc(5); if not `fresh`, as of RECENT_S ago."""
+    name = "/proc/net/tcp6" if ":" in here.host else "/proc/net/tcp"
+    table = _read(name) if fresh else _recent(name, int(time.monotonic() / settings.RECENT_S))
+    key = f" {_written(here)} {_written(there)} {state} "
+    rows = [rest.split(None, 6) for rest in table.split(key)[1:]]
+    return [Owned(int(inode), int(user)) for _, _, _, user, _, inode, *_ in rows]
+
+
+def _read(name: str) -> str:
+    with open(name, encoding="ascii") as file:
+        return file.read()
+
+
+@functools.lru_cache(maxsize=2)
+def _recent(name: str, turn: int) -> str:
+    """Return a table, read once in each turn: a robot has hundreds of connections to look up."""
+    return _read(name)
 
 
 def _written(at: Address) -> str:
