@@ -48,7 +48,11 @@ def test_what_a_healthy_publisher_violates_at_once_is_refused(
 ) -> None:
     bench.watch(replace(changed, needed=True))
     (refused,) = bench.refused
-    assert says in refused.text and NODE in refused.text and "so far" in refused.text
+    assert (
+        says in refused.text
+        and NODE in refused.text
+        and ("so far" in refused.text or "checks" in refused.text)
+    )
     kept = service(needed=True)
     assert refused.service == kept == bench.core.service_of(TOPIC, NODE)
     bench.stream(50)

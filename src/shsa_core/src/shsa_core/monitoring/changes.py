@@ -6,7 +6,6 @@ last good values, its rate and its pauses so far are judged by the new numbers.
 from dataclasses import replace
 from typing import List, Optional, Tuple, Union
 
-from shsa_core.model.checks import LEARNED, Check, Checks
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Deadlines, Service, is_within
 from shsa_core.model.som import Som
@@ -88,24 +87,21 @@ def _weakens(old: Service, new: Service) -> bool:
 
 
 def _told(new: Service, old: Service) -> str:
-    pairs: List[Tuple[str, object, object]] = [
-        ("period", new.period, old.period),
-        ("deadline", new.deadline, old.deadline),
-        ("checks", new.checks, old.checks),
-    ]
-    for one, other in zip(new.provides, old.provides):
-        pairs.append((f"range of {one.property}", one.range, other.range))
-        pairs.append((f"checks of {one.property}", one.checks, other.checks))
-    return ", ".join(f"{key}: {_word(n)} (so far {_word(o)})" for key, n, o in pairs if n != o)
+    """Return the numbers that differ, in words."""
+    said = [f"period: {_word(new.period)} (so far {_word(old.period)})"]
+    said = said if new.period != old.period else []
+    if new.deadline != old.deadline:
+        said.append(f"deadline: {new.deadline or 'usual'} (so far {old.deadline or 'usual'})")
+    if new.checks != old.checks:
+        said.append("checks")
+    for now, before in zip(new.provides, old.provides):
+        if now.range != before.range:
+            what = f"range of {now.property}: {now.range or 'none'}"
+            said.append(f"{what} (so far {before.range or 'none'})")
+        if now.checks != before.checks:
+            said.append(f"checks of {now.property}")
+    return ", ".join(said)
 
 
-def _word(value: object) -> str:
-    if value is None:
-        return "none"
-    if isinstance(value, float):
-        return f"{value:g}"
-    if isinstance(value, Check):
-        return f"{value.kind} " + ("as learned" if value.limit == LEARNED else f"{value.limit:g}")
-    if isinstance(value, Checks):
-        return f"[{', '.join([*map(_word, value.each), f'{value.bad} bad of {value.of}'])}]"
-    return f"[{', '.join(map(_word, value))}]" if isinstance(value, tuple) else str(value)
+def _word(period: Optional[float]) -> str:
+    return "none" if period is None else f"{period:g}"
