@@ -172,6 +172,18 @@ def test_an_old_value_of_a_substitute_is_not_heard(stand: Stand) -> None:
     assert stand.values() == [1.0] * 15
 
 
+@pytest.mark.parametrize("age, heard", [(1.9, True), (2.1, False)])
+def test_a_substitutes_value_is_heard_for_two_periods(
+    stand: Stand, age: float, heard: bool
+) -> None:
+    stand.message(2.0, SUBSTITUTE)
+    for part in (1, 2):
+        stand.until(part * age / 3.0 * PERIOD)
+        stand.message(1.0)
+    stand.until(age * PERIOD)
+    assert bool(stand.message(math.nan)) is heard
+
+
 def test_strangers_are_not_heard_and_named_once(stand: Stand) -> None:
     stand.run(100, None, None)
     for _ in range(150):
@@ -262,6 +274,14 @@ def test_a_substitutes_stamp_is_no_newer_than_that_of_the_missing_message(stand:
     stand.message(2.0, SUBSTITUTE, stamp=100 * NS + lag)
     (filled,) = stand.message(math.nan, stamp=100 * NS + 1)
     assert filled.stamp == 100 * NS + round(PERIOD * NS)
+
+
+def test_a_substitutes_older_stamp_is_made_newer_than_what_was_heard(stand: Stand) -> None:
+    stand.message(1.0, stamp=1000 * NS)
+    stand.substitute(publishing=True)
+    stand.until(PERIOD)
+    (passed,) = stand.message(2.0, SUBSTITUTE, stamp=1000 * NS - 100)
+    assert passed.stamp == 1000 * NS + 1
 
 
 def test_a_second_in_which_stamps_go_back_is_no_clock_that_was_set(stand: Stand) -> None:
@@ -376,6 +396,11 @@ def test_a_second_gate_goes_on_with_newer_stamps_than_those_of_the_first(second:
 def test_of_a_substitute_single_values_are_judged_and_no_history(stand: Stand) -> None:
     assert stand.core.service_of(NODE).checks.each
     assert not stand.core.service_of(SUBSTITUTE).checks.each
+
+
+def test_another_gate_that_leaves_changes_nothing(second: Stand) -> None:
+    second.feed(GateLeft(second.time, "/another_gate"))
+    assert not second.said and not second.message(2.0, SUBSTITUTE)
 
 
 def test_a_muted_gate_tells_nothing_of_what_the_first_one_tells(second: Stand) -> None:

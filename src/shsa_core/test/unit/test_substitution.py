@@ -72,6 +72,18 @@ def test_behind_a_gate_it_publishes_always() -> None:
     assert max(b - a for a, b in zip(heard, heard[1:])) == pytest.approx(PERIOD)
 
 
+def test_behind_a_gate_it_tells_of_an_unknown_start_only_while_it_stands_in() -> None:
+    code = "t0=x[0];\ndef _tf1(i1): return integral(i1)\nt1=_tf1(t0);\ny=t1"
+    driver = Driver(replace(row(code=code), gated=True))
+    driver.ready()
+    logs = lambda: [told for _, told in driver.said if isinstance(told, events.Log)]
+    driver.stream(0.1)
+    assert not logs()
+    driver.change(replace(row(publishing=True, code=code), gated=True))
+    driver.stream(0.2)
+    assert len(logs()) == 1
+
+
 def test_it_publishes_at_once_when_it_takes_over_and_goes_on_from_there() -> None:
     driver = running()
     driver.stream(0.1)

@@ -197,17 +197,19 @@ def _check_reach(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Find
 def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
     takeovers = Takeovers(ontology, som.sources)
     apart = len({service.host for service in som}) > 1  # else nothing could do without the one host
-    for service in som.needed():
-        if read_alone(service) or not service.policy.plans:
+    for service in som:
+        if service.needed is False or read_alone(service) or not service.policy.plans:
             continue  # check_healable says it, or nobody looks for a substitute
-        what = f"{service.name} is needed, but if {service.node} fails there is"
+        may_be = "is" if service.needed else "may be"
+        what = f"{service.name} {may_be} needed, but if {service.node} fails there is"
         todo = "Add a relation or a service that yields what is missing"
         try:
             plan = takeovers.of(service)
         except NoSubstitute as none:
             if none.in_the_way:
                 todo += f", or leave {listed(none.in_the_way)} out of its 'provides'"
-            yield Finding("warning", service.where, f"{what} {none}", todo)
+            if service.needed or none.in_the_way:
+                yield Finding("warning", service.where, f"{what} {none}", todo)
         except GenerationError as error:
             todo = "Write the relation as an expression, or add another one"
             yield Finding("warning", service.where, f"{what} no substitute for it: {error}", todo)

@@ -68,8 +68,7 @@ def _with_added(tree: Value, added: Value) -> Value:
     services = sections["services"].mapping("services") if "services" in sections else {}
     for name in more.keys() & services.keys():
         raise more[name].error(f"{name} is in the SOM file already: change it there")
-    both = Value(tree.where, {**services, **more})
-    return Value(tree.where, {**sections, "services": both})
+    return Value(tree.where, {**sections, "services": Value(tree.where, {**services, **more})})
 
 
 def read_tree(tree: Value, namespace: str = "/") -> Tuple[Som, List[ModelError]]:

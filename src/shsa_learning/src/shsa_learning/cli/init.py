@@ -29,7 +29,7 @@ def add_parser(subparsers: Any) -> None:
         "init",
         help="draft a SOM and an ontology of a running robot or a recording",
         description="Listens to a running robot, or reads a recording, and drafts a SOM and an "
-        "ontology: topics, types, nodes, periods, ranges. Nothing is healed by a draft: it is to "
+        "ontology: topics, types, nodes, periods, ranges. Healing only advises by it: it is to "
         "be read and corrected. Without --som, --ontology and --json the SOM is printed.",
     )
     source = parser.add_mutually_exclusive_group()
@@ -201,6 +201,6 @@ def _plain(value: Any) -> Any:
 def _tell(made: Draft, args: argparse.Namespace) -> None:
     say(f"{made.services} services with {made.properties} properties; {made.left_out} left out")
     if args.som is not None:
-        say(f"{args.som}: read it, correct it, and say what is needed")
+        say(f"{args.som}: read it and correct it")
     if args.som is not None and args.ontology is not None:
         say(f"then: shsa check {args.ontology} --som {args.som}")

@@ -1,10 +1,10 @@
 """Asks the kernel whose a TCP socket of this computer is: nobody on the graph can forge that."""
-import functools
+import math
 import os
 import socket
 import struct
 import time
-from typing import Any, List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 import psutil
 import rosgraph.network
@@ -13,6 +13,8 @@ from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import Address, BadAnswer, family, resolved
 
 ESTABLISHED, LISTENING = "01", "0A"
+_tables: Dict[str, Tuple[float, str]] = {}
+"""The kernel's tables by name, and when each was read last."""
 
 
 class Owned(NamedTuple):
@@ -102,21 +104,20 @@ def _plain(name: Tuple[Any, ...]) -> Address:
 def _sockets(state: str, here: Address, there: Address, fresh: bool) -> List[Owned]:
     """Return sockets of the kernel's table, see proc(5); if not `fresh`, as of RECENT_S ago."""
     name = "/proc/net/tcp6" if ":" in here.host else "/proc/net/tcp"
-    table = _read(name) if fresh else _recent(name, int(time.monotonic() / settings.RECENT_S))
     key = f" {_written(here)} {_written(there)} {state} "
-    rows = [rest.split(None, 6) for rest in table.split(key)[1:]]
+    rows = [rest.split(None, 6) for rest in _table(name, fresh).split(key)[1:]]
     return [Owned(int(inode), int(user)) for _, _, _, user, _, inode, *_ in rows]
 
 
-def _read(name: str) -> str:
-    with open(name, encoding="ascii") as file:
-        return file.read()
-
-
-@functools.lru_cache(maxsize=2)
-def _recent(name: str, turn: int) -> str:
-    """Return a table, read once in each turn: a robot has hundreds of connections to look up."""
-    return _read(name)
+def _table(name: str, fresh: bool) -> str:
+    """Return a table: one look does for many connections, as a robot has hundreds at once."""
+    looked, text = _tables.get(name, (-math.inf, ""))
+    if fresh or time.monotonic() - looked > settings.RECENT_S:
+        looked = time.monotonic()
+        with open(name, encoding="ascii") as file:
+            text = file.read()
+        _tables[name] = looked, text
+    return text
 
 
 def _written(at: Address) -> str:
