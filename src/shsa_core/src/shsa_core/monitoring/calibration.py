@@ -32,7 +32,7 @@ class Calibrator:
         self._taken: Optional[float] = None
         self._waiting: Deque[Tuple[float, float, float]] = deque()
         self._learned: Optional[float] = None
-        self._means = _Means()
+        self._mean_derived = self._mean_residual = self._seen = 0.0
         self._slope = _Slope()
         self._gain = _Limited()
         self._shift = _Limited()  # calibrated minus derived, at a fixed derived value
@@ -89,19 +89,20 @@ class Calibrator:
             else min(time - self._learned, settings.SAMPLE_COUNTS_S)
         )
         self._learned = time
-        means = self._means
-        residual = measured - derived
+        residual, mean = measured - derived, self._mean_residual
         if self._angle:
-            residual = means.residual + remainder(residual - means.residual, tau)
+            residual = mean + remainder(residual - mean, tau)
         self._note(time, derived, residual)
-        told = self._slope.learn(passed, derived - means.derived, residual - means.residual)
-        means.learn(passed, derived, residual)
+        told = self._slope.learn(passed, derived - self._mean_derived, residual - mean)
+        self._seen = self._seen * exp(-passed / settings.MEMORY_S) + passed
+        self._mean_derived += passed / self._seen * (derived - self._mean_derived)
+        self._mean_residual += passed / self._seen * (residual - mean)
         gain = min(max(self._slope.gain, settings.GAINS[0]), settings.GAINS[1]) - 1.0
         if not self._angle:
             self._gain.follow(gain, passed, told, settings.GAIN_STEP)
         if not self._shift.settled:
-            self._at = means.derived
-        shift = means.residual + self._gain.value * (self._at - means.derived)
+            self._at = self._mean_derived
+        shift = self._mean_residual + self._gain.value * (self._at - self._mean_derived)
         self._shift.follow(shift, passed, passed, self._step)
 
     def _note(self, time: float, derived: float, residual: float) -> None:
@@ -120,21 +121,6 @@ class Calibrator:
             return self._shift.step
         late = [each for each, _ in self._errors][len(self._errors) // 2 :]
         return max(self._stated, _error(late or [0.0]).rms)
-
-
-class _Means:
-    """Exponentially weighted means of what is derived, and of measured minus derived."""
-
-    def __init__(self) -> None:
-        self.derived = self.residual = 0.0
-        self._seen = 0.0
-
-    def learn(self, passed: float, derived: float, residual: float) -> None:
-        """A sample that stands for `passed` s."""
-        self._seen = self._seen * exp(-passed / settings.MEMORY_S) + passed
-        share = passed / self._seen
-        self.derived += share * (derived - self.derived)
-        self.residual += share * (residual - self.residual)
 
 
 class _Slope:

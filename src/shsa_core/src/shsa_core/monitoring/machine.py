@@ -45,7 +45,7 @@ class Monitor:
                 events.SomChanged: self._som_changed,
                 events.Subscribed: self._subscribed,
                 events.SubstitutionsChanged: self._substitutions_changed,
-                events.FormerlyHealthy: self._formerly_healthy,
+                events.FormerlyHealthy: self._start_up.expect,
                 events.Connected: self._connected,
                 events.Interrupted: self._interrupted,
                 events.Disconnected: self._disconnected,
@@ -195,9 +195,6 @@ class Monitor:
                     board.bridges.muted((name, node), event.time)
                     if publisher.state is HEALTHY:
                         board.mute(topic, publisher, event.time)
-
-    def _formerly_healthy(self, event: events.FormerlyHealthy) -> None:
-        self._start_up.expect(event)
 
     # What publishers do
 
