@@ -19,8 +19,8 @@ help:
 	@echo "make docs    the documentation as a site (Debian 12); see build/docs/index.html"
 	@echo "make bench   measure; see results/bench/"
 	@echo "make fuzz    MINUTES=10: look for inputs that break a reader; those found are tested from then on"
-	@echo "make coverage, make mutation   how well the core is tested; see docs/contributing.md"
-	@echo "make reliability   try every fault of the fault model, again and again; see docs/reliability.md"
+	@echo "make coverage, make mutation   how well the core is tested; see CONTRIBUTING.md"
+	@echo "make reliability   try every fault of the fault model, again and again; see docs/explanation/faults.md"
 	@echo "make build   set up and build only"
 	@echo "make clean   delete what was built"
 
@@ -64,8 +64,8 @@ hosts-demo: build sshd
 	@$(ENV) && rosrun shsa_rover hosts_demo --results results/hosts_demo
 
 docs: build
-	@$(PYTHON) -c "import furo, myst_parser" || \
-	  { echo "make docs needs python3-myst-parser and furo: Debian 12 has them, Ubuntu 20.04 has not" >&2; exit 1; }
+	@$(PYTHON) -c "import myst_parser, sphinx_rtd_theme" || \
+	  { echo "make docs needs python3-myst-parser and python3-sphinx-rtd-theme: Debian 12 has both, Ubuntu 20.04 only the theme" >&2; exit 1; }
 	@rm -rf build/docs
 	@$(ENV) && $(PYTHON) -m sphinx -W --keep-going -n -q -E -c docs -d build/docs-cache . build/docs
 	@echo "[docs] $(CURDIR)/build/docs/index.html"

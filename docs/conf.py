@@ -14,7 +14,7 @@ version = release
 
 # The workspace is the source: a link between files is right on the site and beside the code.
 root_doc = "docs/index"
-include_patterns = ["*.md", "docs/*.md", "docs/**/*.md", "examples/*.md", "examples/*/*.md"]
+include_patterns = ["*.md", "docs/*.md", "docs/**/*.md", "examples/*.md", "*/*/README.md"]
 exclude_patterns = ["build", "devel", "install", "results"]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "reference_directive"]
 
@@ -28,8 +28,10 @@ autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
 
-html_theme = "furo"
+html_theme = "sphinx_rtd_theme"
 html_title = "Self-healing for ROS 1"
 html_copy_source = False
 html_show_sphinx = False
 html_extra_path = ["site"]
+html_static_path = ["static"]
+html_css_files = ["site.css"]

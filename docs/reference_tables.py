@@ -14,6 +14,7 @@ from shsa_core.cli.main import command_line
 from shsa_core.files import keys
 from shsa_core.files.parameters import PARAMETERS, names_of
 from shsa_core.files.readers import Keys
+from shsa_core.healing.repair import TRANSITIONS
 from shsa_core.healing.settings import Settings as HealingSettings
 from shsa_core.language.functions import CALLS, STATEFUL
 from shsa_core.model.checks import LEARNED, REGISTRY, Checks, Limit
@@ -47,9 +48,9 @@ def key_table(table_of: Keys, kind: Optional[Type[Any]] = None) -> str:
     for name, key in table_of.items():
         field = fields.get(name)
         default = "" if field is None or field.default is MISSING else _plain(field.default)
-        means, level = _in_som_page(key.means), "basic" if key.basic else "expert"
+        level = "basic" if key.basic else "expert"
         rows.append(
-            (code(name), level, key.reader.form, means, REQUIRED if key.required else default)
+            (code(name), level, key.reader.form, key.means, REQUIRED if key.required else default)
         )
     return table(("key", "for", "written", "what", "default"), rows)
 
@@ -79,7 +80,7 @@ def som_checks() -> str:
     rows = []
     for name, check in REGISTRY.items():
         place = "a value" if name in keys.VALUE_CHECKS else "the service"
-        row = (code(name), place, _in_som_page(check.tells), _limit(check.default))
+        row = (code(name), place, check.tells, _limit(check.default))
         rows.append((*row, _limit(check.usual)))
     return table(("check", "of", "fails if", "default", "`true` means"), rows)
 
@@ -102,6 +103,15 @@ def kinds() -> str:
         tuned = "always on" if check is None else f"by {code('checks')}: {_limit(check.default)}"
         rows.append((code(kind), tells[kind.value], tuned))
     return table(("kind", "what", "found"), rows)
+
+
+def transitions() -> str:
+    """Every transition of a service."""
+    rows = [
+        (state.value, trigger.value, ", ".join(sorted(end.value for end in ends)))
+        for (state, trigger), (_, ends) in TRANSITIONS.items()
+    ]
+    return table(("state", "when", "next state"), rows)
 
 
 def injected() -> str:
@@ -158,7 +168,7 @@ PARTS: Dict[str, Callable[[], str]] = {
     **{
         each.__name__: each
         for each in (
-            *(basics, som_checks, functions, kinds, injected, parameters),
+            *(basics, som_checks, functions, kinds, transitions, injected, parameters),
             *(launch_files, messages, commands),
         )
     },
@@ -183,10 +193,6 @@ def _limit(limit: Optional[Limit]) -> str:
     return "learned" if limit == LEARNED else code(f"{limit:g}")
 
 
-def _in_som_page(text: str) -> str:
-    return text.replace("](#", "](../som.md#")
-
-
 def _launch_file(path: Path) -> str:
     package = path.parent.parent.name
     comment = re.search(r"<!--(.*?)-->", path.read_text("utf-8"), re.DOTALL)
@@ -197,7 +203,7 @@ def _launch_file(path: Path) -> str:
         if "value" not in arg.keys()
     ]
     shown = table(("argument", "what", "default"), rows)
-    return f"## {path.name}\n\n`roslaunch {package} {path.name}`. {_text(about)}\n\n{shown}"
+    return f"### {path.name}\n\n`roslaunch {package} {path.name}`. {_text(about)}\n\n{shown}"
 
 
 def _given(default: Optional[str]) -> str:
@@ -212,7 +218,7 @@ def _text(words: str) -> str:
 def _message_file(path: Path) -> str:
     names = {"msg": ("",), "srv": ("Request", "Response"), "action": ("Goal", "Result", "Feedback")}
     lines = path.read_text("utf-8").split("\n---\n")
-    parts = [f"## {path.stem}\n", f"`shsa_msgs/{path.stem}`. {_text(_about(path))}\n"]
+    parts = [f"### {path.stem}\n", f"`shsa_msgs/{path.stem}`. {_text(_about(path))}\n"]
     for title, part in zip(names[path.parent.name], lines):
         fields = list(_fields(part))
         if title:
@@ -258,6 +264,7 @@ def _constants(path: Path) -> List[Tuple[str, str, str]]:
 
 
 def _help(name: str, parser: argparse.ArgumentParser) -> str:
-    parser.formatter_class = lambda prog: argparse.HelpFormatter(prog, width=WIDTH)
+    form: Any = parser.formatter_class
+    parser.formatter_class = lambda prog: form(prog, width=WIDTH)
     title = f"shsa {name}".strip()
     return f"## {title}\n\n```text\n{parser.format_help().rstrip()}\n```\n"

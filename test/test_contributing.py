@@ -6,16 +6,13 @@ from typing import List, Set, Tuple
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "contributing.md"
+PAGE = ROOT / "CONTRIBUTING.md"
 PLACES = (
-    *(
-        "src/shsa_core/src/**/*.py",
-        "src/shsa_learning/src/**/*.py",
-        "src/shsa_msgs/*/*.msg",
-        "docs/som.md",
-        "docs/ontology.md",
-    ),
-    "docs/journal.md",
+    "src/shsa_core/src/**/*.py",
+    "src/shsa_learning/src/**/*.py",
+    "src/shsa_msgs/*/*.msg",
+    "docs/reference/*.md",
+    "docs/howto/see_what_happens.md",
 )
 
 

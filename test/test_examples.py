@@ -1,11 +1,11 @@
-"""The examples are valid, and what start.md shows are the examples' files."""
+"""The examples are valid."""
 import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from listings import ROOT, listings
+from listings import ROOT
 
 from shsa_core import message_types
 from shsa_core.analysis.check import check_files
@@ -23,12 +23,6 @@ def test_an_example_is_valid(example: Path) -> None:
         files = [name for name in given if name.startswith("$(dirname)")]
         assert files
         assert all(Path(name.replace("$(dirname)", str(example))).is_file() for name in files)
-
-
-def test_start_shows_the_files_of_the_example() -> None:
-    shown = [each.text for each in listings(ROOT / "docs" / "start.md")]
-    for name in ("robot.yaml", "robot_som.yaml"):
-        assert (ROOT / "examples" / "battery" / name).read_text().strip("\n") in shown
 
 
 def test_the_current_of_the_example_is_replaced() -> None:

@@ -13,7 +13,7 @@ from shsa_core.cli.main import command_line
 from shsa_core.ros.launch_arguments import unknown
 
 PAGES = sorted(
-    path for each in ("*.md", "docs/**/*.md", "examples/*/README.md") for path in ROOT.glob(each)
+    path for each in ("*.md", "docs/**/*.md", "*/*/README.md") for path in ROOT.glob(each)
 )
 TYPED = [each for page in PAGES for each in listings(page) if each.commands]
 SAFE = ("shsa ", "rosrun shsa_core shsa ", "source ")

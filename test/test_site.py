@@ -1,4 +1,4 @@
-"""The documentation as a site: built without a warning, and no link in it leads nowhere."""
+"""The documentation as a site: it builds without a warning, and works in a browser."""
 import importlib.util
 import subprocess
 import sys
@@ -10,7 +10,10 @@ from urllib.parse import unquote, urlparse
 import pytest
 from listings import ROOT
 
-MODULES = ("sphinx", "myst_parser", "furo")
+sys.path.append(str(ROOT / "src" / "shsa_view" / "test" / "browser"))
+from chromium import PHONE, WIDE, Browser  # noqa: E402
+
+MODULES = ("sphinx", "myst_parser", "sphinx_rtd_theme")
 MISSING = [name for name in MODULES if importlib.util.find_spec(name) is None]
 pytestmark = pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)}")
 
@@ -59,7 +62,7 @@ def pages(site: Path) -> Dict[Path, Html]:
 
 
 def test_every_page_is_in_the_site_and_can_be_searched(site: Path) -> None:
-    for page in ROOT.glob("docs/**/*.md"):
+    for page in (*ROOT.glob("docs/**/*.md"), *ROOT.glob("*/*/README.md")):
         assert (site / page.relative_to(ROOT)).with_suffix(".html").is_file()
     assert "babbl" in (site / "searchindex.js").read_text("utf-8")
     assert (site / "index.html").is_file()
@@ -82,3 +85,19 @@ def test_no_link_leads_nowhere(site: Path, pages: Dict[Path, Html]) -> None:
 def test_nothing_is_loaded_from_another_host(pages: Dict[Path, Html]) -> None:
     for page, html in pages.items():
         assert not [link for link in html.loads if urlparse(link).netloc], page
+
+
+def test_a_browser_shows_every_page_without_a_complaint(site: Path) -> None:
+    browser = Browser()
+    try:
+        for size in (WIDE, PHONE):
+            browser.size(*size)
+            for page in sorted(site.rglob("*.html")):
+                browser.driver.get(page.as_uri())
+                assert browser.log() == [], page
+                wider = "document.documentElement.scrollWidth > window.innerWidth"
+                assert not browser.run(wider), f"{page} is wider than {size[0]} px"
+        browser.driver.get((site / "search.html").as_uri() + "?q=babbling")
+        browser.wait("document.querySelectorAll('#search-results li').length > 0")
+    finally:
+        browser.close()

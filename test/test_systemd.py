@@ -1,4 +1,4 @@
-"""The systemd units are valid, and their sandbox is what docs/security.md says."""
+"""The systemd units are valid, and their sandbox is what docs/howto/secure.md says."""
 import configparser
 import re
 import shutil

@@ -15,7 +15,7 @@ from shsa_testing.computers import refusal
 TUTORIALS = ROOT / "docs" / "tutorials"
 ROVER = Tutorial(TUTORIALS / "heal_the_rover.md")
 OWN_ROBOT = Tutorial(TUTORIALS / "any_robot.md")
-INCIDENT = Tutorial(TUTORIALS / "read_an_incident.md")
+INCIDENT = Tutorial(ROOT / "docs" / "howto" / "see_what_happens.md")
 THREE = Tutorial(TUTORIALS / "three_computers.md")
 LONGEST_S = 15 * 60.0
 """The longest time to heal a robot of one's own, reading included."""

@@ -195,7 +195,7 @@ def main() -> int:
         *("failures", 50),
         short="once hot, by respawn and by hand",
         redraw="measure nothing: tables and picture of failover.csv",
-        markdown="the same, and tables as docs/experiments.md has them",
+        markdown="the same, and tables as docs/explanation/experiments.md has them",
     )
     misses = 0
     path = options.results / "failover.csv"

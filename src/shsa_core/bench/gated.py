@@ -29,6 +29,7 @@ from shsa_testing.waiting import wait_until
 RAW, HEARD, PERIOD_S = "/gated/raw", "/gated", 0.02
 LOW, HIGH, STANDS_IN = 0.0, 160000.0, 150000.0
 SOM = f"""\
+act: true
 services:
   gated:
     topic: {HEARD}

@@ -179,6 +179,7 @@ def service(
         "type": "shsa_msgs/Float64Stamped",
         "node": node,
         "period": period,
+        "needed": False,
         "provides": {topic.strip("/"): provided},
         **more,
     }

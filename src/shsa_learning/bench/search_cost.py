@@ -23,6 +23,7 @@ import numpy as np
 from matplotlib import pyplot
 from report import Goals
 
+from shsa_core.codegen.choice import substitutes
 from shsa_core.analysis.check import check_model
 from shsa_learning.report.resilience import analyse
 from shsa_core.healing.plan_table import PlanTable
@@ -33,7 +34,7 @@ from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Rated, SourceTable
-from shsa_core.search.substitutes import find_substitute, iter_substitutes
+from shsa_core.search.substitutes import find_substitute
 
 QUALITIES = [1.0, 0.99, 0.95, 0.9, 0.8]
 TARGET = "p0"
@@ -356,7 +357,7 @@ def unhealable(sizes: Sequence[int], say: Say, goals: Goals) -> None:
 def second_best(sizes: Sequence[int], say: Say, goals: Goals) -> None:
     """The second-best substitute in a ring, where the best one uses every relation.
 
-    Quadratic, as docs/ontology.md says.
+    Quadratic, as docs/reference/ontology.md says.
     """
     times = []
     for size in sizes:
@@ -364,7 +365,7 @@ def second_best(sizes: Sequence[int], say: Say, goals: Goals) -> None:
         ontology = Ontology({}, {}, ring)
         sources = [source(size - 1), source(size // 2, quality=0.01)]
         start = process_time()
-        found = list(islice(iter_substitutes(ontology, sources, TARGET), 2))
+        found = list(islice(substitutes(ontology, sources, TARGET), 2))
         times.append(process_time() - start)
         assert len(found) == 2
         say(f"ring of {size} relations: the two best substitutes after {times[-1]:.2f} s")

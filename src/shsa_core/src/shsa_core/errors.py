@@ -66,12 +66,22 @@ class NoSubstitute(ShsaError):
         properties: the properties that were asked for.
         missing: the properties without which every derivation ended.
         tried: how many substitutes there are, but have failed already.
+        lost: those of the properties that nothing derives; unsaid: all.
     """
 
-    def __init__(self, properties: Sequence[str], missing: Sequence[str], tried: int = 0) -> None:
+    def __init__(
+        self,
+        properties: Sequence[str],
+        missing: Sequence[str],
+        tried: int = 0,
+        lost: Sequence[str] = (),
+    ) -> None:
         wanted = ", ".join(properties)
         lacking = listed(missing) or "any relation that yields it"
         why = f"none is left after the {tried} that failed" if tried else f"missing {lacking}"
+        self.in_the_way = tuple(lost) if len(lost) < len(properties) else ()
+        if self.in_the_way:
+            why = f"{listed(self.in_the_way)} cannot be derived, {why}"
         super().__init__(f"no substitute for {wanted}: {why}")
         self.properties = tuple(properties)
         self.missing = tuple(missing)

@@ -127,8 +127,8 @@ class Bench:
         table = {each.key: strip(each) for each in self.core.table()}
         assert table == {key: strip(each) for key, each in self.rows.items()}
 
-    def connect(self, node: str = NODE, topic: str = TOPIC) -> None:
-        self.send(Connected(self.now, topic, node))
+    def connect(self, node: str = NODE, topic: str = TOPIC, uri: str = "") -> None:
+        self.send(Connected(self.now, topic, node, uri))
 
     def disconnect(self, node: str = NODE, topic: str = TOPIC) -> None:
         self.send(Disconnected(self.now, topic, node))

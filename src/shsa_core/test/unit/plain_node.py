@@ -16,12 +16,16 @@ from strange_nodes import NONSENSE, StrangeNode, value
 
 
 class PlainNode:
-    """A test's handle; `user`: whose process it is, empty for our own."""
+    """A test's handle; `user`: whose process it is, empty for our own. `program`: a copy of us."""
 
-    def __init__(self, topics: str, kind: str = "", port: int = 0, user: str = "") -> None:
+    def __init__(
+        self, topics: str, kind: str = "", port: int = 0, user: str = "", program: str = __file__
+    ) -> None:
         words = ["setpriv", f"--reuid={user}", "--clear-groups"] if user else []
-        words += [sys.executable, __file__, topics, kind, str(port)]
-        self.process = subprocess.Popen(words, stdout=subprocess.PIPE)
+        words += [sys.executable, program, topics, kind, str(port)]
+        path = os.pathsep.join([os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")])
+        variables = {**os.environ, "PYTHONPATH": path}
+        self.process = subprocess.Popen(words, stdout=subprocess.PIPE, env=variables)
         assert self.process.stdout is not None
         self.uri = self.process.stdout.readline().decode().strip()
 

@@ -100,10 +100,11 @@ NONSENSE: Dict[str, Send] = {
 class StrangeNode:
     """Answers each method as it is told, `otherwise` to all others."""
 
-    def __init__(self, otherwise: Send, port: int = 0, **methods: Send) -> None:
+    def __init__(self, otherwise: Send, port: int = 0, host: str = HOST, **methods: Send) -> None:
         self.calls: Dict[str, int] = {}
         self._methods, self._otherwise = methods, otherwise
-        self._socket = socket.create_server((HOST, port))
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self._socket = socket.create_server((host, port), family=family)
         self.port = self._socket.getsockname()[1]
         self.uri = f"http://{HOST}:{self.port}/"
         threading.Thread(target=self._accept, daemon=True).start()

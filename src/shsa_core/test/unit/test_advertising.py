@@ -4,7 +4,7 @@ from typing import List
 from substitute_driver import PERIOD, signal
 
 from shsa_core.substitution.advertising import Advertising
-from shsa_core.substitution.settings import TOGETHER_S, WITHDRAW_DELAY_S, WITHDRAW_PAUSE_S
+from shsa_core.substitution.settings import TOGETHER_S
 from shsa_core.substitution.events import Command, Remind, Withdraw
 
 COUNT, LOOKS = 100, 3
@@ -49,8 +49,8 @@ def test_what_is_not_needed_any_more_is_withdrawn_one_by_one() -> None:
     advertising = prepared()
     run(advertising, 10.0)
     advertising.hurry(signal("/topic_7"), 10.0)
-    begin = 10.0 + WITHDRAW_DELAY_S
-    said = run(advertising, begin + 10 * WITHDRAW_PAUSE_S - 1e-6)
+    begin = 10.2
+    said = run(advertising, begin + 10 * 0.05 - 1e-6)
     withdrawn = [each.topics for each in said if isinstance(each, Withdraw)]
     assert [len(topics) for topics in withdrawn] == [1] * 10
     run(advertising, 100.0)

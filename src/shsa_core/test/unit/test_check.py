@@ -105,6 +105,17 @@ def test_a_gate_without_a_hot_substitute_is_named(check: Check) -> None:
     assert not any(said in each.what for each in check(ONTOLOGY, hot))
 
 
+def test_the_values_that_nothing_derives_are_named(check: Check) -> None:
+    som = SOM.replace("range: [-5, 60]}", "range: [-5, 60]}, lonely: {field: x}")
+    assert som != SOM
+    ((what, todo),) = [(f.what, f.todo) for f in check(ONTOLOGY, som) if "lonely" in f.what]
+    assert "lonely cannot be derived" in what and "leave lonely out of its 'provides'" in todo
+    (what,) = [
+        f.what for f in check(ONTOLOGY, som.replace("needed: true,", "")) if "lonely" in f.what
+    ]
+    assert what.startswith("amps may be needed, but if /amps fails")
+
+
 def test_what_stands_in_the_way_of_a_substitute_is_named(check: Check) -> None:
     som = "\n".join(SOM.splitlines()[:3]) + "\n"
     what = [f.what for f in check(ONTOLOGY, som) if "is needed" in f.what]

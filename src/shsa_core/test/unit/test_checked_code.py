@@ -4,7 +4,7 @@ import re
 
 import audit
 import pytest
-from expressions import Sample, samples
+from shsa_testing.expressions import Sample, samples
 from hostile_expressions import EXPRESSIONS
 from hostile_programs import PROGRAMS
 from hypothesis import given, settings

@@ -38,7 +38,7 @@ def test_who_is_not_listed_counts_for_nobody(
     node.send(framed(b"true"))
     monitor.until(lambda: monitor.data == [b"true"])
     stranger.die()
-    monitor.until(lambda: not monitor.connections._identities._claims)
+    monitor.until(lambda: not monitor.connections._identities._tries)
     assert monitor.seen == [] and monitor.data == [b"true"]
 
 
@@ -84,14 +84,42 @@ def test_the_master_is_asked_once_for_a_node_that_connects_again(
     assert monitor.kinds() == ["Interrupted", "Connected"] and master.asked == asked == 1
 
 
+def test_a_connection_counts_no_more_for_a_name_that_another_process_has_taken(
+    monitor: Monitor, node: Node, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(settings, "ASK_MASTER_AGAIN_S", (0.05,))
+    monitor.connect(node)
+    returned = Node(monitor.topic)
+    monitor.hear_of(returned)
+    monitor.until(lambda: "Connected" in monitor.kinds())
+    assert monitor.seen[0].at == returned.uri + "/"
+    node.send(framed(b"bad") * 100)
+    monitor.until(lambda: bool(monitor.refused))
+    returned.send(framed(b"good"))
+    monitor.until(lambda: bool(monitor.data))
+    assert monitor.data == [b"good"] and monitor.kinds() == ["Connected"]
+    returned.die()
+
+
+def test_who_sends_as_another_user_than_the_one_who_listens_counts_for_nobody(
+    monitor: Monitor, node: Node, monkeypatch: Any
+) -> None:
+    """As one who answers at [::1] for a node that is at 127.0.0.1, of the same port."""
+    monkeypatch.setattr(settings, "ASK_MASTER_AGAIN_S", (0.05,))
+    monkeypatch.setattr("shsa_core.ros.sockets.identity.speaker", lambda connected: 4002)
+    monitor.hear_of(node)
+    monitor.until(lambda: bool(monitor.refused))
+    assert monitor.refused == [(monitor.topic, node.name, NOT_LISTED)] and monitor.seen == []
+
+
 def test_whoever_comes_to_the_address_of_a_node_that_is_gone_is_asked_about(
     monitor: Monitor, node: Node
 ) -> None:
     monitor.connect(node)
-    assert monitor.connections._identities._is_known(node.name, node.uri)
+    assert monitor.connections._identities.knows(node.name, node.uri)
     node.die()
     monitor.until(lambda: "Gone" in monitor.kinds())
-    assert not monitor.connections._identities._is_known(node.name, node.uri)
+    assert not monitor.connections._identities.knows(node.name, node.uri)
 
 
 def test_a_connection_that_ends_before_the_master_has_answered_is_asked_for_again(
@@ -100,7 +128,7 @@ def test_a_connection_that_ends_before_the_master_has_answered_is_asked_for_agai
     monkeypatch.setattr(settings, "ASK_MASTER_AGAIN_S", (0.05,))
     master.answers = False
     monitor.hear_of(node)
-    monitor.until(lambda: bool(monitor.connections._identities._claims))
+    monitor.until(lambda: bool(monitor.connections._identities._tries))
     node.close_connections()
     monitor.until(lambda: node.asked == 1)
     master.answers = True

@@ -6,9 +6,9 @@ import pytest
 
 CODE = """
 import os, rospy.impl.simtime
-from shsa_core.ros.rospy_patches import wall_time
+from shsa_core.ros.rospy_patches import standing
 rospy.impl.simtime._is_use_simtime = lambda: True
-wall_time.heed_launch()
+standing.heed_launch()
 print(rospy.impl.simtime._is_use_simtime())
 """
 

@@ -301,5 +301,6 @@ def test_every_entry_of_the_table_names_fields_that_its_type_has() -> None:
 
 
 def test_every_type_of_the_table_is_described() -> None:
-    text = (pathlib.Path(__file__).resolve().parents[4] / "docs" / "messages.md").read_text()
+    page = pathlib.Path(__file__).resolve().parents[4] / "docs" / "reference" / "ros.md"
+    text = page.read_text("utf-8")
     assert [name for name in CONVENTIONS if name not in text] == []

@@ -12,7 +12,7 @@ import pytest
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
 from shsa_core.ros.processes import starting
-from shsa_core.ros.processes.starting import Processes, Setup
+from shsa_core.ros.processes.starting import Substitutes, Setup
 from shsa_testing.waiting import wait_until
 
 LOOK = """
@@ -47,7 +47,7 @@ def looked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def start(found: Path, sandbox: List[str]) -> Dict[str, Any]:
     ended: List[str] = []
-    ours = Processes(
+    ours = Substitutes(
         lambda node, detail: ended.append(detail), lambda node: None, Setup("/", sandbox=sandbox)
     )
     ours.start(StartSubstitute(NODE, None))
@@ -89,6 +89,6 @@ def test_a_sandbox_goes_round_it(looked: Path) -> None:
 
 def test_a_sandbox_that_is_not_there_is_told_at_once(looked: Path) -> None:
     with pytest.raises(ShsaError, match="no program no_such_program to run the substitutes in"):
-        Processes(
+        Substitutes(
             lambda node, detail: None, lambda node: None, Setup("/", sandbox=["no_such_program"])
         )

@@ -1,5 +1,6 @@
 """Ending nodes: a real master, real processes, and whatever anybody says of them."""
 import os
+import pathlib
 import signal
 import socket
 import subprocess
@@ -10,6 +11,7 @@ import psutil
 import pytest
 import rosgraph
 
+import plain_node
 from plain_node import PlainNode
 from shsa_core.healing.events import Where
 from shsa_core.ros.master.bus import Originals
@@ -20,6 +22,8 @@ from strange_nodes import HOST, NONSENSE, StrangeNode, value
 
 NAME, TOPIC, KIND = "/driver", "/speed", "std_msgs/Float64"
 ROOT = pytest.mark.skipif(os.geteuid() != 0, reason="only root starts processes of others")
+
+IPV6 = pytest.mark.skipif(not socket.has_ipv6, reason="there is no IPv6 here")
 
 Make = Callable[..., PlainNode]
 
@@ -208,6 +212,50 @@ def test_the_number_of_a_process_is_not_believed(nodes: Nodes, make: Make) -> No
     assert "failed" in ended(nodes) and innocent.runs
 
 
+@IPV6
+def test_who_answers_in_another_address_family_has_nobody_ended(nodes: Nodes, make: Make) -> None:
+    """A stranger listens at [::1], on the port that an innocent process of ours has elsewhere."""
+    innocent = make("/temperature")
+    rows = value([1, "", [[TOPIC, KIND]]])
+    answers = {"getPid": value([1, "", innocent.process.pid]), "getPublications": rows}
+    stranger = StrangeNode(value([1, "", 0]), innocent.port, host="::1", **answers)
+    names = {"/evil": "localhost", "/evil_4": HOST, "/evil_6": "[::1]"}
+    for name, host in names.items():
+        register(f"http://{host}:{innocent.port}/", name)
+        assert nodes.learn(name, TOPIC) is None
+        assert nodes.find(name, TOPIC, True).where is not Where.HERE
+        assert "failed" in ended(nodes, name) and innocent.runs
+    stranger.end()
+
+
+def test_a_process_that_was_not_heard_is_another_than_the_one_that_failed(
+    nodes: Nodes, make: Make
+) -> None:
+    """Who had its name before sent the bad messages, from another address."""
+    fake, node = make(), make()
+    register(node.uri)
+    assert nodes.learn(NAME, TOPIC) is not None
+    found = nodes.find(NAME, TOPIC, True, fake.uri)
+    assert found.where is Where.ANOTHER and f"the one that failed is at {fake.uri}" in found.detail
+    assert nodes.find(NAME, TOPIC, True, node.uri).where is Where.HERE
+
+
+def test_no_part_of_healing_or_of_ros_is_ended_under_another_name(
+    nodes: Nodes, make: Make, tmp_path: pathlib.Path
+) -> None:
+    for name in ("shsa_core/monitor", "shsa_core/agent", "shsa_core/substitute", "bin/roslaunch"):
+        program = tmp_path / name
+        program.parent.mkdir(exist_ok=True)
+        program.write_text(pathlib.Path(plain_node.__file__).read_text("utf-8"))
+        part = make(program=str(program))
+        register(part.uri)
+        found = Nodes()
+        assert found.learn(NAME, TOPIC) is None
+        there = found.find(NAME, TOPIC, True)
+        assert there.where is Where.ANOTHER and "it belongs to" in there.detail
+        assert "failed" in ended(found) and part.runs
+
+
 def test_an_address_that_somebody_else_has_by_now_is_not_called(nodes: Nodes, make: Make) -> None:
     node = make()
     register(node.uri)
@@ -229,7 +277,7 @@ def test_a_dead_node_of_ours_is_certainly_dead(nodes: Nodes, make: Make) -> None
 def test_a_node_elsewhere_that_refuses_is_not_certainly_gone(
     nodes: Nodes, make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kernel, "is_local", lambda uri: False)
+    monkeypatch.setattr("shsa_core.ros.processes.nodes.is_local", lambda uri: False)
     node = make()
     register(node.uri)
     assert nodes.learn(NAME, TOPIC) is not None
@@ -242,7 +290,7 @@ def test_a_node_elsewhere_that_refuses_is_not_certainly_gone(
 def test_a_node_elsewhere_that_has_left_the_master_and_listens_no_more_is_gone(
     nodes: Nodes, make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kernel, "is_local", lambda uri: False)
+    monkeypatch.setattr("shsa_core.ros.processes.nodes.is_local", lambda uri: False)
     node = make()
     register(node.uri)
     assert nodes.learn(NAME, TOPIC) is not None
@@ -254,7 +302,7 @@ def test_a_node_elsewhere_that_has_left_the_master_and_listens_no_more_is_gone(
 def test_a_node_elsewhere_that_answers_and_goes_is_gone(
     nodes: Nodes, make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kernel, "is_local", lambda uri: False)
+    monkeypatch.setattr("shsa_core.ros.processes.nodes.is_local", lambda uri: False)
     node = make()
     register(node.uri)
     assert nodes.find(NAME, TOPIC, True).where is Where.ELSEWHERE
@@ -276,12 +324,7 @@ def test_a_substitute_of_ours_is_ended_without_further_proof(nodes: Nodes, make:
     assert ended(nodes) == {"left": ""}
 
 
-@pytest.mark.parametrize("has_descriptors", [True, False])
-def test_a_process_that_has_the_number_of_a_dead_one_is_not_killed(
-    make: Make, monkeypatch: pytest.MonkeyPatch, has_descriptors: bool
-) -> None:
-    if not has_descriptors:
-        monkeypatch.delattr(os, "pidfd_open", raising=False)
+def test_a_process_that_has_the_number_of_a_dead_one_is_not_killed(make: Make) -> None:
     node = make()
     learned = psutil.Process(node.process.pid)
     learned._ident = (learned.pid, learned.create_time() - 1.0)

@@ -4,7 +4,7 @@ from typing import Any, Optional
 
 import audit
 import pytest
-from expressions import Sample, samples
+from shsa_testing.expressions import Sample, samples
 from hostile_expressions import EXPRESSIONS
 from hypothesis import given, settings
 from hypothesis import strategies as st

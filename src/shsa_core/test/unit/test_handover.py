@@ -65,6 +65,21 @@ def test_a_muted_substitute_serves_only_those_whom_a_later_look_finds_unserved()
     assert not served(driver.pass_to(YIELD_S + 1.0))
 
 
+def test_a_muted_substitute_publishes_nothing_that_was_not_due() -> None:
+    driver = standing_in()
+    driver.change(row(False, original="/node"))
+    assert not served(answer(driver, "/early"))
+
+
+def test_a_message_that_waits_goes_to_nobody_once_it_is_muted_unless_somebody_looks() -> None:
+    driver = standing_in()
+    answer(driver)
+    assert not served(due(driver, 2))
+    driver.change(row(False, original="/node"))
+    assert not served(driver.pass_to(2.9 * PERIOD))
+    assert served(answer(driver, "/early")) == [frozenset({"/early"})]
+
+
 def test_an_original_that_is_gone_again_leaves_every_consumer_to_the_substitute() -> None:
     driver = standing_in()
     answer(driver, "/early")

@@ -16,7 +16,6 @@ from shsa_core.healing.records import IdleProcess, Record, ServiceRecord
 from shsa_core.healing.settings import Settings
 from shsa_core.healing.repair import SUBSTITUTED
 from shsa_core.journal.codec import Codec
-from shsa_core.journal.machines import FORMS
 from shsa_core.model.kinds import Contain, Kind, OnPartition, Policy, Standby
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
@@ -92,7 +91,7 @@ class AnyRobot(RuleBasedStateMachine):
         self.lives_for = None
         if survivors != "all":
             self.running = {node for node in self.running if survivors == "some" and "a" in node}
-        codec = Codec(Record, FORMS)
+        codec = Codec(Record)
         records = tuple(codec.decode(codec.encode(each), "", "") for each in self.written.values())
         before, self.shown, self.states = dict(self.incidents), {}, {}
         self.taken_up = False

@@ -20,6 +20,8 @@ from shsa_core.ros.processes import priority
 from shsa_core.ros import settings
 from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
+from shsa_core.ros.sockets.connection import Connection
+from shsa_core.ros.sockets.identity import Identified, Identities
 from shsa_core.ros.sockets.subscriptions import Subscriptions, _Closed, _Made
 from shsa_core.substitution.events import (
     Advertised,
@@ -60,7 +62,6 @@ class Bench:
         there, here = connected()
         self.ends += [here, there]
         uri = uri or f"http://{node[1:]}:1/"
-        self.subscriptions._identities._known[node, uri] = None
         header: Dict[str, str] = {"type": kind._type, "md5sum": kind._md5sum, "callerid": node}
         transport = SimpleNamespace(
             socket=here,
@@ -72,7 +73,8 @@ class Bench:
             close=here.close,
         )
         self.subscriptions._tell(_Made(topic, transport))
-        self.take()
+        for _ in range(2):  # it is known by then
+            self.take()
         return there
 
     def take(self, reads: bool = False) -> List[Event]:
@@ -106,11 +108,17 @@ def values(events: List[Event]) -> List[Tuple[str, Any]]:
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    def claim(self: Identities, connection: Connection) -> None:
+        self._tries[connection] = 0
+        self._tell(Identified(connection, connection.publisher, connection.uri))
+
+    monkeypatch.setattr(Identities, "claim", claim)
+
     def subscribe(self: Subscriptions, topic: str) -> None:
         self._implementations[topic] = HandedOver(topic, lambda _: None, lambda _: None)
 
     monkeypatch.setattr(Subscriptions, "subscribe", subscribe)
-    monkeypatch.setattr(settings, "UNREAD_S", 1.0)
+    monkeypatch.setattr(settings, "SOON_S", 1.0)
     rospy.rostime.set_rostime_initialized(True)
     made = Bench()
     yield made

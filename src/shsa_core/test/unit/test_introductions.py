@@ -1,5 +1,5 @@
 """Introductions: new publishers that are looked at, and the subscribers that are told."""
-from shsa_core.ros.master.introductions import Introductions, Publisher
+from shsa_core.ros.master.announce import Introductions, Publisher
 from shsa_core.ros.settings import INTRODUCTION_LOOKS_S as LOOKS_S
 
 OLD, NEW = Publisher("/x", "/a", "http://a:1/"), Publisher("/x", "/a", "http://a:2/")

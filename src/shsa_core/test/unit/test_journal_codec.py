@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from shsa_testing import toy_machine as toy
 from shsa_core.errors import ModelError
 from shsa_core.journal.codec import Codec
-from shsa_core.journal.machines import FORMS, MACHINES, machine_kind
+from shsa_core.journal.machines import MACHINES, machine_kind
 from shsa_core.language.expression import Condition, Law, parse_constraint, parse_law
 from shsa_core.model.checks import REGISTRY, Check, OutOfRange, Stuck
 from shsa_core.model.ontology import Constant, Ontology, Property
@@ -109,7 +109,7 @@ THOROUGH = settings(max_examples=many(50), deadline=None, suppress_health_check=
 @pytest.mark.parametrize("cls", [*get_args(toy.Event), *get_args(toy.Command), Ontology, Som])
 def test_nothing_is_lost(cls: Any) -> None:
     union = {**dict.fromkeys(get_args(toy.Event), toy.Event), Ontology: Ontology, Som: Som}
-    codec = Codec(union.get(cls, toy.Command), FORMS)
+    codec = Codec(union.get(cls, toy.Command))
 
     @THOROUGH
     @given(of(cls) if cls in (Ontology, Som) else record(cls))
@@ -136,7 +136,7 @@ def test_nothing_of_what_a_machine_hears_and_says_is_lost(machine: str) -> None:
 
 
 def test_equal_sets_are_equal_text() -> None:
-    codec = Codec(toy.Event, FORMS)
+    codec = Codec(toy.Event)
     names = [f"/node_{n}" for n in range(100)]
     one, other = (frozenset(order) for order in (names, reversed(names)))
     assert codec.encode(toy.Added(1.0, names=one))["names"] == sorted(names)
@@ -145,12 +145,12 @@ def test_equal_sets_are_equal_text() -> None:
 
 @pytest.mark.parametrize("number", [math.inf, -math.inf, math.nan, -0.0, 5, 1e-320, 2**60, 0.1])
 def test_numbers_stay_exactly_what_they_are(number: float) -> None:
-    codec = Codec(toy.Event, FORMS)
+    codec = Codec(toy.Event)
     assert same(through_json(codec, toy.Tick(number)), toy.Tick(number))
 
 
 def test_a_member_of_a_family_keeps_its_class() -> None:
-    codec = Codec(toy.Event, FORMS)
+    codec = Codec(toy.Event)
     data = codec.encode(toy.Added(1.0, check=Stuck(2.0)))
     assert data["check"] == {"class": "Stuck", "limit": 2.0}
     assert codec.decode(data, "", "").check == Stuck(2.0) != OutOfRange(2.0)
@@ -158,7 +158,7 @@ def test_a_member_of_a_family_keeps_its_class() -> None:
 
 def test_a_constraint_is_a_condition() -> None:
     constraint = parse_constraint("a > 10 and b < 3")
-    assert through_json(Codec(Condition, FORMS), constraint) == constraint
+    assert through_json(Codec(Condition), constraint) == constraint
 
 
 Change = Callable[[Dict[str, Any]], object]
@@ -180,9 +180,9 @@ Change = Callable[[Dict[str, Any]], object]
         (lambda d: d.update(key=["a"]), "the event.key must be a list of 2"),
         (lambda d: d.update(key=["a", 1]), "the event.key[1] must be a value of the type bool"),
         (lambda d: d.update(either="x"), "the event.either must be a number, not 'x'"),
-        (lambda d: d.update(either=[]), "the event.either must be a flag or a null or a number"),
-        (lambda d: d.update(point=[1]), "the event.point must be a null or an object, not [1]"),
-        (lambda d: d.update(point=[]), "the event.point must be a null or an object, not []"),
+        (lambda d: d.update(either=[]), "the event.either must be a number, not []"),
+        (lambda d: d.update(point=[1]), "the event.point must be an object, not [1]"),
+        (lambda d: d.update(point=[]), "the event.point must be an object, not []"),
         (lambda d: d.update(points=1), "the event.points must be a list, not 1"),
         (lambda d: d.update(points=[1]), "the event.points[0] must be an object, not 1"),
         (lambda d: d.update(points=[{"x": 1, "z": 2}]), "points[0]: Point has no field 'z'"),
@@ -193,11 +193,11 @@ Change = Callable[[Dict[str, Any]], object]
             lambda d: d.update(check={"class": "Point"}),
             "the event.check: there is no class 'Point'",
         ),
-        (lambda d: d.update(check=7 * "123456789 "), "must be a null or an object, not '123456789"),
+        (lambda d: d.update(check=7 * "123456789 "), "must be an object, not '123456789"),
     ],
 )
 def test_what_the_program_could_not_have_written_is_refused(change: Change, told: str) -> None:
-    codec = Codec(toy.Event, FORMS)
+    codec = Codec(toy.Event)
     data = codec.encode(toy.Added(1.0))
     change(data)
     with pytest.raises(ModelError) as refused:
@@ -210,54 +210,39 @@ def test_what_the_program_could_not_have_written_is_refused(change: Change, told
 )
 def test_an_expression_is_checked_when_it_is_read(text: str) -> None:
     with pytest.raises(ModelError):
-        Codec(Law, FORMS).decode(["function", text], "journal:1", "the setup")
+        Codec(Law).decode(["function", text], "journal:1", "the setup")
     with pytest.raises(ModelError):
-        Codec(Condition, FORMS).decode(text, "journal:1", "the setup")
+        Codec(Condition).decode(text, "journal:1", "the setup")
 
 
 @pytest.mark.parametrize("data", ["a", "a===", "\u00e4", 5, None, ["AA=="]])
 def test_bytes_are_base_64_and_nothing_else(data: Any) -> None:
     codec = Codec(bytes)
     assert codec.encode(b"\0\xff") == "AP8="
-    with pytest.raises(ModelError, match="bytes in base 64"):
+    with pytest.raises(ModelError, match="no bytes|type str"):
         codec.decode(data, "journal:1", "the event")
-    with pytest.raises(TypeError, match="no bytes"):
+    with pytest.raises(TypeError, match="none of bytes"):
         codec.encode("text")
 
 
 def test_a_law_that_is_not_in_the_language_is_refused() -> None:
     for text in ("a.b", "h = a", "h = a; b", "h = a; h = b; h", "x = a; x", "; a", "a;", ";"):
         with pytest.raises(ModelError, match="^journal:1: the setup is no Law: "):
-            Codec(Law, FORMS).decode(text, "journal:1", "the setup")
+            Codec(Law).decode(text, "journal:1", "the setup")
 
 
 def test_a_field_that_has_a_default_may_be_missing() -> None:
     data = {"class": "Added", "time": 1.5}
-    assert Codec(toy.Event, FORMS).decode(data, "", "") == toy.Added(1.5)
+    assert Codec(toy.Event).decode(data, "", "") == toy.Added(1.5)
 
 
-@pytest.mark.parametrize(
-    "value",
-    [
-        toy.Show(1.0),
-        toy.Added("1"),  # type: ignore[arg-type]
-        toy.Added(True),
-        toy.Added(1.0, text=2),  # type: ignore[arg-type]
-        toy.Added(1.0, points=3),  # type: ignore[arg-type]
-        toy.Added(1.0, points=(toy.Show(1.0),)),  # type: ignore[arg-type]
-        toy.Added(1.0, point=toy.Show(1.0)),  # type: ignore[arg-type]
-        toy.Added(1.0, key=("a",)),  # type: ignore[arg-type]
-        toy.Added(1.0, either="a"),  # type: ignore[arg-type]
-        toy.Added(1.0, either=()),  # type: ignore[arg-type]
-        toy.Added(1.0, names=("a",)),  # type: ignore[arg-type]
-        toy.Added(1.0, named={1: 1}),  # type: ignore[dict-item]
-        toy.SomChanged(1.0, ()),  # type: ignore[arg-type]
-        None,
-    ],
-)
+NOT_EVENTS = [toy.Show(1.0), None, toy.Added(1.0, either=object())]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("value", NOT_EVENTS)
 def test_what_is_not_of_its_type_is_not_written(value: Any) -> None:
     with pytest.raises(TypeError):
-        Codec(toy.Event, FORMS).encode(value)
+        Codec(toy.Event).encode(value)
 
 
 @dataclass(frozen=True)
@@ -277,7 +262,7 @@ def _two_of_one_name() -> List[Any]:
 
 
 @pytest.mark.parametrize(
-    "hint", [Free, Any, Union[str, float], FrozenSet[toy.Point], Tuple[Free, ...], Dict[int, str]]
+    "hint", [Free, Any, FrozenSet[toy.Point], Tuple[Free, ...], Dict[int, str]]
 )
 def test_a_type_without_a_form_is_refused_at_once(hint: Any) -> None:
     with pytest.raises(TypeError):

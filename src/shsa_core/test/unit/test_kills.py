@@ -9,6 +9,7 @@ from shsa_core.healing.events import (
     Command,
     EndProcess,
     FindNode,
+    HealthSeen,
     NodeFound,
     NodeLeft,
     ProcessUntouchable,
@@ -17,6 +18,7 @@ from shsa_core.healing.events import (
 from shsa_core.healing.health import Health
 from shsa_core.healing.kill import KillNode, KillOutcome, Kills, NodeKilled, NodeSpared, Said
 from shsa_core.healing.settings import Settings
+from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 N = "/node"
 Parts = Tuple[List[Any], Optional[KillOutcome]]
@@ -57,6 +59,15 @@ def found(kills: Killing, where: Where) -> List[Command]:
     commands, over = kills.told(NodeFound(10.0, N, where))
     assert over is None and kills.nodes == {N}
     return commands
+
+
+def test_the_address_of_the_process_that_was_heard_goes_with_the_search() -> None:
+    kills = Killing()
+    row = PublisherHealth("/x", N, PublisherState.FAILED, 9.0, uri="http://127.0.0.1:4242/")
+    kills.health.heed(HealthSeen(9.5, (row,)))
+    assert kills.begin(10.0, KillNode(N, True, topic="/x")) == [
+        FindNode(N, True, "/x", 0.0, row.uri)
+    ]
 
 
 def test_a_node_that_leaves_when_it_is_asked_is_certainly_gone() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from shsa_core.ros import settings
 from shsa_core.ros.processes import starting
-from shsa_core.ros.processes.starting import Processes, Setup
+from shsa_core.ros.processes.starting import Substitutes, Setup
 from shsa_testing.waiting import wait_until
 
 NODE = "/robot/substitute_a_7"
@@ -61,7 +61,7 @@ def test_a_process_is_known_by_its_executable_and_its_name(
     words = [sys.executable, str(ours / executable), *arguments]
     started.append(subprocess.Popen(words, stdout=subprocess.PIPE))
     assert started[0].stdout is not None and started[0].stdout.readline()
-    known = Processes(lambda node, detail: None, lambda node: None, SETUP)
+    known = Substitutes(lambda node, detail: None, lambda node: None, SETUP)
     assert known.runs_ours(NODE, psutil.Process(started[0].pid)) is is_ours
 
 
@@ -69,7 +69,8 @@ def test_a_process_that_has_ended_is_not_known(ours: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
         ended = psutil.Process(process.pid)
         os.kill(process.pid, 9)
-    assert not Processes(lambda node, detail: None, lambda node: None, SETUP).runs_ours(NODE, ended)
+    known = Substitutes(lambda node, detail: None, lambda node: None, SETUP)
+    assert not known.runs_ours(NODE, ended)
 
 
 def test_what_was_left_behind_is_found_and_ended_as_our_own(
@@ -94,7 +95,7 @@ def test_what_was_left_behind_is_found_and_ended_as_our_own(
     for process in started:
         assert process.stdout is not None and process.stdout.readline()
     ended: List[str] = []
-    known = Processes(lambda node, detail: ended.append(node), lambda node: None, SETUP)
+    known = Substitutes(lambda node, detail: ended.append(node), lambda node: None, SETUP)
     left = known.left_behind()
     other = "/robot/substitute_a_6"  # of the same master, which is spelled in another way
     found = {node: process.pid for node, process in left.items()}
@@ -116,7 +117,7 @@ def test_the_end_of_one_that_was_left_behind_is_told(
     words = [sys.executable, str(ours / "standby"), "__name:=substitute_a_7"]
     started.append(subprocess.Popen(words, stdout=subprocess.PIPE, start_new_session=True))
     ended: List[str] = []
-    known = Processes(lambda node, detail: ended.append(node), lambda node: None, SETUP)
+    known = Substitutes(lambda node, detail: ended.append(node), lambda node: None, SETUP)
     known.take_up(NODE, psutil.Process(started[0].pid))
     started[0].kill()
     started[0].wait()

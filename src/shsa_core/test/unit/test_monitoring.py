@@ -221,6 +221,16 @@ def test_a_connected_node_that_never_published_is_blamed() -> None:
     assert bench.kinds() == [(NODE, "never_published")]
 
 
+def test_another_process_of_the_same_name_begins_a_new_life() -> None:
+    bench = Bench()
+    for uri in ("http://127.0.0.1:1/", "http://127.0.0.1:2/"):
+        bench.connect(uri=uri)
+        assert bench.state() == "unknown"
+        bench.stream(10)
+        (row,) = [each for each in bench.rows.values() if each.publisher == NODE]
+        assert row.uri == uri and row.state == "healthy"
+
+
 def test_the_grace_counts_from_when_a_topic_is_watched() -> None:
     bench = Bench(settings=replace(SETTINGS, startup_grace=2.0))
     bench.wait(1.5)

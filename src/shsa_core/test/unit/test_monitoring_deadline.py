@@ -6,7 +6,6 @@ import pytest
 from monitor_bench import NODE, PERIOD, TOPIC, Bench, row, service
 
 from shsa_core.journal.codec import Codec
-from shsa_core.journal.machines import FORMS
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.events import Message, SubstitutionsChanged, Tick
 from shsa_core.monitoring.publishers import Publisher
@@ -224,7 +223,7 @@ def test_stale_is_by_the_fixed_deadline_and_the_budget_by_the_longest() -> None:
 
 
 def test_it_survives_a_journal() -> None:
-    codec = Codec(Service, FORMS)
+    codec = Codec(Service)
     for deadline in (OFTEN, 3.0, None):
         data = codec.encode(adaptive(deadline=deadline))
         assert codec.decode(data, "there", "a service").deadline == deadline

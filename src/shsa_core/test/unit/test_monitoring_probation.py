@@ -17,7 +17,6 @@ from monitor_bench import (
 )
 
 from shsa_core.journal.codec import Codec
-from shsa_core.journal.machines import FORMS
 from shsa_core.model.checks import Jump, RateHigh, RateLow, StaleStamp
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import ChangeAdopted, Command, Message
@@ -277,6 +276,6 @@ def test_what_was_good_once_is_told_as_usual(bench: Bench) -> None:
 def test_what_became_of_a_change_can_be_journaled(bench: Bench) -> None:
     bench.watch(service(provision(range=(100.0, 200.0)), period=1e6))
     bench.stream(40)
-    codec = Codec(Command, FORMS)
+    codec = Codec(Command)
     for said in (bench.refused[0], ChangeAdopted(1.0, "current", "period: 1 (so far 2)")):
         assert codec.decode(json.loads(json.dumps(codec.encode(said))), "here", "it") == said

@@ -7,8 +7,8 @@ from typing import Iterator, List
 import pytest
 
 from shsa_core.ros.master import node_api
-from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask, pid, publications
-from shsa_core.ros.master.master_calls import MasterCalls
+from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask, pid, topics
+from shsa_core.ros.master.master_watch import MasterCalls
 from strange_nodes import NONSENSE, Send, StrangeNode, bomb, drip, endless, nothing, value, zipped
 
 NODES: List[StrangeNode] = []
@@ -29,7 +29,7 @@ def node(otherwise: Send) -> str:
 @pytest.mark.parametrize("kind", NONSENSE)
 def test_nonsense_is_a_failure_with_a_name(kind: str) -> None:
     uri = node(NONSENSE[kind])
-    for call in (pid, publications):
+    for call in (pid, topics):
         with pytest.raises(FAILURES):
             call(uri)
 
@@ -48,14 +48,14 @@ def test_an_answer_has_a_largest_size(answer: Send) -> None:
     uri = node(answer)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(FAILURES):
-        publications(uri)
+        topics(uri)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # kB
 
 
 def test_what_is_in_order_is_told() -> None:
     assert pid(node(value([1, "", 4242]))) == 4242
     rows = value([1, "ok", [["/odom", "nav_msgs/Odometry"], ["/rosout", "rosgraph_msgs/Log"]]])
-    assert publications(node(rows)) == {"/odom", "/rosout"}
+    assert topics(node(rows)).keys() == {"/odom", "/rosout"}
     assert ask(node(value([1, "bye", 1])), "shutdown", "why") == 1
 
 
@@ -69,7 +69,7 @@ def test_the_master_may_tell_of_a_large_robot(monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.parametrize("rows", ["/odom", [["/odom"]], [["/odom", 4]], [["/a", "b", "c"]], 7, [7]])
 def test_publications_of_another_form_are_none(rows: object) -> None:
     with pytest.raises(BadAnswer):
-        publications(node(value([1, "", rows])))
+        topics(node(value([1, "", rows])))
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,8 @@ from typing import Dict, List, Optional, Tuple
 
 import numpy as np
 import pytest
-from shsa_testing.models import som_of
 
-from shsa_core.codegen.prediction import P95, predict, predictor
+from shsa_core.codegen.prediction import P95, predictor
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.language.expression import parse_constraint, parse_law
 from shsa_core.model.error import Error
@@ -59,8 +58,8 @@ def expected(
     ontology: Ontology, name: str, *sources: Source, others: Tuple[Source, ...] = ()
 ) -> Optional[Error]:
     """Return the expected error of the best derivation; the SOM has `others` besides."""
-    som = som_of([*sources, *others])
-    return predict(derive(ontology, name, *sources), ontology, som)
+    found = predictor(ontology, [*sources, *others])
+    return None if found is None else found.of([derive(ontology, name, *sources)])[0]
 
 
 def test_a_service_that_is_passed_on_has_its_own_error() -> None:
@@ -73,7 +72,6 @@ def test_a_service_that_is_passed_on_has_its_own_error() -> None:
 def test_nothing_is_predicted_where_nothing_is_known() -> None:
     ontology, plain = models(law("y", "x")), sensor("x", None)
     assert predictor(ontology, [plain]) is None
-    assert predict(derive(ontology, "y", plain), ontology, som_of([plain])) is None
     # Figures elsewhere do not help.
     assert expected(ontology, "y", plain, others=(sensor("z", Error(1.0)),)) is None
 

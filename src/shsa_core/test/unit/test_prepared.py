@@ -18,7 +18,7 @@ from shsa_core.model.substitution import Program
 from shsa_core.ros import settings
 from shsa_core.ros.processes import forking, kernel
 from shsa_core.ros.processes import prepared as prepared_process
-from shsa_core.ros.processes.starting import Processes, Setup
+from shsa_core.ros.processes.starting import Substitutes, Setup
 from shsa_testing.waiting import wait_until
 
 NAMESPACE = "/robot"
@@ -33,11 +33,11 @@ class Bench:
         self.ended: Dict[str, str] = {}
         self.ours = self.processes()
 
-    def processes(self) -> Processes:
+    def processes(self) -> Substitutes:
         """As a reconfigurator, or one that follows it, has them."""
         told = self.ended.__setitem__
         setup = SETUP._replace(forks=True, types=["std_msgs/Bool"])
-        return Processes(told, lambda _: None, setup)
+        return Substitutes(told, lambda _: None, setup)
 
     @property
     def forking(self) -> forking.Forking:
@@ -149,7 +149,7 @@ def test_what_was_forked_goes_on_when_who_forked_it_is_killed_and_is_known(bench
     prepared.kill()
     again = bench.ready(but=prepared.pid)
     assert process.is_running() and not bench.ended
-    follower = Processes(lambda *_: None, lambda _: None, SETUP)
+    follower = Substitutes(lambda *_: None, lambda _: None, SETUP)
     left = follower.left_behind()
     assert left == {f"{NAMESPACE}/substitute_a_1": process}
     process.kill()
@@ -223,7 +223,7 @@ def test_another_environment_is_not_forked(bench: Bench, monkeypatch: pytest.Mon
 
 
 def test_in_a_sandbox_each_is_started_by_itself() -> None:
-    none = Processes(lambda *_: None, lambda _: None, Setup("/", sandbox=["env"], forks=True))
+    none = Substitutes(lambda *_: None, lambda _: None, Setup("/", sandbox=["env"], forks=True))
     assert none._forking is None
 
 

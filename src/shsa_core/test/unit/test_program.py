@@ -5,7 +5,7 @@ import sys
 from typing import Any, Optional, Tuple
 
 import pytest
-from expressions import NAMES, NoValue, Sample, samples
+from shsa_testing.expressions import NAMES, NoValue, Sample, samples
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 

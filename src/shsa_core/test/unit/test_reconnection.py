@@ -124,13 +124,12 @@ def test_the_old_process_of_a_node_that_was_started_again_is_missed_by_nobody(
     successor = Node(monitor.topic)
     monitor.hear_of(successor)
     standing = monitor.connections._standing
-    monitor.until(lambda: [each.is_known for each in standing.values()] == [True, True])
+    monitor.until(lambda: monitor.kinds() == ["Connected"])
     node.die()
-    monitor.until(lambda: len(monitor.connections._standing) == 1)
-    assert monitor.seen == []
+    monitor.until(lambda: len(standing) == 1)
+    assert monitor.kinds() == ["Connected"]
     successor.die()
-    monitor.until(lambda: bool(monitor.seen))
-    assert monitor.kinds() == ["Gone"]
+    monitor.until(lambda: monitor.kinds() == ["Connected", "Gone"])
 
 
 def test_a_topic_that_is_left_while_its_node_is_in_doubt(monitor: Monitor, node: Node) -> None:

@@ -8,10 +8,9 @@ import pytest
 from shsa_core.errors import ModelError
 from shsa_core.healing.records import Counters, Healthy, IdleProcess, Record
 from shsa_core.journal.codec import Codec
-from shsa_core.journal.machines import FORMS
 from shsa_core.journal.record_file import RecordFile, read_records
 
-CODEC = Codec(Record, FORMS)
+CODEC = Codec(Record)
 OWNER = {"boot": "b", "run": "r"}
 ONE, TWO = Healthy("/a", "/n", 1.5), IdleProcess("/substitute_standby_1", 2.0)
 

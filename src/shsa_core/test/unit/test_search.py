@@ -6,13 +6,14 @@ import pytest
 from hypothesis import event, given, settings
 from shsa_testing.models import Rank, every_derivation, law, models, ontology, rank, source, usable
 
+from shsa_core.codegen.choice import substitutes
 from shsa_core.errors import NoSubstitute
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import SourceTable
-from shsa_core.search.substitutes import Substitute, find_substitute, iter_substitutes
+from shsa_core.search.substitutes import Substitute, find_substitute
 from shsa_testing.thorough import many
 
 Model = Tuple[Ontology, List[Source], List[str]]
@@ -50,7 +51,7 @@ def test_substitutes_come_best_first_and_all_do(model: Model) -> None:
     robot, sources, excluded = model
     every = every_rank(model)
     if len(every) < MANY:
-        found = list(iter_substitutes(robot, usable(sources, excluded), "a"))
+        found = [each for each, _ in substitutes(robot, usable(sources, excluded), "a")]
         assert [rank(each.derivation) for each in found] == every
         assert [each.proven_best for each in found] == [i == 0 for i in range(len(every))]
 
@@ -206,7 +207,7 @@ def test_long_chains_neither_underflow_nor_recurse() -> None:
     found = find_substitute(only, sources[:1], "p0")
     assert len(relations(found)) == length and 0 < found.quality < 1e-300
     assert len(first(only, sources[:1], "p0")) == length
-    assert len(list(iter_substitutes(only, sources, "p0"))) == 2
+    assert len(list(substitutes(only, sources, "p0"))) == 2
     assert relations(find_substitute(only, sources, "p0")) == tuple(f"r{i}" for i in range(10))
 
 

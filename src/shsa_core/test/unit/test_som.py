@@ -117,7 +117,7 @@ def test_a_good_file(good: Som, tmp_path: pathlib.Path) -> None:
     velocity, turn = odometry.sources
     assert (velocity.provision.range, velocity.quality) == (None, 1.0)
     assert (odometry.needed, odometry.standby, odometry.policy) == (
-        False,
+        None,
         Standby.COLD,
         Policy.SUBSTITUTE,
     )

@@ -10,7 +10,7 @@ from shsa_testing.models import random_model, source, usable
 from shsa_core.model.network import Network
 from shsa_core.model.service import Source
 from shsa_core.search.derivation import LOST, SourceTable
-from shsa_core.search.substitutes import iter_substitutes
+from shsa_core.codegen.choice import substitutes
 from shsa_testing.thorough import many
 
 NAMES = "abcdef"
@@ -67,5 +67,5 @@ def test_of_sources_that_are_as_good_the_faster_is_the_best() -> None:
     assert SourceTable(robot.network, [event, slow, fast, worse]).best(number) == fast
     assert SourceTable(robot.network, [event, slow, worse]).best(number) == slow
     assert SourceTable(robot.network, [event, worse]).best(number) == event
-    found = [each.derivation.source for each in iter_substitutes(robot, [event, slow, fast], "a")]
+    found = [each.derivation.source for each, _ in substitutes(robot, [event, slow, fast], "a")]
     assert found[:3] == [fast, slow, event]

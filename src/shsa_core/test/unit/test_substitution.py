@@ -24,7 +24,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.log import Level
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
-from shsa_core.substitution.settings import FIRST_MISSES, REST_S
+from shsa_core.substitution.settings import REST_S
 
 DERIVATIVE = "t0=x[0];\ndef _tf1(i1): return derivative(i1)\nt1=_tf1(t0);\ny=t1"
 
@@ -70,6 +70,18 @@ def test_behind_a_gate_it_publishes_always() -> None:
     heard = [time for time, _ in driver.published()]
     assert len(heard) in (15, 16)
     assert max(b - a for a, b in zip(heard, heard[1:])) == pytest.approx(PERIOD)
+
+
+def test_behind_a_gate_it_tells_of_an_unknown_start_only_while_it_stands_in() -> None:
+    code = "t0=x[0];\ndef _tf1(i1): return integral(i1)\nt1=_tf1(t0);\ny=t1"
+    driver = Driver(replace(row(code=code), gated=True))
+    driver.ready()
+    logs = lambda: [told for _, told in driver.said if isinstance(told, events.Log)]
+    driver.stream(0.1)
+    assert not logs()
+    driver.change(replace(row(publishing=True, code=code), gated=True))
+    driver.stream(0.2)
+    assert len(logs()) == 1
 
 
 def test_it_publishes_at_once_when_it_takes_over_and_goes_on_from_there() -> None:
@@ -224,7 +236,7 @@ def test_a_law_that_does_not_hold_any_more_is_told_at_the_second_miss_and_once(
 
 def test_a_law_that_never_held_is_told_later_as_filters_need_a_few_samples() -> None:
     driver = running(publishing=True, code=HOLDS.replace("5.0-i1", "i1-5.0"))
-    assert told(driver, 1.0, FIRST_MISSES - 2) == []
+    assert told(driver, 1.0, 8) == []
     assert len(told(driver, 1.0, 2)) == 1
 
 

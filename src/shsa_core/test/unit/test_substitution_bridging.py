@@ -136,6 +136,12 @@ def test_nobody_is_filled_in_for_who_was_not_heard_at_a_steady_pace() -> None:
     assert Robot(bridges(bridge=0.0)).stream(1.0).to(2.0).filled == []
 
 
+def test_whose_connection_has_ended_is_not_filled_in_for_once_its_node_is_gone() -> None:
+    robot = Robot().stream(1.0)
+    robot.stands = False
+    assert robot.gone(1.0 + 2 * BRIDGE).to(2.0).filled == []
+
+
 def test_a_connection_that_has_ended_begins_no_bridge_and_soon_ends_one() -> None:
     robot = Robot().stream(1.0)
     robot.stands = False

@@ -1,4 +1,5 @@
 """The parts of a substitute's core: schedule, inputs, program, and signals as text."""
+import json
 import math
 import random
 from dataclasses import replace
@@ -208,26 +209,30 @@ def test_what_is_computed_is_published_as_it_is_calibrated() -> None:
     assert job.latest is None
 
 
+@pytest.mark.parametrize(
+    "law, integrates", [("i1", False), ("integral(i1)", True), ("1.0+integral(i1)", True)]
+)
+def test_a_sum_is_as_good_as_where_it_started(law: str, integrates: bool) -> None:
+    code = f"t0=x[0];\ndef _tf1(i1): return {law}\nt1=_tf1(t0);\ny=t1"
+    assert Job(row(code=code), 0.0).integrates is integrates
+
+
 def test_signals_survive_the_way_as_text() -> None:
     inputs = (IN, signal("/x", None, None, "/left", "a.b[3]", "pkg/Type"))
-    assert decode('[[["/a", "data", "t/T", "", 1.0, 1.0, null, true, 1.2, 0.5]], []]')[0][0].latched
     assert decode(encode(inputs, (OUT,))) == (inputs, (OUT,))
+
+
+BAD_KEYS = [
+    *({"node": 5}, {"latched": 1}, {"field": "x;y"}, {"period": "1"}, {"period": 0.0}),
+    *({"period": -1.0}, {"period": "nan"}, {"gain": 0.0}, {"gain": -1.0}, {"gain": "nan"}),
+    *({"offset": "inf"}, {"offset": "0"}, {"color": "red"}),
+]
 
 
 @pytest.mark.parametrize(
     "text",
     ["", "{", "[]", "[[], [], []]", "[[1], []]", '[[["/a"]], []]']
-    + ['[[["/a", "data", "t/T", 5, 1.0, 1.0, false, 1.0, 0.0]], []]']
-    + ['[[["/a", "data", "t/T", "", 1.0, 1.0, null, 1, 1.0, 0.0]], []]']
-    + ['[[["/a", "x;y", "t/T", "", 1.0, 1.0, false, 1.0, 0.0]], []]']
-    + [
-        '[[["/a", "data", "t/T", "", %s, null, null, false, 1.0, 0.0]], []]' % bad
-        for bad in ('"1"', "0", "-1", "NaN")
-    ]
-    + [
-        '[[], [["/a", "data", "t/T", "", 1.0, null, null, false, %s]]]' % bad
-        for bad in ("0.0, 0.0", "-1.0, 0.0", "NaN, 0.0", "1.0, Infinity", '1.0, "0"')
-    ],
+    + [json.dumps([[{**json.loads(encode([IN], []))[0][0], **bad}], []]) for bad in BAD_KEYS],
 )
 def test_what_is_no_signals_is_refused(text: str) -> None:
     with pytest.raises(ShsaError, match="SHSA_SIGNALS holds no signals"):

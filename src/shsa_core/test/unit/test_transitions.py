@@ -1,7 +1,5 @@
-"""The states of a service: the table, its diagram in the documentation, and what is impossible."""
-import re
-from pathlib import Path
-from typing import Dict, Set, Tuple
+"""The states of a service: the table, and what is impossible."""
+from typing import Dict, Set
 
 import pytest
 
@@ -9,28 +7,6 @@ from core_robot import A, Robot
 from shsa_core.healing.incident import State, Trigger
 from shsa_core.healing.repair import TRANSITIONS
 from shsa_core.healing.service import InvalidTransition
-
-PAGE = Path(__file__).resolve().parents[4] / "docs" / "internals.md"
-ARROW = re.compile(r"^ *(\w+) --> (\w+) : (.+)$", re.MULTILINE)
-
-
-def drawn() -> Set[Tuple[str, str, str]]:
-    """The arrows in the documentation: from, to, and what leads there."""
-    diagram = PAGE.read_text().split("stateDiagram-v2")[1].split("```")[0]
-    return {
-        (start.lower(), end.lower(), trigger.strip())
-        for start, end, triggers in ARROW.findall(diagram)
-        for trigger in triggers.split(" / ")
-    }
-
-
-def test_the_diagram_in_the_documentation_is_the_table() -> None:
-    table = {
-        (state.value, to.value, trigger.value)
-        for (state, trigger), (_, ends) in TRANSITIONS.items()
-        for to in ends
-    }
-    assert drawn() == table
 
 
 def test_every_state_can_be_reached_and_left() -> None:

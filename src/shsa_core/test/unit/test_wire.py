@@ -49,7 +49,7 @@ def test_the_moments_of_an_incident_keep_their_order(monkeypatch: pytest.MonkeyP
 def test_nothing_that_is_told_lies_ahead_of_now(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
     far = rospy.Time(3_976_214_400)  # in the year 2096
-    row = PublisherHealth("/odom", "/base", "healthy", "", "", far, far, far, "", b"")
+    row = PublisherHealth("/odom", "/base", "healthy", "", "", far, far, far, "", b"", "")
     (seen,) = wire.health_seen(Health(publishers=[row])).rows
     moments = [seen.since, seen.first_message, seen.last_good]
     failure = failure_seen(
@@ -83,7 +83,7 @@ def test_the_wall_clock_of_another_computer_does_not_count(
     health = SignedHealth(
         header=Header(stamp=told),
         publishers=[
-            PublisherHealth("/odom", "/base", "healthy", "", "", once, later, last, "", b"")
+            PublisherHealth("/odom", "/base", "healthy", "", "", once, later, last, "", b"", "")
         ],
     )
     health.sent_here = int(sent * 1e9)

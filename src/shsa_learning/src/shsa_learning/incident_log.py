@@ -6,7 +6,7 @@ from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tu
 from shsa_core.errors import ModelError
 from shsa_core.files.regular import open_to_read
 from shsa_core.healing.incident import Incident, State
-from shsa_core.journal.codec import CLASS, Codec
+from shsa_core.journal.codec import Codec
 from shsa_core.journal.lines import read_line
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
@@ -65,7 +65,7 @@ def of_line(line: bytes, where: str) -> Incident:
     """The incident that a line of the log is. Raises ModelError, with `where`."""
     data = read_line(line, where)
     data.pop("outage", None)  # it follows from the moments
-    incident: Incident = _CODEC.decode({**data, CLASS: Incident.__name__}, where, "incident")
+    incident: Incident = _CODEC.decode(data, where, "incident")
     moments = [getattr(incident, name) for name in MOMENTS]
     if not all(0.0 <= each <= LATEST_S for each in moments if each is not None):
         raise ModelError(where, f"a moment is no time from 0 to {LATEST_S:.0f} s")

@@ -31,7 +31,7 @@ def save_ontology(ontology: Ontology, path: str) -> None:
         old = read_ontology(path)
         if old == ontology:
             return
-        tree = _load(path)
+        tree = load(path)
     sections: List[Tuple[str, Mapping[str, Any], Mapping[str, Any], Any]] = [
         ("properties", old.properties, ontology.properties, _property_entry),
         ("constants", old.constants, ontology.constants, _constant_entry),
@@ -40,7 +40,7 @@ def save_ontology(ontology: Ontology, path: str) -> None:
         changed = {key: entry(item) for key, item in after.items() if before.get(key) != item}
         _update(_section(tree, name, bool(after)), after, changed)
     _update_relations(tree, old.functions, ontology.functions)
-    _dump(tree, path)
+    dump(tree, path)
 
 
 def _update_relations(
@@ -139,7 +139,8 @@ def _editor() -> YAML:
     return editor
 
 
-def _load(path: str) -> CommentedMap:
+def load(path: str) -> CommentedMap:
+    """Return the tree of a YAML file, with its comments."""
     tree = _editor().load(read_text(path))
     _plain_exponents(tree)
     return CommentedMap() if tree is None else tree
@@ -155,7 +156,7 @@ def _plain_exponents(tree: Any) -> None:
             _plain_exponents(tree[key])
 
 
-def _dump(tree: CommentedMap, path: str) -> None:
+def dump(tree: CommentedMap, path: str) -> None:
     """Write the file as a whole or not at all; a link to it stays one."""
     path = os.path.realpath(path)
     folder = os.path.dirname(path)

@@ -10,7 +10,7 @@ GRAVITY = 9.81  # m/s^2
 class ChassisParameters:
     """A Pioneer 3-AT with its three batteries and the paper's computers on board.
 
-    Data sheet, as commonly quoted (docs/rover.md): 12 kg without batteries, 0.7 m/s, 140 deg/s.
+    Data sheet, as commonly quoted (README.md): 12 kg without batteries, 0.7 m/s, 140 deg/s.
     Body of 0.626 m by 0.505 m: the robot's parameters in its maker's library ARIA (p3at-sh).
     Estimates: batteries of 2.4 kg each; 4.8 kg of payload; the moment of inertia of a homogeneous
     box; track and wheel spacing as in common simulation models of this robot; the friction figures,

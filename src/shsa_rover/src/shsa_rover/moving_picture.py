@@ -126,7 +126,7 @@ def moving_picture(recording: Recording) -> str:
     inputs: List[str] = list(incident["inputs"])  # type: ignore[call-overload]
     relations: List[str] = list(incident["relations"])  # type: ignore[call-overload]
     return _template().render(
-        well="The amperemeter measures the battery's current. A substitute stands by, and is mute.",
+        well="The amperemeter measures the battery's current. A muted substitute is ready.",
         lost="The amperemeter is dead",
         healed=f"{1000 * (speaks - dies):.0f} ms later a substitute publishes on its topic"
         f"{_expected(incident)}.",

@@ -1,6 +1,6 @@
 """Worlds that the simulated rover can be in: what it carries, what it drives on, how it is built.
 
-docs/rover.md has the sources of the figures.
+src/shsa_rover/README.md has the sources of the figures.
 """
 from dataclasses import dataclass, replace
 from random import Random

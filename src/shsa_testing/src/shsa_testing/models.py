@@ -2,7 +2,7 @@
 from fractions import Fraction
 from itertools import product
 from random import Random
-from typing import Dict, Iterable, Iterator, List, Sequence, Tuple
+from typing import Dict, Iterable, Iterator, List, Optional, Sequence, Tuple
 
 from hypothesis import strategies as st
 
@@ -27,7 +27,9 @@ def source(
     return service(topic, node, [Provision(name, name, quality=quality)], needed).sources[0]
 
 
-def service(topic: str, node: str, provides: Iterable[Provision], needed: bool = False) -> Service:
+def service(
+    topic: str, node: str, provides: Iterable[Provision], needed: Optional[bool] = False
+) -> Service:
     """A service called after its topic and node."""
     name = topic[1:] + "_of_" + node[1:]
     return Service(name, topic, "std_msgs/Float64", node, 0.1, tuple(provides), needed=needed)
@@ -38,7 +40,7 @@ def som_of(sources: Iterable[Source]) -> Som:
 
     It is needed if one of them is.
     """
-    needed: Dict[Tuple[str, str], bool] = {}
+    needed: Dict[Tuple[str, str], Optional[bool]] = {}
     provides: Dict[Tuple[str, str], Dict[str, Provision]] = {}
     for each in sources:
         key = each.topic, each.node

@@ -134,7 +134,7 @@ class _Nothing(_Handler):
     def prepare(self) -> None:
         """Called by tornado: there is nothing at this path."""
         super().prepare()
-        raise Refused("there is nothing here; docs/view.md names what there is", 404)
+        raise Refused("there is nothing here; docs/howto/see_what_happens.md has the API", 404)
 
 
 def _object(body: bytes) -> Document:

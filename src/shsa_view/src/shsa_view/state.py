@@ -1,6 +1,6 @@
 """The document that the page shows, built of facts as they come, and the changes in it.
 
-docs/view.md describes the document. Time comes in: `now` in s of ROS time.
+docs/howto/see_what_happens.md describes the document. Time comes in: `now` in s of ROS time.
 """
 from collections import deque
 from typing import Deque, Dict, Iterable, List, Optional, Set, Tuple

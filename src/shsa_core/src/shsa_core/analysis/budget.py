@@ -1,7 +1,7 @@
 """Compares how long a failure lasts, detection plus reaction, with what users tolerate.
 
 Both are those of the usual worst case: every check at its limit, and takeovers as slow as the 95th
-percentile of those measured (docs/experiments.md).
+percentile of those measured (docs/explanation/experiments.md).
 """
 from dataclasses import dataclass, replace
 from math import ceil

@@ -1,6 +1,9 @@
 """Checks an ontology and a SOM before they are relied on: `shsa check`."""
+import importlib
+import importlib.util
+import pkgutil
 import re
-from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple, Union
+from typing import Any, Dict, Iterable, Iterator, List, Optional, Tuple, Union
 
 from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.finding import Finding
@@ -10,11 +13,10 @@ from shsa_core.analysis.type_check import MessageTypes, check_healable, check_ty
 from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL, compile_program
-from shsa_core.errors import GenerationError, ModelError, NoSubstitute, UnitError
+from shsa_core.errors import GenerationError, ModelError, NoSubstitute, UnitError, listed
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands
-from shsa_core.language.interval import Interval
 from shsa_core.language.units import Unit, parse_unit
 from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Constant, Ontology, Property
@@ -61,14 +63,22 @@ def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
     if som is not None:
         known = [s for s in som.sources if s.property in ontology.properties]
         findings += _check_names(ontology, som)
-        findings += _check_ranges(ontology, known)
         findings += _check_reach(ontology, known)
         findings += _check_needed(ontology, som)
         findings += check_healable(som)
         findings += _check_gates(som)
         findings += check_budgets(som)
         findings += check_placements(ontology, som)
+        findings += _check_elsewhere(ontology, som)
     return findings
+
+
+def _check_elsewhere(ontology: Ontology, som: Som) -> Iterator[Finding]:
+    """Report what other packages `shsa_*` find, by the function `check` of their `checks`."""
+    for package in sorted({m.name for m in pkgutil.iter_modules() if m.name.startswith("shsa_")}):
+        if importlib.util.find_spec(f"{package}.checks") is not None:
+            checks: Any = importlib.import_module(f"{package}.checks")
+            yield from checks.check(ontology, som)
 
 
 def _check_who_writes(som: Som, path: str) -> Iterator[Finding]:
@@ -154,39 +164,6 @@ def _check_names(ontology: Ontology, som: Som) -> Iterator[Finding]:
             )
 
 
-def _check_ranges(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Finding]:
-    ranges = _declared_ranges(ontology, sources)
-    for function in ontology.functions:
-        if function.law is None:
-            continue
-        names = [*function.law.names, *(function.constraint.names if function.constraint else ())]
-        always = {name: ranges[name] for name in names if name in ranges}
-        own, troubles = always, []
-        if function.constraint is not None:
-            troubles = function.constraint.troubles(always)
-            own = function.constraint.narrowed(always)
-        for trouble in dict.fromkeys([*troubles, *function.law.troubles(own, always)]):
-            yield Finding(
-                "warning",
-                function.where,
-                f"{_name(function)}: {trouble.part} {trouble.reason}; there is no output then",
-                "If that is too often, add a constraint, or narrow the ranges in the SOM",
-            )
-
-
-def _declared_ranges(ontology: Ontology, sources: Iterable[Source]) -> Mapping[str, Interval]:
-    ranges = {c.name: Interval(c.value, c.value) for c in ontology.constants.values()}
-    open_ends: Set[str] = set()
-    for source in sources:
-        if source.provision.range is None:
-            open_ends.add(source.property)
-            continue
-        low, high = source.provision.range
-        old = ranges.get(source.property, Interval(low, high))
-        ranges[source.property] = Interval(min(low, old.low), max(high, old.high))
-    return {name: interval for name, interval in ranges.items() if name not in open_ends}
-
-
 def _check_reach(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Finding]:
     network = ontology.network
     best = BestDerivations(network, SourceTable(network, sources))
@@ -204,15 +181,19 @@ def _check_reach(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Find
 def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
     takeovers = Takeovers(ontology, som.sources)
     apart = len({service.host for service in som}) > 1  # else nothing could do without the one host
-    for service in som.needed():
-        if read_alone(service) or not service.policy.plans:
+    for service in som:
+        if service.needed is False or read_alone(service) or not service.policy.plans:
             continue  # check_healable says it, or nobody looks for a substitute
-        what = f"{service.name} is needed, but if {service.node} fails there is"
+        may_be = "is" if service.needed else "may be"
+        what = f"{service.name} {may_be} needed, but if {service.node} fails there is"
         todo = "Add a relation or a service that yields what is missing"
         try:
             plan = takeovers.of(service)
         except NoSubstitute as none:
-            yield Finding("warning", service.where, f"{what} {none}", todo)
+            if none.in_the_way:
+                todo += f", or leave {listed(none.in_the_way)} out of its 'provides'"
+            if service.needed or none.in_the_way:
+                yield Finding("warning", service.where, f"{what} {none}", todo)
         except GenerationError as error:
             todo = "Write the relation as an expression, or add another one"
             yield Finding("warning", service.where, f"{what} no substitute for it: {error}", todo)

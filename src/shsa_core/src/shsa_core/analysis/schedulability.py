@@ -1,7 +1,7 @@
 """Checks that substitutes fit where they would be placed: CPU and link of each host (Section IV-A).
 
-It places them as healing does, by measured costs (docs/experiments.md), on hosts that have nothing
-else to do.
+It places them as healing does, by measured costs (docs/explanation/experiments.md), on hosts that
+have nothing else to do.
 """
 from typing import Dict, Iterable, Iterator, List, Sequence, Set, Tuple
 

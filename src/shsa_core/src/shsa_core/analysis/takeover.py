@@ -58,17 +58,14 @@ class Takeovers:
         names = [network.names[number] for number in lost]
         if lost and self._all_executable:
             missing = {name for number in lost for name in self._best.missing(number, ratings)}
-            raise NoSubstitute(names, sorted(missing))
+            raise NoSubstitute(service.properties, sorted(missing), lost=names)
         if not lost and self.predictor is None:  # else the best may be of another quality
             rated = rate_joint([each for each in map(ratings.rated, numbers) if each is not None])
             plan = make_plan(self._ontology, service.name, service.sources, rated, True, None)
             if isinstance(plan, Plan):
                 return plan
         question = self._ontology, service, self._table, [service.node]
-        try:
-            return plan_service(*question, predictor=self.predictor)
-        except NoSubstitute as none:
-            raise NoSubstitute(names, none.missing) from none
+        return plan_service(*question, predictor=self.predictor)
 
     def _without(self, service: Service, numbers: Sequence[int]) -> Ratings:
         """Rate what is left for some values of a failed service, as `plan_service` chooses."""

@@ -110,7 +110,8 @@ _REFUSAL = ("service", "substitute", "missing", "refused")
 
 def _refusal(error: Exception) -> Answer:
     if isinstance(error, NoSubstitute):
-        return {"substitute": None, "missing": list(error.missing)}
+        answer: Answer = {"substitute": None, "missing": list(error.missing)}
+        return {**answer, **({"in_the_way": list(error.in_the_way)} if error.in_the_way else {})}
     return {"substitute": None, "missing": [], "refused": str(error)}
 
 

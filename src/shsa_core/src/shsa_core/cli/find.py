@@ -126,6 +126,8 @@ def _text(answer: Answer) -> Iterator[str]:
         values = answer.get("property") or " and ".join(answer["properties"])
         lacking = ", ".join(answer["missing"]) or f"any relation that yields {values}"
         yield f"Nothing replaces {name}. Missing: {lacking}"
+    if "in_the_way" in answer and "properties" in answer:
+        yield f"In the way: {', '.join(answer['in_the_way'])}; the other values can be derived"
     if "alone" in answer:
         yield f"{answer['property']} alone could be derived: {_summary(answer['alone'])}"
         yield "But a service is healed with all of its values, or not at all"

@@ -19,7 +19,10 @@ from shsa_core.errors import NoSubstitute, ShsaError
 
 ELSEWHERE = {
     **dict.fromkeys(
-        ("backtest", "explain", "import", "init", "learn", "plot", "replay", "report"),
+        (
+            *("accept", "add", "backtest", "doctor", "explain", "import"),
+            *("init", "learn", "plot", "replay", "report"),
+        ),
         "shsa_learning",
     ),
     **dict.fromkeys(("chaos", "inject"), "shsa_injection"),

@@ -89,7 +89,7 @@ def substitutes(
     ontology: Ontology,
     sources: Iterable[Source],
     target: str,
-    predictor: Optional[Predictor],
+    predictor: Optional[Predictor] = None,
 ) -> Iterator[Tuple[Substitute, Optional[Error]]]:
     """Yield every substitute of the property `target`, best first, and its expected error.
 

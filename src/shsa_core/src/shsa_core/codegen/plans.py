@@ -228,7 +228,8 @@ def _nothing(
     lost = [number for number in numbers if not best.settle(number)]
     if lost:
         missing = {name for number in lost for name in best.missing(number)}
-        return NoSubstitute(properties, sorted(missing))
+        names = [name for name, number in zip(properties, numbers) if number in lost]
+        return NoSubstitute(properties, sorted(missing), lost=names)
     try:
         program_of(ontology, [best.ratings.derivation(number) for number in numbers], outputs)
     except GenerationError as error:

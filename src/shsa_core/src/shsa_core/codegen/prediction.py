@@ -2,7 +2,7 @@
 
 By first-order propagation (JCGM 100:2008, 5.1 and 5.2): each error of a service or of a relation
 goes on with the derivatives of the relations behind it. What has one cause is added with its sign
-before it is squared, biases as well. docs/ontology.md has the assumptions.
+before it is squared, biases as well. docs/explanation/errors.md has the assumptions.
 """
 from dataclasses import dataclass, replace
 from math import isnan, nan, sqrt
@@ -16,7 +16,6 @@ from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source
-from shsa_core.model.som import Som
 from shsa_core.search.derivation import Derivation
 
 POINTS = 32
@@ -263,12 +262,6 @@ def predictor(ontology: Ontology, sources: Iterable[Source]) -> Optional[Predict
     if not errors and all(function.error is None for function in ontology.functions):
         return None
     return Predictor(ontology, sources)
-
-
-def predict(derivation: Derivation, ontology: Ontology, som: Som) -> Optional[Error]:
-    """Return the expected error of a derivation, in its property's unit; None: not known."""
-    found = predictor(ontology, som.sources)
-    return None if found is None else found.of([derivation])[0]
 
 
 def _told(cause: Cause, error: Optional[Error]) -> Optional[_Part]:

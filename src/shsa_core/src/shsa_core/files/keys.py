@@ -58,19 +58,19 @@ def _error(value: Value, key: str) -> Error:
 ERROR: Keys = {
     "rms": Key(positive, "root mean square of value minus truth", required=True),
     "bias": expert(number, "mean of value minus truth; at most rms in size"),
-    "p95": expert(not_negative, "what its size is within in 95 % of the points"),
+    "p95": expert(not_negative, "95th percentile of its size"),
     "delay": expert(not_negative, "s by which the value lags"),
-    "baseline": expert(positive, "the RMS error of who always says the mean of the truth"),
+    "baseline": expert(positive, "the RMS error of the mean"),
     "n": expert(whole_number(10**12), "points that it was measured on"),
     "source": expert(text, "where it was measured, in words"),
 }
 """Figures of an error, in the unit of its value; delay in s."""
-_quality = basic(share, "how far it can be trusted; unsaid, what its error says")
+_quality = basic(share, "how far it can be trusted; not given: from its error")
 _known_error = basic(
     Reader("number, or mapping", _error),
     "how far it is from the truth, in the unit of the value: its RMS, or figures",
 )
-_unit = basic(text, "its unit; 1: none; unsaid: not known")
+_unit = basic(text, "its unit; 1: none; not given: not known")
 
 _section = Reader("mapping", lambda value, key: {} if value.data is None else value.mapping(key))
 ONTOLOGY: Keys = {
@@ -81,7 +81,7 @@ ONTOLOGY: Keys = {
 PROPERTY: Keys = {
     "unit": _unit,
     "symbol": expert(text, "its sign in formulas"),
-    "usual": expert(interval, "what 5 to 95 % of its values are within"),
+    "usual": expert(interval, "the interval of its 5th to 95th percentile"),
 }
 CONSTANT: Keys = {"value": required(number, "its value"), "unit": _unit}
 _expression = parsed("expression", parse_expression)
@@ -105,7 +105,7 @@ FUNCTION: Keys = {
         Reader("mapping", _steps), "names for values on the way, and their expressions, in order"
     ),
     "not_executable": expert(
-        text, "instead of function: a text that is no expression; no code is made of it"
+        text, "instead of function: a text that is no expression, and becomes no code"
     ),
     "inputs": expert(
         list_of(text, "list of names"), "with not_executable: the properties that it needs"
@@ -128,8 +128,8 @@ def _check(kind: Type[Check]) -> Key:
 VALUE_CHECKS: Keys = {n: _check(each) for n, each in REGISTRY.items() if each.sample in OF_VALUE}
 MESSAGE_CHECKS: Keys = {n: _check(e) for n, e in REGISTRY.items() if n not in VALUE_CHECKS}
 COUNTS: Keys = {
-    "bad": expert(whole_number(1000), "so many bad messages make a failure"),
-    "of": expert(whole_number(1000), "among so many, the last ones"),
+    "bad": expert(whole_number(1000), "this many bad messages make a failure"),
+    "of": expert(whole_number(1000), "among this many, the last ones"),
 }
 
 
@@ -159,7 +159,7 @@ VALUE: Keys = {
     "quality": _quality,
     "error": _known_error,
     "checks": expert(Reader("mapping", _value_checks), "what else is a failure of the value"),
-    "calibrate": expert(flag, "what would derive the value is calibrated while it lives"),
+    "calibrate": expert(flag, "learn gain and offset of its substitutes while the sensor works"),
 }
 """A value of a service, under `provides`."""
 
@@ -224,13 +224,13 @@ def _command(value: Value, key: str) -> Tuple[str, ...]:
 DEADLINE: Keys = {
     "false_alarms": Key(
         number_in(1e-3, 100.0, "0.001 to 100 an hour"),
-        "how often a deadline that is learned from healthy gaps may be exceeded",
+        "how often a healthy stream may exceed the learned deadline",
         required=True,
     )
 }
 _hosts = list_of(text, "list of hosts")
 PLACEMENT: Keys = {
-    "prefer": expert(_hosts, "where it rather runs, the best first"),
+    "prefer": expert(_hosts, "where it should run, the best first"),
     "forbid": expert(_hosts, "where it never runs"),
 }
 LAST_RESORT: Keys = {
@@ -241,8 +241,8 @@ LAST_RESORT: Keys = {
     ),
 }
 HOST: Keys = {
-    "cores": expert(positive, "how many CPUs it has; unsaid, nothing is refused"),
-    "link": expert(positive, "bytes/s that its network link carries; unsaid, the same"),
+    "cores": expert(positive, "number of CPUs; not given: nothing is refused"),
+    "link": expert(positive, "bytes/s of its network link; not given: nothing is refused"),
 }
 _CAUSE = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*\Z")
 _GRAPH_NAME = re.compile(r"(/[A-Za-z0-9_]+|[A-Za-z]\w*)(/[A-Za-z0-9_]+)*\Z", re.ASCII)
@@ -251,7 +251,7 @@ _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")
 SERVICE: Keys = {
     "topic": required(
         matching(_GRAPH_NAME, "/battery_current or battery_current"),
-        "name of the topic; relative: in the namespace in which healing runs",
+        "name of the topic; relative names are in healing's namespace",
     ),
     "type": required(matching(_TYPE, "std_msgs/Float64"), "the message type"),
     "node": required(
@@ -261,55 +261,55 @@ SERVICE: Keys = {
         number_in(1e-4, 1e6, "0.0001 to 1e+06 s, or none", {"none": None}),
         "s between two messages; none: event-driven",
     ),
-    "needed": basic(flag, "somebody relies on it: it is healed"),
+    "needed": basic(flag, "it is healed; not given: while a node outside healing subscribes"),
     "standby": basic(one_of(Standby), "what is ready before a failure"),
     "policy": basic(one_of(Policy), "what is done about a failure"),
     "provides": required(Reader("mapping", _provides), "the properties in it, by name, see below"),
     "contain": basic(
         one_of(Contain),
-        "node: its node is killed when it fails; none: never; unsaid, what would be lost decides",
+        "node: its node is killed when it fails; none: never; not given: by what would be lost",
     ),
     "deadline": expert(
         Reader("1 to 1e+06 periods, or mapping", _deadline),
-        "periods without a message after which a publisher is silent, or how they are learned",
+        "periods without a message after which a publisher is silent, or how to learn them",
     ),
     "bridge": expert(
         number_in(1.5, 1e6, "1.5 to 1e+06 periods, or false", {False: 0.0}),
-        "periods without a message after which a substitute that stands by fills in; unsaid, 2.5 "
+        "periods without a message after which a ready substitute fills in; not given: 2.5 "
         "where standby is hot",
     ),
     "checks": expert(Reader("mapping", _checks), "what else is a failure of its messages"),
     "last_resort": expert(
         Reader("stop, or mapping", _last_resort), "what is done when nothing can substitute"
     ),
-    "others": expert(one_of(Others), "what stands in the fields that a substitute leaves out"),
-    "latched": expert(flag, "a late subscriber gets its newest message"),
+    "others": expert(one_of(Others), "the content of fields that a substitute does not compute"),
+    "latched": expert(flag, "latched: a late subscriber gets the newest message"),
     "fails_with": expert(
         list_of(matching(_CAUSE, "usb_hub or /driver"), "list of names"),
-        "what else makes it fail, together with other services that name it",
+        "common causes: services that name the same cause fail together",
     ),
     "derived_from": expert(
         list_of(
             matching(_GRAPH_NAME, "odometry, the name of a service, or /odom, a topic"),
             "list of services or topics",
         ),
-        "what its values are computed from; unsaid, they are measured",
+        "services or topics that its values are computed from; not given: measured",
     ),
     "fault_tolerant_time": expert(
-        positive, "s without good data that its users tolerate; checked if given"
+        positive, "s without good data that its users tolerate; `shsa check` judges it"
     ),
     "gate": expert(
         matching(_GRAPH_NAME, "/battery_current/raw or battery_current/raw"),
-        "the topic that its node publishes on, where a gate checks it and publishes `topic`",
+        "the topic that its node publishes on; a gate checks it and publishes `topic`",
     ),
     "host": expert(text, "name of the host that its node runs on"),
     "placement": expert(Reader("mapping", _placement), "where a substitute of it may run"),
     "on_partition": expert(
-        one_of(OnPartition), "what is done while its computer cannot be reached"
+        one_of(OnPartition), "what healing does while its computer cannot be reached"
     ),
 }
 SOM: Keys = {
     "services": required(mapping, "the services, by name"),
-    "act": basic(flag, "true: healing acts; else it advises: it tells what it would do"),
+    "act": basic(flag, "true: healing acts; otherwise it only advises"),
     "hosts": expert(mapping, "the robot's computers, by name"),
 }

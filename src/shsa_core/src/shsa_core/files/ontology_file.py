@@ -1,4 +1,4 @@
-"""Reads the ontology file (docs/ontology.md describes it)."""
+"""Reads the ontology file (docs/reference/ontology.md describes it)."""
 from functools import partial
 from typing import Callable, Dict, List, Optional, Tuple
 

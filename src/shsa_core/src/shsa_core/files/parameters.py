@@ -8,11 +8,11 @@ from shsa_core.files.document import Value, from_parameters
 Settings = TypeVar("Settings")
 PARAMETERS = {
     "hold_off": "s for which a returned node must stay healthy before its substitute stops",
-    "startup_grace": "s until a service that has never been there has failed",
+    "startup_grace": "s that a service may take to come up",
     "minimum_deadline": "s; a shorter silence is no failure, unless its service has a `deadline`",
-    "method": "the search: `best`, or `depth_first` (`orr` in the paper), the first that is found",
+    "method": "the search: `best`, or `depth_first` (`orr` in the paper), the first one found",
     "pool": "idle processes that the warm services share",
-    "hot_hosts": "hot substitutes with a process each; those beyond share processes of so many; "
+    "hot_hosts": "hot substitutes with a process each; further ones share processes of this many; "
     "0: each has its own",
     "node_restarts": "how often a failed node is started again, by `policy`",
     "switches": "relapses in a row after which a node is kept out; 0: they do not count",

@@ -1,5 +1,6 @@
 """The SOM in a file and on the parameter server, read as strictly as the ontology."""
 import dataclasses
+import os
 import re
 from typing import Any, Collection, Dict, Iterable, List, Mapping, Tuple
 
@@ -7,6 +8,7 @@ from shsa_core.errors import ModelError, ModelErrors, listed
 from shsa_core.files.document import Entry, Value, from_parameters, read_yaml
 from shsa_core.files.keys import COUNTS, HOST, MESSAGE_CHECKS, SERVICE, SOM, VALUE, VALUE_CHECKS
 from shsa_core.files.readers import Keys, plain, plain_entry, read_entry, read_keys
+from shsa_core.files.trust import written_by_others
 from shsa_core.language.syntax import is_name
 from shsa_core.model.checks import LEARNED, Check, Checks, default_checks, default_limit
 from shsa_core.model.error import quality_of
@@ -38,11 +40,34 @@ def read_som(path: str, namespace: str = "/") -> Som:
 def load_som(path: str, namespace: str = "/") -> Tuple[Som, List[ModelError]]:
     """Return the valid services of the SOM in a file, and all that is wrong with the rest.
 
-    Relative names of topics and nodes are names in `namespace`.
+    Those that were added to it, in the file beside it, count as well. Relative names of topics and
+    nodes are names in `namespace`.
 
-    Raises ModelError if the file as a whole cannot be read.
+    Raises ModelError if a file as a whole cannot be read, or others could have added something.
     """
-    return read_tree(read_yaml(path), namespace)
+    tree, added = read_yaml(path), added_path(path)
+    if os.path.lexists(added):
+        why = written_by_others(added)
+        if why:
+            raise ModelError(added, why)
+        tree = _with_added(tree, read_yaml(added))
+    return read_tree(tree, namespace)
+
+
+def added_path(path: str) -> str:
+    """Return the file beside a SOM in which `shsa add` keeps services."""
+    root, ending = os.path.splitext(path)
+    return f"{root}.added{ending}"
+
+
+def _with_added(tree: Value, added: Value) -> Value:
+    """Return a SOM with the services of another one. Raises ModelError if it has one already."""
+    more = read_entry(added, "what is added", {"services": SOM["services"]})["services"]
+    sections = tree.mapping("the SOM")
+    services = sections["services"].mapping("services") if "services" in sections else {}
+    for name in more.keys() & services.keys():
+        raise more[name].error(f"{name} is in the SOM file already: change it there")
+    return Value(tree.where, {**sections, "services": Value(tree.where, {**services, **more})})
 
 
 def read_tree(tree: Value, namespace: str = "/") -> Tuple[Som, List[ModelError]]:

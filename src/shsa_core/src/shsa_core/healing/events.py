@@ -34,8 +34,8 @@ class Started:
     """The reconfigurator is up; `preparing`: what substitutes are forked from comes up (Prepared).
 
     `records`: what a former one has written down. `running`: the substitutes, and the nodes that
-    were started again, that run on. `leftovers`: other nodes named as a substitute that run ours,
-    or are dead; `strangers`: nodes whose names begin so, and of which nobody knows that.
+    were started again, that run on. `leftovers`: other nodes named as a substitute that are dead;
+    `strangers`: nodes whose names begin so, and of which nobody knows that.
     """
 
     time: float
@@ -107,6 +107,14 @@ class SomChanged:
 
     time: float
     som: Som
+
+
+@dataclass(frozen=True)
+class SubscribersSeen:
+    """The master lists other subscribers of these topics than before."""
+
+    time: float
+    topics: Tuple[Tuple[str, Tuple[str, ...]], ...]
 
 
 @dataclass(frozen=True)
@@ -324,6 +332,7 @@ Event = Union[
     FailureSeen,
     HealthSeen,
     SomChanged,
+    SubscribersSeen,
     ModelsReloaded,
     NodeLearned,
     NodeCameUp,
@@ -377,13 +386,14 @@ class FindNode:
 
     `successor`: if the process that was learned is dead, the one with its name now is meant.
     `topic`: what it must publish; empty: it is a substitute of ours. `listen`: for how many s it is
-    counted on its own computer what it sends.
+    counted on its own computer what it sends. `uri`: the address at which it must listen.
     """
 
     node: str
     successor: bool = True
     topic: str = ""
     listen: float = 0.0
+    uri: str = ""
 
 
 @dataclass(frozen=True)
@@ -492,7 +502,8 @@ class ShowIncident:
 class ServiceState:
     """One row of the running SOM: who provides the service now, and whether it is available.
 
-    `healthy`: all originals that do well; `verified`: those of them whose process is known.
+    `healthy`: all originals that do well; `verified`: those of them whose process is known;
+    `consumers`: the nodes outside healing that subscribe to its topic.
     """
 
     service: Service
@@ -501,6 +512,7 @@ class ServiceState:
     detail: str
     healthy: Tuple[str, ...] = ()
     verified: Tuple[str, ...] = ()
+    consumers: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,8 @@ class Health:
     substitutes that run, or did not long ago. `excluded`: when each node that was killed and has
     not been well since was gone, in s. `dying`: the nodes whose kill is under way. `protected`: why
     a node is never killed unless the SOM says so. `verified`: the nodes whose process is known.
-    `good`: who has ever published a topic well. `due`: when `missed` has something to tell.
+    `good`: who has ever published a topic well. `consumers`: the nodes outside
+    healing that subscribe to each topic. `due`: when `missed` has something to tell.
     """
 
     def __init__(self) -> None:
@@ -34,6 +35,7 @@ class Health:
         self.protected: Dict[str, str] = {}
         self.verified: Set[str] = set()
         self.good: Set[Key] = set()
+        self.consumers: Mapping[str, Tuple[str, ...]] = {}
         self.due: Optional[float] = None
         self._told_at: Dict[Key, str] = {}  # the computer whose monitor tells
         self._lost: Set[str] = set()  # the computers whose monitors are not heard
@@ -316,8 +318,9 @@ class Availability:
             row for row in health.originals(som, service) if row.publisher not in health.excluded
         ]
         well = tuple(row.publisher for row in rows if row.state is HEALTHY)
+        consumers = health.consumers.get(service.heard, ())
         if why or not well:
             why = why or next((row.detail for row in rows if row.detail), "not published")
-            return ServiceState(service, service.node, False, why, well)
+            return ServiceState(service, service.node, False, why, well, consumers=consumers)
         verified = tuple(node for node in well if node in health.verified)
-        return ServiceState(service, well[0], True, "", well, verified)
+        return ServiceState(service, well[0], True, "", well, verified, consumers)

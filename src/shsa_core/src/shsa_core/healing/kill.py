@@ -1,5 +1,5 @@
 """Ends a node: asks it first, then ends its process; and says what is certain of that."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Dict, List, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda, doubled
@@ -143,14 +143,11 @@ class Kills:
         kill, node = self._kills.get(order.node), order.node
         if kill is not None:
             former = kill.order
-            kill.order = KillNode(
-                node,
-                former.urgent,
-                former.if_dead and order.if_dead,
-                former.topic,
-                former.at_once,
-                former.only_here and order.only_here,
-                former.period if order.period else 0.0,
+            kill.order = replace(
+                former,
+                if_dead=former.if_dead and order.if_dead,
+                only_here=former.only_here and order.only_here,
+                period=former.period if order.period else 0.0,
             )
             kill.topics.setdefault(order.topic, False)
         if not node or kill is not None:
@@ -275,7 +272,8 @@ class Kills:
     def _find(self, time: float, node: str, topic: str) -> FindNode:
         kill = self._kills[node]
         self.agenda.set(node, time + FIND_TIMEOUT_S + kill.listen)
-        return FindNode(node, kill.order.urgent, topic, kill.listen)
+        row = self._health.row((topic, node))
+        return FindNode(node, kill.order.urgent, topic, kill.listen, row.uri if row else "")
 
     def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:
         kill.forced = True

@@ -20,6 +20,7 @@ from shsa_core.healing.node import RestartVain
 from shsa_core.healing.process import is_warm
 from shsa_core.healing.records import Counters, RestartedNode
 from shsa_core.healing.robot import Robot
+from shsa_core.healing.service import ServiceMachine
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import Kind, Policy
 from shsa_core.model.names import full_name
@@ -61,7 +62,11 @@ class Reconfigurator:
         self._namespace = namespace
         self._dry_run = dry_run
         self._restarts = restarts
+        self.services: Dict[str, ServiceMachine] = {}
+        self._given = som
+        self._consumers: Dict[str, Tuple[str, ...]] = {}
         self.robot = robot = Robot(ontology, self._as_told(som), settings, namespace, host)
+        robot.health.consumers = self._consumers
         self.names = robot.names
         self._core = core = Core(robot)
         self.services = core.services
@@ -79,6 +84,7 @@ class Reconfigurator:
                 events.FailureSeen: partial(hearing.failure_seen, core),
                 events.HealthSeen: partial(hearing.health_seen, core),
                 events.SomChanged: self._som_changed,
+                events.SubscribersSeen: self._subscribers_seen,
                 events.ModelsReloaded: self._models_reloaded,
                 events.NodeLearned: self._node_learned,
                 events.NodeCameUp: self._node_came_up,
@@ -190,12 +196,33 @@ class Reconfigurator:
     # Services come and go.
 
     def _as_told(self, som: Som) -> Som:
-        """Return a SOM as it counts: it may have to advise only, or to restart nothing."""
-        if not self.acts(som):
-            return som.with_services(replace(each, policy=Policy.ADVISE) for each in som)
-        if self._restarts:
-            return som
-        return som.with_services(replace(each, policy=_without_restart(each)) for each in som)
+        """Return a SOM as it counts: what is needed, and what may be done about it."""
+        acts = self.acts(som)
+
+        def counts(service: Service) -> Service:
+            policy = service.policy if self._restarts else _without_restart(service)
+            policy = policy if acts else Policy.ADVISE
+            return replace(service, policy=policy, needed=self._needs(service))
+
+        return som.with_services(map(counts, som))
+
+    def _needs(self, service: Service) -> bool:
+        """Tell that a service is needed: as the SOM says, else while anybody hears it.
+
+        One that is being healed stays so: a consumer may be starting anew.
+        """
+        if service.needed is not None:
+            return service.needed
+        healing = service.name in self.services and self.incident(service.name) is not None
+        return healing or bool(self._consumers.get(service.heard))
+
+    def _subscribers_seen(self, event: events.SubscribersSeen) -> List[Command]:
+        for topic, nodes in event.topics:
+            self._consumers[topic] = self.names.consumers(nodes)
+            self._core.unsettle([service.name for service in self.robot.som.of_topic(topic)])
+        if self.robot.som == self._as_told(self._given):
+            return []
+        return self._som_changed(events.SomChanged(event.time, self._given))
 
     def acts(self, som: Som) -> bool:
         """Tell that something may be killed or started: the SOM says so, and it is no dry run."""
@@ -237,6 +264,7 @@ class Reconfigurator:
 
     def _som_changed(self, event: events.SomChanged) -> List[Command]:
         robot = self.robot
+        self._given = event.som
         old, robot.som = robot.som, self._as_told(event.som)
         robot.planner.som = som = robot.som
         commands: List[Command] = []

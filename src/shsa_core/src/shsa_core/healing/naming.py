@@ -1,5 +1,6 @@
 """The names of substitutes: each is used once, and is told from the names that others give."""
 import re
+from typing import Iterable, Tuple
 
 PREFIX = "substitute_"
 NUMBERED = re.compile(r"[A-Za-z0-9_]+_([0-9]{1,9})")
@@ -8,6 +9,8 @@ NUMBERED = re.compile(r"[A-Za-z0-9_]+_([0-9]{1,9})")
 
 HEALERS = ("monitor", "reconfigurator")
 OF_ROS = ("/master", "/rosout")
+OBSERVERS = ("/rostopic_", "/record", "/rqt_", "/shsa_")
+"""Beginnings of the names of nodes that only look on."""
 
 
 class Names:
@@ -36,6 +39,14 @@ class Names:
         name = node.rsplit("/", 1)[-1]
         substitute = name.startswith(PREFIX) and NUMBERED.fullmatch(name[len(PREFIX) :])
         return name in HEALERS or bool(substitute)
+
+    def consumers(self, subscribers: Iterable[str]) -> Tuple[str, ...]:
+        """Return the subscribers that rely on a topic: not healing's own, and none that records."""
+        return tuple(
+            node
+            for node in sorted(subscribers)
+            if not self.of_healing(node, False) and not node.startswith(OBSERVERS)
+        )
 
     def go_on(self, number: int) -> None:
         """The next name has this number at least."""

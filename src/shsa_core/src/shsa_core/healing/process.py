@@ -273,12 +273,14 @@ class Processes:
 
 def is_warm(service: Service) -> bool:
     """Tell that idle processes are ready for a service."""
-    return service.needed and service.standby is Standby.WARM and service.policy.substitutes
+    needed = bool(service.needed)
+    return needed and service.standby is Standby.WARM and service.policy.substitutes
 
 
 def is_hot(service: Service) -> bool:
     """Tell that a substitute of a service computes before it is needed."""
-    return service.needed and service.standby is Standby.HOT and service.policy.substitutes
+    needed = bool(service.needed)
+    return needed and service.standby is Standby.HOT and service.policy.substitutes
 
 
 class Substitute:

@@ -1,6 +1,6 @@
 """The states of a service as a table, and what is done when they change.
 
-The diagram in docs/internals.md is this table.
+docs/reference/ros.md shows this table.
 """
 from dataclasses import replace
 from typing import Dict, Iterable, List, Optional, Tuple

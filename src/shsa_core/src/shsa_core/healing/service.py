@@ -253,7 +253,7 @@ class ServiceMachine:
             times = "once" if count == 1 else f"{count} times"
             text = f"{node} is kept out, and was started again {times}"
             text += f" by {event.starter}" if event.starter else ""
-            said = f"{topic}: {text}. Mend it and release it: rosservice call /shsa/release {topic}"
+            said = f"{topic}: {text}. Repair and release it: rosservice call /shsa/release {topic}"
             commands = [Log(Level.ERROR, said), *self.step(detail=f"{text}.")]
         commands += [*self.step(killed=event.time), *self._notice_exhaustion()]
         return commands + self.reconsider()

@@ -2,14 +2,9 @@
 import inspect
 from functools import lru_cache
 from importlib import import_module
-from operator import attrgetter
-from typing import Any, Callable, Dict, Mapping, Protocol, Sequence, Tuple, get_type_hints
+from typing import Any, Callable, Dict, Mapping, Protocol, Sequence, get_type_hints
 
-from shsa_core.journal.codec import Codec, Form
-from shsa_core.language.expression import Condition, Law, parse_constraint, parse_law
-from shsa_core.model.host import Host
-from shsa_core.model.service import Service
-from shsa_core.model.som import Som
+from shsa_core.journal.codec import Codec
 
 MACHINES = {
     "monitoring": "monitoring.machine.Monitor",
@@ -27,18 +22,6 @@ class Machine(Protocol):
         """Return the commands that answer an event."""
 
 
-FORMS: Mapping[type, Form] = {
-    Som: Form(
-        Tuple[Tuple[Service, ...], Tuple[Host, ...], bool],
-        attrgetter("parts"),
-        lambda parts: Som(*parts),
-    ),
-    Law: Form(str, attrgetter("text"), parse_law),
-    Condition: Form(str, attrgetter("text"), parse_constraint),
-}
-"""The forms of classes of the model that are no dataclasses, or that must be checked."""
-
-
 class MachineKind:
     """A class of machines, and the codecs of its events, its commands and its setup.
 
@@ -49,11 +32,11 @@ class MachineKind:
     def __init__(self, name: str, make: Callable[..., Machine], events: Any, commands: Any) -> None:
         self.name = name
         self.make = make
-        self.events = Codec(events, FORMS)
-        self.commands = Codec(commands, FORMS)
+        self.events = Codec(events)
+        self.commands = Codec(commands)
         arguments = inspect.signature(make).parameters
         hints = get_type_hints(getattr(make, "__init__") if isinstance(make, type) else make)
-        self.setup = {each: Codec(hints[each], FORMS) for each in arguments}
+        self.setup = {each: Codec(hints[each]) for each in arguments}
         self.required = [n for n, each in arguments.items() if each.default is inspect._empty]
 
     def encode_setup(self, setup: Mapping[str, Any]) -> Dict[str, Any]:

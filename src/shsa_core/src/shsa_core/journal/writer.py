@@ -29,6 +29,9 @@ BATCH = 50
 """Lines that are made at once, before other threads have their turn."""
 CLOSE_TIMEOUT_S = 2.0
 
+Handle = Callable[[Any], Sequence[Any]]
+"""Handles an event of a machine; returns its commands."""
+
 
 class JournalWriter:
     """Records the events of one machine and its answers in a new file that only its owner can read.
@@ -70,6 +73,17 @@ class JournalWriter:
             self._stop(str(error))
         else:
             self._thread.start()
+
+    def recorded(self, handle: Handle) -> Handle:
+        """Return what handles an event, with the event and its answer recorded."""
+
+        def recorded(event: Any) -> Sequence[Any]:
+            self.record(event)
+            commands = handle(event)
+            self.answered(commands)
+            return commands
+
+        return recorded
 
     def record(self, event: Any) -> None:
         """Record an event; to be called before the machine handles it. Raises nothing."""

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 from shsa_core.errors import ExpressionError
-from shsa_core.language.interval import Interval
-from shsa_core.language.range_check import Trouble, find_troubles, narrow
 from shsa_core.language.syntax import MAX_LENGTH, MAX_STEPS, checked_text, is_free, syntax_tree
 from shsa_core.language.trees import name_nodes
 from shsa_core.language.unit_check import Mismatch, find_mismatches
@@ -41,14 +39,6 @@ class Condition(Expression):
     def mismatches(self, units: Mapping[str, Optional[Unit]]) -> List[Mismatch]:
         """Return the units in it that cannot match."""
         return find_mismatches([("", self.tree())], units)
-
-    def troubles(self, ranges: Mapping[str, Interval]) -> List[Trouble]:
-        """Return the parts that may make it neither true nor false."""
-        return find_troubles([("", self.text, self.tree())], ranges)
-
-    def narrowed(self, ranges: Mapping[str, Interval]) -> Dict[str, Interval]:
-        """Return the ranges for which it holds."""
-        return narrow(self.tree(), ranges, True)
 
 
 @dataclass(frozen=True)
@@ -88,13 +78,6 @@ class Law:
         """
         parts = [(name, each.tree()) for name, each in (*self.steps, ("", self.result))]
         return find_mismatches(parts, units, result)
-
-    def troubles(
-        self, ranges: Mapping[str, Interval], always: Optional[Mapping[str, Interval]] = None
-    ) -> List[Trouble]:
-        """Return the parts that may have no value; see find_troubles."""
-        parts = [(name, each.text, each.tree()) for name, each in (*self.steps, ("", self.result))]
-        return find_troubles(parts, ranges, always)
 
     def body(self, inputs: Mapping[str, str]) -> List[str]:
         """Return the lines of the generated function, with each input as it is called there."""

@@ -1,12 +1,7 @@
-"""The functions that fitted models are made of, and the ranges of their values."""
+"""The functions that fitted models are made of."""
 import math
 from bisect import bisect_right
-from functools import reduce
-from typing import List, Optional, Sequence
-
-from shsa_core.language.interval import Interval, exponential, negative, product, raised, total
-
-_TWICE = Interval(2.0, 2.0)
+from typing import Optional, Sequence
 
 
 def clip(value: float, low: float, high: float) -> float:
@@ -60,41 +55,3 @@ def ordered(ends: Sequence[float]) -> Optional[str]:
     """Return what is wrong with two ends, or None."""
     low, high = ends
     return None if low <= high else f"{low:g} is above {high:g}"
-
-
-def clipped(parts: Sequence[Interval]) -> Interval:
-    """Return the range of clip."""
-    low, high = clip(*(part.low for part in parts)), clip(*(part.high for part in parts))
-    nonzero = not any(part.has_zero for part in parts)
-    return Interval(low, high, nonzero, all(part.known for part in parts))
-
-
-def summed(parts: Sequence[Interval]) -> Interval:
-    """Return the range of dot."""
-    return reduce(total, map(product, parts[::2], parts[1::2]))
-
-
-def bell(parts: Sequence[Interval]) -> Interval:
-    """Return the range of rbf."""
-    gamma, *pairs = parts
-    differences = map(total, pairs[::2], map(negative, pairs[1::2]))
-    square = reduce(total, (raised(each, _TWICE) for each in differences))
-    return exponential([negative(product(gamma, square))])
-
-
-def looked_up(parts: Sequence[Interval]) -> Interval:
-    """Return the range of table."""
-    x, points = parts[0], parts[1:]
-    xs = [each.low for each in points[::2]]
-    known = all(part.known for part in parts)
-    if rising(xs) or any(each.low != each.high for each in points[::2]):
-        return Interval(known=False)
-    ends: List[float] = []
-    for ys, pick in (
-        ([each.low for each in points[1::2]], min),
-        ([each.high for each in points[1::2]], max),
-    ):
-        curve = [each for pair in zip(xs, ys) for each in pair]
-        passed = [y for at, y in zip(xs, ys) if x.low < at < x.high]
-        ends.append(pick(table(x.low, *curve), table(x.high, *curve), *passed))
-    return Interval(ends[0], ends[1], known=known)

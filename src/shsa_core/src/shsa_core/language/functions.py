@@ -1,15 +1,14 @@
 """The functions that expressions may use: a fixed list, and nothing else.
 
-To add one, add a row to the table, with its rules for units and ranges, and a row in
-docs/ontology.md.
+To add one, add a row to the table, with its rule for units, and a row to those of ranges in
+shsa_learning.
 """
 import math
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Sequence
 
-from shsa_core.language import fitted, interval, memory
-from shsa_core.language.interval import Interval, RangeRule
+from shsa_core.language import fitted, memory
 from shsa_core.language.units import NO_UNIT, SECOND, Quantity, raised, times
 
 CONSTANTS: Mapping[str, float] = {"pi": math.pi}
@@ -22,20 +21,6 @@ Common = Callable[[Sequence[Quantity], str], Quantity]
 
 UnitRule = Callable[[str, Sequence[Quantity], Common], Quantity]
 """Map a function's name and the quantities of its arguments to the quantity of the call."""
-
-
-class Domain(NamedTuple):
-    """The values of one `argument`, counted from 0, for which a function has a value."""
-
-    low: float
-    high: float = math.inf
-    zero: bool = True
-    argument: int = 0
-
-    def has(self, part: Interval) -> bool:
-        """Return True if the function has a value everywhere in the interval."""
-        inside = self.low <= part.low and part.high <= self.high
-        return inside and (self.zero or not part.has_zero)
 
 
 class Fixed(NamedTuple):
@@ -64,11 +49,9 @@ class Function:
     tells: str
     call: Callable[..., Any]
     units: UnitRule
-    range: RangeRule
     least: int = 1
     most: Optional[int] = 1
     each: int = 1
-    domain: Optional[Domain] = None
     fixed: Optional[Fixed] = None
     stateful: bool = False
     rests: bool = False
@@ -144,9 +127,6 @@ def _within_delay(times_s: Sequence[float]) -> Optional[str]:
     return None if good else f"the time must be above 0 and at most {memory.MAX_DELAY_S:g} s"
 
 
-_SINE = Domain(-1.0, 1.0)
-_POSITIVE = Domain(0.0, zero=False)
-_rising = interval.monotonous
 _INCREASING = Fixed(slice(1, None, 2), fitted.rising)
 _ORDERED = Fixed(slice(1, 3), fitted.ordered, must=False)
 _DELAY = Fixed(slice(1, 2), _within_delay)
@@ -157,76 +137,30 @@ def _root(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
 
 
 CALLS: Mapping[str, Function] = {
-    "abs": Function("x", "the size of x", abs, _same, interval.absolute),
-    "sign": Function(
-        "x", "-1, 0 or 1", sign, lambda name, parts, common: NO_UNIT, _rising(sign, True)
-    ),
-    "min": Function("x, y, ...", "the smallest", min, _shared, interval.picked(min), 2, None),
-    "max": Function("x, y, ...", "the largest", max, _shared, interval.picked(max), 2, None),
-    "floor": Function(
-        "x", "the largest whole number that is not greater", floor, _same, _rising(floor)
-    ),
-    "ceil": Function("x", "the smallest whole number that is not less", ceil, _same, _rising(ceil)),
-    "sqrt": Function(
-        "x", "the square root", math.sqrt, _root, _rising(math.sqrt, True), domain=Domain(0.0)
-    ),
-    "exp": Function("x", "e to the x", math.exp, _none, interval.exponential),
-    "log": Function(
-        "x", "the natural logarithm", math.log, _none, _rising(math.log), domain=_POSITIVE
-    ),
-    "log10": Function(
-        "x",
-        "the logarithm to the base 10",
-        math.log10,
-        _none,
-        _rising(math.log10),
-        domain=_POSITIVE,
-    ),
-    "sin": Function(
-        "x", "the sine of an angle in rad", math.sin, _none, interval.wave(math.sin, math.pi / 2.0)
-    ),
-    "cos": Function(
-        "x", "the cosine of an angle in rad", math.cos, _none, interval.wave(math.cos, 0.0)
-    ),
-    "tan": Function("x", "the tangent of an angle in rad", math.tan, _none, interval.tangent),
-    "asin": Function(
-        "x",
-        "the angle in rad whose sine is x",
-        math.asin,
-        _none,
-        _rising(math.asin, True),
-        domain=_SINE,
-    ),
-    "acos": Function(
-        "x",
-        "the angle in rad whose cosine is x",
-        math.acos,
-        _none,
-        _rising(math.acos),
-        domain=_SINE,
-    ),
-    "atan": Function(
-        "x", "the angle in rad whose tangent is x", math.atan, _none, _rising(math.atan, True)
-    ),
-    "tanh": Function(
-        "x",
-        "the hyperbolic tangent, between -1 and 1",
-        math.tanh,
-        _none,
-        _rising(math.tanh, True),
-    ),
-    "atan2": Function(
-        "y, x", "the angle in rad of the point (x, y)", math.atan2, _ratio, interval.angle, 2, 2
-    ),
-    "hypot": Function(
-        "x, y", "the square root of x² + y²", math.hypot, _shared, interval.distance, 2, 2
-    ),
+    "abs": Function("x", "the size of x", abs, _same),
+    "sign": Function("x", "-1, 0 or 1", sign, lambda name, parts, common: NO_UNIT),
+    "min": Function("x, y, ...", "the smallest", min, _shared, 2, None),
+    "max": Function("x, y, ...", "the largest", max, _shared, 2, None),
+    "floor": Function("x", "the largest whole number that is not greater", floor, _same),
+    "ceil": Function("x", "the smallest whole number that is not less", ceil, _same),
+    "sqrt": Function("x", "the square root", math.sqrt, _root),
+    "exp": Function("x", "e to the x", math.exp, _none),
+    "log": Function("x", "the natural logarithm", math.log, _none),
+    "log10": Function("x", "the logarithm to the base 10", math.log10, _none),
+    "sin": Function("x", "the sine of an angle in rad", math.sin, _none),
+    "cos": Function("x", "the cosine of an angle in rad", math.cos, _none),
+    "tan": Function("x", "the tangent of an angle in rad", math.tan, _none),
+    "asin": Function("x", "the angle in rad whose sine is x", math.asin, _none),
+    "acos": Function("x", "the angle in rad whose cosine is x", math.acos, _none),
+    "atan": Function("x", "the angle in rad whose tangent is x", math.atan, _none),
+    "tanh": Function("x", "the hyperbolic tangent, between -1 and 1", math.tanh, _none),
+    "atan2": Function("y, x", "the angle in rad of the point (x, y)", math.atan2, _ratio, 2, 2),
+    "hypot": Function("x, y", "the square root of x² + y²", math.hypot, _shared, 2, 2),
     "clip": Function(
         "x, low, high",
         "x, at least low and at most high",
         fitted.clip,
         _shared,
-        fitted.clipped,
         3,
         3,
         fixed=_ORDERED,
@@ -236,7 +170,6 @@ CALLS: Mapping[str, Function] = {
         "the sum of the products w1·x1 + w2·x2 + ...",
         fitted.dot,
         _sum,
-        fitted.summed,
         2,
         None,
         2,
@@ -246,7 +179,6 @@ CALLS: Mapping[str, Function] = {
         "a radial basis function: exp(-gamma·((x1 - c1)² + (x2 - c2)² + ...))",
         fitted.rbf,
         _bell,
-        fitted.bell,
         3,
         None,
         2,
@@ -256,7 +188,6 @@ CALLS: Mapping[str, Function] = {
         "straight lines through points; beyond the ends the last y is held",
         fitted.table,
         _table,
-        fitted.looked_up,
         5,
         None,
         2,
@@ -267,7 +198,6 @@ CALLS: Mapping[str, Function] = {
         "the change of x since the evaluation before, per second",
         memory.derivative,
         lambda name, parts, common: times(parts[0], SECOND, -1),
-        interval.anything,
         stateful=True,
     ),
     "integral": Function(
@@ -275,27 +205,18 @@ CALLS: Mapping[str, Function] = {
         "the area under x since the start, in seconds times x",
         memory.integral,
         lambda name, parts, common: times(parts[0], SECOND),
-        interval.anything,
         stateful=True,
     ),
     "previous": Function(
-        "x",
-        "x at the evaluation before",
-        memory.previous,
-        _same,
-        interval.same,
-        stateful=True,
-        rests=True,
+        "x", "x at the evaluation before", memory.previous, _same, stateful=True, rests=True
     ),
     "lowpass": Function(
         "x, tau",
         "x behind a filter of first order with the time constant tau, in s",
         memory.lowpass,
         _timed("time constant"),
-        interval.filtered,
         2,
         2,
-        domain=Domain(0.0, zero=False, argument=1),
         stateful=True,
         rests=True,
     ),
@@ -304,7 +225,6 @@ CALLS: Mapping[str, Function] = {
         "x as it was T seconds ago",
         memory.delay,
         _timed("time"),
-        interval.same,
         2,
         2,
         fixed=_DELAY,

@@ -3,12 +3,21 @@ import ast
 import builtins
 import keyword
 import math
+import operator
 import re
-from typing import Dict, List, NoReturn, Tuple
+from typing import Callable, Dict, List, NoReturn, Tuple
 
 from shsa_core.errors import ExpressionError
-from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED, RESERVED, STATEFUL, Fixed
-from shsa_core.language.range_check import interval_of
+from shsa_core.language.functions import (
+    CALLS,
+    CONSTANTS,
+    ELAPSED,
+    FUNCTIONS,
+    RESERVED,
+    STATEFUL,
+    Fixed,
+    power,
+)
 from shsa_core.language.trees import is_condition, literal, name_nodes, row
 from shsa_core.text import nearest
 
@@ -27,7 +36,6 @@ NO_FILE = ""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _TAKEN = re.compile(r"_.*|[it][0-9]+|[xy]")
 _NOT_ALLOWED = re.compile(r"[^A-Za-z0-9_+\-*/%.,<>=!() ]")
-_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.FloorDiv, ast.Mod, ast.Pow)
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 _LANGUAGE = (
     "numbers, names, + - * / // % **, comparisons, and, or, not, 'a if c else b', "
@@ -169,7 +177,7 @@ class _Checker:
             raise ExpressionError(f"the expression has more than {MAX_ROW} operations in a row")
         self.number(first, depth + 1, always)
         for operation in operations:
-            if not isinstance(operation.op, _OPERATORS):
+            if type(operation.op) not in _ARITHMETIC:
                 _refuse(operation)
             if operation is not node:
                 self._enter(depth)
@@ -234,14 +242,45 @@ def _check_exponent(node: ast.expr) -> None:
             raise ExpressionError(
                 "an exponent without names must be made of numbers and arithmetic alone"
             )
-    exponent = interval_of(node, {})
-    if not exponent.finite:
+    try:
+        value = _constant(node)
+    except (ArithmeticError, ValueError) as error:
+        raise ExpressionError("the exponent has no value") from error
+    if not math.isfinite(value):
         raise ExpressionError("the exponent has no value")
-    value = max(exponent.low, exponent.high, key=abs)
     if abs(value) > MAX_EXPONENT:
         raise ExpressionError(f"the exponent is {value:g}; at most {MAX_EXPONENT} is allowed")
 
 
+def _constant(node: ast.expr) -> float:
+    """Return the value of a checked number without names. Raises ArithmeticError or ValueError."""
+    value = literal(node)
+    if value is not None:
+        return value
+    if isinstance(node, ast.Name):
+        return CONSTANTS[node.id]
+    if isinstance(node, ast.UnaryOp):
+        inner = _constant(node.operand)
+        return -inner if isinstance(node.op, ast.USub) else inner
+    if isinstance(node, ast.BinOp):
+        first, operations = row(node)
+        result = _constant(first)
+        for each in operations:
+            result = _ARITHMETIC[type(each.op)](result, _constant(each.right))
+        return result
+    assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    return float(FUNCTIONS[node.func.id].call(*map(_constant, node.args)))
+
+
+_ARITHMETIC: Dict[type, Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: power,
+}
 _PARTS: Dict[type, str] = {
     ast.Attribute: "an attribute (a.b)",
     ast.Subscript: "a subscript (a[b])",

@@ -41,7 +41,7 @@ class Check:
     limit: Limit
 
     def judge(self, sample: Any) -> Optional[str]:
-        """Return what was seen and what is allowed, in words, if `sample` is bad."""
+        """Return the observation and the limit, in words, if `sample` is bad."""
         raise NotImplementedError
 
 

@@ -1,6 +1,6 @@
 """The cost of a substitute: its share of a core, and the bytes of its messages on a link.
 
-Estimates by measured figures, which docs/experiments.md has with their measurement.
+Estimates by measured figures, which docs/explanation/experiments.md has with their measurement.
 """
 from dataclasses import dataclass
 from typing import Collection, Dict, Iterable

@@ -71,7 +71,7 @@ class Service:
     period: Optional[float]
     provides: Tuple[Provision, ...]
     deadline: Union[float, AdaptiveDeadline, None] = None
-    needed: bool = False
+    needed: Optional[bool] = None
     standby: Standby = Standby.COLD
     policy: Policy = Policy.SUBSTITUTE
     checks: Checks = Checks()

@@ -128,10 +128,11 @@ class Board:
             self._changes.append(bridged)
         return True
 
-    def meet(self, topic: WatchedTopic, name: str, time: float) -> Publisher:
+    def meet(self, topic: WatchedTopic, name: str, time: float, uri: str = "") -> Publisher:
         """Put a new publisher in place of an old one of that name."""
         self.substitutes.retired.discard((topic.name, name))
         publisher = topic.meet(name, time, self.watched_of(topic, name))
+        publisher.uri = uri
         self.touch(topic, name)
         self._miss_no_more(topic, publisher.watched)
         self.notice(topic, publisher, time)

@@ -89,8 +89,10 @@ class Calibrations:
         self._table = SourceTable(self._ontology.network, usable)
         self._wanted = deque(
             _Wanted(service, (service.node,))
-            for service in self._som.needed()
-            if service.name in there and any(map(self._calibrates, service.sources))
+            for service in self._som
+            if service.needed is not False
+            and service.name in there
+            and any(map(self._calibrates, service.sources))
         )
 
     def _calibrates(self, source: Source) -> bool:

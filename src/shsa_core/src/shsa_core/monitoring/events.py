@@ -29,7 +29,7 @@ class PublisherHealth:
 
     `detail`: what was seen and what is allowed; of one that has not failed: why it is not blamed
     though it is late. `last_message`: of one that failed, the serialized message from which a
-    substitute goes on; empty: not known.
+    substitute goes on; empty: not known. `uri`: the address of the process that was heard.
     """
 
     topic: str
@@ -42,6 +42,7 @@ class PublisherHealth:
     detail: str = ""
     service: str = ""
     last_message: bytes = b""
+    uri: str = ""
 
     @property
     def key(self) -> Key:
@@ -103,11 +104,15 @@ class FormerlyHealthy:
 
 @dataclass(frozen=True)
 class Connected:
-    """A connection to a publisher was made, the first one or after an interruption."""
+    """A connection to a publisher was made, the first one or after an interruption.
+
+    `uri`: the address of its process.
+    """
 
     time: float
     topic: str
     publisher: str
+    uri: str = ""
 
 
 @dataclass(frozen=True)

@@ -213,8 +213,8 @@ class Monitor:
         ours = self._board.substitutes.is_known(event.topic, event.publisher)
         self._around.connected(event.publisher, event.time, ours)
         known = topic.publishers.get(event.publisher)
-        if known is None or not known.connected:
-            self._board.meet(topic, event.publisher, event.time)
+        if known is None or not known.connected or known.uri != event.uri:
+            self._board.meet(topic, event.publisher, event.time, event.uri)
         else:
             known.resume(event.time)
             self._board.look_when_due(topic, known)

@@ -77,7 +77,7 @@ class Publisher:
     since its last message, while its node lived; it is given anew by `reconnects_until`. `steady`:
     a message came within its deadline once.
 
-    `suspicions`: what others hold against its values, by property.
+    `suspicions`: what others hold against its values, by property. `uri`: where its process is.
 
     `watched` is the service that it provides, None: nobody can tell, so that only its connection is
     watched.
@@ -104,6 +104,7 @@ class Publisher:
     intruding_since: Optional[float] = None
     backlog: Backlog = field(default_factory=Backlog)
     suspicions: Dict[str, Suspicion] = field(default_factory=dict)
+    uri: str = ""
 
     def __post_init__(self) -> None:
         self.begin_anew()
@@ -206,7 +207,7 @@ class Publisher:
         """Return its row in the table."""
         moments = (self.since, self.first_message, self.last_good)
         told = (self.kind, self.detail, self.service.name if self.service else "")
-        return PublisherHealth(topic, self.name, self.state, *moments, *told)
+        return PublisherHealth(topic, self.name, self.state, *moments, *told, uri=self.uri)
 
 
 @dataclass

@@ -96,7 +96,7 @@ MOST_SHAPE = 0.25
 """Few gaps may look like any tail. What is heavier than this SPARE has to cover."""
 LEAST_PERIODS, BUSY_S = 2.5, 0.08
 """The least that is allowed. Late by the second was a healthy 50 Hz stream beside 8 busy processes
-on 2 cores, docs/experiments.md: what was learned on an idle computer must hold when it is busy."""
+on 2 cores: what was learned on an idle computer must hold when it is busy."""
 
 # What is kept and told.
 MESSAGES_KEPT = 20

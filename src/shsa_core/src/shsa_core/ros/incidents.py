@@ -60,7 +60,7 @@ class Incidents:
     def _message(self, incident: Incident) -> msg.Incident:
         return self._sign(wire.incident(incident))
 
-    def _tell_open(self, tell: Tell) -> None:
+    def _tell_open(self, _: str, tell: Tell) -> None:
         with self._changed:
             for incident in self._open.values():
                 tell(self._message(incident))

@@ -19,7 +19,7 @@ from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import load_som, read_som
-from shsa_core.journal.writer import JournalWriter
+from shsa_core.journal.writer import Handle, JournalWriter
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
@@ -83,11 +83,13 @@ class MonitorNode:
             rospy.logerr("Refused: %s. The default is used.", error)
         ontology = _read_ontology(arguments.ontology)
         self._core = Monitor(parameters, ontology)
+        self._answer: Handle = self._core.handle
         self._journal: Optional[JournalWriter] = None
         if arguments.journal:
             path = file_name(arguments.journal, rospy.get_namespace())
             setup = {"settings": parameters, "ontology": ontology}
             self._journal = JournalWriter(path, "monitoring", setup, rospy.logwarn)
+            self._answer = self._journal.recorded(self._answer)
         self._launch, self._launches = Launch(), Launches()
         self._subscriptions = Subscriptions(clock.now, signing.refusals.note)
         self._inbox = self._subscriptions.inbox
@@ -175,10 +177,7 @@ class MonitorNode:
         """Look at ROS time before messages are read: their age is told by this look."""
         now, ros_time = clock.both()
         before, self._ahead = self._ahead, ros_time - now
-        if (
-            abs(self._ahead - before) > settings.CLOCK_CHANGE_S
-            or now - self._told_clock > settings.TURN_S
-        ):
+        if abs(self._ahead - before) > settings.REST_S or now - self._told_clock > settings.TURN_S:
             self._told_clock = now
             self._feed(events.ClockTicked(now, ros_time, clock.is_simulated()))
 
@@ -210,7 +209,7 @@ class MonitorNode:
     def _arrived(self, arrived: Arrived) -> None:
         time, connection, data, whole, _ = arrived
         service = self._core.service_of(connection.topic, connection.publisher)
-        if service is not None and service.needed and whole:
+        if service is not None and service.needed is not False and whole:
             if connection.header["type"] == service.type:
                 self._last_messages.keep(time, connection.topic, connection.publisher, data)
         event = self._reader.event(arrived, self._subscriptions.waited(time), service)
@@ -218,14 +217,9 @@ class MonitorNode:
         self._feed(event)
 
     def _feed(self, event: events.Event) -> None:
-        if self._journal is not None:
-            self._journal.record(event)
         if not isinstance(event, events.ClockTicked):  # what is told of it had come before
             self._fed = event.time
-        commands = self._core.handle(event)
-        self._commands.carry_out(commands)
-        if self._journal is not None:
-            self._journal.answered(commands)
+        self._commands.carry_out(self._answer(event))
 
     def _hear_som_state(self, table: msg.SomState) -> None:
         if table.whole:  # what is told later follows from what we say ourselves
@@ -297,7 +291,7 @@ def _read_ontology(path: str) -> Optional[Ontology]:
     try:
         ontology, errors = load_ontology(path)
     except ModelError as unreadable:
-        rospy.logerr("No value is compared with what others tell of it: %s", unreadable)
+        rospy.logerr("Witnesses and calibration are off: %s", unreadable)
         return None
     for error in errors:
         rospy.logerr("Refused: %s", error)

@@ -83,10 +83,10 @@ class Commands:
 
     def _tell_awaited(self, awaited: events.RobotAwaited) -> None:
         services = ", ".join(f"{topic} from {node}" for topic, node in awaited.services)
-        rospy.logwarn("Nothing of the robot is there yet. Awaited: %s.", services)
+        rospy.logwarn("No node of the SOM is there yet. Waiting for: %s.", services)
 
     def _tell_bridged(self, bridged: events.Bridged) -> None:
-        text = "%s: %s has filled in for a late message, %s so far. Nobody is blamed for that."
+        text = "%s: %s has filled in for a late message, %s so far. This is no failure."
         times = "once" if bridged.times == 1 else f"{bridged.times} times"
         rospy.logwarn(text, bridged.topic, bridged.publisher, times)
 
@@ -94,7 +94,7 @@ class Commands:
         """Say what is refused, and put the numbers that count back, for all who read them."""
         service = refusal.service
         rospy.logwarn(
-            "Refused: %s. The numbers so far are put back. If the new ones are meant, "
+            "Refused: %s. The previous numbers are put back. If you mean the new ones, "
             "stop the node, set them, and start it as it should be.",
             refusal.text,
         )

@@ -14,8 +14,7 @@ from shsa_core.ros import settings
 from shsa_core.ros.processes.priority import SWITCH_INTERVAL_S
 from shsa_core.ros.rospy_patches.inbound import serve_each_by_itself
 from shsa_core.ros.rospy_patches.log_queue import LogQueue, ask_once_for_rosout, say_failures_once
-from shsa_core.ros.rospy_patches.standing import keep_rospys_threads
-from shsa_core.ros.rospy_patches.wall_time import heed_launch
+from shsa_core.ros.rospy_patches.standing import heed_launch, keep_rospys_threads
 from shsa_core.text import LONGEST_LINE, shown
 
 Tell = Callable[[Any], None]
@@ -96,12 +95,12 @@ def publish(publisher: rospy.Publisher, message: genpy.Message) -> None:
 
 
 class Greeter(rospy.SubscribeListener):
-    """Calls `greet` with what tells each new subscriber alone, in a thread of rospy."""
+    """Calls `greet(topic, tell)` for each new subscriber, in a thread of rospy."""
 
-    def __init__(self, greet: Callable[[Tell], None]) -> None:
+    def __init__(self, greet: Callable[[str, Tell], None]) -> None:
         super().__init__()
         self._greet = greet
 
     def peer_subscribe(self, topic_name: str, topic_publish: object, peer_publish: Tell) -> None:
         """Called by rospy once a subscriber has connected."""
-        self._greet(peer_publish)
+        self._greet(topic_name, peer_publish)

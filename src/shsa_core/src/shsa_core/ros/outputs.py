@@ -9,17 +9,9 @@ from shsa_core.message_types import message_class
 from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.composing import compose, normalize, quaternions, read_message
 from shsa_core.ros.messages.fields import Field
+from shsa_core.ros.node import Greeter, Tell
 from shsa_core.ros.rospy_patches.publishing import connections_of, send
 from shsa_core.substitution.events import Compose, Publish
-
-
-class _Joining(rospy.SubscribeListener):
-    def __init__(self, joined: Callable[[str], None]) -> None:
-        super().__init__()
-        self._joined = joined
-
-    def peer_subscribe(self, topic: str, *_: object) -> None:
-        self._joined(topic)
 
 
 class Outputs:
@@ -44,7 +36,7 @@ class Outputs:
         publisher = rospy.Publisher(
             topic,
             message_class(kind),
-            _Joining(self._report),
+            Greeter(self._report),
             queue_size=settings.CONSUMER_QUEUE,
             tcp_nodelay=True,
             # Who joins is served by the core: once muted, rospy would send what is old.
@@ -63,7 +55,7 @@ class Outputs:
                 self._seen.pop(topic, None)
             publisher.unregister()
 
-    def _report(self, topic: str) -> None:
+    def _report(self, topic: str, *_: Tell) -> None:
         """Say who has joined since the last look."""
         with self._lock:
             seen = self._seen.get(topic, [])

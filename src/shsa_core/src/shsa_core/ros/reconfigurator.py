@@ -25,7 +25,7 @@ from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
 from shsa_core.journal.record_file import RecordFile
-from shsa_core.journal.writer import JournalWriter
+from shsa_core.journal.writer import Handle, JournalWriter
 from shsa_core.model.log import Level
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
@@ -91,10 +91,12 @@ class ReconfiguratorNode:
         for finding in (*check_budgets(som, settings), *unfit):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
+        self._answer: Handle = self._core.handle
         self._journal: Optional[JournalWriter] = None
         journal = arguments.journal and file_name(arguments.journal, rospy.get_namespace())
         if journal:
             self._journal = JournalWriter(journal, "healing", setup, rospy.logwarn)
+            self._answer = self._journal.recorded(self._answer)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
         self._handover, self._ends = handover, False
@@ -148,12 +150,15 @@ class ReconfiguratorNode:
         )
         self._decided = clock.now()
         # First of all: what runs goes on, and no substitute may take a name that was used.
-        self._master = MasterWatch(lambda node: node.startswith(prefix))
+        self._master = MasterWatch(
+            lambda node: node.startswith(prefix),
+            lambda topics: self._put(events.SubscribersSeen(clock.now(), topics)),
+        )
         self._may_act(som)
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, self._hosts.take_up())
         self._records = heritage.file
-        self._decide(replace(heritage.started, preparing=self._local.processes.forks))
+        self._decide(replace(heritage.started, preparing=self._local.substitutes.forks))
         self._substitutions.open()
         self._som_state.open()
         put_som(som)
@@ -270,12 +275,8 @@ class ReconfiguratorNode:
         self._decide(event)
 
     def _decide(self, event: Event) -> None:
-        if self._journal is not None:
-            self._journal.record(event)
-        commands = self._core.handle(event)
+        commands = self._answer(event)
         self._decided = clock.now()
-        if self._journal is not None:
-            self._journal.answered(commands)
         for command in commands:
             try:
                 self._carry_out[type(command)](command)
@@ -326,7 +327,7 @@ class ReconfiguratorNode:
         self._substitutions.update(map(substitution_message, command.rows), command.removed)
 
     def _show_som(self, command: events.ShowSom) -> None:
-        self._master.introduce(*(row.service.topic for row in command.rows))
+        self._master.introduce(*(topic for row in command.rows for topic in row.service.topics))
         self._som_state.update(map(wire.service_state, command.rows), command.removed)
 
     def _report(self) -> None:
@@ -336,7 +337,7 @@ class ReconfiguratorNode:
 
     def _failure(self, message: msg.Failure) -> None:
         if not message.sent and self._queue.qsize() > MOST_WAITING:
-            rospy.logerr_throttle(10.0, "Failures that nobody signed come too fast: dropped.")
+            rospy.logerr_throttle(10.0, "Unsigned failures come too fast: dropped.")
             return
         if not message.sent and message.kind == msg.Failure.NO_VALUE:
             return  # only a substitute of ours can tell that, and it signs
@@ -406,7 +407,7 @@ def main() -> None:
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
     parser.add_argument(
-        "--unsigned-failures", action="store_true", help="believe failures that nobody signed"
+        "--unsigned-failures", action="store_true", help="believe unsigned failures"
     )
     parser.add_argument(
         "--no-operator",

@@ -9,9 +9,9 @@ TURN_S = 0.1
 
 REST_S = 0.002
 """Between two looks at least, also at a process that is waited for: what comes within this is
-handled together, as of when it came."""
-CLOCK_CHANGE_S = 0.002
-"""A change of ROS time beside ours that the monitor is told of at once, and else now and then."""
+handled together, as of when it came; and a change of ROS time beside ours is told only then."""
+SOON_S = 0.02
+"""Between two looks at what wakes nobody: processes that end, messages that wait to matter."""
 ANSWER_S = 5.0
 """So long the rest of healing is given to answer, and to end: an agent, the thread that works."""
 
@@ -28,8 +28,6 @@ REFUSAL_S = 0.002
 """A node on this computer has refused, or dropped the call, by then; any other is asked."""
 LISTENED_S = 0.1
 """A node that has just listened is asked without another look."""
-UNREAD_S = 0.02
-"""Messages that wake no waiting substitute are read by then."""
 LARGEST_MESSAGE_B = 1 << 28
 """A larger message is not kept, and its publisher counts as silent."""
 READ_B = 1 << 16
@@ -73,14 +71,13 @@ RESUBSCRIBE_S = 0.5
 """At least between two subscriptions of one table."""
 
 # What rospy is held to.
-HEADER_S = 2.0
-"""So long the header of a connection to us may take, whole."""
 MOST_WAITING = 100
 """Connections to us without a header at the same time; an honest one takes milliseconds."""
 MOST_API_CONNECTIONS = 200
 """Connections to our XML-RPC interface at the same time."""
-LARGEST_CALL_B = 32 << 20
-"""Of a call to it: the SOM of a large robot, as the master tells it, has a tenth."""
+LARGEST_CALL_B = 1 << 16
+"""Of a call to it; all of them together so have 13 MB. A longer update of shsa/som, by the master,
+is refused too: the SOM is looked at all the same."""
 LOG_LINES = 1000
 """So many lines wait at most; what is said beyond is lost."""
 CLOSE_LOG_S = 1.0
@@ -101,8 +98,6 @@ HUNG_HEALER_S = {"monitor": 3.0, "reconfigurator": 5.0}
 """A healer that is silent for so long is ended by the other; they differ: one of both stays."""
 
 # Processes.
-PROCESS_LOOK_S = 0.02
-"""Between two looks whether any has ended or come up: starting takes many times that."""
 PROCESS_S = 2.0
 """So long a process is given to end, once it was asked or killed, and a fork to begin."""
 LOOK_S = 1.0
@@ -113,6 +108,9 @@ RECENT_S = 0.5
 # Calls, and tries again.
 CALL_S = 0.5
 """So long a node is given to answer, and to give another connection in place of a lost one."""
+LONG_CALL_S = 2.0
+"""So long the master is given to answer, and anybody to say who connects to us: a large robot may
+take a while."""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 60.0
 """Between two tries of what fails: the pause doubles each time."""
 
@@ -129,8 +127,6 @@ MASTER_PAUSE_S, LONGEST_MASTER_PAUSE_S = 2.0, 10.0
 """Between two looks at where everybody is, and at the parameters: at least, and at most."""
 LOOKING_SHARE = 0.02
 """Of the time at most this much goes into looking: it takes long on a large robot."""
-MASTER_CALL_S = 2.0
-"""So long the master is given to answer, as it may be a while on a large robot."""
 HUNG_NODE_S = 600.0
 """So long a node that does not answer is asked what it had registered at the former master."""
 INTRODUCTION_LOOKS_S = (0.3, 1.0, 3.0)

@@ -55,7 +55,8 @@ class SubstituteNode:
         self._core: Union[machine.Substitute, sharing.Sharing] = (
             sharing.Sharing() if row.shared else machine.Substitute()
         )
-        self._journal = journal
+        handle = self._core.handle
+        self._journal, self._answer = journal, journal.recorded(handle) if journal else handle
         self._inputs = Inputs(row.node, self._clock, lowered)
         self._inputs.read(signal.topic for signal in row.inputs)
         self._heart = Heart(hearer(os.environ.get(HOST, "")))
@@ -121,12 +122,7 @@ class SubstituteNode:
                 self._feed(events.Tick(self._clock.now()))
 
     def _feed(self, event: events.Event) -> None:
-        if self._journal is not None:
-            self._journal.record(event)
-        commands = self._core.handle(event)
-        if self._journal is not None:
-            self._journal.answered(commands)
-        for command in commands:
+        for command in self._answer(event):
             self._carry_out[type(command)](command)
 
     # Events, from rospy's threads.

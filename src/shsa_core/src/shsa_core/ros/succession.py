@@ -10,14 +10,13 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.records import Record, RestartedNode, of_this_robot
 from shsa_core.journal.codec import Codec
-from shsa_core.journal.machines import FORMS
 from shsa_core.journal.record_file import Former, RecordFile, read_records
 from shsa_core.ros import clock
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.trust.places import boot, master_place
 
-CODEC = Codec(Record, FORMS)
+CODEC = Codec(Record)
 RUN = "/run_id"
 """The parameter that a ROS master's start is known by."""
 
@@ -54,23 +53,21 @@ def take_over(host: LocalHost, elsewhere: Collection[str] = ()) -> Heritage:
 
 
 def _registered(host: LocalHost, left: Set[str]) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
-    """Return the other nodes registered with a substitute's name: ours or dead; strangers."""
+    """Return the other nodes registered with a substitute's name: those that are dead; strangers.
+
+    What runs here as ours was found by its process.
+    """
     publishers, _, _ = master_api().getSystemState()
     nodes = {node for _, nodes in publishers for node in nodes}
-    leftovers: List[str] = []
+    dead: List[str] = []
     strangers: List[str] = []
     for node in sorted(each for each in nodes - left if each.startswith(host.prefix)):
         try:
             known = host.nodes.look(node)
         except FAILURES:
             known = None  # nobody knows it
-        process = known.process if known else None
-        ours = process is not None and host.processes.runs_ours(node, process)
-        if known is not None and ours:
-            host.nodes.adopt(node, known)
-        dead = known is not None and known.dead
-        (leftovers if ours or dead else strangers).append(node)
-    return tuple(leftovers), tuple(strangers)
+        (dead if known is not None and known.dead else strangers).append(node)
+    return tuple(dead), tuple(strangers)
 
 
 def _read(path: str) -> Former:

@@ -1,13 +1,12 @@
 """The search for the best substitute of a property."""
 from dataclasses import dataclass
-from typing import Iterable, Iterator
+from typing import Iterable
 
 from shsa_core.errors import NoSubstitute
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import Derivation, SourceTable
-from shsa_core.search.ranking import Ranking
 
 SMALLEST_QUALITY = 5e-324
 """A product of many qualities may be too small for a float, but it is not 0."""
@@ -40,15 +39,3 @@ def find_substitute(
         raise NoSubstitute([target], best.missing(number))
     quality = max(best.ratings[number][4], SMALLEST_QUALITY)
     return Substitute(best.ratings.derivation(number), quality, proven_best=True)
-
-
-def iter_substitutes(
-    ontology: Ontology, sources: Iterable[Source], target: str
-) -> Iterator[Substitute]:
-    """Yield every substitute of the property `target`, best first, each found on demand."""
-    network = ontology.network
-    number = network.number(target)
-    ranking = Ranking(network, SourceTable(network, sources))
-    for place, rated in enumerate(ranking.joint([number])):
-        (derivation,) = rated.derivation.inputs
-        yield Substitute(derivation, max(rated.quality, SMALLEST_QUALITY), place == 0)

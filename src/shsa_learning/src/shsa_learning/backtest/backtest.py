@@ -17,7 +17,7 @@ from shsa_core.model.service import Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
 from shsa_core.search.derivation import Derivation, SourceTable
-from shsa_core.search.substitutes import iter_substitutes
+from shsa_core.codegen.choice import substitutes
 from shsa_learning.backtest.rehearsal import Played, Rehearsal, recorded
 from shsa_learning.backtest.scores import Score, covered, score
 from shsa_learning.recordings.recording import Recording
@@ -183,7 +183,7 @@ class Backtest:
         there = [source for source in self._there if lost.isdisjoint(source.names)]
         for causes in service.avoided:
             apart = [source for source in there if set(causes).isdisjoint(source.names)]
-            if next(iter_substitutes(self._ontology, apart, target.property), None) is not None:
+            if next(substitutes(self._ontology, apart, target.property), None) is not None:
                 return apart
         return there
 
@@ -202,7 +202,7 @@ class Backtest:
         """Yield the derivations of the target with their quality, best first; each program once."""
         found: Dict[Program, Tuple[Derivation, float]] = {}
         refused: List[NotExecutable] = []
-        listing = iter_substitutes(self._ontology, sources, target.property)
+        listing = (each for each, _ in substitutes(self._ontology, sources, target.property))
         for each in islice(listing, limit):
             try:
                 program = program_of(self._ontology, [each.derivation], [target])

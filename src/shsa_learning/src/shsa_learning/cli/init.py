@@ -3,6 +3,7 @@ import argparse
 import importlib
 import json
 import os
+import tempfile
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Dict, List, Tuple
 
@@ -10,8 +11,9 @@ from shsa_core.cli._common import say
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import parse_yaml
 from shsa_core.files.ontology_file import read_ontology
-from shsa_core.files.som_file import read_tree
+from shsa_core.files.som_file import read_som, read_tree
 from shsa_learning.cli._common import whole_number
+from shsa_learning.init.again import drafted_path, widen
 from shsa_learning.init.draft import Draft, draft
 from shsa_learning.init.survey import Survey
 
@@ -27,7 +29,7 @@ def add_parser(subparsers: Any) -> None:
         "init",
         help="draft a SOM and an ontology of a running robot or a recording",
         description="Listens to a running robot, or reads a recording, and drafts a SOM and an "
-        "ontology: topics, types, nodes, periods, ranges. Nothing is healed by a draft: it is to "
+        "ontology: topics, types, nodes, periods, ranges. Healing only advises by it: it is to "
         "be read and corrected. Without --som, --ontology and --json the SOM is printed.",
     )
     source = parser.add_mutually_exclusive_group()
@@ -46,12 +48,19 @@ def add_parser(subparsers: Any) -> None:
         action="store_true",
         help="with --bag and --ontology: learn which properties can be expressed by which others",
     )
+    parser.add_argument(
+        "--again",
+        action="store_true",
+        help="widen what was drafted into --som, and say what changed; what you wrote stays",
+    )
     parser.add_argument("--force", action="store_true", help="overwrite files that are there")
     parser.add_argument("--json", action="store_true", help="print the survey as one document")
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the drafts. Returns 0, or 1 if no topic has a number."""
+    if args.again:
+        return _again(args)
     paths = [path for path in (args.ontology, args.som) if path is not None]
     _check_paths(paths, args.force)
     if args.learn and (args.bag is None or args.ontology is None):
@@ -66,6 +75,9 @@ def run(args: argparse.Namespace) -> int:
         if path is not None:
             with open(path, "w" if args.force else "x", encoding="utf-8") as stream:
                 stream.write(text)
+    if args.som is not None:
+        with open(drafted_path(args.som), "w", encoding="utf-8") as stream:
+            stream.write(made.som)
     outcomes = _learn(args, made) if args.learn else []
     if args.json:
         document = {**_document(survey, made, args), "learned": list(map(_outcome, outcomes))}
@@ -77,6 +89,27 @@ def run(args: argparse.Namespace) -> int:
     else:
         say(made.som.rstrip("\n"))
     return DONE if made.services else NOTHING
+
+
+def _again(args: argparse.Namespace) -> int:
+    """Widen a draft. Returns 0, or 1 if nothing changed."""
+    from shsa_learning.saving import dump, load
+
+    if args.som is None or args.ontology is not None or args.learn:
+        raise ModelError("--again", "needs --som, the draft to be widened, and that alone")
+    copy = drafted_path(args.som)
+    for path in (args.som, copy):
+        read_som(path)
+    som, drafted = load(args.som), load(copy)
+    made = draft(*_survey(args))
+    with tempfile.NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as fresh:
+        fresh.write(made.som)
+        fresh.flush()
+        told = widen(som, drafted, load(fresh.name))
+    dump(som, args.som)
+    dump(drafted, copy)
+    say("\n".join(told) or "nothing new was seen")
+    return DONE if told else NOTHING
 
 
 def _check_paths(paths: List[str], force: bool) -> None:
@@ -168,6 +201,6 @@ def _plain(value: Any) -> Any:
 def _tell(made: Draft, args: argparse.Namespace) -> None:
     say(f"{made.services} services with {made.properties} properties; {made.left_out} left out")
     if args.som is not None:
-        say(f"{args.som}: read it, correct it, and say what is needed")
+        say(f"{args.som}: read it and correct it")
     if args.som is not None and args.ontology is not None:
         say(f"then: shsa check {args.ontology} --som {args.som}")

@@ -32,20 +32,21 @@ LONGEST = 200
 
 HEAD = """\
 # A draft of a service-to-ontology mapping, made by `shsa init` from {source}.
-# Nothing is healed by it: every service says `needed: false`. Before you change that:
+# Healing tells what it would do by it, and does nothing, until `act: true` stands above its
+# `services:`. Before you write that:
 #  - Read each line. Names of properties are yours to choose; what two services tell of one
 #    quantity gets one name. Rename it in the ontology as well.
 #  - A range is what was seen, and as much again on either side as it was wide, but at least half
 #    of the largest value. What the robot can do is what you know. Places, angles, distances and
 #    counters have no range here, nor has what only trembled: the robot may not have moved.
 #  - `period: none` is event-driven: it is never silent. Where that is wrong, give a period in s.
-#  - Then say `needed: true` where somebody relies on it. docs/som.md has all the other keys.
-#  - Healing tells what it would do, and does nothing, until `act: true` stands above `services:`.
+#  - A topic is healed while somebody subscribes to it. `needed: true` or `needed: false` says
+#    otherwise. docs/reference/som.md has all keys.
 """
 ONTOLOGY_HEAD = """\
 # A draft of an ontology, made by `shsa init` from {source}.
 # Units are those that ROS fixes (REP 103, the message's definition). No unit: nobody knows.
-# Relations say how one property follows from others: docs/ontology.md tells how they are written,
+# Relations say how one property follows from others: see docs/reference/ontology.md,
 # and `shsa learn` learns them. What is learned holds as far as the recording went, and no further.
 """
 
@@ -135,7 +136,6 @@ def _entry(facts: Facts, name: str, used: Set[str]) -> _Entry:
         f"    node: {_quoted(publisher.node)}{_about_node(publisher)}",
         f"    period: {'none' if facts.period is None else repr(facts.period)}  # {_rhythm(facts)}",
         *(["    latched: true"] if facts.latched else []),
-        "    needed: false",
         "    provides:",
     ]
     provided = {field for field in facts.fields if not _useless(field)}

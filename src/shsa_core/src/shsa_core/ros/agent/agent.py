@@ -17,7 +17,6 @@ import rospy
 from shsa_msgs import msg
 
 from shsa_core.errors import ModelError, ShsaError
-from shsa_core.healing import events
 from shsa_core.healing.naming import Names
 from shsa_core.ros import clock, settings
 from shsa_core.ros.agent.line import COMMANDS, EVENTS, read, written
@@ -89,15 +88,16 @@ class AgentNode:
         self._end = AgentEnd(time.monotonic_ns())
         self._load = Load()
         self._commands: "queue.Queue[HostCommand]" = queue.Queue()
-        self._restarts = may_restart(arguments.restart_as_root)
         self._forgotten = threading.Event()
         topic = names.host_events(self._name)
         self._sign = signing.signer(topic, msg.HostEvent)
         self._publisher: Optional[rospy.Publisher] = None
         prefix = Names(rospy.get_namespace()).prefix
         given = arguments.journal, arguments.sandbox, self._name
+        restarts = may_restart(arguments.restart_as_root)
         signs = Signs(hearer(self._name), cut_off=self._cut_off)
-        self._host = LocalHost(self._tell, signs, Setup(prefix, signing.path, *given, forks=True))
+        how = Setup(prefix, signing.path, *given, forks=True, restarts=restarts)
+        self._host = LocalHost(self._tell, signs, how)
         left = self._host.take_up()
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
@@ -128,7 +128,7 @@ class AgentNode:
                 command = self._commands.get(timeout=max(0.0, beat_at - clock.now()))
             except queue.Empty:
                 continue
-            self._carry_out(command)
+            self._host.carry_out(command)
         if not self._handover.followed:
             self._host.stop_all()
 
@@ -153,13 +153,6 @@ class AgentNode:
             if not heard and us not in publishers.get(topic, ()):
                 self._forgotten.set()
                 return
-
-    def _carry_out(self, command: HostCommand) -> None:
-        if isinstance(command, events.RestartNode) and not self._restarts:
-            why = f"that would be as root on {self._name} (restart_as_root:=true)"
-            self._tell(events.RestartFailed(clock.now(), command.node, why))
-            return
-        self._host.carry_out(command)
 
     def _received(self, message: msg.HostCommand) -> None:
         now = clock.now()
@@ -201,7 +194,7 @@ class AgentNode:
             heard=self._end.heard,
             event=text,
             addresses=self._load.addresses,
-            running=self._host.processes.children.running(),
+            running=self._host.substitutes.children.running(),
             restarted=self._host.restarts.children.running(),
             load=self._load.busy,
             cores=self._load.cores,

@@ -4,11 +4,10 @@ from typing import Any
 
 from shsa_core.errors import ModelError
 from shsa_core.journal.codec import Codec
-from shsa_core.journal.machines import FORMS
 from shsa_core.ros.processes.host import HostCommand, HostEvent
 
-COMMANDS = Codec(HostCommand, FORMS)
-EVENTS = Codec(HostEvent, FORMS)
+COMMANDS = Codec(HostCommand)
+EVENTS = Codec(HostEvent)
 
 
 def written(codec: Codec, told: object) -> str:

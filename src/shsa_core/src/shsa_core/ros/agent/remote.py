@@ -43,13 +43,6 @@ class HostState(NamedTuple):
     transmitted: float = 0.0
 
 
-def unreachable(command: HostCommand, now: float, why: str) -> Optional[events.Event]:
-    """Return the answer to a command for a computer that cannot be reached; None: it needs none."""
-    if isinstance(command, events.FindNode):
-        return events.NodeFound(now, command.node, Where.UNREACHABLE, why)
-    return not_done(command, now, why)
-
-
 class RemoteHost:
     """A Host of the computer `name`. For one thread at a time; times in s, on our clock.
 
@@ -214,7 +207,9 @@ class RemoteHost:
             self._answer(command, now, why)
 
     def _answer(self, command: HostCommand, now: float, why: str) -> None:
-        event = unreachable(command, now, why)
+        event = not_done(command, now, why)
+        if isinstance(command, events.FindNode):
+            event = events.NodeFound(now, command.node, Where.UNREACHABLE, why)
         if isinstance(event, (events.ProcessExited, events.RestartFailed)):
             self._wanted.pop(event.node, None)
         if event is not None:

@@ -1,20 +1,27 @@
-"""Tells subscribers of a new publisher at once: the master's own notice takes up to 0.1 s."""
+"""Tells subscribers of new publishers: the master takes up to 0.1 s, or for ever.
+
+It tells with three threads and no timeout: while three subscribers hang, nobody hears of a new
+publisher. `announce` tells of our own at once; `Introductions` looks whether others were heard of.
+"""
 import threading
-from typing import Callable, FrozenSet, Iterable, List, Sequence, Tuple
+from functools import partial
+from math import inf
+from typing import Callable, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional, Sequence
+from typing import Set, Tuple
 
 import rospy
 
-from shsa_core.ros.master.node_api import FAILURES, address, master_api, node_api
+from shsa_core.ros import settings
+from shsa_core.ros.master.bus import connected
+from shsa_core.ros.master.node_api import FAILURES, master_api, node_api
+from shsa_core.ros.workers import Workers
 
 Graph = Sequence[Tuple[str, List[str]]]
 """Topics, and the nodes that publish or subscribe each."""
 
 
 def announce(topic: str, kind: str) -> None:
-    """Tell every subscriber of a topic that this node publishes it.
-
-    Raises one of node_api.FAILURES.
-    """
+    """Tell every subscriber of a topic that this node publishes it. Raises one of FAILURES."""
     master = master_api()
     uri = rospy.get_node_uri()
     subscribers: List[str] = master.registerPublisher(topic, kind, uri)
@@ -33,11 +40,11 @@ def _listens(topic: str) -> bool:
     return topic in dict(rospy.topics.get_topic_manager().get_subscriptions())
 
 
-def remind(topics: Iterable[str], connected: Callable[[str], FrozenSet[str]]) -> None:
+def remind(topics: Iterable[str], served: Callable[[str], FrozenSet[str]]) -> None:
     """Tell the subscribers of `topics` that have not connected to us the publishers of each.
 
     A master that was started anew just after we were may not know us: then we register again.
-    Raises one of node_api.FAILURES.
+    Raises one of FAILURES.
     """
     master = master_api()
     publishing, subscribing, _ = master.getSystemState()
@@ -46,8 +53,7 @@ def remind(topics: Iterable[str], connected: Callable[[str], FrozenSet[str]]) ->
     if offered.intersection(topics) - known:
         _register_again()
     for topic in topics:
-        there = connected(topic)
-        nodes = [node for node in of_topic(subscribing, topic) if node not in there]
+        nodes = [node for node in of_topic(subscribing, topic) if node not in served(topic)]
         if nodes:
             publishers = [master.lookupNode(node) for node in of_topic(publishing, topic)]
             _tell([master.lookupNode(node) for node in nodes], topic, publishers)
@@ -68,17 +74,90 @@ def of_topic(state: Graph, topic: str) -> List[str]:
 
 
 def _tell(subscribers: Iterable[str], topic: str, publishers: List[str]) -> None:
-    """Tell the full list of publishers.
-
-    Each call has a thread and a timeout: a hung subscriber delays nobody.
-    """
+    """Tell the full list of publishers, each in a thread: a hung subscriber delays nobody."""
 
     def call(subscriber: str) -> None:
         try:
-            address(subscriber)
-            node_api(subscriber).publisherUpdate("/master", topic, publishers)
+            _update(subscriber, topic, publishers)
         except FAILURES as error:
             rospy.logdebug("%s was not told of %s: %s", subscriber, topic, error)
 
     for subscriber in subscribers:
         threading.Thread(target=call, args=(subscriber,), daemon=True).start()
+
+
+def _update(subscriber: str, topic: str, publishers: List[str]) -> None:
+    node_api(subscriber).publisherUpdate("/master", topic, publishers)
+
+
+class Publisher(NamedTuple):
+    """A node at its URI publishes a topic."""
+
+    topic: str
+    node: str
+    uri: str
+
+
+class Introductions:
+    """Publishers that came a moment ago: looks a while later who has connected to each.
+
+    The others are told after the master, not beside it: a rospy subscriber that is told twice at
+    the same time connects twice, and may end without any connection. `first`: our own node; it may
+    be the newest of all. `hung`: the subscribers that do not answer; a new set each time.
+    """
+
+    def __init__(self, first: str) -> None:
+        self.hung: FrozenSet[str] = frozenset()
+        self._first = first
+        self._known: Optional[FrozenSet[Publisher]] = None
+        self._looks: Set[Tuple[float, Publisher]] = set()
+        self._workers = Workers("introductions", settings.MOST_CALLS)
+
+    @property
+    def deadline(self) -> float:
+        """Return when somebody is to be looked at, in s; infinite: nobody is."""
+        return min((when for when, _ in self._looks), default=inf)
+
+    def heed(self, time: float, publishers: FrozenSet[Publisher]) -> None:
+        """Note the publishers of now."""
+        known = self._known
+        if known is None:
+            known = frozenset(each for each in publishers if each.node != self._first)
+        self._known = publishers
+        self._looks = {look for look in self._looks if look[1] in publishers}
+        pauses = settings.INTRODUCTION_LOOKS_S
+        self._looks |= {(time + pause, each) for each in publishers - known for pause in pauses}
+
+    def due(self, time: float) -> List[Publisher]:
+        """Return those to look at now."""
+        due = {look for look in self._looks if look[0] <= time}
+        self._looks -= due
+        return sorted({publisher for _, publisher in due})
+
+    def introduce(self, new: Publisher, subscribers: Mapping[str, str]) -> None:
+        """Tell those of the subscribers, by name their URI, that have not connected to it."""
+        others = self._known or frozenset()
+        publishers = sorted(each.uri for each in others if each.topic == new.topic)
+
+        def look() -> None:
+            try:
+                served = set(connected(new.topic, new.uri).values())
+            except (*FAILURES, TypeError, LookupError):
+                return  # a node that does not answer gives no connection either
+            for node in subscribers.keys() - served - {new.node}:  # nobody connects to itself
+                self._workers.put(partial(self._tell, node, subscribers[node], new, publishers))
+
+        self._workers.put(look)
+
+    def _tell(self, node: str, uri: str, new: Publisher, publishers: List[str]) -> None:
+        try:
+            _update(uri, new.topic, publishers)
+        except OSError as error:
+            if not isinstance(error, ConnectionError) and node not in self.hung:
+                self.hung = self.hung | {node}
+                text = "%s does not answer, and the master waits for it. Healing tells the others."
+                rospy.logwarn(text, node)
+            return
+        except FAILURES as error:
+            rospy.logdebug("%s was not told of %s: %s", node, new.topic, error)
+        self.hung = self.hung - {node}

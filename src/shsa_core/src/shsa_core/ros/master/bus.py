@@ -2,7 +2,7 @@
 
 Asked on the node's own computer, this tells a node that is silent from one whose link is bad.
 """
-from typing import Any, Dict, FrozenSet, NamedTuple, Optional, Union
+from typing import Any, Dict, FrozenSet, NamedTuple, Optional, Tuple, Union
 
 import rospy
 
@@ -67,36 +67,28 @@ def _look(uri: str, topic: str) -> Union[Sent, OSError, None]:
         return None
 
 
-class _Seen(NamedTuple):
-    """The address of an original, and who is at the other end of its connections, by number."""
-
-    uri: str
-    ends: Dict[Any, str]
-
-
 class Originals:
     """Looks at the nodes that a substitute stands in for; for one thread."""
 
     def __init__(self) -> None:
-        self._seen: Dict[str, _Seen] = {}
+        self._seen: Dict[str, Tuple[str, Dict[Any, str]]] = {}  # their addresses, and their ends
 
     def served_consumers(self, topic: str, original: str) -> Optional[FrozenSet[str]]:
         """Return the consumers to which the node `original` has published on a topic already.
 
-        None if it does not answer, or not as nodes do. A node that connects to its consumers is
-        slow to answer, and messages wait for it: it is asked who they are only where that is not
-        known.
+        None if it does not answer, or not as nodes do. Messages of a node wait while it answers who
+        its consumers are: it is asked that only where it is not known.
         """
-        seen = self._seen.pop(original, None)
+        seen = self._seen.pop(original, None)  # else the master is asked again
         try:
-            seen = seen or _Seen(master_api().lookupNode(original), {})
-            served = _served(topic, seen.uri)
-            if not served <= seen.ends.keys():
-                seen = _Seen(seen.uri, connected(topic, seen.uri))
-            consumers = frozenset(seen.ends[each] for each in served if each in seen.ends)
+            uri, ends = seen or (master_api().lookupNode(original), {})
+            served = _served(topic, uri)
+            if not served <= ends.keys():
+                ends = connected(topic, uri)
+            consumers = frozenset(ends[each] for each in served if each in ends)
         except (*FAILURES, LookupError, TypeError):
             return None
-        self._seen[original] = seen  # the master is asked again only once it does not answer there
+        self._seen[original] = uri, ends
         return consumers
 
 

@@ -1,38 +1,120 @@
-"""Watches the master, from threads of its own: nobody else waits for it.
+"""Watches the master, from a thread of its own: nobody else waits for it.
 
-A master that was started anew is told what the former one knew, within a second. Subscribers whom
-the master cannot tell of a publisher, as its threads wait for hung ones, are told directly.
+A master that was started anew is told what the former one knew, within a second: what it had said
+itself, and what the nodes that it said it of say still (`registrations`). Subscribers whom the
+master cannot tell of a publisher are told directly (`announce`).
 """
 import threading
 import time
 from functools import partial
-from typing import Any, Callable, Collection, Dict, FrozenSet, List, Mapping, NamedTuple, Optional
-from typing import Set, Tuple
+from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, NamedTuple, Optional
+from typing import Sequence, Set, Tuple
 
+import rosgraph
 import rospy
 
 from shsa_core.errors import ShsaError
-from shsa_core.files.som_file import PARAMETER
 from shsa_core.ros import settings
-from shsa_core.ros.master.bus import connected
-from shsa_core.ros.master.introductions import Introductions, Publisher
-from shsa_core.ros.master.master_calls import MasterCalls, State
-from shsa_core.ros.master.node_api import FAILURES, node_api
+from shsa_core.ros.master.announce import Introductions, Publisher
+from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
 from shsa_core.ros.master.registrations import (
     NOTHING,
     Graph,
+    Pairs,
     Part,
+    Registration,
     Said,
-    is_name,
     missing_parameters,
+    read_pairs,
     to_ask,
     to_register,
     together,
 )
 from shsa_core.ros.workers import Workers
 
+REGISTER = {
+    Part.PUBLISHER: "registerPublisher",
+    Part.SUBSCRIBER: "registerSubscriber",
+    Part.SERVICE: "registerService",
+}
+ONE_CALL = 500
+"""Questions that are put together; with more the master would keep others waiting."""
 LARGEST_PARAMETERS = 4_000_000
-"""Characters; of more than that nothing is kept but the SOM."""
+"""Characters; more than that is not kept. The SOM is put back by those who watch it."""
+
+
+class State(NamedTuple):
+    """All that is registered, and the process of the master that says so."""
+
+    pid: int
+    parts: Mapping[Part, Pairs]
+
+
+class MasterCalls:
+    """Asks the master many questions in one call.
+
+    Raises one of node_api.FAILURES, or ShsaError if its answer is none.
+    """
+
+    def __init__(self) -> None:
+        self._master = node_api(rosgraph.get_master_uri(), MASTER)
+        self._me = rospy.get_name()
+
+    def state(self) -> State:
+        """Return everything that is registered."""
+        pid, parts = self._many([("getPid", (self._me,)), ("getSystemState", (self._me,))])
+        if not isinstance(pid, int) or not isinstance(parts, list) or len(parts) != 3:
+            raise ShsaError("the master's answer is none")
+        order = Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE
+        return State(pid, dict(zip(order, map(read_pairs, parts))))
+
+    def pid(self) -> int:
+        """Return the process of the master."""
+        (pid,) = self._many([("getPid", (self._me,))])
+        return pid if isinstance(pid, int) else 0
+
+    def look_up(self, method: str, names: Iterable[str]) -> Mapping[str, str]:
+        """Return where nodes or services are, by lookupNode or lookupService."""
+        names = sorted(names)
+        found = self._many([(method, (self._me, name)) for name in names])
+        return {name: uri for name, uri in zip(names, found) if isinstance(uri, str) and uri}
+
+    def parameters(self) -> Mapping[str, Any]:
+        """Return the whole parameter server."""
+        (tree,) = self._many([("getParam", (self._me, "/"))])
+        return tree if isinstance(tree, dict) else {}
+
+    def set_parameters(self, values: Iterable[Tuple[str, Any]]) -> None:
+        """Set parameters by their full names."""
+        self._many([("setParam", (self._me, name, value)) for name, value in values])
+
+    def register(self, registrations: Iterable[Registration]) -> None:
+        """Register these on behalf of their nodes, in this order."""
+        calls = [(REGISTER[r.part], (r.node, r.name, r.what, r.uri)) for r in registrations]
+        self._many(calls)
+
+    def _many(self, calls: Sequence[Tuple[str, Tuple[Any, ...]]]) -> List[Any]:
+        """Return the values that calls return, None for a refusal."""
+        values: List[Any] = []
+        for start in range(0, len(calls), ONE_CALL):
+            some = calls[start : start + ONE_CALL]
+            asked = [{"methodName": method, "params": list(given)} for method, given in some]
+            answers: Any = self._master.system.multicall(asked)
+            if not isinstance(answers, list) or len(answers) != len(some):
+                raise ShsaError("the master's answer is none")
+            values += map(_value, answers)
+        return values
+
+
+def _value(answer: Any) -> Any:
+    if not isinstance(answer, list) or len(answer) != 1:
+        return None  # a fault
+    told = answer[0]
+    return told[2] if isinstance(told, list) and len(told) == 3 and told[0] == 1 else None
+
+
+Subscribers = Tuple[Tuple[str, Tuple[str, ...]], ...]
+"""Topics, and the nodes that subscribe to each."""
 
 
 class MasterState(NamedTuple):
@@ -50,12 +132,15 @@ class MasterState(NamedTuple):
 class MasterWatch:
     """Looks at the master for as long as ROS is up.
 
-    `is_ours(node)`: whether a node is one of our substitutes. While `acts` is false it only looks,
-    as healing that advises.
+    `is_ours(node)`: whether a node is one of our substitutes. `subscribed` is called with the
+    introduced topics that have other subscribers than before. While `acts` is false it only looks.
     """
 
-    def __init__(self, is_ours: Callable[[str], bool]) -> None:
-        self._is_ours, self.acts = is_ours, False
+    def __init__(
+        self, is_ours: Callable[[str], bool], subscribed: Callable[[Subscribers], None]
+    ) -> None:
+        self._is_ours, self._subscribed, self.acts = is_ours, subscribed, False
+        self._subscribers: Dict[str, Tuple[str, ...]] = {}
         self._me = rospy.get_name()
         self._calls = MasterCalls()
         self._nodes = Workers("nodes", settings.MOST_CALLS)
@@ -68,7 +153,6 @@ class MasterWatch:
         self._former: Optional[Graph] = None  # what the former master knew, while some is missing
         self._anew_at = 0.0
         self._settled: Set[str] = set()
-        self._hung: FrozenSet[str] = frozenset()  # a new one each time: readers need no lock
         self._answers = True
         threading.Thread(target=self._watch, name="master", daemon=True).start()
 
@@ -80,7 +164,7 @@ class MasterWatch:
         """Return how things are now."""
         kept = sum(map(len, self._known.parts.values()))
         age = time.monotonic() - self._kept_at
-        return MasterState(self._answers, tuple(sorted(self._hung)), kept, age)
+        return MasterState(self._answers, tuple(sorted(self._introductions.hung)), kept, age)
 
     def _watch(self) -> None:
         while not rospy.is_shutdown():
@@ -96,21 +180,23 @@ class MasterWatch:
             rospy.rostime.wallsleep(settings.MASTER_LOOK_S)
 
     def _look(self, now: float) -> None:
-        if self._calls.pid() == self._pid and now < self._look_at:
-            if now < self._introductions.deadline:
-                return
+        introductions = self._introductions
+        if self._calls.pid() == self._pid and now < min(self._look_at, introductions.deadline):
+            return
         state = self._calls.state()
         registered = {node for pairs in state.parts.values() for _, node in pairs}
         anew = self._pid and (state.pid != self._pid or self._me not in registered)
         self._pid = state.pid
-        self._hung = self._hung & registered
+        introductions.hung = introductions.hung & registered
         if anew:
             self._begin_anew(now)
         waiting: Collection[str] = ()
         if self._former is not None:
             waiting = self._register_again(state, now)
             state = self._calls.state()
-        self._introduce_new(state, now)
+        self._introduce(state, now)
+        if self._former is None:  # else a new master does not know them all yet
+            self._tell_subscribers(state)
         if now >= self._keep_at:
             self._known = together(self._graph(state), self._known, waiting)
             self._keep_parameters()
@@ -121,7 +207,26 @@ class MasterWatch:
         if waiting and now < self._anew_at + settings.ANSWER_S:
             self._look_at = now
 
-    # What is known, and what a new master is told of it.
+    def _introduce(self, state: State, now: float) -> None:
+        pairs = [pair for pair in state.parts[Part.PUBLISHER] if pair[0] in self._topics]
+        uris = self._calls.look_up("lookupNode", {node for _, node in pairs})
+        found = frozenset(Publisher(t, n, uris[n]) for t, n in pairs if n in uris)
+        self._introductions.heed(now, found)
+        for new in self._introductions.due(now):
+            if self.acts and not self._is_ours(new.node):  # our substitutes tell by themselves
+                nodes = {node for name, node in state.parts[Part.SUBSCRIBER] if name == new.topic}
+                self._introductions.introduce(new, self._calls.look_up("lookupNode", nodes))
+
+    def _tell_subscribers(self, state: State) -> None:
+        found: Dict[str, List[str]] = {topic: [] for topic in self._topics}
+        for topic, node in sorted(state.parts[Part.SUBSCRIBER]):
+            if topic in found:
+                found[topic].append(node)
+        now = {topic: tuple(nodes) for topic, nodes in found.items()}
+        new = [each for each in now.items() if each[1] != self._subscribers.get(each[0], ())]
+        self._subscribers = now
+        if new:
+            self._subscribed(tuple(new))
 
     def _graph(self, state: State) -> Graph:
         nodes = {node for pairs in state.parts.values() for _, node in pairs}
@@ -131,9 +236,7 @@ class MasterWatch:
 
     def _keep_parameters(self) -> None:
         tree = self._calls.parameters()
-        if len(repr(tree)) > LARGEST_PARAMETERS:
-            tree = _only(tree, rospy.resolve_name(PARAMETER))
-        self._parameters = tree
+        self._parameters = tree if len(repr(tree)) <= LARGEST_PARAMETERS else {}
 
     def _begin_anew(self, now: float) -> None:
         does = "It is told again what the former one knew."
@@ -167,94 +270,31 @@ class MasterWatch:
     def _ask_all(self, nodes: Mapping[str, str]) -> Dict[str, Said]:
         """Return what nodes that answer soon say of themselves; one that has gone is settled."""
         said: Dict[str, Said] = {}
-        lock, done = threading.Lock(), threading.Semaphore(0)
+        gone: Set[str] = set()
+        done = threading.Semaphore(0)
 
-        def ask(node: str, uri: str) -> None:
+        def put(node: str, uri: str) -> None:
             try:
-                published = _topics(node_api(uri).getPublications(self._me))
-                subscribed = _topics(node_api(uri).getSubscriptions(self._me))
-                with lock:
-                    said[node] = {Part.PUBLISHER: published, Part.SUBSCRIBER: subscribed}
+                published, subscribed = topics(uri), topics(uri, "getSubscriptions")
+                said[node] = {Part.PUBLISHER: published, Part.SUBSCRIBER: subscribed}
             except ConnectionRefusedError:
-                with lock:
-                    self._settled.add(node)
+                gone.add(node)
             except FAILURES as error:
                 rospy.logdebug("%s does not say what it had registered: %s", node, error)
             finally:
                 done.release()
 
         for node, uri in nodes.items():
-            self._nodes.put(partial(ask, node, uri))
+            self._nodes.put(partial(put, node, uri))
         end = time.monotonic() + settings.CALL_S
         for _ in nodes:
             if not done.acquire(timeout=max(0.0, end - time.monotonic())):
                 break
-        with lock:
-            self._settled |= set(said)
-            return dict(said)
-
-    # Publishers that the master may have told nobody of.
-
-    def _introduce_new(self, state: State, now: float) -> None:
-        pairs = [pair for pair in state.parts[Part.PUBLISHER] if pair[0] in self._topics]
-        uris = self._calls.look_up("lookupNode", {node for _, node in pairs})
-        found = frozenset(Publisher(t, n, uris[n]) for t, n in pairs if n in uris)
-        self._introductions.heed(now, found)
-        for publisher in self._introductions.due(now):
-            # Our substitutes tell by themselves.
-            if self.acts and not self._is_ours(publisher.node):
-                self._introduce(publisher, state, found)
-
-    def _introduce(self, new: Publisher, state: State, all_: FrozenSet[Publisher]) -> None:
-        topic = new.topic
-        subscribers = {node for name, node in state.parts[Part.SUBSCRIBER] if name == topic}
-        uris = self._calls.look_up("lookupNode", subscribers)
-        publishers = sorted(each.uri for each in all_ if each.topic == topic)
-
-        def work() -> None:
-            try:
-                served = set(connected(topic, new.uri).values())
-            except (*FAILURES, TypeError, LookupError):
-                return  # a node that does not answer gives no connection either
-            for node in subscribers - served - {new.node}:  # nobody connects to itself
-                if node in uris:
-                    self._nodes.put(partial(self._tell, node, uris[node], new, publishers))
-
-        self._nodes.put(work)
-
-    def _tell(self, node: str, uri: str, new: Publisher, publishers: List[str]) -> None:
-        try:
-            node_api(uri).publisherUpdate("/master", new.topic, publishers)
-        except OSError as error:
-            if not isinstance(error, ConnectionError) and node not in self._hung:
-                self._hung = self._hung | {node}
-                text = "%s does not answer, and the master waits for it. Healing tells the others."
-                rospy.logwarn(text, node)
-            return
-        except FAILURES as error:
-            rospy.logdebug("%s was not told of %s: %s", node, new.topic, error)
-        self._hung = self._hung - {node}
-        rospy.logdebug("%s was told that %s publishes %s.", node, new.node, new.topic)
+        told = dict(said)  # who answers later is asked again
+        self._settled |= {*gone, *told}
+        return told
 
 
 def _took(began: float) -> float:
     """Return a pause after which what has begun then has taken a small share of the time, in s."""
     return (time.monotonic() - began) / settings.LOOKING_SHARE
-
-
-def _only(tree: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Return a tree of parameters without anything but one of them."""
-    key, _, rest = name.strip("/").partition("/")
-    if key not in tree:
-        return {}
-    inner = tree[key]
-    return {key: _only(inner, rest) if rest and isinstance(inner, dict) else inner}
-
-
-def _topics(answer: Any) -> Dict[str, str]:
-    """Return topics and their types of a node's answer; what is none is left out."""
-    code, _, rows = answer
-    if code != 1 or not isinstance(rows, list):
-        raise ConnectionRefusedError("no answer")
-    pairs = [row for row in rows if isinstance(row, list) and len(row) == 2]
-    return {name: kind for name, kind in pairs if is_name(name) and isinstance(kind, str)}

@@ -8,9 +8,10 @@ import re
 import socket
 import time
 import xmlrpc.client
-from typing import Any, FrozenSet, NamedTuple, Tuple
+from typing import Any, Dict, NamedTuple, Tuple
 
 import rosgraph
+import rosgraph.network
 import rospy
 
 from shsa_core.ros import settings
@@ -45,7 +46,7 @@ class Limits(NamedTuple):
 
 
 NODE = Limits(settings.CALL_S, LARGEST_ANSWER_B)
-MASTER = Limits(settings.MASTER_CALL_S, LARGEST_MASTER_ANSWER_B)
+MASTER = Limits(settings.LONG_CALL_S, LARGEST_MASTER_ANSWER_B)
 
 
 def address(uri: object) -> Address:
@@ -54,6 +55,32 @@ def address(uri: object) -> Address:
     if found is None or not 0 < int(found.group(2)) < 65536:
         raise BadAnswer(f"{_short(uri)} is no address of a node")
     return Address(found.group(1).strip("[]"), int(found.group(2)))
+
+
+def family(host: str) -> int:
+    """Return the address family of a numeric host."""
+    return socket.AF_INET6 if ":" in host else socket.AF_INET
+
+
+def resolved(uri: object) -> Address:
+    """Return the one numeric address of a node's URI, of the family of ROS_IPV6 if it has one.
+
+    Who is called there and whose the kernel says it is must be the same. Raises BadAnswer, OSError.
+    """
+    host, port = address(uri)
+    try:
+        found = socket.getaddrinfo(host, port, proto=socket.IPPROTO_TCP)
+    except UnicodeError as error:
+        raise BadAnswer(f"{_short(uri)} is no address of a node") from error
+    usual = socket.AF_INET6 if rosgraph.network.use_ipv6() else socket.AF_INET
+    best = next((each for each in found if each[0] == usual), found[0])
+    return Address(str(best[4][0]), port)
+
+
+def located(uri: object) -> str:
+    """Return a URI with its numeric address. Raises BadAnswer, OSError."""
+    host, port = resolved(uri)
+    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
 
 
 class Answer(NamedTuple):
@@ -91,9 +118,8 @@ def bus_stats(uri: str) -> Answer:
 
 
 def _call(uri: str, method: str, *arguments: Any) -> Answer:
-    address(uri)
     transport = _Transport(NODE)
-    api = xmlrpc.client.ServerProxy(uri, transport=transport)
+    api = xmlrpc.client.ServerProxy(located(uri), transport=transport)
     answer = getattr(api, method)(rospy.get_name(), *arguments)
     return Answer(answer, transport.connected, time.monotonic_ns())
 
@@ -106,12 +132,12 @@ def pid(uri: str) -> int:
     return int(number)
 
 
-def publications(uri: str) -> FrozenSet[str]:
-    """Return the topics that a node says it publishes. Raises one of FAILURES."""
-    rows = ask(uri, "getPublications")
+def topics(uri: str, method: str = "getPublications") -> Dict[str, str]:
+    """Return the topics that a node says it publishes, and their types. Raises one of FAILURES."""
+    rows = ask(uri, method)
     if not isinstance(rows, list) or not all(_is_row(row) for row in rows):
-        raise BadAnswer(f"{uri} says that it publishes {_short(rows)}")
-    return frozenset(row[0] for row in rows)
+        raise BadAnswer(f"{uri} answers {method} with {_short(rows)}")
+    return dict(rows)
 
 
 def node_api(uri: str, limits: Limits = NODE) -> xmlrpc.client.ServerProxy:

@@ -152,7 +152,7 @@ class SomWatch:
         """No service is left at shsa/som, as with a master that is new: the last ones stay."""
         _, errors = merge_parameters(self._som, value, self._name)
         why = str(errors[0]) if errors else f"{self._name}: there is no service in it"
-        rospy.logerr("Refused: %s. The SOM so far counts, and is put back.", why)
+        rospy.logerr("Refused: %s. The previous SOM stays, and is put back.", why)
         _ask(lambda: put_som(self._som))
 
 

@@ -5,10 +5,7 @@ from typing import Mapping, Optional, Tuple
 from shsa_core.model.kinds import Word
 
 UNKNOWN_VARIANCE = 1e6
-"""Says "not known" where 0 would claim certainty, as it does to robot_localization: a filter that
-weighs by it takes nothing from the value. Many drivers of wheeled bases write it for axes that they
-do not measure.
-"""
+"""Says "not known" where 0 would claim certainty, as to robot_localization."""
 NOT_GIVEN = -1.0
 """The first entry of a covariance of sensor_msgs/Imu whose values are not given at all."""
 

@@ -76,7 +76,7 @@ class Children:
                     self._ended(node, None if stopped else status)
                 except Exception as error:  # whatever it is, the other processes are waited for
                     rospy.logerr("The end of %s: %r", node, error)
-            time.sleep(settings.PROCESS_LOOK_S)
+            time.sleep(settings.SOON_S)
 
 
 def end(process: psutil.Process, answers: bool = True) -> None:

@@ -10,9 +10,10 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, address, ask, master_api
+from shsa_core.ros.master.node_api import FAILURES, ask, master_api, resolved
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.nodes import Nodes
+from shsa_core.ros.trust.owners import listener
 
 WHY = "it failed, and is healed"
 
@@ -63,7 +64,7 @@ def clear(nodes: Nodes, node: str) -> bool:
     try:
         if not uri:
             uri = master_api().lookupNode(node)
-            if known is not None and kernel.listener(uri) is not None:
+            if known is not None and listener(resolved(uri)) is not None:
                 return True  # it was ended before it registered: this is a successor
         return _unregister(node, uri)
     except FAILURES:
@@ -101,7 +102,7 @@ def _ask_elsewhere(node: str, uri: str) -> bool:
 def _refuses(uri: str) -> bool:
     """Return whether nobody listens any more at an address; no answer is no proof."""
     try:
-        socket.create_connection(address(uri), settings.CALL_S).close()
+        socket.create_connection(resolved(uri), settings.CALL_S).close()
     except OSError as error:
         return isinstance(error, ConnectionRefusedError)
     return False

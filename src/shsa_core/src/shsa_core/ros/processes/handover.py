@@ -13,8 +13,9 @@ import rosgraph.names
 import rospy
 
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, master_api, pid
+from shsa_core.ros.master.node_api import FAILURES, master_api, pid, resolved
 from shsa_core.ros.processes import kernel
+from shsa_core.ros.trust.owners import is_local, listener
 
 GONE_LOOKS = 5
 """So often nobody must be found: a launch starts its healer again within 2 s."""
@@ -60,8 +61,8 @@ def find_other(node: str) -> Optional[str]:
         return None
     if number == os.getpid():
         return None
-    if kernel.is_local(uri):
-        process = kernel.listener(uri)
+    if is_local(uri):
+        process = listener(resolved(uri), number)
         if process is None or not kernel.is_ours(process):
             whose = kernel.user(process) if process is not None else "somebody else"
             text = f"{node} is a process of {whose}, and no healer of ours: it is replaced."

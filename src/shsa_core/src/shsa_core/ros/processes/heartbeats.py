@@ -53,7 +53,7 @@ class Heart:
         try:
             self._address = _address(role)
         except OSError as error:
-            rospy.logwarn("Nobody can hear our heartbeats: %s", error)
+            rospy.logwarn("Our heartbeats cannot be sent: %s", error)
         self._due = 0.0
         self._heard = time.monotonic()
         self._cut_off = float("-inf")  # when that was told last
@@ -113,7 +113,7 @@ class Signs:
         try:
             _bind(self._socket, _address(role))
         except OSError as error:
-            rospy.logwarn("Who hangs is not noticed: heartbeats cannot be heard: %s", error)
+            rospy.logwarn("Heartbeats cannot be received; a hung process goes unnoticed: %s", error)
             return
         threading.Thread(target=self._work, name="heartbeats", daemon=True).start()
 

@@ -1,75 +1,27 @@
 """Asks the kernel about processes: its answers cannot be forged by anybody on the graph.
 
-Which process listens at an address, which user it is of, whether it has ended, stopped or waits.
+Which user a process is of, whether it has ended, stopped or waits; see also `trust/owners`.
 """
 import functools
 import os
 import signal
-import socket
 import time
-from typing import Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 import psutil
-import rosgraph.network
+import rosgraph
 
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import BadAnswer, address
+from shsa_core.ros.master.node_api import FAILURES, resolved
+from shsa_core.ros.trust.owners import listener
 from shsa_core.ros.trust.places import master_place
 
-ANY_ADDRESS = ("0.0.0.0", "::")
+OF_ROS = {"roslaunch", "rosmaster", "roscore", "rosout"}
+OF_HEALING = {"agent", "gate", "monitor", "reconfigurator", "standby", "substitute", "view"}
 
 Identity = Tuple[int, float]
 """A process by its number and its start, in clock ticks since the computer's."""
 NOBODY: Identity = (0, 0.0)
-
-
-class Starter(NamedTuple):
-    """The process that has started another one: its number, and the programs that it runs."""
-
-    pid: int
-    programs: List[str]
-
-
-def is_local(uri: str) -> bool:
-    """Return whether a node's address is one of this computer."""
-    try:
-        return bool(rosgraph.network.is_local_address(address(uri).host))
-    except (BadAnswer, UnicodeError):
-        return False
-
-
-def listens(process: psutil.Process, uri: str) -> bool:
-    """Return whether a process is the one behind a node's URI."""
-    try:
-        return bool(_matching(process.connections(kind="tcp"), uri))
-    except psutil.Error:
-        return False
-
-
-def listener(uri: str) -> Optional[psutil.Process]:
-    """Return the process behind a node's URI; None: there is none here, or we may not see it."""
-    if not is_local(uri):
-        return None
-    for found in _matching(psutil.net_connections(kind="tcp"), uri):
-        try:
-            return psutil.Process(found.pid) if found.pid else None
-        except psutil.NoSuchProcess:
-            continue
-    return None
-
-
-def _matching(connections: Iterable[psutil._common.sconn], uri: str) -> List[psutil._common.sconn]:
-    try:
-        host, port = address(uri)
-        found = socket.getaddrinfo(host, port, proto=socket.IPPROTO_TCP)
-    except (BadAnswer, OSError, UnicodeError):
-        return []
-    hosts = {str(each[4][0]) for each in found} | {*ANY_ADDRESS}
-    return [
-        each
-        for each in connections
-        if each.status == psutil.CONN_LISTEN and each.laddr.port == port and each.laddr.ip in hosts
-    ]
 
 
 class Running(NamedTuple):
@@ -140,13 +92,30 @@ def never_to_end(process: psutil.Process) -> str:
         return "it is the master"
     if process.pid in {1, *ancestors(os.getpid())}:
         return "its process has started the reconfigurator"
+    return _part(process)
+
+
+def _part(process: psutil.Process) -> str:
+    """Return which part of healing or ROS a process is, by its command line; empty: none."""
+    try:
+        programs = [word.split("/") for word in process.cmdline()[:2]]
+    except psutil.Error:
+        return ""
+    for *folders, name in programs:
+        if name in OF_ROS:
+            return "it belongs to ROS"
+        if name in OF_HEALING and not {"shsa_core", "shsa_view"}.isdisjoint(folders):
+            return "it belongs to healing"
     return ""
 
 
 @functools.lru_cache(maxsize=1)
 def _master(uri: str, age: int) -> Optional[psutil.Process]:
     """Return the master's process if it is on this computer; look for it anew in each `age`."""
-    return listener(uri)
+    try:
+        return listener(resolved(uri))
+    except FAILURES:
+        return None
 
 
 def ancestors(pid: int) -> List[int]:
@@ -157,19 +126,19 @@ def ancestors(pid: int) -> List[int]:
         return []
 
 
-def starter(pid: int) -> Starter:
-    """Return the process that has started a process, as far as that can be told."""
+def starter(pid: int) -> Tuple[int, List[str]]:
+    """Return the number and the programs of the process that has started one; 0, []: not told."""
     parent = next(iter(ancestors(pid)), 0)
     try:
         words = psutil.Process(parent).cmdline() if parent else []
     except psutil.Error:
         words = []
-    return Starter(parent, [os.path.basename(word) for word in words[:2]])
+    return parent, [os.path.basename(word) for word in words[:2]]
 
 
 def started_by_launch(pid: int) -> bool:
     """Return whether a roslaunch has started a process, which may start it again."""
-    return not {"roslaunch", "rostest"}.isdisjoint(starter(pid).programs)
+    return not {"roslaunch", "rostest"}.isdisjoint(starter(pid)[1])
 
 
 def gone(process: psutil.Process) -> bool:
@@ -212,30 +181,11 @@ def kill(process: psutil.Process) -> None:
 
     Raises PermissionError if it is not ours, ProcessLookupError if it has ended.
     """
-    opened = _descriptor(process.pid)
-    try:
-        # From here on the descriptor, if there is one, names what this looks at.
-        if gone(process):
-            raise ProcessLookupError(process.pid)
-        if not is_ours(process):
-            raise PermissionError(f"it belongs to {user(process)}")
-        if opened is None:
-            os.kill(process.pid, signal.SIGKILL)
-        else:
-            signal.pidfd_send_signal(opened, signal.SIGKILL)  # type: ignore[attr-defined]
-    finally:
-        if opened is not None:
-            os.close(opened)
-
-
-def _descriptor(pid: int) -> Optional[int]:
-    """Return a descriptor of a process; None: Python before 3.9 or Linux before 5.3 has none."""
-    try:
-        return int(os.pidfd_open(pid))  # type: ignore[attr-defined]
-    except ProcessLookupError:
-        raise
-    except (AttributeError, OSError):
-        return None
+    if gone(process):
+        raise ProcessLookupError(process.pid)
+    if not is_ours(process):
+        raise PermissionError(f"it belongs to {user(process)}")
+    os.kill(process.pid, signal.SIGKILL)
 
 
 def wait_for(done: Callable[[], bool]) -> bool:

@@ -19,28 +19,21 @@ from shsa_core.ros.processes import kernel
 from shsa_core.ros.workers import Workers
 
 SHUTDOWN = re.compile(rb"\[roslaunch\.pmon\].*ProcessMonitor\.(_post_run|shutdown) ")
-LONGEST_LINE = 1000
 NAME = "__name:="
 
 
 class _LaunchLog:
-    """The log of a roslaunch, from now on."""
+    """The log of a roslaunch, from now on: what is older is of a launch that went on."""
 
     def __init__(self, path: str) -> None:
         self._file: BinaryIO = open(path, "rb")
-        self._seen = os.fstat(self._file.fileno()).st_size
+        self._file.seek(0, os.SEEK_END)
+        self._begun = b""  # a line that has not ended
 
     def tells(self) -> bool:
         """Return whether roslaunch has written since the last look that it shuts down."""
-        if os.fstat(self._file.fileno()).st_size <= self._seen:
-            return False
-        self._file.seek(max(0, self._seen - LONGEST_LINE))
-        overlap = self._seen - self._file.tell()
-        new = self._file.read()
-        self._seen += len(new) - overlap
-        # What was there before we came is of a launch that went on: only what ends in the new part
-        # counts.
-        return any(found.end() > overlap for found in SHUTDOWN.finditer(new))
+        *lines, self._begun = (self._begun + self._file.read()).split(b"\n")
+        return any(map(SHUTDOWN.search, lines))
 
 
 class Launch:

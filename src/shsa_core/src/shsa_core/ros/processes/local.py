@@ -17,7 +17,7 @@ from shsa_core.ros.processes.heartbeats import Signs
 from shsa_core.ros.processes.host import HostCommand, Tell, not_done
 from shsa_core.ros.processes.nodes import Known, Nodes, protection
 from shsa_core.ros.processes.restarting import ComingUp, Restarts
-from shsa_core.ros.processes.starting import Processes, Setup
+from shsa_core.ros.processes.starting import Substitutes, Setup
 from shsa_core.ros.processes.watching import Life
 from shsa_core.ros.workers import Workers
 
@@ -32,10 +32,10 @@ class LocalHost:
 
     def __init__(self, tell: Tell, signs: Signs, setup: Setup) -> None:
         self._tell = tell
-        self.prefix = setup.prefix
+        self.prefix, self._may_restart = setup.prefix, setup.restarts
         clearing = Workers("clear", settings.MOST_CALLS)
         self.nodes = Nodes()
-        self.processes = Processes(
+        self.substitutes = Substitutes(
             lambda node, detail: tell(events.ProcessExited(clock.now(), node, detail)),
             lambda node: clearing.put(lambda: ending.clear(self.nodes, node)),
             setup,
@@ -43,13 +43,7 @@ class LocalHost:
         ended = lambda node: tell(events.StarterEnded(clock.now(), node))
         self.restarts = Restarts(ended, setup.host)
         self._coming_up = ComingUp(self.restarts.started_again, self._came_up)
-        self._life = Life(
-            signs,
-            lambda node: node.startswith(setup.prefix),
-            lambda node: tell(events.ProcessSilent(clock.now(), node)),
-            lambda node: tell(events.ProcessHung(clock.now(), node)),
-            lambda node: tell(events.ProcessHeard(clock.now(), node)),
-        )
+        self._life = Life(signs, lambda node: node.startswith(setup.prefix), tell)
         self._stops = stops = Workers("stop", settings.MOST_CALLS)
         by = lambda name, work, most=settings.MOST_CALLS: self._by(Workers(name, most), work)
         self._carry_out: dispatch.Table[object] = dispatch.table(
@@ -78,14 +72,14 @@ class LocalHost:
 
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has left running; return the nodes."""
-        left = self.processes.left_behind()
+        left = self.substitutes.left_behind()
         for node, process in left.items():
-            self.processes.take_up(node, process)
+            self.substitutes.take_up(node, process)
         return [*left, *self.restarts.take_up()]
 
     def stop_all(self) -> None:
         """Stop the substitutes, and the nodes that would have ended with us; wait for that."""
-        for node in self.processes.children.running():
+        for node in self.substitutes.children.running():
             self.carry_out(events.StopSubstitute(node))
         for node in filter(self.restarts.is_with_us, self.restarts.children.running()):
             self.carry_out(events.StopNode(node))
@@ -99,21 +93,22 @@ class LocalHost:
         """Return what has a command carried out by workers: to wait must not hold the events up."""
         return lambda command: workers.put(lambda: self._guarded(work, command))
 
-    def _guarded(self, work: Work, command: Any) -> None:
+    def _guarded(self, work: Work, command: HostCommand) -> None:
+        """Carry out a command; if that cannot be done, answer it, so that nobody waits."""
         try:
             work(command)
+            return
+        except ShsaError as refusal:
+            why = str(refusal)
         except Exception as error:  # whatever it is, the commands after it are carried out
-            self._failed(command, error)
-
-    def _failed(self, command: HostCommand, error: Exception) -> None:
-        """Say that a command could not be carried out, and answer it, so that nobody waits."""
-        what = f"{type(command).__name__} {getattr(command, 'node', '')}".strip()
-        why = f"{type(error).__name__}: {error}"
-        rospy.logerr_throttle(10.0, f"{what} could not be carried out: {why}")
-        kill = isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess))
-        answer = not_done(command, clock.now(), f"it could not be carried out: {why}")
-        # This computer may lack the means now: a kill without an answer is tried again.
-        if answer is not None and not (kill and isinstance(error, OSError)):
+            why = f"it could not be carried out: {type(error).__name__}: {error}"
+            what = f"{type(command).__name__} {getattr(command, 'node', '')}".strip()
+            rospy.logerr_throttle(10.0, f"{what}: {why}")
+            kill = isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess))
+            if kill and isinstance(error, OSError):
+                return  # this computer may lack the means now: a kill without an answer is repeated
+        answer = not_done(command, clock.now(), why)
+        if answer is not None:
             self._tell(answer)
 
     def _learn(self, command: events.LearnNode) -> None:
@@ -138,7 +133,7 @@ class LocalHost:
 
     def _find(self, command: events.FindNode) -> None:
         node = command.node
-        found = self.nodes.find(node, command.topic, command.successor)
+        found = self.nodes.find(node, command.topic, command.successor, command.uri)
         rate = None
         if command.listen and found.where is Where.HERE:
             rate = self._rate(node, command.topic, command.listen)
@@ -163,11 +158,8 @@ class LocalHost:
         return f"{name!a}, process {number}"
 
     def _end(self, node: str, end: Callable[[Nodes, str], bool]) -> None:
-        try:
-            if end(self.nodes, node):
-                self._tell(events.NodeLeft(clock.now(), node))
-        except ending.Untouchable as why:
-            self._tell(events.ProcessUntouchable(clock.now(), node, str(why)))
+        if end(self.nodes, node):
+            self._tell(events.NodeLeft(clock.now(), node))
 
     def _clear(self, command: events.ClearNode) -> None:
         if not ending.clear(self.nodes, command.node):
@@ -175,17 +167,15 @@ class LocalHost:
 
     def _start(self, command: events.StartSubstitute) -> None:
         asked = clock.now()
-        self.processes.start(command)
+        self.substitutes.start(command)
         self._tell(events.SubstituteStarted(clock.now(), command.node, asked))
 
     def _stop(self, command: events.StopSubstitute) -> None:
-        self.processes.children.stop(command.node, answers=not self._life.is_silent(command.node))
+        self.substitutes.children.stop(command.node, answers=not self._life.is_silent(command.node))
 
     def _restart(self, command: events.RestartNode) -> None:
         node = command.node
-        try:
-            self.nodes.adopt(node, Known("", self.restarts.start(node)))
-        except (ShsaError, OSError, psutil.Error) as error:
-            self._tell(events.RestartFailed(clock.now(), node, str(error)))
-            return
+        if not self._may_restart:
+            raise ShsaError("that would be as root there (restart_as_root:=true)")
+        self.nodes.adopt(node, Known("", self.restarts.start(node)))
         self._tell(events.NodeRestarted(clock.now(), node, self.restarts.is_with_us(node)))

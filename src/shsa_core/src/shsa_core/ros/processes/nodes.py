@@ -16,8 +16,17 @@ import rospy
 
 from shsa_core.healing.events import Where
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, master_api, node_api, pid, publications
+from shsa_core.ros.master.node_api import (
+    FAILURES,
+    located,
+    master_api,
+    node_api,
+    pid,
+    resolved,
+    topics,
+)
 from shsa_core.ros.processes import kernel
+from shsa_core.ros.trust.owners import is_local, listener
 
 URIS = "/roslaunch/uris"
 """The parameter of the address of each roslaunch."""
@@ -30,7 +39,8 @@ class Known:
     """A node's address, and its process; None: that is on another computer, or cannot be told.
 
     `dead`: nobody listens at its address, which is on this computer. `topics`: what it publishes.
-    `learned`: all that was verified. `ours`: we have started it.
+    `learned`: all that was verified. `ours`: we have started it. `at`: the numeric address that
+    `uri` stood for when its process was looked for.
     """
 
     uri: str
@@ -39,6 +49,7 @@ class Known:
     topics: FrozenSet[str] = frozenset()
     learned: bool = False
     ours: bool = False
+    at: str = ""
 
     @property
     def lives(self) -> bool:
@@ -100,17 +111,20 @@ class Nodes:
             uri = master_api().lookupNode(node)
         except rosgraph.MasterException:
             return None
-        process = None
-        if kernel.is_local(uri):
-            try:
-                process = psutil.Process(pid(uri))
-            except ConnectionRefusedError:
-                return Known(uri, None, dead=True)
-            except (*FAILURES, psutil.Error) as error:
-                rospy.logdebug("The kernel is asked which process %s is: %s", node, error)
-            if process is None or not kernel.listens(process, uri):
-                process = kernel.listener(uri)
-        return Known(uri, process)
+        try:
+            at = located(uri)
+        except FAILURES:
+            return Known(uri, None)
+        if not is_local(at):
+            return Known(uri, None, at=at)
+        hint = 0
+        try:
+            hint = pid(at)
+        except ConnectionRefusedError:
+            return Known(uri, None, dead=True)
+        except FAILURES as error:
+            rospy.logdebug("The kernel is asked which process %s is: %s", node, error)
+        return Known(uri, listener(resolved(at), hint), at=at)
 
     def uri(self, node: str) -> str:
         """Return the address of a node that is known; empty: it has none now.
@@ -140,22 +154,23 @@ class Nodes:
                 self._warn(f"{node} can be neither ended for certain nor started again: {why}.")
                 return None
             listed = self._lists(node, topic, settings.RECENT_S)
-            topics = publications(current.uri) if listed else frozenset()
+            said = frozenset(topics(current.at)) if listed else frozenset()
         except FAILURES as error:
             rospy.logdebug("%s is not learned: %s", node, error)
             return None
-        if topic not in topics:
+        if topic not in said:
             return None
-        return self._put(node, replace(current, topics=topics, learned=True))
+        return self._put(node, replace(current, topics=said, learned=True))
 
     def adopt(self, node: str, known: Known) -> None:
         """Remember a process that we have started: it needs no further proof."""
         self._put(node, replace(known, learned=True, ours=True))
 
-    def find(self, node: str, topic: str, successor: bool) -> Found:
+    def find(self, node: str, topic: str, successor: bool, uri: str = "") -> Found:
         """Find where the process of a publisher runs that failed on a topic.
 
-        The learned one, or if that is dead, its successor.
+        The learned one, or if that is dead, its successor. `uri`: the numeric address of the one
+        that failed; who does not listen there is another.
         """
         known = self.known(node)
         if known is not None and known.process is not None and not known.lives and not successor:
@@ -177,6 +192,8 @@ class Nodes:
             return Found(Where.UNKNOWN, f"the master does not answer: {error}")
         if doubt is not None:
             return doubt
+        if uri and not _listens(known, uri):
+            return Found(Where.ANOTHER, f"the one that failed is at {uri}, and it is not")
         return Found(self._put(node, known).where)
 
     def _put(self, node: str, known: Known) -> Known:
@@ -218,20 +235,26 @@ class Nodes:
             why = f"the master does not list it as a publisher of {topic}"
             return Found(Where.ANOTHER, why)
         try:
-            topics = publications(known.uri)
+            publishes = topic in topics(known.at)
         except FAILURES as error:
             if known.learned:
                 return None  # it was seen well, and hangs now
             return Found(Where.UNKNOWN, f"it was never seen well, and cannot be verified: {error}")
-        if topic in topics:
+        if publishes:
             return None
         return Found(Where.ANOTHER, f"whoever answers at its address does not publish {topic}")
+
+
+def _listens(known: Known, uri: str) -> bool:
+    """Return whether a process is the one at a numeric address, unless it is elsewhere."""
+    process = known.process
+    return process is None or listener(resolved(uri), process.pid) == process
 
 
 def _stranger(known: Known) -> str:
     """Return why a process is none that may be ended; empty: it may be."""
     if known.process is None:
-        return "its process is somebody else's" if kernel.is_local(known.uri) else ""
+        return "its process is somebody else's" if is_local(known.uri) else ""
     if not kernel.is_ours(known.process):
         return f"its process belongs to {kernel.user(known.process)}"
     return kernel.never_to_end(known.process)

@@ -14,13 +14,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import List
 
+from shsa_core.ros import settings
+
 LOWERED = 10
 """By so much: where all are busy, a tenth of the processor time that others have."""
 
 USUAL = os.getpriority(os.PRIO_PROCESS, os.getpid())
 """Of this process, until it is lowered."""
 SESSION = "/proc/self/autogroup"
-AGAIN_S = 0.03
 USUAL_SESSION = _wanted = 0
 _lowered = False
 SWITCH_INTERVAL_S = 0.0005
@@ -80,7 +81,7 @@ def _try() -> bool:
 
 def _insist() -> None:
     while not _try():
-        time.sleep(AGAIN_S)
+        time.sleep(settings.SOON_S)
 
 
 def _may_restore() -> bool:

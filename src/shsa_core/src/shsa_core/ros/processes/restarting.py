@@ -202,27 +202,21 @@ class ComingUp:
             self._wanted.set() if self._addresses else self._wanted.clear()
 
     def _look(self) -> None:
-        ask_at = 0.0
         while self._wanted.wait():
-            nodes = list(self._addresses)
-            for node in nodes:
+            for node, known in list(self._addresses.items()):
                 process = self._started(node)
                 if process is not None and process != self._processes.get(node):
                     self._processes[node] = process
                     self._came(node, process)
-            if time.monotonic() >= ask_at:
-                for node in nodes:
-                    self._ask(node)
-                ask_at = time.monotonic() + settings.TICK_S
-            time.sleep(settings.PROCESS_LOOK_S)
-
-    def _ask(self, node: str) -> None:
-        uri, known = _address(node), self._addresses.get(node)
-        if known is None or not uri or uri == known:
-            return
-        with self._lock:
-            self._addresses[node] = uri
-        self._came(node, None)
+                uri = _address(node)
+                if uri in ("", known):
+                    continue
+                with self._lock:
+                    if node not in self._addresses:
+                        continue  # nobody waits for it any more
+                    self._addresses[node] = uri
+                self._came(node, None)
+            time.sleep(settings.TICK_S)
 
 
 def _address(node: str) -> str:

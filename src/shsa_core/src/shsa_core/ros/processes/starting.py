@@ -50,7 +50,8 @@ class Setup(NamedTuple):
     journals begin with; empty: they keep none. `sandbox`: a command to run each of them in. `host`:
     the name of the agent that we are part of; empty: of none. `forks`: they are forked from a
     prepared process, which has loaded the message `types`, and `ready` is called, in a thread,
-    whenever one is there; not in a sandbox, of which each one has its own.
+    whenever one is there; not in a sandbox, of which each one has its own. `restarts`: nodes may be
+    started again.
     """
 
     prefix: str
@@ -60,15 +61,11 @@ class Setup(NamedTuple):
     host: str = ""
     forks: bool = False
     types: Sequence[str] = ()
+    restarts: bool = True
     ready: Callable[[], object] = lambda: None
 
-    @property
-    def namespace(self) -> str:
-        """Return the namespace of the substitutes."""
-        return self.prefix.rsplit("/", 1)[0]
 
-
-class Processes:
+class Substitutes:
     """Starts and stops substitutes.
 
     `ended(node, detail)` is called whenever a process has ended that nobody stopped;
@@ -93,7 +90,7 @@ class Processes:
         self._forking: Optional[Forking] = None
         if setup.forks and not setup.sandbox:
             words = [*self._wrapper, "rosrun", PACKAGE, self._executables["substitute"]]
-            variables = self._environment(setup.namespace)
+            variables = self._environment(setup.prefix.rsplit("/", 1)[0])
             self._forking = Forking(words, variables, setup.types, setup.ready)
 
     @property

@@ -2,18 +2,18 @@
 import threading
 import time
 from dataclasses import dataclass, field
-from typing import Callable, Dict, Optional, Set
+from typing import Callable, Dict, Optional, Set, Union
 
 import psutil
 import rospy
 
+from shsa_core.healing import events
 from shsa_core.ros import settings
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.heartbeats import Heart, Sign, Signs
 from shsa_core.watch import Watch
 
-Told = Callable[[str], None]
-"""Is told the name of a node."""
+Told = Callable[[Union[events.ProcessSilent, events.ProcessHung, events.ProcessHeard]], None]
 
 
 @dataclass
@@ -27,24 +27,21 @@ class _Seen:
 class Life:
     """Tells which of the nodes that have given signs of life give none any more.
 
-    `silent(name)` after SILENT_S, `hung(name)` after `patience` s, `heard(name)` at its first sign
-    and once it gives one again; in a thread of its own. Time stands while we were not scheduled, or
-    `at_work()` says that we did not act; and while it could run and had no processor, as what
-    stands by comes last: up to STARVED_S.
+    `tell` hears in a thread of its own that one is silent, after SILENT_S; that it hangs, after
+    `patience` s; and its first sign, as well as the next after a silence. Time stands while we were
+    not scheduled, or `at_work()` says that we did not act; and while it could run and had no
+    processor, as what stands by comes last: up to STARVED_S.
     """
 
     def __init__(
         self,
         signs: Signs,
         watched: Callable[[str], bool],
-        silent: Told,
-        hung: Told,
-        heard: Told,
+        tell: Told,
         patience: float = settings.HUNG_S,
         at_work: Callable[[], bool] = lambda: True,
     ) -> None:
-        self._signs, self._watched = signs, watched
-        self._silent, self._hung, self._heard = silent, hung, heard
+        self._signs, self._watched, self._tell = signs, watched, tell
         self._patience, self._at_work = patience, at_work
         self._seen: Dict[str, _Seen] = {}
         self._quiet: Set[str] = set()
@@ -77,7 +74,7 @@ class Life:
             seen.sign, seen.starves = sign, False
             if anew or name in self._quiet:
                 self._quiet.discard(name)
-                self._heard(name)
+                self._tell(events.ProcessHeard(now, name))
         elif seen.clock.passed(sign.time) >= 2 * settings.HEARTBEAT_S:
             # At first this only tells how long it has waited so far.
             seen.clock.starve(now if seen.starves else sign.time, kernel.waited(sign.pid))
@@ -87,13 +84,13 @@ class Life:
     def _judge(self, name: str, seen: _Seen, now: float) -> None:
         since = seen.sign.time
         if seen.clock.has_passed(since, self._patience) or now - since >= settings.STARVED_S:
-            self._hung(name)
+            self._tell(events.ProcessHung(now, name))
             self._quiet.add(name)
             self._signs.forget(name)
             del self._seen[name]
         elif name not in self._quiet and seen.clock.has_passed(since, settings.SILENT_S):
             self._quiet.add(name)
-            self._silent(name)
+            self._tell(events.ProcessSilent(now, name))
 
 
 class Companion:
@@ -118,8 +115,7 @@ class Companion:
         self._process: Optional[psutil.Process] = None
         patience = settings.HUNG_HEALER_S[role]
         at_work = lambda: time.monotonic() - self._beaten < settings.SILENT_S
-        quiet: Told = lambda name: None
-        Life(signs, self._name.__eq__, quiet, self._hangs, self._hear, patience, at_work)
+        Life(signs, self._name.__eq__, self._change, patience, at_work)
 
     def beat(self) -> None:
         """To be called by the loop that does the work: we are at work."""
@@ -132,6 +128,12 @@ class Companion:
         return self.problem or (
             "it gives signs of life" if self._process else "it was not heard yet"
         )
+
+    def _change(self, event: events.Event) -> None:
+        if isinstance(event, events.ProcessHeard):
+            self._hear(event.node)
+        elif isinstance(event, events.ProcessHung):
+            self._hangs(event.node)
 
     def _hear(self, name: str) -> None:
         sign = self._signs.of(name)
@@ -147,7 +149,7 @@ class Companion:
         process = self._process
         if process is None or kernel.gone(process):
             self.problem = f"{name} has ended"
-            rospy.logerr("%s. No other has come.", self.problem)
+            rospy.logerr("%s. No launch has started another one.", self.problem)
             return
         self.problem = f"{name} hangs: process {process.pid} gives no sign of life"
         done = "No launch would start it again: it is left alone."

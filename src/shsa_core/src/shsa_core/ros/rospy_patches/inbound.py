@@ -1,17 +1,17 @@
-"""Connections that others make to us: who says nothing, or too much, holds nobody else up.
+"""Bounds the connections that others make to us: no caller holds up the others, or fills memory.
 
 Faults of rospy 1.15 to 1.17: it reads the header of a connection in the thread that accepts them
-all, so that one that stays silent keeps every subscriber out (`TCPROSServer`); each connection to
-its XML-RPC interface has a thread for good, and may send any length. Here each connection has a
-thread until it has said what it wants, a deadline and a largest size, and the oldest goes where too
-many wait. A subscriber that comes for a topic that a substitute has just withdrawn is told so;
-rospy logs an "internal error".
+all, so that a silent one keeps every subscriber out (`TCPROSServer`); each connection to its
+XML-RPC interface has a thread for good, and may send any length at any pace. Here each connection
+has a thread, a deadline and a largest size, and the oldest goes where too many are open. A
+subscriber of a topic that was just withdrawn is told so; rospy logs an "internal error".
 """
+import io
 import socket
 import threading
 import time
-from collections import OrderedDict
-from typing import Any, Callable
+from contextlib import suppress
+from typing import Any, Callable, List
 
 import rospy
 from rosgraph.network import write_ros_handshake_header
@@ -42,22 +42,17 @@ class _Room:
     """Connections that are open at the same time: with more than `most`, the oldest is ended."""
 
     def __init__(self) -> None:
-        self._open: "OrderedDict[int, socket.socket]" = OrderedDict()
+        self._open: List[socket.socket] = []
         self._lock = threading.Lock()
 
     def enter(self, connection: socket.socket, most: int) -> None:
-        """Have one more."""
+        """Have one more, until it is closed or detached."""
         with self._lock:
-            self._open[connection.fileno()] = connection
-            oldest = self._open.popitem(last=False)[1] if len(self._open) > most else None
-            if oldest is not None:
-                _end(oldest)
-
-    def leave(self, connection: socket.socket) -> None:
-        """Have one less; before it is closed."""
-        with self._lock:
-            if self._open.get(connection.fileno()) is connection:
-                del self._open[connection.fileno()]
+            self._open = [each for each in self._open if each.fileno() >= 0] + [connection]
+            oldest = self._open.pop(0) if len(self._open) > most else None
+        if oldest is not None:
+            with suppress(OSError):  # it may have ended
+                oldest.shutdown(socket.SHUT_RDWR)
 
 
 def _apart(callback: Callback) -> Callback:
@@ -68,10 +63,8 @@ def _apart(callback: Callback) -> Callback:
             header = _read_header(connection)
         except (OSError, ShsaError) as error:
             rospy.logdebug("A connection from %s is given up: %s", address, error)
-            room.leave(connection)
             connection.close()
             return
-        room.leave(connection)
         callback(server, _Greeted(connection, header), address)
 
     def accept(server: Any, connection: socket.socket, address: Any) -> None:
@@ -80,7 +73,6 @@ def _apart(callback: Callback) -> Callback:
         try:
             threading.Thread(target=serve, args=arguments, name="inbound", daemon=True).start()
         except (RuntimeError, MemoryError):  # no thread is left: whoever asks again may be served
-            room.leave(connection)
             connection.close()
             raise
 
@@ -106,14 +98,6 @@ def _with_room(process: Callback) -> Callback:
     room = _Room()
 
     def accept(server: Any, connection: socket.socket, address: Any) -> None:
-        shutdown = server.shutdown_request
-
-        def leave(request: socket.socket) -> None:
-            room.leave(request)
-            shutdown(request)
-
-        if "shutdown_request" not in vars(server):
-            server.shutdown_request = leave
         room.enter(connection, settings.MOST_API_CONNECTIONS)
         process(server, connection, address)
 
@@ -121,7 +105,7 @@ def _with_room(process: Callback) -> Callback:
 
 
 def _up_to(post: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Refuse a call that sends too much."""
+    """Refuse a call that sends too much, or too slowly."""
 
     def bounded(handler: Any) -> None:
         length = str(handler.headers.get("content-length", ""))
@@ -129,7 +113,19 @@ def _up_to(post: Callable[[Any], None]) -> Callable[[Any], None]:
             handler.close_connection = True
             handler.send_error(413)
             return
-        post(handler)
+        came = handler.rfile
+        try:
+            body = _read(handler.connection, int(length), came.read1)
+            handler.connection.settimeout(None)
+        except (OSError, ShsaError) as error:
+            rospy.logdebug("A call is given up: %s", error)
+            handler.close_connection = True
+            return
+        handler.rfile = io.BytesIO(body)
+        try:
+            post(handler)
+        finally:
+            handler.rfile = came
 
     return bounded
 
@@ -149,31 +145,28 @@ class _Greeted(socket.socket):
 
 def _read_header(connection: socket.socket) -> bytes:
     """Return the header with its length, and no byte more. Raises OSError, ShsaError."""
-    end = time.monotonic() + settings.HEADER_S
-    length = _read(connection, LENGTH.size, end)
+    end = time.monotonic() + settings.LONG_CALL_S
+    length = _read(connection, LENGTH.size, connection.recv, end)
     (size,) = LENGTH.unpack(length)
     if size > settings.LARGEST_HEADER_B:
         raise ShsaError(f"a header of {size} bytes; {settings.LARGEST_HEADER_B} are allowed")
-    header = length + _read(connection, size, end)
+    header = length + _read(connection, size, connection.recv, end)
     connection.settimeout(None)
     return header
 
 
-def _read(connection: socket.socket, size: int, end: float) -> bytes:
+def _read(
+    connection: socket.socket, size: int, read: Callable[[int], bytes], end: float = 0.0
+) -> bytes:
+    """Read so many bytes until `end`, or for as long as a header may take."""
+    end = end or time.monotonic() + settings.LONG_CALL_S
     data = b""
     while len(data) < size:
         connection.settimeout(max(1e-3, end - time.monotonic()))
-        came = connection.recv(size - len(data))
+        came = read(size - len(data))
         if not came:
-            raise ShsaError("it ended before its header")
+            raise ShsaError("it ended before all had come")
         data += came
         if time.monotonic() > end:
-            raise ShsaError(f"no header within {settings.HEADER_S:g} s")
+            raise ShsaError("it takes too long")
     return data
-
-
-def _end(connection: socket.socket) -> None:
-    try:
-        connection.shutdown(socket.SHUT_RDWR)
-    except OSError:
-        return  # it has ended

@@ -9,6 +9,7 @@ import logging.handlers
 import queue
 import sys
 import threading
+from contextlib import suppress
 from typing import List, Optional, Sequence, Set, Tuple
 
 import rospy
@@ -38,11 +39,9 @@ class LogQueue:
 
     def close(self) -> None:
         """Write what waits, as far as that is possible in a moment."""
-        try:
+        with suppress(queue.Full):  # whoever shows the lines stands still
             self._lines.put(None, timeout=settings.CLOSE_LOG_S)
             self._thread.join(settings.CLOSE_LOG_S)
-        except queue.Full:
-            return  # whoever shows the lines stands still
 
     def _write(self) -> None:
         while True:
@@ -66,10 +65,8 @@ class _Later(logging.handlers.QueueHandler):
         self._handlers = handlers
 
     def enqueue(self, record: logging.LogRecord) -> None:
-        try:
+        with suppress(queue.Full):  # whoever shows the lines stands still: the newest are lost
             self.queue.put_nowait((self._handlers, record))
-        except queue.Full:
-            pass  # whoever shows the lines stands still: the newest are lost
 
 
 def say_failures_once() -> None:
@@ -84,14 +81,9 @@ def _failed(handler: logging.Handler, _: logging.LogRecord) -> None:
     if id(handler) not in _said:
         _said.add(id(handler))
         where = getattr(handler, "baseFilename", type(handler).__name__)
-        _complain(f"The log {where} cannot be written: {sys.exc_info()[1]}. This is said once.")
-
-
-def _complain(text: str) -> None:
-    try:
-        sys.stderr.write(text + "\n")
-    except OSError:
-        return  # then nobody can be told
+        with suppress(OSError):  # then nobody can be told
+            text = f"The log {where} cannot be written: {sys.exc_info()[1]}. This is said once."
+            sys.stderr.write(text + "\n")
 
 
 def ask_once_for_rosout() -> None:

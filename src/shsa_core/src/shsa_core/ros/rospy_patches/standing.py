@@ -1,14 +1,16 @@
-"""Keeps rospy's own threads alive where processes, descriptors or memory have run out.
+"""Keeps rospy's own threads alive, and its time real where the launch says so.
 
-Fault of rospy 1.15 to 1.17: it accepts connections in one thread (`TCPServer.run`), and hears of
-publishers in another (`RegManager.run`). Each ends for good at the first error of the operating
-system: after a moment without a free descriptor nobody could ever
-subscribe again, or hear of a new publisher.
+Faults of rospy 1.15 to 1.17: it accepts connections in one thread (`TCPServer.run`), and hears of
+publishers in another (`RegManager.run`), each of which ends for good at the first error of the
+operating system, as without a free descriptor; /use_sim_time counts for all nodes of a master, so
+that whoever sets it can stop the time of healing.
 """
+import os
 import time
 from typing import Any, Callable
 
 import rospy
+import rospy.impl.simtime
 from rospy.impl.registration import RegManager
 from rospy.impl.tcpros_base import TCPServer
 
@@ -16,6 +18,14 @@ from shsa_core.ros import settings
 
 EXHAUSTED = (OSError, RuntimeError, MemoryError)
 """No descriptor; no thread; no memory."""
+WALL_TIME = "SHSA_WALL_TIME"
+"""The environment variable by which a launch says `true`."""
+
+
+def heed_launch() -> None:
+    """Have /use_sim_time not count if the launch says so; before the node is initialised."""
+    if os.environ.get(WALL_TIME) == "true":
+        rospy.impl.simtime._is_use_simtime = lambda: False
 
 
 def keep_rospys_threads() -> None:

@@ -13,8 +13,8 @@ from shsa_core.ros.sockets.frames import Frames
 class Connection:
     """A connection that rospy has made: `transport`.
 
-    `publisher` is whom it claims to be, and a node's name once it `is_known`. What `wakes` ends
-    the sleep of who reads it, as what `is_large` should.
+    `publisher` is whom it claims to be, and a node's name once it `is_known`, which listens at the
+    numeric address `at`. What `wakes` ends the sleep of who reads it, as what `is_large` should.
     """
 
     def __init__(self, topic: str, transport: Any) -> None:
@@ -26,7 +26,7 @@ class Connection:
         self.transport, self.uri = transport, str(transport.endpoint_id)
         self.header: Dict[str, str] = transport.header
         self.descriptor: int = connected.fileno()
-        self.host = _peer(connected)
+        self.host, self.at = _peer(connected), ""
         self.is_known = self.is_large = False
         self.wakes = True
         self.frames = Frames()

@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from time import monotonic as _now
 from typing import Callable, Deque, Dict, List, NamedTuple, Tuple
-from urllib.parse import urlparse
 
 from rospy.impl.tcpros import get_tcpros_handler
 
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, ask
+from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.workers import Workers
 
@@ -39,8 +38,9 @@ def refuses(host: str, uri: str) -> bool:
     A process that dies closes its connections before the socket that it listens on: who accepts is
     given a moment to drop the call.
     """
-    port = _port(uri)
-    if not port:
+    try:
+        port = address(uri).port
+    except BadAnswer:
         return False
     end = _now() + settings.REFUSAL_S
     left = settings.REFUSAL_S
@@ -59,13 +59,6 @@ def refuses(host: str, uri: str) -> bool:
                 return False
         left = end - _now()
     return False
-
-
-def _port(uri: str) -> int:
-    try:
-        return urlparse(uri).port or 0
-    except ValueError:
-        return 0
 
 
 @dataclass

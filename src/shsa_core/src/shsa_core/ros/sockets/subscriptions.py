@@ -3,11 +3,10 @@
 rospy makes the connections, each in a thread that then reads and calls back. Here that thread ends
 when the connection stands, and whoever calls `read` gets the messages straight from the sockets:
 what the kernel has received by then is handled before anybody is judged, and a connection that ends
-is seen after its last message, when it ends. Whether its node has gone then, `reconnection` tells.
+is seen after its last message. Whether its node has gone then, `reconnection` tells.
 
-What a connection calls itself is a claim. It counts for a node once the master has said that this
-node is at the address that we connected to; until then what comes is read and dropped, save the
-newest message, so that nobody who publishes is held up.
+A connection counts for nobody until `identity` knows whose it is: what comes is read and dropped,
+save the newest message, so that nobody who publishes is held up.
 """
 from collections import deque
 from typing import Any, Callable, Deque, Dict, Iterable, Iterator, List, NamedTuple, Set, Union
@@ -24,11 +23,15 @@ from shsa_core.ros.sockets.reconnection import Answered, Doubt, Reconnection
 
 
 class Connected(NamedTuple):
-    """The first connection to a publisher of a topic stands, or one after an interruption."""
+    """The first connection to a publisher of a topic stands, or one after an interruption.
+
+    `at`: the numeric address of its process.
+    """
 
     time: float
     topic: str
     publisher: str
+    at: str
 
 
 class Interrupted(NamedTuple):
@@ -86,6 +89,9 @@ class _Closed(NamedTuple):
     transport: Any
 
 
+Told = Union[_Made, _Closed, Answered, Identified]
+
+
 class Subscriptions:
     """The connections of every subscribed topic.
 
@@ -104,7 +110,7 @@ class Subscriptions:
         self._times = ArrivalTimes(now)
         self._time = self._times.looked.time  # of what happens now
         self._wakes = wakes
-        self._told: Deque[Union[_Made, _Closed, Answered, Identified]] = deque()
+        self._told: Deque[Told] = deque()
         self._identities = Identities(self._tell, refused)
         self._reconnection = Reconnection(self._tell)
         self._implementations: Dict[str, HandedOver] = {}
@@ -168,11 +174,11 @@ class Subscriptions:
         ]
         return [*found, *sorted(came, key=lambda each: each.time)]
 
-    def _tell(self, item: Union[_Made, _Closed, Answered, Identified]) -> None:
+    def _tell(self, item: Told) -> None:
         self._told.append(item)
         self.inbox.wake()
 
-    def _heed(self, item: Union[_Made, _Closed, Answered, Identified]) -> Iterator[Happening]:
+    def _heed(self, item: Told) -> Iterator[Happening]:
         """Do what follows from what rospy did, or from what a node or the master answered."""
         topic = item.connection.topic if isinstance(item, Identified) else item.topic
         implementation = self._implementations.get(topic)
@@ -209,19 +215,32 @@ class Subscriptions:
             self.inbox.watch(connection.descriptor, connection.wakes)
         except OSError:
             connection.wakes = True  # it has just been closed, which we are told next
-        if self._identities.claim(connection):
-            yield from self._recognize(connection)
+        self._identities.claim(connection)
 
     def _recognize(self, connection: Connection) -> Iterator[Happening]:
         """Have what comes from now on count for the node whose connection it is."""
         topic, publisher = connection.topic, connection.publisher
-        others = (each for each in self._standing.values() if each is not connection)
-        if not any(each.is_known and _same(each, connection) for each in others):
-            yield Connected(self._time, topic, publisher)
+        yield from self._disown(connection)
+        alike = [each for each in self._standing.values() if each.is_known and each.topic == topic]
+        if [each.publisher for each in alike].count(publisher) == 1:
+            yield Connected(self._time, topic, publisher, connection.at)
         self._reconnection.connected(topic, connection.uri)
         if connection in self._newest:
             data = self._newest.pop(connection)
             yield Arrived(self._time, connection, data, True, self._times.looked.ros_time)
+
+    def _disown(self, by: Connection) -> Iterator[Happening]:
+        """Ask again about connections to where a node is no more: another has its name."""
+        former = [
+            each
+            for each in self._standing.values()
+            if each.is_known and each.publisher == by.publisher and each.uri != by.uri
+        ]
+        for each in former:
+            self._identities.claim(each)
+        for topic in {each.topic for each in former} - {by.topic}:
+            if by.publisher not in self.publishers(topic):
+                yield Gone(self._time, topic, by.publisher)
 
     def _read(self, ready: Set[int], since: float) -> Iterator[Happening]:
         for descriptor in ready:
@@ -276,7 +295,3 @@ class Subscriptions:
             if doubt.publisher and doubt.publisher not in self.publishers(doubt.topic):
                 self._identities.forget(doubt.publisher, doubt.uri)
                 yield Gone(self._time, doubt.topic, doubt.publisher)
-
-
-def _same(one: Connection, other: Connection) -> bool:
-    return (one.topic, one.publisher) == (other.topic, other.publisher)

@@ -32,37 +32,47 @@ class NoAnswer(ShsaError):
     """A node does not answer: it may the next time."""
 
 
+class OtherComputer(NamedTuple):
+    """A computer as people want to see it; times in s.
+
+    `offset`: the lead of its wall clock over ours, known within `bound`, measured `age` ago.
+    """
+
+    host: str
+    address: str
+    offset: float
+    bound: float
+    round_trip: float
+    age: float
+
+
 class Met(NamedTuple):
-    """A computer has proved itself, in answer to a question of ours."""
+    """A computer has proved itself, in answer to a question of ours; times in ns.
+
+    `clock`: its monotonic clock as it answered; `ahead`: the lead of its wall clock over ours, give
+    or take half the round trip; `asked`, `answered`: on our monotonic clock.
+    """
 
     boot: bytes
     host: str
     address: str
     clock: int
-    """Its monotonic clock as it answered, in ns."""
     ahead: int
-    """Lead of its wall clock over ours, in ns, give or take half the round trip."""
     asked: int
     answered: int
-    """Times of our question and of the answer, on our monotonic clock in ns."""
+
+    @property
+    def round_trip(self) -> int:
+        return self.answered - self.asked
+
+    def seen(self, now: int) -> OtherComputer:
+        """Return its computer as people want to see it."""
+        trip, age = self.round_trip / 1e9, (now - self.answered) / 1e9
+        return OtherComputer(self.host, self.address, self.ahead / 1e9, trip / 2, trip, age)
 
 
 Ask = Callable[[str], Met]
 """Asks the node of a name; raises NoAnswer, or ShsaError if what it answers is no proof."""
-
-
-class OtherComputer(NamedTuple):
-    """A computer as people want to see it; times in s."""
-
-    host: str
-    address: str
-    offset: float
-    """Lead of its wall clock over ours."""
-    bound: float
-    """The offset is known this well."""
-    round_trip: float
-    age: float
-    """Since when that is not measured anew."""
 
 
 class Computer:
@@ -109,7 +119,7 @@ class Computer:
                 least, most = both
         self._span = least, most, met.answered
         old = self.met
-        if old is None or _round_trip(met) <= _round_trip(old) or old.answered < met.asked - OLD_NS:
+        if old is None or met.round_trip <= old.round_trip or old.answered < met.asked - OLD_NS:
             self.met = met
         self.is_doubted = False
 
@@ -168,7 +178,7 @@ class Computers:
         with self._lock:
             found = [each.met for each in self._known.values() if each.met is not None]
         newest = {(met.host, met.address): met for met in sorted(found, key=lambda m: m.answered)}
-        return [_seen(met, now) for _, met in sorted(newest.items())]
+        return [met.seen(now) for _, met in sorted(newest.items())]
 
     def renew(self) -> float:
         """Measure the clocks that are due; for how long in s none will be. Waits for answers."""
@@ -215,14 +225,3 @@ class Computers:
         mets = [each.met for each in self._known.values() if each.met is not None]
         del self._known[min(mets, key=lambda met: met.answered).boot]
         self._forgotten = self._clock()
-
-
-def _round_trip(met: Met) -> int:
-    return met.answered - met.asked
-
-
-def _seen(met: Met, now: int) -> OtherComputer:
-    trip = _round_trip(met) / 1e9
-    return OtherComputer(
-        met.host, met.address, met.ahead / 1e9, trip / 2, trip, (now - met.answered) / 1e9
-    )

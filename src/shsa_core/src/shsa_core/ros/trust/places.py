@@ -24,12 +24,14 @@ ELSEWHERE = ("127.", "::1", "fe80:")
 
 
 class Place(NamedTuple):
-    """A ROS master as one computer sees it."""
+    """A ROS master as one computer sees it.
+
+    `network`: that computer's, if the master is on it; else empty. `addresses`: by which others can
+    reach it: all of that computer's, if the master is on it.
+    """
 
     network: str
-    """Of that computer, if the master is on it; else empty."""
     addresses: FrozenSet[str]
-    """By which others can reach it: all of that computer's, if the master is on it."""
     port: int
 
     def is_same(self, other: "Place") -> bool:

@@ -28,27 +28,22 @@ LONGEST = 1 << 16
 MOST_SECRETS = 8
 """So many different ones of a process are proved, the newest."""
 
-Find = Callable[[str], str]
-"""A lookup of a node's address at the master. Raises one of FAILURES."""
-Call = Callable[[str, str, str], Answer]
-"""Calls a method with a nonce at a URI. Raises one of FAILURES."""
-
 
 class WrongSecret(ShsaError):
     """The answer is by another secret than ours, or by none."""
 
 
 class Proof(NamedTuple):
-    """The words of a computer about itself at the moment it is asked."""
+    """The words of a computer about itself at the moment it is asked.
+
+    `boot`: the one that its messages name; `clock` and `wall`: its monotonic and wall clock, in ns.
+    """
 
     boot: bytes
-    """The one that its messages name."""
     host: str
     master: Place
     clock: int
-    """Its monotonic clock, in ns."""
     wall: int
-    """Its wall clock, in ns since 1970."""
 
 
 def nonce() -> str:
@@ -97,14 +92,16 @@ def _signature(secret: bytes, asked: str, text: str) -> str:
 class Challenger:
     """Asks nodes to prove that they hold the secret and use our master.
 
-    `ours`: our master. `wall`: the wall clock at a time of the monotonic one, in ns.
+    `find`: a lookup of a node's address. `call`: a call of a method with a nonce at a URI. Both
+    raise one of FAILURES. `ours`: our master. `wall`: the wall clock at a time of the monotonic
+    one, in ns.
     """
 
     def __init__(
         self,
         secret: bytes,
-        find: Find = lambda node: str(master_api().lookupNode(node)),
-        call: Call = ask_timed,
+        find: Callable[[str], str] = lambda node: str(master_api().lookupNode(node)),
+        call: Callable[[str, str, str], Answer] = ask_timed,
         ours: Callable[[], Place] = master_seen,
         wall: Callable[[int], int] = lambda at: time.time_ns() + at - time.monotonic_ns(),
     ) -> None:

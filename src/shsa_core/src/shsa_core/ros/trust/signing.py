@@ -43,8 +43,6 @@ SENDERS = 100
 """So many are told apart."""
 LONGEST_NAME = 100
 
-Heard = Callable[[Any], None]
-
 
 class Signing:
     """Signs and checks messages by the secret in a file (empty: the default one).
@@ -122,7 +120,7 @@ class Signing:
         self,
         topic: str,
         checked: Type[genpy.Message],
-        heard: Heard,
+        heard: Callable[[Any], None],
         lost: Callable[[], None] = lambda: None,
     ) -> rospy.Subscriber:
         """Call `heard` with what is not refused; the rest is counted.
@@ -186,8 +184,7 @@ class Refusals:
     """Counts the refused messages by topic, by the name that their sender claims, and by reason."""
 
     def __init__(self) -> None:
-        self._counts: Dict[Tuple[str, str, str], int] = {}
-        self._said: Dict[Tuple[str, str, str], float] = {}
+        self._counts: Dict[Tuple[str, str, str], Tuple[int, float]] = {}  # and when it was said
         self._lock = threading.Lock()
 
     def note(self, topic: str, sender: str, why: str) -> bool:
@@ -197,15 +194,16 @@ class Refusals:
         with self._lock:
             if key not in self._counts and len(self._counts) >= SENDERS:
                 key = topic, "others", why
-            count = self._counts[key] = self._counts.get(key, 0) + 1
-            if now < self._said.get(key, -PAUSE_S) + PAUSE_S:
-                return False
-            self._said[key] = now
-        text = "Refused a message on %s from who calls itself %s: %s (%d so far)."
+            count, said = self._counts.get(key, (0, -PAUSE_S))
+            count, again = count + 1, now >= said + PAUSE_S
+            self._counts[key] = count, now if again else said
+        if not again:
+            return False
+        text = "Refused a message on %s from a sender named %s: %s (%d so far)."
         rospy.logwarn(text, topic, key[1], why, count)
         return True
 
     def counts(self) -> List[Tuple[str, int]]:
         """Return how many there were so far, each with topic, sender and reason."""
         with self._lock:
-            return [(f"{t} from {s}: {why}", n) for (t, s, why), n in self._counts.items()]
+            return [(f"{t} from {s}: {why}", n) for (t, s, why), (n, _) in self._counts.items()]

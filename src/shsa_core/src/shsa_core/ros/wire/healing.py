@@ -19,19 +19,11 @@ from shsa_core.monitoring.calibration import SOURCE
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.monitoring.events import CalibrationRow, PublisherHealth, PublisherState
 from shsa_core.ros import clock
-from shsa_core.ros.wire.rows import p95_of, rms_of
+from shsa_core.ros.wire.rows import filled, p95_of, rms_of, word_of
 from shsa_core.text import shown
 
-MOMENTS = (
-    "last_good",
-    "detected",
-    "killed",
-    "found",
-    "spawned",
-    "first_message",
-    "returned",
-    "ended",
-)
+MOMENTS = "last_good detected killed found spawned first_message returned ended".split()
+"""Of an incident."""
 
 
 def failure_seen(failure: msg.Failure) -> events.FailureSeen:
@@ -104,16 +96,10 @@ def _calibration_key(text: str) -> Tuple[str, Program]:
 
 
 def _publisher_health(row: msg.PublisherHealth, theirs: clock.SenderClock) -> PublisherHealth:
-    try:
-        state = PublisherState(row.state)
-    except ValueError as error:
-        allowed = ", ".join(each.value for each in PublisherState)
-        text = f"{row.topic}: the state {row.state!r} is none of {allowed}"
-        raise ShsaError(text) from error
     return PublisherHealth(
         topic=row.topic,
         publisher=row.publisher,
-        state=state,
+        state=word_of("state", PublisherState, row.state),
         since=theirs.at(row.since) or 0.0,
         first_message=theirs.at(row.first_message),
         last_good=theirs.at(row.last_good),
@@ -121,6 +107,7 @@ def _publisher_health(row: msg.PublisherHealth, theirs: clock.SenderClock) -> Pu
         detail=shown(row.detail),
         service=row.service,
         last_message=last_message(bytes(row.last_message)),
+        uri=row.uri,
     )
 
 
@@ -136,88 +123,54 @@ def _key(text: str) -> Tuple[str, str]:
 
 def _kind(text: str) -> Optional[Kind]:
     """Return the kind of failure; None for none. Raises ShsaError."""
-    try:
-        return Kind(text) if text else None
-    except ValueError as error:
-        allowed = ", ".join(each.value for each in Kind)
-        raise ShsaError(f"the kind of failure {text!r} is none of {allowed}") from error
+    return word_of("kind", Kind, text) if text else None
 
 
 def service_state(state: events.ServiceState) -> msg.ServiceState:
     """Return a row of the running SOM."""
     service = state.service
-    return msg.ServiceState(
-        service=service.name,
-        topic=service.topic,
-        type=service.type,
-        node=state.node,
-        period=service.period or 0.0,
-        needed=service.needed,
-        available=state.available,
-        detail=state.detail,
-        healthy=list(state.healthy),
-        verified=list(state.verified),
-        properties=list(service.properties),
-        fields=[provision.field for provision in service.provides],
-        qualities=[provision.quality for provision in service.provides],
-    )
+    told = {
+        "service": service.name,
+        "topic": service.topic,
+        "type": service.type,
+        "period": service.period or 0.0,
+        "needed": bool(service.needed),
+        "properties": list(service.properties),
+        "fields": [provision.field for provision in service.provides],
+        "qualities": [provision.quality for provision in service.provides],
+    }
+    return filled(msg.ServiceState, state, **told)
 
 
 def incident(record: Incident) -> msg.Incident:
     """One step of an incident."""
-    return msg.Incident(
-        header=Header(stamp=rospy.Time.now()),
-        id=record.id,
-        service=record.service,
-        topic=record.topic,
-        properties=list(record.properties),
-        faulty_node=record.faulty_node,
-        kind=record.kind.value,
-        evidence=record.evidence,
-        detail=record.detail,
-        state=record.state.value,
-        substitute=record.substitute,
-        inputs=list(record.inputs),
-        code=record.code,
-        outputs=list(record.outputs),
-        relations=list(record.relations),
-        gains=list(record.gains),
-        offsets=list(record.offsets),
-        quality=record.quality or 0.0,
-        error_rms=rms_of(record.errors),
-        error_p95=p95_of(record.errors),
-        missing=list(record.missing),
-        unavailable=list(record.unavailable),
-        restarts=record.restarts,
-        kept_out=record.kept_out,
-        kept=record.kept,
-        decision=record.decision,
-        **_stamps(record),
-    )
+    errors = {"error_rms": rms_of(record.errors), "error_p95": p95_of(record.errors)}
+    header = Header(stamp=rospy.Time.now())
+    return filled(msg.Incident, record, header=header, **errors, **_stamps(record))
 
 
 def incident_record(record: Incident) -> Dict[str, object]:
     """Return an incident as plain values for the log; its moments in s of ROS time."""
     plain = record.as_dict()
     for name, stamp in _stamps(record).items():
-        plain[name] = None if getattr(record, name) is None else round(stamp.to_sec(), 6)
+        plain[name] = None if vars(record)[name] is None else round(stamp.to_sec(), 6)
     return plain
 
 
 def _stamps(record: Incident) -> Dict[str, rospy.Time]:
     """Return the moments of an incident: in order as they were."""
     ahead = clock.offset()
-    return {name: clock.to_stamp(getattr(record, name), ahead) for name in MOMENTS}
+    moments = {name: vars(record)[name] for name in MOMENTS}
+    return {name: clock.to_stamp(moment, ahead) for name, moment in moments.items()}
 
 
 def found(plan: Plan) -> srv.FindSubstituteResponse:
     """Return the answer that `plan` would be carried out."""
     using = ", ".join(plan.relations) or "the same property elsewhere"
-    return srv.FindSubstituteResponse(
+    return filled(
+        srv.FindSubstituteResponse,
+        plan.program,
         found=True,
-        inputs=list(plan.program.inputs),
-        code=plan.program.code,
-        outputs=list(plan.program.outputs),
         relations=list(plan.relations),
         quality=plan.quality,
         error_rms=rms_of(plan.errors),

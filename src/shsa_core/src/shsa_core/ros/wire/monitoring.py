@@ -16,40 +16,21 @@ from shsa_core.monitoring.events import (
     SubstitutionsChanged,
 )
 from shsa_core.ros import clock
+from shsa_core.ros.wire.rows import filled
 
 
 def failure_message(row: PublisherHealth) -> msg.Failure:
-    """Return what is told on shsa/failures.
-
-    It holds all that the row of health does: either may reach a reconfigurator first.
-    """
-    return msg.Failure(
-        header=Header(stamp=clock.to_stamp(row.since)),
-        service=row.service,
-        topic=row.topic,
-        publisher=row.publisher,
-        kind=row.kind.value if row.kind else "",
-        detail=row.detail,
-        told=rospy.Time.now(),
-        last_good=clock.to_stamp(row.last_good),
-        last_message=row.last_message,
-    )
+    """Return what is told on shsa/failures: all that the row says. Either may be heard first."""
+    stamps = {"told": rospy.Time.now(), "last_good": clock.to_stamp(row.last_good)}
+    header, kind = Header(stamp=clock.to_stamp(row.since)), row.kind or ""
+    return filled(msg.Failure, row, header=header, kind=str(kind), **stamps)
 
 
 def health_row(row: PublisherHealth) -> msg.PublisherHealth:
     """Return a row of the table of health."""
-    return msg.PublisherHealth(
-        topic=row.topic,
-        publisher=row.publisher,
-        state=row.state.value,
-        kind=row.kind.value if row.kind else "",
-        detail=row.detail,
-        since=clock.to_stamp(row.since),
-        first_message=clock.to_stamp(row.first_message),
-        last_good=clock.to_stamp(row.last_good),
-        service=row.service,
-        last_message=row.last_message,
-    )
+    moments = {"since": row.since, "first_message": row.first_message, "last_good": row.last_good}
+    stamps = {name: clock.to_stamp(moment) for name, moment in moments.items()}
+    return filled(msg.PublisherHealth, row, kind=str(row.kind or ""), **stamps)
 
 
 def health_key(key: Key) -> str:
@@ -58,18 +39,17 @@ def health_key(key: Key) -> str:
 
 
 def health_row_key(row: msg.PublisherHealth) -> str:
-    """Return the key of a row of the table of health."""
+    """Return the key of a row of that table."""
     return health_key((row.topic, row.publisher))
 
 
 def calibration_row(row: CalibrationRow) -> msg.Calibration:
     """Return a row of the table of calibrations; 0 stands for what is not known of an error."""
     errors = [each.error for each in row.calibrations]
-    return msg.Calibration(
+    return filled(
+        msg.Calibration,
+        row.program,
         service=row.service,
-        inputs=list(row.program.inputs),
-        code=row.program.code,
-        outputs=list(row.program.outputs),
         gains=[each.gain for each in row.calibrations],
         offsets=[each.offset for each in row.calibrations],
         rms=[each.rms if each else 0.0 for each in errors],

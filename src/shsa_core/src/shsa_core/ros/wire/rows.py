@@ -3,20 +3,24 @@
 A module of its own: a substitute must start soon, and needs nothing else of the wire.
 """
 import math
-from typing import Callable, List, Mapping, Optional, Sequence
+from enum import Enum
+from typing import Any, Callable, List, Mapping, Optional, Sequence, Type, TypeVar
 
+import genpy
 from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.naming import NUMBERED
 from shsa_core.model.error import Error
-from shsa_core.model.kinds import OnPartition, Others
+from shsa_core.model.kinds import OnPartition, Others, Word
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.ros.messages.tables import Concerns
 from shsa_core.substitution import signals
 
 NOT_KNOWN = math.nan
+
+W = TypeVar("W", bound=Word)
 
 
 def own_rows(prefix: str) -> Callable[[str], Optional[Concerns]]:
@@ -38,39 +42,30 @@ def _may_be_idle(name: str, rows: Mapping[str, msg.Substitution]) -> bool:
     return name not in rows or not rows[name].code
 
 
+def filled(kind: Type[genpy.Message], record: Any, /, **others: Any) -> Any:
+    """Return a message of the fields of its names that a record has, and of `others`.
+
+    None becomes 0.
+    """
+    same = {name: _plain(value) for name, value in vars(record).items() if name in kind.__slots__}
+    return kind(**{**same, **others})
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return list(value)
+    return value.value if isinstance(value, Enum) else 0.0 if value is None else value
+
+
 def substitution_message(row: Substitution) -> msg.Substitution:
     """Return a row as a message."""
-    return msg.Substitution(
-        node=row.node,
-        service=row.service,
-        inputs=[signal_message(signal) for signal in row.inputs],
-        code=row.code,
-        outputs=[signal_message(signal) for signal in row.outputs],
-        relations=list(row.relations),
-        quality=row.quality,
-        publishing=row.publishing,
-        original=row.original,
-        others=str(row.others),
-        last_message=row.last_message,
-        host=row.host,
-        on_partition=str(row.on_partition),
-        yields=row.yields,
-        bridge=row.bridge,
-        gated=row.gated,
-        shared=row.shared,
-    )
+    ends = {"inputs": row.inputs, "outputs": row.outputs}
+    told = {name: [signal_message(each) for each in signals] for name, signals in ends.items()}
+    return filled(msg.Substitution, row, **told)
 
 
 def substitution_row(message: msg.Substitution) -> Substitution:
     """Return the row that a message holds. Raises ShsaError if it is none."""
-    others = message.others or Others.UNKNOWN
-    if others not in tuple(Others):
-        raise ShsaError(f"others must be one of {', '.join(Others)}, not {others!a}")
-    on_partition = message.on_partition or OnPartition.WAIT
-    if on_partition not in tuple(OnPartition):
-        raise ShsaError(
-            f"on_partition must be one of {', '.join(OnPartition)}, not {on_partition!a}"
-        )
     if not 0.0 <= message.bridge < math.inf:
         raise ShsaError(f"bridge must be 0, or s above it, not {message.bridge:g}")
     return Substitution(
@@ -83,10 +78,10 @@ def substitution_row(message: msg.Substitution) -> Substitution:
         quality=message.quality,
         publishing=message.publishing,
         original=message.original,
-        others=Others(others),
+        others=word_of("others", Others, message.others or Others.UNKNOWN),
         last_message=bytes(message.last_message),
         host=message.host,
-        on_partition=OnPartition(on_partition),
+        on_partition=word_of("on_partition", OnPartition, message.on_partition or OnPartition.WAIT),
         yields=message.yields,
         bridge=message.bridge,
         gated=message.gated,
@@ -94,21 +89,18 @@ def substitution_row(message: msg.Substitution) -> Substitution:
     )
 
 
+def word_of(name: str, kind: Type[W], text: str) -> W:
+    """Return the word that the text of a field is. Raises ShsaError if it is none."""
+    try:
+        return kind(text)
+    except ValueError as error:
+        raise ShsaError(f"{name} must be one of {', '.join(kind)}, not {text!a}") from error
+
+
 def signal_message(signal: Signal) -> msg.Signal:
     """Return a signal as a message; 0 stands for no period or deadline, NaN for no error."""
-    return msg.Signal(
-        topic=signal.topic,
-        field=signal.field,
-        type=signal.type,
-        node=signal.node,
-        period=signal.period or 0.0,
-        deadline=signal.deadline or 0.0,
-        error_rms=rms_of([signal.error])[0],
-        error_p95=p95_of([signal.error])[0],
-        gain=signal.gain,
-        offset=signal.offset,
-        latched=signal.latched,
-    )
+    (rms,), (p95,) = rms_of([signal.error]), p95_of([signal.error])
+    return filled(msg.Signal, signal, error_rms=rms, error_p95=p95)
 
 
 def rms_of(errors: Sequence[Optional[Error]]) -> List[float]:
@@ -122,10 +114,8 @@ def p95_of(errors: Sequence[Optional[Error]]) -> List[float]:
 
 
 def _error(message: msg.Signal) -> Optional[Error]:
-    if not message.error_rms:  # a message that was never filled in claims no certainty
-        return None
-    if math.isnan(message.error_rms):
-        return None
+    if not message.error_rms or math.isnan(message.error_rms):
+        return None  # a message that was never filled in claims no certainty
     p95 = None if math.isnan(message.error_p95) else message.error_p95
     return Error(message.error_rms, p95=p95)
 

@@ -1,0 +1,44 @@
+"""Finds functions that may have no value, for `shsa check` where this package is installed."""
+from typing import Iterable, Iterator, Mapping, Set
+
+from shsa_core.analysis.finding import Finding
+from shsa_learning.ranges.interval import Interval
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.service import Source
+from shsa_core.model.som import Som
+from shsa_learning.ranges.analysis import find_troubles, narrowed
+
+
+def check(ontology: Ontology, som: Som) -> Iterator[Finding]:
+    """Report the parts of functions that may have no value within the ranges of the services."""
+    ranges = _declared_ranges(ontology, som.sources)
+    for function in ontology.functions:
+        if function.law is None:
+            continue
+        names = [*function.law.names, *(function.constraint.names if function.constraint else ())]
+        always = {name: ranges[name] for name in names if name in ranges}
+        own, troubles = always, []
+        if function.constraint is not None:
+            troubles = find_troubles(function.constraint, always)
+            own = narrowed(function.constraint, always)
+        for trouble in dict.fromkeys([*troubles, *find_troubles(function.law, own, always)]):
+            yield Finding(
+                "warning",
+                function.where,
+                f"{function.relation} for {function.output}: {trouble.part} {trouble.reason}; "
+                "there is no output then",
+                "If that is too often, add a constraint, or narrow the ranges in the SOM",
+            )
+
+
+def _declared_ranges(ontology: Ontology, sources: Iterable[Source]) -> Mapping[str, Interval]:
+    ranges = {c.name: Interval(c.value, c.value) for c in ontology.constants.values()}
+    open_ends: Set[str] = set()
+    for source in sources:
+        if source.provision.range is None:
+            open_ends.add(source.property)
+            continue
+        low, high = source.provision.range
+        old = ranges.get(source.property, Interval(low, high))
+        ranges[source.property] = Interval(min(low, old.low), max(high, old.high))
+    return {name: interval for name, interval in ranges.items() if name not in open_ends}

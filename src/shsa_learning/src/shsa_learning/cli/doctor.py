@@ -1,0 +1,48 @@
+"""`shsa doctor`: what is wrong around a running robot, and what to do about it."""
+import argparse
+import json
+import os
+from typing import Any
+
+from shsa_core.cli._common import say
+from shsa_core.errors import ShsaError
+from shsa_learning.doctor import Finding, findings
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "doctor",
+        help="say what is wrong around a running robot, and what to do",
+        description="Looks at the secret, the names of the master, the users of the nodes, clocks, "
+        "other healers, message types, who publishes and who subscribes, tf, and the incidents of "
+        "the last hour. Changes nothing. Exit status 1 if there is a finding.",
+    )
+    parser.add_argument("--som", metavar="FILE", default="", help="instead of the running one")
+    parser.add_argument(
+        "--namespace", metavar="NAME", default="", help="where healing runs (ROS_NAMESPACE, or /)"
+    )
+    parser.add_argument("--secret", metavar="FILE", default="", help="the secret of healing")
+    parser.add_argument("--log", metavar="FILE", default="", help="the incident log")
+    parser.add_argument("--json", action="store_true", help="print one JSON document")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the findings. Returns 0 if there is none, else 1."""
+    if args.namespace:
+        os.environ["ROS_NAMESPACE"] = args.namespace  # as rospy takes it
+    try:
+        from shsa_learning.ros.examination import examine  # ROS loads slowly
+    except ImportError as error:
+        raise ShsaError(f"doctor needs ROS: source its setup.bash ({error})") from error
+    try:
+        found = findings(examine(args.som, args.secret, args.log))
+    except ShsaError as nothing:
+        found = [Finding(str(nothing), "mend that first")]
+    if args.json:
+        print(json.dumps({"findings": [each._asdict() for each in found]}, indent=2))
+    else:
+        for each in found:
+            say(f"{each.what}\n    {each.remedy}")
+        say(f"{len(found)} findings" if found else "nothing is wrong here")
+    return 1 if found else 0

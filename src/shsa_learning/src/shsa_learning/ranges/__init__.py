@@ -1,0 +1,1 @@
+"""The ranges of values: where a function may have none."""

@@ -1,0 +1,118 @@
+"""Looks at a running robot, its master and its computers, for `shsa doctor`. Changes nothing."""
+import time
+from contextlib import suppress
+from typing import Dict, Iterator, List, Mapping, Sequence, Tuple
+
+import psutil
+import rosgraph
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from shsa_core.errors import ModelError, ShsaError
+from shsa_core.files.document import from_parameters
+from shsa_core.files.som_file import PARAMETER, read_som, read_tree
+from shsa_core.healing.incident import Incident
+from shsa_core.healing.naming import HEALERS
+from shsa_core.model.names import full_name
+from shsa_core.model.som import Som
+from shsa_core.ros.incidents import log_path
+from shsa_core.ros.master.node_api import FAILURES, master_api, pid
+from shsa_core.ros.master.som_parameter import get_som_parameter
+from shsa_core.ros.messages.fields import mark_unusable
+from shsa_core.ros.processes import kernel
+from shsa_core.ros.trust import owners, secret
+from shsa_learning.doctor import Seen
+from shsa_learning.incident_log import read_log
+
+LISTENING_S = 2.5
+"""Healing tells of itself on /diagnostics once a second."""
+HOUR_S = 3600.0
+
+Nodes = Mapping[str, Sequence[str]]
+
+
+def examine(som_file: str, secret_file: str, log: str) -> Seen:
+    """Look at the robot. Raises ShsaError if no master answers, or nobody knows its services."""
+    try:
+        publishers, subscribers, _ = master_api("/shsa_doctor").getSystemState()
+    except FAILURES as error:
+        text = f"no ROS master answers at {rosgraph.get_master_uri()}: {error}"
+        raise ShsaError(text) from error
+    rospy.init_node("shsa_doctor", anonymous=True, disable_signals=True, disable_rostime=True)
+    namespace = rospy.get_namespace()
+    som = read_som(som_file, namespace) if som_file else _running(namespace)
+    healer = full_name(HEALERS[1], namespace)
+    users = dict(_users([healer, *dict.fromkeys(each.node for each in som)]))
+    return Seen(
+        som,
+        namespace,
+        dict(publishers),
+        dict(subscribers),
+        _secret(secret_file),
+        _masters(),
+        {node: user for node, user in users.items() if node != healer},
+        users.get(healer, ""),
+        bool(rospy.get_param("/use_sim_time", False)),
+        _clocks(),
+        _recent(log_path(log)),
+        [problem.text for problem in mark_unusable(som)[1]],
+    )
+
+
+def _running(namespace: str) -> Som:
+    value = get_som_parameter()
+    if value is None:
+        text = "healing does not run here: start shsa.launch, or name the file with --som"
+        raise ShsaError(text)
+    som, _ = read_tree(from_parameters(value, PARAMETER), namespace)
+    return som
+
+
+def _secret(path: str) -> str:
+    """Return why the secret cannot be used; empty: it can."""
+    try:
+        secret.read(path or secret.default_path())
+    except ShsaError as error:
+        return str(error)
+    return ""
+
+
+def _masters() -> Dict[str, List[str]]:
+    """Map each spelling of our master to the programs on this computer that use it."""
+    found: Dict[str, List[str]] = {}
+    for each in kernel.robot_processes():
+        program = " ".join(word.rsplit("/", 1)[-1] for word in each.words[:2])
+        found.setdefault(each.variables.get("ROS_MASTER_URI", ""), []).append(program)
+    return found
+
+
+def _users(nodes: Sequence[str]) -> Iterator[Tuple[str, str]]:
+    """Yield each node whose process is on this computer, and its user."""
+    for node in nodes:
+        with suppress(*FAILURES, psutil.Error):
+            uri = master_api().lookupNode(node)
+            if owners.is_local(uri):
+                yield node, kernel.user(psutil.Process(pid(uri)))
+
+
+def _clocks() -> List[str]:
+    """Return what healing warns of about computers' clocks."""
+    told: Dict[str, str] = {}
+
+    def heard(message: DiagnosticArray) -> None:
+        for status in message.status:
+            _, _, name = status.name.partition(": ")
+            if name.startswith("computer ") and status.level != DiagnosticStatus.OK:
+                told[name] = f"{name}: {status.message}"
+
+    subscriber = rospy.Subscriber("/diagnostics", DiagnosticArray, heard)
+    time.sleep(LISTENING_S)
+    subscriber.unregister()
+    return sorted(told.values())
+
+
+def _recent(path: str) -> List[Incident]:
+    """Return the incidents of the last hour; none without a log."""
+    with suppress(ModelError):
+        return [i for i in read_log(path).incidents if i.detected > time.time() - HOUR_S]
+    return []

@@ -1,0 +1,76 @@
+"""`shsa accept`: advised incidents are judged, and one line is written, if somebody agrees."""
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, List
+
+import pytest
+
+from shsa_core.cli.main import main
+from shsa_core.files.som_file import read_som
+from shsa_core.healing.incident import Incident, State
+from shsa_core.model.kinds import Kind
+from shsa_learning.acceptance import advice
+
+SOM = """\
+# A comment.
+services:
+  odometry:
+    {topic: /odom, type: std_msgs/Float64, node: /base, period: 0.1, provides: {v: {field: data}}}
+  unheard:
+    {topic: /x, type: a/B, node: /x, period: none, needed: false, provides: {x: {field: x}}}
+"""
+ADVISED = "nothing is done, as healing advises; else /base is killed: nothing else is lost with it"
+LASTED = Incident(
+    1,
+    "odometry",
+    "/odom",
+    ("v",),
+    "/base",
+    Kind.SILENT,
+    "",
+    100.0,
+    State.KEPT,
+    inputs=("/imu/data",),
+    decision=ADVISED,
+)
+BRIEF = replace(LASTED, id=2, kind=Kind.RATE_LOW, detected=200.0, returned=200.5, ended=202.5)
+LACKS = replace(LASTED, id=3, detected=300.0, inputs=(), missing=("w",), decision="…advises")
+
+
+@pytest.fixture
+def som(tmp_path: Path) -> Path:
+    path = tmp_path / "som.yaml"
+    path.write_text(SOM)
+    return path
+
+
+def test_advice_counts_what_lasted_and_says_what_to_change(som: Path) -> None:
+    acted = replace(LASTED, id=9, decision="/base is killed: nothing else is lost with it")
+    of_another = replace(LASTED, service="unheard")
+    (told,) = advice(read_som(str(som)), [LASTED, BRIEF, LACKS, acted, of_another])
+    assert told[:5] == ("odometry", 2, 1, 2, 1)
+    assert "rate_low: over by itself within 0.5 s: correct `period`" in str(told)
+    lacking = replace(LACKS, decision=ADVISED)
+    assert "no substitute: w is missing" in str(advice(read_som(str(som)), [lacking])[0])
+    assert "nothing was advised" in str(advice(read_som(str(som)), [])[0])
+
+
+@pytest.mark.parametrize("words, answer, act", [(["--yes"], "", 1), ([], "y", 1), ([], "", 0)])
+def test_one_line_is_written_if_somebody_agrees(
+    som: Path, words: List[str], answer: str, act: int, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    log = som.with_name("log.jsonl")
+    log.write_text(json.dumps(BRIEF.as_dict()) + "\n")
+    monkeypatch.setattr("builtins.input", lambda _: answer)
+    command = ["accept", "--som", str(som), "--log", str(log), *words]
+    assert main(command) == 1 - act
+    assert som.read_text() == SOM.replace("services:", act * "act: true\n" + "services:")
+    assert "right 0 of 1 times, its node ended 1 times (1 needlessly)" in capsys.readouterr().out
+    assert main(command) == 1 - act  # a second time nothing changes
+
+
+def test_a_line_that_says_no_is_changed(som: Path, tmp_path: Path) -> None:
+    som.write_text("act: false\n" + SOM)
+    assert main(["accept", "--som", str(som), "--log", str(tmp_path / "none"), "--yes"]) == 0
+    assert som.read_text() == "act: true\n" + SOM

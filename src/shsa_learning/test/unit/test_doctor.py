@@ -1,0 +1,67 @@
+"""`shsa doctor`: each finding by what was seen, with a remedy; none on a robot that is well."""
+from dataclasses import replace
+from typing import Any, Dict
+
+import pytest
+
+from shsa_core.healing.incident import Incident, State
+from shsa_core.model.kinds import Contain, Kind
+from shsa_core.model.service import Provision, Service
+from shsa_core.model.som import Som
+from shsa_learning.doctor import Seen, findings
+
+VALUES = (Provision("speed", "data", (0.0, 1.0)),)
+ODOMETRY = Service("odometry", "/odom", "std_msgs/Float64", "/base", 0.1, VALUES, needed=True)
+WELL = Seen(
+    Som([ODOMETRY]),
+    "/",
+    {"/odom": ["/base"], "/shsa/som_state": ["/reconfigurator"], "/tf": ["/other"]},
+    {"/odom": ["/monitor", "/planner"]},
+    masters={"http://pi:11311": ["base"]},
+    users={"/base": "robot"},
+    user="robot",
+)
+LEFT = Incident(
+    1,
+    "odometry",
+    "/odom",
+    ("speed",),
+    "/base",
+    Kind.OUT_OF_RANGE,
+    "speed is -0.4, 0 to 1 is allowed",
+    10.0,
+    State.ENDED,
+)
+LOST = {**WELL.publishers, "/odom": ["/stranger"]}
+
+
+def test_nothing_is_found_on_a_robot_that_is_well() -> None:
+    assert findings(WELL) == []
+    tf = {**WELL.publishers, "/tf": ["/base"]}
+    told = Som([replace(ODOMETRY, contain=Contain.NONE)])
+    assert findings(WELL._replace(som=told, publishers=tf)) == []
+    clock = {**WELL.publishers, "/clock": ["/gazebo"]}
+    assert findings(WELL._replace(use_sim_time=True, publishers=clock)) == []
+
+
+@pytest.mark.parametrize(
+    "changes, what",
+    [
+        ({"secret": "the secret /s cannot be read: No such file"}, "cannot be read"),
+        ({"masters": {"http://pi:1": ["a"], "http://localhost:1": ["b"]}}, "has 2 names"),
+        ({"user": "root", "users": {}}, "as root"),
+        ({"users": {"/base": "bob"}}, "/base runs as bob"),
+        ({"clocks": ["computer pi: its clock is 2 s ahead"]}, "2 s ahead"),
+        ({"use_sim_time": True}, "nobody publishes /clock"),
+        ({"publishers": {**WELL.publishers, "/tf": ["/base"]}}, "/base broadcasts tf"),
+        ({"incidents": [LEFT, LEFT]}, "odometry left its range 2 times"),
+        ({"subscribers": {"/odom": ["/monitor", "/record_123", "/substitute_x_1"]}}, "nobody sub"),
+        ({"types": ["odometry: message type a/B is not known here"]}, "a/B is not known"),
+        ({"publishers": {**WELL.publishers, "/r/shsa/som_state": ["/r/reconfigurator"]}}, "beside"),
+        ({"publishers": {**WELL.publishers, "/shsa/som_state": ["/a", "/b"]}}, "/a, /b heal"),
+        ({"publishers": LOST}, "/base does not publish /odom, but /stranger"),
+    ],
+)
+def test_each_fault_is_found_once_with_its_remedy(changes: Dict[str, Any], what: str) -> None:
+    (finding,) = findings(WELL._replace(**changes))
+    assert what in finding.what and finding.remedy

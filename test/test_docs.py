@@ -1,0 +1,64 @@
+"""The documentation stays short and in plain English: pages, words, sentences, and proselint."""
+import re
+import subprocess
+from pathlib import Path
+from shutil import which
+from typing import List
+
+import pytest
+from listings import ROOT
+
+FOLDERS = ("*.md", "docs/**/*.md", "*/*/README.md")
+PAGES = sorted(path for each in FOLDERS for path in ROOT.glob(each))
+MOST_PAGES = 25
+"""In the folder docs; beside them are the READMEs, CONTRIBUTING and SECURITY."""
+MOST_WORDS = 25000
+LONGEST_MEAN = 18.5
+"""Words a sentence, in the mean of a page's prose."""
+RIDDLES = re.compile(r"\b(whoever|stands? (by|in)|voices|pictures?|as ever)\b", re.IGNORECASE)
+"""Words that have a plainer one: anyone who, is ready, replaces, publishers, images, as usual."""
+TYPOGRAPHY = re.compile(r"typography\.symbols\.(ellipsis|curly_quotes|sentence_spacing)")
+"""What proselint says of characters that commands and code have."""
+
+
+def words(text: str) -> List[str]:
+    return [each for each in text.split() if re.search(r"\w", each)]
+
+
+def prose(page: Path) -> str:
+    """Return a page without code, tables, comments, headings, images and the targets of links."""
+    text = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"<!--.*?-->|^(\||#| {4}).*$|!\[.*?\]\(.*?\)", "", text, flags=re.MULTILINE)
+    return re.sub(r"`[^`]*`", "code", re.sub(r"\]\([^)]*\)", "]", text))
+
+
+def sentences(text: str) -> List[str]:
+    parts = re.split(r"(?<=[.!?])\s+|\n\s*(?:-|\d+\.)\s+|\n\n+", text)
+    return [part for part in parts if len(words(part)) > 2]
+
+
+def test_there_are_few_pages_and_words() -> None:
+    assert len([page for page in PAGES if ROOT / "docs" in page.parents]) <= MOST_PAGES
+    assert sum(len(words(page.read_text("utf-8"))) for page in PAGES) <= MOST_WORDS
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_sentences_are_short(page: Path) -> None:
+    found = sentences(prose(page))
+    assert sum(len(words(each)) for each in found) <= LONGEST_MEAN * len(found)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_words_are_plain(page: Path) -> None:
+    assert [found.group() for found in RIDDLES.finditer(page.read_text("utf-8"))] == []
+
+
+def test_proselint_has_no_complaint(tmp_path: Path) -> None:
+    program = which("proselint", path="/usr/bin")
+    if program is None:
+        pytest.skip("no python3-proselint on this system")
+    (tmp_path / "prose").write_text("\n".join(map(prose, PAGES)), "utf-8")
+    told = subprocess.run(
+        [program, "prose"], cwd=str(tmp_path), stdout=subprocess.PIPE, universal_newlines=True
+    ).stdout
+    assert [line for line in told.splitlines() if not TYPOGRAPHY.search(line)] == []

@@ -1,0 +1,77 @@
+"""Each warning and error that healing can log has an entry in the page on troubleshooting."""
+import ast
+import re
+from pathlib import Path
+from typing import Dict, Iterator, List, Optional
+
+import pytest
+from listings import ROOT, seen
+
+CORE = ROOT / "src" / "shsa_core" / "src" / "shsa_core"
+PAGE = ROOT / "docs" / "howto" / "troubleshooting.md"
+LOGGED = re.compile(r"log(warn|err|fatal)(_|$)|^_?warn$")
+LEVELS = ("WARN", "WARNING", "ERROR")
+ENTRIES = re.findall(r"^\| `([^`]+)` \|", PAGE.read_text("utf-8"), re.MULTILINE)
+
+
+def logged(path: Path) -> Iterator[str]:
+    """Yield the texts of a module's warnings and errors, with `...` for what varies."""
+    for scope in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(scope, ast.FunctionDef):
+            named = assigned(scope)
+            for node in ast.walk(scope):
+                text = said(node) if isinstance(node, ast.Call) else None
+                if text is not None:
+                    yield from texts(text, named)
+
+
+def said(call: ast.Call) -> Optional[ast.expr]:
+    """Return the text that a call logs as a warning or an error; None: it does not."""
+    name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+    if name == "Log":
+        return call.args[1] if getattr(call.args[0], "attr", "") in LEVELS else None
+    if not LOGGED.search(name) or not call.args:
+        return None
+    return call.args["throttle" in name]
+
+
+def assigned(scope: ast.AST) -> Dict[str, List[ast.expr]]:
+    """Return what is assigned to each name in a function."""
+    found: Dict[str, List[ast.expr]] = {}
+    for node in ast.walk(scope):
+        if isinstance(node, (ast.Assign, ast.AugAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            for target in targets:
+                if isinstance(target, ast.Name):
+                    found.setdefault(target.id, []).append(node.value)
+    return found
+
+
+def texts(node: ast.expr, named: Dict[str, List[ast.expr]]) -> Iterator[str]:
+    """Yield what an expression may read: a literal, or what its name stands for."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        yield re.sub(r"%[srd]|%\.?\d*[fg]", "...", node.value)
+    elif isinstance(node, ast.JoinedStr):
+        parts = (p.value if isinstance(p, ast.Constant) else "..." for p in node.values)
+        yield "".join(map(str, parts))
+    elif isinstance(node, ast.IfExp):
+        yield from texts(node.body, named)
+        yield from texts(node.orelse, named)
+    elif isinstance(node, ast.Name):
+        for value in named.get(node.id, []):
+            yield from texts(value, {})
+
+
+FOUND = sorted(
+    {text for path in CORE.rglob("*.py") for text in logged(path) if re.search("[a-z]{3}", text)}
+)
+
+
+@pytest.mark.parametrize("text", FOUND)
+def test_a_log_line_has_an_entry(text: str) -> None:
+    assert [entry for entry in ENTRIES if seen(entry, text)]
+
+
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_an_entry_is_of_a_log_line(entry: str) -> None:
+    assert [text for text in FOUND if seen(entry, text)]
