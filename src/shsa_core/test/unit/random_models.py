@@ -46,7 +46,7 @@ def services(draw: Any, name: str, hosts: Sequence[str] = ()) -> Service:
         node=draw(st.sampled_from(NODES)),
         period=draw(st.sampled_from((0.02, 0.1, None))),
         provides=(Provision(name, name, quality=draw(st.sampled_from((1.0, 0.5)))),),
-        needed=draw(st.sampled_from((True, True, False))),
+        needed=draw(st.sampled_from((True, True, False, None))),
         standby=draw(st.sampled_from(list(Standby))),
         policy=draw(st.sampled_from([*Policy, *([Policy.SUBSTITUTE] * 8 if hosts else [])])),
         last_resort=draw(st.sampled_from(LAST_RESORTS)),

@@ -414,6 +414,8 @@ def test_a_policy_of_advice_plans_and_does_nothing(kind: str) -> None:
     assert incident.inputs == ("/b/data",) and incident.kept
     assert incident.state is (State.ENDED if kind == "requested" else State.KEPT)
     assert "nothing is done, as healing advises; else " in incident.decision
+    told = [each.text for each in robot.said if isinstance(each, events.Log)]
+    assert any("healing advises" in text and "It could be replaced" in text for text in told)
     robot.handle(events.Tick(20.0))
     assert acts(robot.said) == []
 

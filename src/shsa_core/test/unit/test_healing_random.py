@@ -167,8 +167,8 @@ class AnyRobot(RuleBasedStateMachine):
             core._processes.pool,
         )
         assert self.states == {
-            each.name: availability.state(self.som, each, core._core.missing(each.name))
-            for each in self.som
+            each.name: availability.state(core.robot.som, each, core._core.missing(each.name))
+            for each in core.robot.som
         }
         rows = {
             name: Substitution(name, "", (), "", (), host=pool.processes[name].host)
@@ -394,6 +394,7 @@ class AnyRobot(RuleBasedStateMachine):
             (
                 {"period": 0.5},
                 {"needed": False},
+                {"needed": None},
                 {"node": "/o"},
                 *({"standby": standby} for standby in Standby),
                 *({"policy": policy} for policy in Policy),
@@ -409,6 +410,10 @@ class AnyRobot(RuleBasedStateMachine):
         found = {(each.topic, each.node): each for each in new}
         self.som = self.som.with_services(found.values())
         self.hear(events.SomChanged(self.now, self.som))
+
+    @rule(topic=st.sampled_from(TOPICS), nodes=st.sampled_from(((), ("/consumer",), ("/monitor",))))
+    def subscribers(self, topic: str, nodes: Tuple[str, ...]) -> None:
+        self.hear(events.SubscribersSeen(self.now, ((topic, nodes),)))
 
     @rule(ontology=ontologies())
     def reload(self, ontology: Ontology) -> None:

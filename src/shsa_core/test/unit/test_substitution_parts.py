@@ -222,7 +222,7 @@ def test_signals_survive_the_way_as_text() -> None:
     assert decode(encode(inputs, (OUT,))) == (inputs, (OUT,))
 
 
-BAD_KEYS = [
+BAD_KEYS: List[Any] = [
     *({"node": 5}, {"latched": 1}, {"field": "x;y"}, {"period": "1"}, {"period": 0.0}),
     *({"period": -1.0}, {"period": "nan"}, {"gain": 0.0}, {"gain": -1.0}, {"gain": "nan"}),
     *({"offset": "inf"}, {"offset": "0"}, {"color": "red"}),

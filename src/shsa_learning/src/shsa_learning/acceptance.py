@@ -33,7 +33,8 @@ class Advice(NamedTuple):
     """The advised incidents of a service.
 
     `right`: those that lasted, and had a substitute. `kills`: those in which its node would have
-    been ended; `needless`: those of them that were over by themselves. `changes`: what to do.
+    been ended; `needless`: those of them that were over by themselves. `notes`: what the substitute
+    errs, and what to change.
     """
 
     service: str
@@ -41,7 +42,7 @@ class Advice(NamedTuple):
     right: int
     kills: int
     needless: int
-    changes: Tuple[str, ...]
+    notes: Tuple[str, ...]
 
     def __str__(self) -> str:
         if not self.incidents:
@@ -49,7 +50,7 @@ class Advice(NamedTuple):
         killed = f", its node ended {self.kills} times" if self.kills else ""
         needless = f" ({self.needless} needlessly)" if self.needless else ""
         text = f"{self.service}: right {self.right} of {self.incidents} times{killed}{needless}"
-        return "\n    ".join((text, *self.changes))
+        return "\n    ".join((text, *self.notes))
 
 
 def advice(som: Som, incidents: Iterable[Incident]) -> List[Advice]:
@@ -62,20 +63,24 @@ def advice(som: Som, incidents: Iterable[Incident]) -> List[Advice]:
 
 
 def _of(service: str, told: Sequence[Incident]) -> Advice:
-    changes: Dict[str, None] = {}
+    notes: Dict[str, None] = {}
     brief = [each for each in told if _lasted(each) < BRIEF_S]
     for kind in dict.fromkeys(each.kind for each in brief):
         longest = max(_lasted(each) for each in brief if each.kind is kind)
         what = REMEDIES.get(kind, "see what happened with `shsa explain`")
-        changes[f"{kind}: over by itself within {longest:.1f} s: {what}"] = None
+        notes[f"{kind}: over by itself within {longest:.1f} s: {what}"] = None
+    for each in told[-1:]:
+        known = [(n, e.rms) for n, e in zip(each.properties, each.errors) if e is not None]
+        for name, rms in known:
+            notes[f"the substitute's RMS error of {name} is expected to be {rms:.3g}"] = None
     for each in told:
         if not each.inputs:
             lacks = listed(each.missing) or "any relation that yields its values"
-            changes[f"no substitute: {lacks} is missing; `shsa find --service {service}`"] = None
+            notes[f"no substitute: {lacks} is missing; `shsa find --service {service}`"] = None
     kills = [each for each in told if " is killed" in each.decision]
     right = [each for each in told if each.inputs and each not in brief]
     needless = sum(each in brief for each in kills)
-    return Advice(service, len(told), len(right), len(kills), needless, tuple(changes))
+    return Advice(service, len(told), len(right), len(kills), needless, tuple(notes))
 
 
 def _lasted(incident: Incident) -> float:

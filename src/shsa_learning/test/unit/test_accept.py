@@ -9,6 +9,7 @@ import pytest
 from shsa_core.cli.main import main
 from shsa_core.files.som_file import read_som
 from shsa_core.healing.incident import Incident, State
+from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
 from shsa_learning.acceptance import advice
 
@@ -32,6 +33,7 @@ LASTED = Incident(
     100.0,
     State.KEPT,
     inputs=("/imu/data",),
+    errors=(Error(0.25),),
     decision=ADVISED,
 )
 BRIEF = replace(LASTED, id=2, kind=Kind.RATE_LOW, detected=200.0, returned=200.5, ended=202.5)
@@ -50,6 +52,7 @@ def test_advice_counts_what_lasted_and_says_what_to_change(som: Path) -> None:
     of_another = replace(LASTED, service="unheard")
     (told,) = advice(read_som(str(som)), [LASTED, BRIEF, LACKS, acted, of_another])
     assert told[:5] == ("odometry", 2, 1, 2, 1)
+    assert "the substitute's RMS error of v is expected to be 0.25" in str(told)
     assert "rate_low: over by itself within 0.5 s: correct `period`" in str(told)
     lacking = replace(LACKS, decision=ADVISED)
     assert "no substitute: w is missing" in str(advice(read_som(str(som)), [lacking])[0])

@@ -272,7 +272,7 @@ class Kills:
     def _find(self, time: float, node: str, topic: str) -> FindNode:
         kill = self._kills[node]
         self.agenda.set(node, time + FIND_TIMEOUT_S + kill.listen)
-        row = self._health.row((topic, node))
+        row = self._health.rows.get(topic, {}).get(node)
         return FindNode(node, kill.order.urgent, topic, kill.listen, row.uri if row else "")
 
     def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:

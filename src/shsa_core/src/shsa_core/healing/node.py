@@ -250,7 +250,7 @@ class Nodes:
             accusation.heard = accusation.kind not in QUIET and not service.gated
             if gone and not was_kept and service.policy is not Policy.ADVISE:
                 commands += self.kill(KillNode(node, False, True, service.topic))
-        if accusation.decision != before and not gone:
+        if accusation.decision != before and not gone and service.policy is not Policy.ADVISE:
             commands.append(Log(Level.WARN, f"{service.topic}: {accusation.decision}."))
         return commands
 

@@ -301,6 +301,7 @@ def keep(service: ServiceMachine, plan: Optional[Plan], none: ShsaError) -> List
     detail = f"{spec.topic}: {service.accusation.decision}. {could}."
     if incident.state is State.KEPT and incident.detail == detail:
         return commands
+    commands += [Log(Level.WARN, detail)] if spec.policy is Policy.ADVISE else []
     return commands + service.step(
         state=State.KEPT,
         killed=None if service.accusation.kept else incident.killed,

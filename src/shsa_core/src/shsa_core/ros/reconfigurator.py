@@ -227,7 +227,7 @@ class ReconfiguratorNode:
     def _may_act(self, som: Som) -> None:
         self._master.acts = self._core.acts(som)
         if not som.act:
-            text = "Healing advises: %s does not say `act: true` at its top. Then it acts."
+            text = "Healing only advises. To have it act, write `act: true` at the top of %s."
             rospy.logwarn(text, self._files.som)
 
     def reload(self) -> str:

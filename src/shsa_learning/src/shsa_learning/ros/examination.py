@@ -1,7 +1,9 @@
 """Looks at a running robot, its master and its computers, for `shsa doctor`. Changes nothing."""
+import socket
 import time
 from contextlib import suppress
 from typing import Dict, Iterator, List, Mapping, Sequence, Tuple
+from urllib.parse import urlparse
 
 import psutil
 import rosgraph
@@ -78,12 +80,18 @@ def _secret(path: str) -> str:
 
 
 def _masters() -> Dict[str, List[str]]:
-    """Map each spelling of our master to the programs on this computer that use it."""
-    found: Dict[str, List[str]] = {}
+    """Map each spelling of our master to the programs on this computer that use it.
+
+    roslaunch writes the name of this computer where others say localhost: that is one spelling.
+    """
+    found: Dict[str, Dict[str, None]] = {}
+    own = ("localhost", "127.0.0.1", socket.gethostname())
     for each in kernel.robot_processes():
+        uri = urlparse(each.variables.get("ROS_MASTER_URI", ""))
+        host = "localhost" if uri.hostname in own else uri.hostname
         program = " ".join(word.rsplit("/", 1)[-1] for word in each.words[:2])
-        found.setdefault(each.variables.get("ROS_MASTER_URI", ""), []).append(program)
-    return found
+        found.setdefault(f"{host}:{uri.port}", {})[program] = None
+    return {spelling: list(programs) for spelling, programs in found.items()}
 
 
 def _users(nodes: Sequence[str]) -> Iterator[Tuple[str, str]]:
