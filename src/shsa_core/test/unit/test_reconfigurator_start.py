@@ -62,7 +62,9 @@ def test_agents_that_the_master_cannot_tell_of_us_are_told() -> None:
 def test_what_check_calls_invalid_is_refused_at_the_start(tmp_path: Path) -> None:
     ontology, som = tmp_path / "ontology.yaml", tmp_path / "som.yaml"
     ontology.write_text("properties: {a: {unit: A}}\n")
-    service = "{topic: t, type: std_msgs/Float64, node: n, period: 0.1, provides: {b: {field: data}}}"
+    service = (
+        "{topic: t, type: std_msgs/Float64, node: n, period: 0.1, provides: {b: {field: data}}}"
+    )
     som.write_text("services:\n  s: " + service + "\n")
     with pytest.raises(ModelError, match=r"som.yaml:2: s provides 'b', which is not in the ontol"):
         reconfigurator.read_models(str(ontology), str(som))
