@@ -3,7 +3,7 @@ import itertools
 import json
 import socket
 import threading
-from contextlib import closing
+from contextlib import ExitStack, closing
 from http.client import HTTPConnection
 from typing import Any, Dict, Iterator, List, Tuple
 
@@ -164,6 +164,14 @@ def test_an_address_that_is_not_ours_is_refused(address: str) -> None:
     view = View(Settings(address, 0), well(), Slow(), lambda: (), lambda: 0.0, print)
     with pytest.raises(ShsaError, match=address):
         serve(view, lambda: False, lambda port: None)
+
+
+def test_slow_connections_shut_nobody_out(served: Served) -> None:
+    with ExitStack() as slow:
+        for _ in range(120):
+            connection = slow.enter_context(socket.create_connection(("127.0.0.1", served.port)))
+            connection.sendall(b"GET / HTTP/1.1\r\n")
+        assert served.ask("/api/state")[0] == 200
 
 
 def test_without_a_token_nobody_acts() -> None:

@@ -56,6 +56,12 @@ def duties_of(
     return {node: duties for node, duties in found.items() if duties}
 
 
+def subscribers_of(som: Som, subscribers: Pairs) -> Dict[str, Tuple[str, ...]]:
+    """Return the nodes that subscribe to each service's topic."""
+    by_topic = _by_node(frozenset((node, topic) for topic, node in subscribers))
+    return {each.heard: tuple(sorted(by_topic[each.heard])) for each in som}
+
+
 def _by_node(pairs: Pairs) -> DefaultDict[str, Set[str]]:
     found: DefaultDict[str, Set[str]] = defaultdict(set)
     for name, node in pairs:

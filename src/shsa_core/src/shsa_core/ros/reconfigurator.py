@@ -14,6 +14,7 @@ from shsa_msgs import msg
 
 from shsa_core import dispatch
 from shsa_core.analysis.budget import check_budgets
+from shsa_core.analysis.check import refuse_invalid
 from shsa_core.analysis.schedulability import check_placements
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
@@ -21,7 +22,7 @@ from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.healing import events
-from shsa_core.healing.duties import duties_of
+from shsa_core.healing.duties import duties_of, subscribers_of
 from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
@@ -42,7 +43,7 @@ from shsa_core.ros.master.registrations import Part
 from shsa_core.ros.processes.starting import Setup, run_command
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.master.som_parameter import SomWatch, put_som
+from shsa_core.ros.master.som_parameter import LIVE_PARAMETERS, SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.messages.fields import Problem, mark_unusable
 from shsa_core.ros.workers import Workers
@@ -58,7 +59,6 @@ from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import own_rows, substitution_message
 
-Listed = Dict[str, Tuple[str, ...]]
 MOST_WAITING = 10_000
 """With more to do than this, failures that nobody signed are dropped."""
 
@@ -152,7 +152,7 @@ class ReconfiguratorNode:
             self._companion,
         )
         self._decided = clock.now()
-        self._listed: Tuple[Listed, Listed] = {}, {}
+        self._listed: List[Dict[str, Tuple[str, ...]]] = [{}, {}]
         # First of all: what runs goes on, and no substitute may take a name that was used.
         self._master = MasterWatch(lambda node: node.startswith(prefix), self._see_graph)
         self._may_act(som)
@@ -164,7 +164,9 @@ class ReconfiguratorNode:
         self._som_state.open()
         put_som(som)
         self._som_watch = SomWatch(
-            som, lambda s: self._put(events.SomChanged(clock.now(), self._usable(s)))
+            som,
+            lambda s: self._put(events.SomChanged(clock.now(), self._usable(s))),
+            arguments.live_parameters,
         )
         tables = (names.FAILURES, names.SUBSTITUTIONS, names.SOM_STATE)
         self._master.introduce(*map(rospy.resolve_name, tables))
@@ -324,12 +326,7 @@ class ReconfiguratorNode:
         """Tell the core who subscribes to services, and what else their nodes do."""
         som, names = self._core.robot.som, self._core.names
         parts = [state.parts[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE)]
-        heard = {each.heard for each in som}
-        subscribers: Listed = {}
-        for topic, node in sorted(parts[1]):
-            if topic in heard:
-                subscribers[topic] = (*subscribers.get(topic, ()), node)
-        now = subscribers, duties_of(som, names, *parts)
+        now = [subscribers_of(som, parts[1]), duties_of(som, names, *parts)]
         new = [
             tuple((k, b.get(k, ())) for k in sorted({*a, *b}) if a.get(k, ()) != b.get(k, ()))
             for a, b in zip(self._listed, now)
@@ -395,14 +392,15 @@ class ReconfiguratorNode:
 def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     """The ontology and the SOM in two files.
 
-    Raises ModelError that names every error in them, or why a SOM that starts programs is not
-    believed.
+    Raises ModelError that names every error of `shsa check` in them, or why a SOM that starts
+    programs is not believed.
     """
     read_ontology, errors = load_ontology(ontology)
     read_som, som_errors = load_som(som, rospy.get_namespace())
     errors = [*errors, *som_errors]
     if errors:
         raise ModelErrors(errors)
+    refuse_invalid(read_ontology, read_som)
     refuse_others_commands(read_som, som)
     return read_ontology, read_som
 
@@ -420,6 +418,7 @@ def main() -> None:
     parser.add_argument("--incident-log", default="", help="a file for one JSON line an incident")
     parser.add_argument("--dry-run", action="store_true", help="advise: kill and start nothing")
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
+    parser.add_argument("--live-parameters", action="store_true", help=LIVE_PARAMETERS)
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
     parser.add_argument(
         "--unsigned-failures", action="store_true", help="believe unsigned failures"

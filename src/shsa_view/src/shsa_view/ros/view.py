@@ -105,9 +105,13 @@ class ViewNode:
     def _ready(self, port: int) -> None:
         settings = self._view.settings
         address = f"http://{_in_url(settings.address)}:{port}/"
-        token = f"#token={settings.token}" if settings.token else ""
         # Printed, not logged: whoever is on the ROS master can read the log, and so the token.
-        print(f"The view is at {address}{token}", flush=True)
+        if settings.token and sys.stdout.isatty():
+            print(f"The view is at {address}#token={settings.token}", flush=True)
+        elif settings.token:
+            print(f"The view is at {address}#token=TOKEN; see {_token_file()}", flush=True)
+        else:
+            print(f"The view is at {address}", flush=True)
 
 
 def _logged(path: str) -> Iterator[Fact]:
@@ -134,8 +138,12 @@ def _in_url(address: str) -> str:
 
 def _token() -> str:
     """Return the token, kept in a file that only our user can read. Raises ShsaError."""
+    return secret.obtain(_token_file()).hex()
+
+
+def _token_file() -> str:
     name = file_name("view_token", rospy.get_namespace())
-    return secret.obtain(os.path.join(rospkg.get_ros_home(), "shsa", name)).hex()
+    return os.path.join(rospkg.get_ros_home(), "shsa", name)
 
 
 def main() -> None:
