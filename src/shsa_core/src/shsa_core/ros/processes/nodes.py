@@ -8,6 +8,7 @@ import os
 import threading
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Dict, FrozenSet, Iterable, NamedTuple, Optional, Set
 
 import psutil
@@ -193,6 +194,8 @@ class Nodes:
         if doubt is not None:
             return doubt
         if uri and not _listens(known, uri):
+            if known.learned and kernel.wait_for(partial(_gone, known), settings.LOOK_S):
+                return Found(Where.DEAD)  # it closed its address first, as on `rosnode kill`
             return Found(Where.ANOTHER, f"the one that failed is at {uri}, and it is not")
         return Found(self._put(node, known).where)
 
@@ -243,6 +246,10 @@ class Nodes:
         if publishes:
             return None
         return Found(Where.ANOTHER, f"whoever answers at its address does not publish {topic}")
+
+
+def _gone(known: Known) -> bool:
+    return not known.lives
 
 
 def _listens(known: Known, uri: str) -> bool:
