@@ -15,6 +15,7 @@ import argparse
 import json
 import os
 import re
+import math
 import statistics
 import sys
 import time
@@ -29,8 +30,9 @@ from tqdm import tqdm
 from graph import BENCH, Graph, ask_to_leave, service, write_som
 from probe import STARTUP_S, Probe
 from report import Goals, print_table, write_table
-from shsa_core.monitoring.deadline import fitted
+from shsa_core.monitoring.deadline import mean_excess
 from shsa_core.monitoring.settings import LEARN_GAPS, LEARN_SHARE
+from shsa_core.watch import INSTANT_S
 from shsa_testing.waiting import wait_until
 
 PERIOD_S = 0.02
@@ -80,7 +82,10 @@ class Consumer(Probe):
         """Judge the second half of a time by the first."""
         wait, half = BRIDGE_PERIODS * PERIOD_S, (end - begin) / 2.0
         noted = self.lengths(begin, begin + half)
-        predicted = len(noted) * fitted(noted).share(wait) if len(noted) > 1 else 0.0
+        predicted = 0.0
+        if len(noted) > 1:
+            beyond = max(0.0, wait - noted[0])
+            predicted = len(noted) * math.exp(-beyond / max(mean_excess(noted), INSTANT_S))
         step = half / SLICES
         counts = [
             sum(each > wait for each in self.lengths(begin + n * step, begin + (n + 1) * step))

@@ -50,6 +50,7 @@ def entry(topic: str, node: str, **changes: object) -> Dict[str, object]:
 class MonitorCase(unittest.TestCase):
     """Starts a monitor and publishers, sets the SOM, and collects what the monitor publishes."""
 
+    arguments: Tuple[str, ...] = ()
     failures: List[Tuple[float, Failure]] = []
     monitor: "subprocess.Popen[bytes]"
     _health: TableCopy
@@ -64,7 +65,7 @@ class MonitorCase(unittest.TestCase):
         cls._folder = tempfile.mkdtemp()
         cls._file = os.path.join(cls._folder, "som.yaml")
         cls._write({"marker": entry(MARKER, "/nobody")})
-        cls.monitor = rosrun("shsa_core", "monitor", "--som", cls._file)
+        cls.monitor = rosrun("shsa_core", "monitor", "--som", cls._file, "--pressure", "", *cls.arguments)
         wait_until(lambda: failed.get_num_connections() > 0, 10.0, "the monitor is up")
         wait_until(lambda: cls._health.rows, 10.0, "the monitor watches")
 

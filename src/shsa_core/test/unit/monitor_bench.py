@@ -20,6 +20,7 @@ from shsa_core.monitoring.events import (
     SomChanged,
     SubstitutionsChanged,
     Tick,
+    Told,
 )
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
@@ -92,6 +93,7 @@ class Bench:
         self.failures: List[PublisherHealth] = []
         self.changes: List[HealthChanged] = []
         self.refused: List[ChangeRefused] = []
+        self.told: List[str] = []
         self.rows: Dict[Key, PublisherHealth] = {}
         self.watch(*(services or (service(),)))
         if not alone:
@@ -107,6 +109,8 @@ class Bench:
         for command in commands:
             if isinstance(command, ChangeRefused):
                 self.refused.append(command)
+            elif isinstance(command, Told):
+                self.told.append(command.text)
             elif isinstance(command, HealthChanged):
                 self.changes.append(command)
                 self.failures += command.failed

@@ -1,5 +1,5 @@
 """The calibration of a derivation: gain and offset as the sensor tells, and nothing worse."""
-from math import inf, nan, pi, sin, sqrt
+from math import inf, nan, pi, remainder, sin, sqrt, tau
 from random import Random
 from typing import Callable
 
@@ -217,3 +217,15 @@ def test_a_clock_that_was_set_back_does_no_harm() -> None:
     stream.now -= 1000.0
     stream.run(60.0)
     assert abs(stream.errs(5.0)) < 0.1
+
+
+@pytest.mark.parametrize("zero", (2.42, pi, -3.1))
+def test_an_angle_of_another_zero_has_an_offset_and_no_gain(zero: float) -> None:
+    calibrator, random = Calibrator(angle=True), Random(1)
+    for step in range(1500):
+        turned = 0.03 * step  # seven times around
+        measured = remainder(turned + zero + random.gauss(0.0, 0.01), tau)
+        calibrator.take(0.1 * step, measured, remainder(turned, tau))
+    found = calibrator.snapshot()
+    assert found.gain == 1.0 and found.error is not None and found.error.rms < 0.03
+    assert abs(remainder(found.offset - zero, tau)) < 0.02

@@ -239,6 +239,10 @@ def test_a_process_that_was_not_heard_is_another_than_the_one_that_failed(
     found = nodes.find(NAME, TOPIC, True, fake.uri)
     assert found.where is Where.ANOTHER and f"the one that failed is at {fake.uri}" in found.detail
     assert nodes.find(NAME, TOPIC, True, node.uri).where is Where.HERE
+    nodes.adopt(NAME, Known("", psutil.Process(node.process.pid)))
+    assert nodes.find(NAME, TOPIC, True, fake.uri).where is Where.ANOTHER
+    fake.end()  # then ours was started in its place
+    assert nodes.find(NAME, TOPIC, True, fake.uri).where is Where.HERE
 
 
 def test_a_process_that_closes_its_address_before_it_ends_is_dead(nodes: Nodes, make: Make) -> None:

@@ -3,24 +3,24 @@ from typing import List
 
 from monitor_bench import NODE, TOPIC, Bench, service
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.events import Command, FormerlyHealthy, RobotAwaited, Subscribed, Tick
+from shsa_core.monitoring.events import Command, FormerlyHealthy, Subscribed, Tick, Told
 
 OTHERS = [(f"/topic_{number}", f"/node_{number}") for number in range(4)]
 
 
-def awaited(commands: List[Command]) -> List[RobotAwaited]:
-    return [each for each in commands if isinstance(each, RobotAwaited)]
+def awaited(commands: List[Command]) -> List[str]:
+    return [each.text for each in commands if isinstance(each, Told)]
 
 
 def test_a_robot_that_is_not_there_is_awaited_and_nobody_has_failed() -> None:
     bench = Bench(alone=True)
     bench.wait(14.0)
-    told: List[RobotAwaited] = []
+    told: List[str] = []
     for _ in range(100):
         bench.now += 1.0
         told += awaited(bench.send(Tick(bench.now)))
     assert bench.failures == []
-    assert [each.services for each in told] == [((TOPIC, NODE),)]
+    assert told == [f"No node of the SOM is there yet. Waiting for: {TOPIC} from {NODE}"]
 
 
 def test_once_the_robot_comes_the_rest_has_the_grace_from_then_on() -> None:

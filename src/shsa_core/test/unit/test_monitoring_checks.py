@@ -310,3 +310,49 @@ def test_a_stranger_is_judged_by_any_service_of_its_topic() -> None:
     both(bench, 1.0)
     assert bench.kinds() == [("/stranger", "unknown_publisher")]
     assert "for 0.5 s" in bench.failures[0].detail
+
+
+def backwards(**limits: Any) -> Bench:
+    """A robot that drives backwards, which nobody saw when its SOM was drafted."""
+    names = ("odometry", "left_wheel", "right_wheel")
+    services = [
+        service(provision(property=each, **limits), name=each, topic="/" + each, node=f"/{each}_n")
+        for each in names
+    ]
+    bench = Bench(*services)
+    for each in services:
+        bench.connect(each.node, each.topic)
+    for step in range(200):
+        bench.wait(PERIOD)
+        for each in services:
+            bench.message(0.2 if step < 50 else -0.35, each.node, each.topic)
+    return bench
+
+
+def test_what_is_not_usual_is_told_once_and_is_no_failure() -> None:
+    bench = backwards(range=None, usual=(-0.2, 0.5))
+    assert bench.failures == []
+    assert len(bench.told) == 3 and "-0.2 to 0.5 are usual" in bench.told[0]
+    for health in bench.core.overview():
+        assert str(health.condition) == "doubtful" and "is -0.35" in health.detail
+    bench.stream(20, "/odometry_n", 0.1, "/odometry")
+    assert bench.rows["/odometry", "/odometry_n"].detail == ""
+
+
+def test_several_nodes_out_of_range_at_once_accuse_the_som_or_the_world() -> None:
+    bench = backwards(range=(-0.2, 0.5))
+    assert bench.failures == [] and len(bench.told) == 3
+    assert "the SOM may be wrong, or the world" in bench.rows["/odometry", "/odometry_n"].detail
+
+
+def test_services_that_fail_together_are_one_that_is_out_of_range() -> None:
+    both = [
+        service(name=each, topic="/" + each, node=f"/{each}_n", fails_with=("usb_hub",))
+        for each in ("one", "two")
+    ]
+    bench = Bench(*both)
+    for _ in range(3):
+        bench.wait(PERIOD)
+        for each in both:
+            bench.message(99.0, each.node, each.topic)
+    assert bench.kinds() == [("/one_n", "out_of_range"), ("/two_n", "out_of_range")]

@@ -46,6 +46,7 @@ def test_a_service_becomes_event_driven_and_periodic_again() -> None:
     bench.watch(service(period=None))
     assert bench.state() == "healthy"
     bench.wait(1000.0)
+    bench.message()
     bench.watch(service())
     assert bench.state() == "healthy"
     bench.stream(60)

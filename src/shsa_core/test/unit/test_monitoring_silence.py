@@ -1,12 +1,13 @@
 """Whose silence is a failure, and who has an alibi."""
-from typing import Any, Dict, Iterable, Tuple
+from typing import Any, Dict, Iterable, List, Tuple
 
 import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service
 
 from shsa_core.model.service import Service
 from shsa_core.monitoring.alibis import ROWS, Blame, Case, decide
-from shsa_core.monitoring.settings import COMING_UP_S, CONNECT_S, RECONNECT_S
+from shsa_core.monitoring.events import ClockTicked
+from shsa_core.monitoring.settings import COMING_UP_S, CONNECT_S, RECONNECT_S, Settings
 
 NODES = ("/one", "/two", "/three", "/four")
 
@@ -202,7 +203,10 @@ def test_each_alibi_clears_of_what_it_says_and_ends() -> None:
         dict(reconnects_until=11.0),
         dict(connected=9.0),
         dict(came_up=8.5),
+        dict(short=8.5),
         dict(together=3),
+        dict(confirmed=True),
+        dict(together=2),
         dict(subscribed=False),
         dict(formerly=True, together=3),
         dict(robot_came=False),
@@ -311,3 +315,36 @@ def test_an_interruption_of_who_is_not_known_is_nothing(
     before = bench.core.table()
     bench.interrupt(whom[1], whom[0])
     assert bench.core.table() == before
+
+
+def short_of_time(bench: Bench, seconds: float, share: float, *nodes: str) -> None:
+    """Something waits for a processor for such a share of the time; these nodes go on."""
+    for _ in range(round(seconds / PERIOD)):
+        bench.wait(PERIOD)
+        bench.send(ClockTicked(bench.now, bench.now, waited=share * bench.now))
+        for node in nodes:
+            bench.message(node=node)
+
+
+@pytest.mark.parametrize("share, failed", [(0.9, []), (0.2, [(NODE, "rate_low")])])
+def test_nobody_is_slow_where_the_computer_is_short_of_processor_time(
+    share: float, failed: List[Tuple[str, str]]
+) -> None:
+    bench = Bench(settings=Settings(minimum_deadline=1.0))
+    bench.connect()
+    bench.stream(60)
+    for _ in range(40):
+        short_of_time(bench, 3 * PERIOD, share)
+        bench.message()
+    assert bench.kinds() == failed
+    if not failed:
+        assert "short of processor time" in bench.rows[TOPIC, NODE].detail
+
+
+def test_who_hangs_while_the_computer_is_short_of_processor_time_is_found(bench: Bench) -> None:
+    bench.connect()
+    short_of_time(bench, 1.0, 0.9, NODE)
+    since = bench.now
+    short_of_time(bench, 4 * DEADLINE, 0.9)
+    assert bench.kinds() == [(NODE, "silent")]
+    assert 1.9 * DEADLINE <= bench.failures[0].since - since <= 2.1 * DEADLINE

@@ -18,6 +18,7 @@ from shsa_core.monitoring.events import (
     Message,
     SomChanged,
     Tick,
+    Told,
     failures_in,
 )
 from shsa_core.monitoring.machine import Monitor
@@ -54,6 +55,7 @@ class Robot:
         self.random, self.services = Random(1), services
         self.true = {"power": 120.0, "voltage": 12.0, "current": 10.0, "draw": 5.0}
         self.failures: List[PublisherHealth] = []
+        self.told: List[str] = []
         self.hear(SomChanged(self.now, Som(services)))
         for each in services:
             self.hear(Connected(self.now, each.topic, each.node))
@@ -61,6 +63,7 @@ class Robot:
     def hear(self, event: Any) -> None:
         said = self.core.handle(event)
         self.failures += failures_in(said)
+        self.told += [each.text for each in said if isinstance(each, Told)]
 
     def run(self, seconds: float, silent: str = "", **wrong: float) -> None:
         for _ in range(round(seconds / PERIOD)):
@@ -77,7 +80,7 @@ class Robot:
 
 
 def usual() -> List[Service]:
-    return [service("current", 2.0), service("power"), service("voltage")]
+    return [service("current", 2.0), service("power"), service("voltage"), service("draw")]
 
 
 def test_what_is_wrong_within_its_range_is_found_in_five_seconds(ontology: Ontology) -> None:
@@ -87,6 +90,7 @@ def test_what_is_wrong_within_its_range_is_found_in_five_seconds(ontology: Ontol
     robot.run(5.0, current=4.0)
     assert robot.kinds() == {"current": "witness"}
     assert "by /power_node, /voltage_node it is" in robot.failures[0].detail
+    assert "by /draw_node it is" in robot.failures[0].detail
     robot.run(30.0, current=4.0)
     assert len(robot.failures) == 1
     robot.run(5.0)
@@ -116,7 +120,7 @@ def test_without_a_limit_nobody_is_compared(ontology: Ontology) -> None:
 
 
 def test_of_two_witnesses_both_must_say_so(ontology: Ontology) -> None:
-    robot = Robot(ontology, *usual(), service("draw"))
+    robot = Robot(ontology, *usual())
     robot.run(10.0)
     robot.run(20.0, draw=20.0)
     robot.run(20.0, power=20.0)
@@ -125,12 +129,20 @@ def test_of_two_witnesses_both_must_say_so(ontology: Ontology) -> None:
     assert robot.kinds() == {"current": "witness"}
 
 
-def test_who_is_in_dispute_is_no_witness_alone(ontology: Ontology) -> None:
-    """Either may be wrong, and so nobody is blamed."""
-    robot = Robot(ontology, service("current", 2.0), service("power"), service("voltage", 2.0))
+def test_one_witness_never_convicts_and_is_told_once(ontology: Ontology) -> None:
+    robot = Robot(ontology, *usual()[:3])
     robot.run(10.0)
     robot.run(30.0, current=4.0)
     assert robot.failures == []
+    (told,) = robot.told
+    assert "nobody can tell which is wrong" in told
+    (row,) = (each for each in robot.core.table() if each.topic == "/current")
+    assert row.state == "healthy" and row.detail in told
+    assert healthy(robot)["current"] == "doubtful"
+    robot.run(10.0)
+    assert set(healthy(robot).values()) == {"healthy"}
+    (row,) = (each for each in robot.core.table() if each.topic == "/current")
+    assert row.detail == ""
 
 
 def test_two_witnesses_settle_a_dispute(ontology: Ontology) -> None:
@@ -274,7 +286,7 @@ def test_where_all_differ_nobody_is_blamed(judged: Ontology) -> None:
 
 
 def test_errors_that_nobody_states_are_known_once_they_were_seen(ontology: Ontology) -> None:
-    services = [known("current", 0.1, True), *usual()[1:], service("draw")]
+    services = [known("current", 0.1, True), *usual()[1:]]
     robot = Robot(ontology, *services)
     robot.run(240.0)
     assert robot.failures == []
@@ -283,7 +295,7 @@ def test_errors_that_nobody_states_are_known_once_they_were_seen(ontology: Ontol
 
 
 def test_without_known_errors_nothing_is_judged_by_them(ontology: Ontology) -> None:
-    services = [known("current", 0.1, True), *usual()[1:], service("draw")]
+    services = [known("current", 0.1, True), *usual()[1:]]
     robot = Robot(ontology, *services)
     robot.run(10.0)
     robot.run(20.0, current=4.0)
@@ -293,7 +305,22 @@ def test_without_known_errors_nothing_is_judged_by_them(ontology: Ontology) -> N
 
 def test_a_witness_of_two_needs_the_other_to_agree(ontology: Ontology) -> None:
     """One witness tells too high, the other too low: no third is proven wrong."""
-    robot = Robot(ontology, *usual(), service("draw"))
+    robot = Robot(ontology, *usual())
     robot.run(10.0)
     robot.run(20.0, draw=8.0, power=60.0)
     assert robot.failures == []
+
+
+def test_a_value_out_of_its_range_that_others_confirm_accuses_the_som(ontology: Ontology) -> None:
+    """The load is larger than whoever wrote the range ever saw."""
+    current = service("current", 2.0)
+    narrow = replace(current.provides[0], range=(0.0, 15.0))
+    robot = Robot(ontology, replace(current, provides=(narrow,)), *usual()[1:])
+    robot.run(10.0)
+    robot.true.update(power=240.0, current=20.0, draw=10.0)
+    robot.run(10.0)
+    assert robot.failures == []
+    (told,) = robot.told
+    assert "the range in the SOM may be wrong, and not the node" in told
+    robot.run(5.0, current=40.0)
+    assert robot.kinds() == {"current": "out_of_range"}

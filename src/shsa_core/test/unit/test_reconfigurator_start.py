@@ -1,10 +1,12 @@
 """The start of the reconfigurator's shell."""
 from argparse import Namespace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, List
 
 import pytest
 
+from shsa_core.errors import ModelError
 from shsa_core.healing.settings import Settings
 from shsa_core.model.host import Host
 from shsa_core.model.ontology import Ontology
@@ -55,3 +57,14 @@ def test_agents_that_the_master_cannot_tell_of_us_are_told() -> None:
     reconfigurator.ReconfiguratorNode._listen(node, SOM, True)
     assert heard == [["pi"], True]
     assert told == ["/shsa/hosts/pi/commands", "/shsa/hosts/pi/events"]
+
+
+def test_what_check_calls_invalid_is_refused_at_the_start(tmp_path: Path) -> None:
+    ontology, som = tmp_path / "ontology.yaml", tmp_path / "som.yaml"
+    ontology.write_text("properties: {a: {unit: A}}\n")
+    service = (
+        "{topic: t, type: std_msgs/Float64, node: n, period: 0.1, provides: {b: {field: data}}}"
+    )
+    som.write_text("services:\n  s: " + service + "\n")
+    with pytest.raises(ModelError, match=r"som.yaml:2: s provides 'b', which is not in the ontol"):
+        reconfigurator.read_models(str(ontology), str(som))

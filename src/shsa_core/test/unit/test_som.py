@@ -313,11 +313,7 @@ def test_a_deadline_that_is_learned_outlasts_the_parameter_server() -> None:
     (v,) = som
     assert v.deadline == AdaptiveDeadline(0.5)
     assert merge_parameters(som, som_parameters(som)) == (som, [])
-    for deadline, read in ((3, 3.0), ({"false_alarms": 2.0}, AdaptiveDeadline(2.0))):
-        tree: Any = som_parameters(som)
-        tree["services"]["v"]["deadline"] = deadline
-        (changed_,), errors = merge_parameters(som, tree)
-        assert changed_.deadline == read and errors == []
+    tree: Any = som_parameters(som)
     tree["services"]["v"]["deadline"] = {"false_alarms": -1}
     kept, errors = merge_parameters(som, tree)
     assert kept == som and "v/deadline/false_alarms: false_alarms must be" in str(errors[0])

@@ -46,6 +46,7 @@ def test_a_number_is_one_parameter(good: Som) -> None:
 def test_what_decides_whom_healing_kills_comes_from_the_file_alone(key: str) -> None:
     others: Dict[str, Any] = {"topic": "/x", "type": "a/B", "node": "/x", "policy": "restart"}
     others.update(contain="none", gate="/t/raw")
+    others.update(needed=True, deadline=9.0, checks={"rate_low": False})
     others.update(host="pi", placement={"forbid": ["pi"]}, on_partition="wait")
     hosts: Dict[str, Dict[str, float]] = {"pi": {}, "board": {"cores": 2.0}}
     old = som_of({**changed("period", 0.1), "hosts": hosts})
@@ -66,6 +67,30 @@ def test_neither_fields_nor_commands_come_from_parameters(key: str, value: Any, 
     old = som_of(changed("period", 0.1))
     som, errors = merge_parameters(old, changed(key, value))
     assert som == old and words in errors[0].what
+
+
+def test_parameters_make_a_range_only_wider_than_in_the_file(good: Som) -> None:
+    tree: Any = som_parameters(good)
+    value = tree["services"]["current"]["provides"]["battery_current"]
+    value["range"] = [-5.0, 70.0]
+    wider, errors = merge_parameters(good, tree)
+    assert errors == [] and wider != good
+    value["range"] = [-5.0, 59.0]
+    som, errors = merge_parameters(good, tree, current=wider)
+    assert som == wider and "only the SOM file can make it narrower" in errors[0].what
+    value["range"] = [-5.0, 60.0]
+    assert merge_parameters(good, tree, current=wider) == (good, [])
+    value["checks"] = {"jump": 1.0}
+    assert "in the SOM file alone" in merge_parameters(good, tree)[1][0].what
+
+
+def test_what_was_valid_last_stays(good: Som) -> None:
+    tree: Any = som_parameters(good)
+    tree["services"]["current"]["period"] = 0.021
+    valid, _ = merge_parameters(good, tree)
+    tree["services"]["current"]["period"] = -3
+    som, errors = merge_parameters(good, tree, current=valid)
+    assert som.services["current"].period == 0.021 and len(errors) == 1
 
 
 def test_parameters_add_and_drop_no_service(good: Som) -> None:

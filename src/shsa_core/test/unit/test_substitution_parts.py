@@ -209,6 +209,22 @@ def test_what_is_computed_is_published_as_it_is_calibrated() -> None:
     assert job.latest is None
 
 
+def test_an_angle_of_another_zero_goes_on_from_the_last_good_one() -> None:
+    field = "yaw(pose.pose.orientation)"
+    out = signal("/out", field=field)
+    job = Job(row(code="t0=x[0];y=t0;", outputs=(out,)), 0.0)
+    job.start([(field, 0.5)])
+    found = []
+    for step in range(3):
+        job.evaluate((0.5 + 2.42 + 0.01 * step,), float(step + 1))
+        found += job.latest or ()
+    assert found == pytest.approx([0.5, 0.51, 0.52])
+    calibrated = row(code="t0=x[0];y=t0;", outputs=(replace(out, offset=-2.42),))
+    assert job.follow(calibrated, 4.0)
+    job.evaluate((2.95,), 5.0)
+    assert job.latest == pytest.approx((0.53,))
+
+
 @pytest.mark.parametrize(
     "law, integrates", [("i1", False), ("integral(i1)", True), ("1.0+integral(i1)", True)]
 )

@@ -60,7 +60,7 @@ def test_a_periodic_topic(read: Reader) -> None:
     service = only(som)
     assert (service.name, service.topic, service.node) == ("speed", "/speed", "/node")
     assert service.period == 0.02 and not service.needed
-    assert service.provides[0].range == (-3.0, 3.0)
+    assert service.provides[0].usual == (-3.0, 3.0)
     assert "every 0.0" in made.som and "-1 to 1" in made.som
 
 
@@ -106,7 +106,7 @@ def test_a_range_holds_what_was_seen(one: float, other: float) -> None:
 def test_what_may_go_on_has_no_range(read: Reader, values: List[Tuple[float, float]]) -> None:
     robot = Robot()
     robot.says("/a", values)
-    assert only(read(robot.survey())[0]).provides[0].range is None
+    assert only(read(robot.survey())[0]).provides[0].usual is None
 
 
 def test_whole_numbers_stay_within_their_type(read: Reader) -> None:
@@ -114,7 +114,7 @@ def test_whole_numbers_stay_within_their_type(read: Reader) -> None:
     values = [(t, (0.0, 2**31 - 1 if int(t) % 2 else 0)) for t in times(0.05, 20.0)]
     robot.says("/pair", values, kind="test_msgs/Pair")
     (provision,) = only(read(robot.survey())[0]).provides
-    assert provision.range is not None and provision.range[1] <= 2**31 - 1
+    assert provision.usual is not None and provision.usual[1] <= 2**31 - 1
 
 
 def test_constant_values_stand_in_comments_beside_one_that_moves(read: Reader) -> None:

@@ -13,11 +13,19 @@ from shsa_core.analysis.type_check import MessageTypes, check_healable, check_ty
 from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL, compile_program
-from shsa_core.errors import GenerationError, ModelError, NoSubstitute, UnitError, listed
+from shsa_core.errors import (
+    GenerationError,
+    ModelError,
+    ModelErrors,
+    NoSubstitute,
+    UnitError,
+    listed,
+)
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.language.units import Unit, parse_unit
+from shsa_core.model.field import is_angle
 from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
@@ -71,6 +79,14 @@ def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
         findings += check_placements(ontology, som)
         findings += _check_elsewhere(ontology, som)
     return findings
+
+
+def refuse_invalid(ontology: Ontology, som: Som) -> None:
+    """Raise ModelErrors, with file and line, if a model that can be read is not valid."""
+    found = (*_check_units(ontology), *_check_functions(ontology), *_check_names(ontology, som))
+    errors = [ModelError(each.where, each.what) for each in found if each.level == "error"]
+    if errors:
+        raise ModelErrors(errors)
 
 
 def _check_elsewhere(ontology: Ontology, som: Som) -> Iterator[Finding]:
@@ -225,6 +241,16 @@ def _check_plan(service: Service, plan: Plan, causes: Iterable[str]) -> Iterator
             f"{service.name} is needed, and fails with {cause}; "
             f"so does {shared[cause].service.name}, which its substitute reads",
             f"Add a relation or a service that does without {cause}",
+        )
+    turned = [s for s in plan.inputs if is_angle(s.provision.field)]
+    if turned and any(is_angle(each.provision.field) for each in plan.outputs):
+        yield Finding(
+            "warning",
+            service.where,
+            f"the substitute of {service.name} passes on an angle of {turned[0].service.name}, "
+            "whose zero may be another",
+            "Nothing, if both publish for a minute before a failure: the offset is learned. "
+            "Else the angle goes on from the last good one",
         )
     slow = slowest(service, plan.inputs)
     if slow is not None:

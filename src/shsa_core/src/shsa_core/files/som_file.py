@@ -2,7 +2,7 @@
 import dataclasses
 import os
 import re
-from typing import Any, Collection, Dict, Iterable, List, Mapping, Tuple
+from typing import Any, Collection, Dict, Iterable, List, Mapping, Optional, Tuple
 
 from shsa_core.errors import ModelError, ModelErrors, listed
 from shsa_core.files.document import Entry, Value, from_parameters, read_yaml
@@ -15,15 +15,16 @@ from shsa_core.model.error import quality_of
 from shsa_core.model.field import is_distance
 from shsa_core.model.host import Host
 from shsa_core.model.names import full_name
-from shsa_core.model.service import Provision, Service
+from shsa_core.model.service import Provision, Service, is_within
 from shsa_core.model.som import Som
 
 PARAMETER = "shsa/som"
 FROM_FILE_ALONE = (
     *("topic", "gate", "type", "node", "policy", "contain"),
     *("host", "placement", "on_partition"),
+    *("needed", "deadline", "checks"),
 )
-"""The keys that decide whom healing may kill or start, and where."""
+"""The keys that decide whom healing may kill or start, and where, and when it looks away."""
 NAMES = ("topic", "gate", "node")
 """The keys whose names may be relative to the namespace in which healing runs."""
 _HOST_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}\Z")  # it becomes a part of topics
@@ -95,14 +96,19 @@ def read_tree(tree: Value, namespace: str = "/") -> Tuple[Som, List[ModelError]]
 
 
 def merge_parameters(
-    current: Som, value: object, where: str = PARAMETER, namespace: str = "/"
+    file: Som,
+    value: object,
+    where: str = PARAMETER,
+    namespace: str = "/",
+    current: Optional[Som] = None,
 ) -> Tuple[Som, List[ModelError]]:
     """Return the SOM that a changed tree of parameters asks for, and all that is wrong with it.
 
-    Parameters change the numbers of services that the file has. A service that is not valid, or
-    that is not there, stays as it is in `current`; what FROM_FILE_ALONE names, fields and commands
-    must be as there.
+    Parameters change numbers of services that the `file` has. What FROM_FILE_ALONE names, fields,
+    checks and commands must be as there, and a range at least as wide. A service that is not valid,
+    or that is not there, stays as it is in `current`; None: as in the file.
     """
+    current = current or file
     if not isinstance(value, dict) or not isinstance(value.get("services"), dict):
         return current, [_no_services(value, where)]
     keys = from_parameters(dict.fromkeys(value), where)
@@ -118,7 +124,7 @@ def merge_parameters(
             if name not in services:
                 raise entry.error("the SOM file has no such service; only the file can add one")
             service = _service(name, entry, namespace, services, current.hosts)
-            services[name] = _as_in_file(service, services[name], entry)
+            services[name] = _as_in_file(service, file.services[name], entry)
         except ModelError as error:
             errors += error.errors
     return current.with_services(services.values()), errors
@@ -268,11 +274,17 @@ def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
     fields = [(p.property, p.field) for p in old.provides]
     if sorted((p.property, p.field) for p in service.provides) != sorted(fields):
         raise entry.error("properties and fields can be changed in the SOM file alone")
+    provisions = {each.property: each for each in service.provides}
+    for before in old.provides:
+        now = provisions[before.property]
+        if now.checks != before.checks:
+            raise entry.error(f"checks of {now.property} can be changed in the SOM file alone")
+        if not is_within(before.range, now.range):
+            raise entry.error(f"range of {now.property}: only the SOM file can make it narrower")
     if service.last_resort.command:
         raise entry.error("a command can stand in the SOM file only, not on the parameter server")
     # The parameter server does not keep the order, which the generated code follows.
-    of_property = {each.property: each for each in service.provides}
-    provides = tuple(of_property[name] for name in old.properties)
+    provides = tuple(provisions[name] for name in old.properties)
     resort = dataclasses.replace(service.last_resort, command=old.last_resort.command)
     return dataclasses.replace(service, provides=provides, last_resort=resort)
 

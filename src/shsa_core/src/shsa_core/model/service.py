@@ -29,6 +29,7 @@ class Provision:
     error: Optional[Error] = None
     unreadable: str = ""
     calibrate: bool = True
+    usual: Optional[Tuple[float, float]] = None
     where: str = dataclasses.field(default="", compare=False, repr=False)
 
 
@@ -281,6 +282,13 @@ class Deadlines:
         usual = self.of(service)
         learned = isinstance(service.deadline, AdaptiveDeadline)
         return self.ADAPTIVE * usual if learned and usual is not None else usual
+
+
+def is_within(inner: Optional[Tuple[float, float]], outer: Optional[Tuple[float, float]]) -> bool:
+    """Tell if all of a range lies in another one; None: it has no limits."""
+    if inner is None or outer is None:
+        return outer is None
+    return outer[0] <= inner[0] and inner[1] <= outer[1]
 
 
 def signal_path(topic: str, field: str) -> str:

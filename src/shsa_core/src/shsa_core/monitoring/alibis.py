@@ -1,7 +1,8 @@
-"""Decides who may not be blamed for being late, why, and for how long: one table, in order.
+"""Decides who may not be blamed, why, and for how long: one table, in order.
 
-A silence, a low rate, a late start and a gap that would teach how long a stream may be silent are
-asked the same. Together all alibis of a silence grant it as long again as it is allowed, at most.
+A silence, a low rate, an old stamp, a late start, a value out of range and a gap that would teach
+how long a stream may be silent are asked the same. Together all alibis of a silence grant it as
+long again as it is allowed, at most.
 """
 from dataclasses import dataclass
 from enum import Enum
@@ -17,6 +18,8 @@ class Blame(Enum):
     SILENCE = "silence"
     RATE = "rate"
     GAP = "gap"
+    STAMP = "stamp"
+    RANGE = "range"
     START = "start"
 
 
@@ -26,9 +29,11 @@ class Case:
 
     `limit`: until when alibis of a silence count. `due`: when it is late by the watch, which stands
     while nobody could act. `reconnects_until`: until then it gives a connection that was lost anew.
-    `connected`, `came_up`: when healing connected to it, and when a substitute came up, last.
-    `together`: how many nodes are late with it, itself included. `subscribed`: its topic is.
-    `robot_came`: some node of the robot was there. `formerly`: it did well under a former monitor.
+    `connected`, `came_up`, `short`: when healing connected to it, when a substitute came up, and
+    when the computer was short of processor time, last.
+    `together`: how many nodes are late, or out of range, with it, itself included. `confirmed`:
+    what others tell is as far out of range. `subscribed`: its topic is. `robot_came`: some node of
+    the robot was there. `formerly`: it did well under a former monitor.
     """
 
     blame: Blame
@@ -39,17 +44,23 @@ class Case:
     reconnects_until: float = -inf
     connected: float = -inf
     came_up: float = -inf
+    short: float = -inf
     together: int = 1
+    confirmed: bool = False
     subscribed: bool = True
     robot_came: bool = True
     formerly: bool = False
 
 
 class Alibi(NamedTuple):
-    """Why a publisher is not blamed, and until when that holds if nothing changes."""
+    """Why a publisher is not blamed, and until when that holds if nothing changes.
+
+    `accuses_som`: the SOM may be wrong; people should look.
+    """
 
     why: str
     until: float
+    accuses_som: bool = False
 
 
 class Row(NamedTuple):
@@ -61,7 +72,7 @@ class Row(NamedTuple):
     until: Callable[[Case], float] = lambda case: case.limit
 
 
-_SILENCE, _START = (Blame.SILENCE,), (Blame.START,)
+_SILENCE, _RANGE, _START = (Blame.SILENCE,), (Blame.RANGE,), (Blame.START,)
 _LATE = (Blame.SILENCE, Blame.RATE, Blame.GAP)
 
 ROWS = (
@@ -88,9 +99,24 @@ ROWS = (
         lambda case: case.came_up + COMING_UP_S >= case.began,
     ),
     Row(
+        "the computer is short of processor time",
+        (*_LATE, Blame.STAMP),
+        lambda case: case.short + COMING_UP_S >= case.began,
+    ),
+    Row(
         "nodes that have nothing to do with each other are late together",
         _LATE,
         lambda case: case.together >= TOGETHER_NODES,
+    ),
+    Row(
+        "what others tell confirms its value: the range in the SOM may be wrong, and not the node",
+        _RANGE,
+        lambda case: case.confirmed,
+    ),
+    Row(
+        "nodes that share no cause are out of range together: the SOM may be wrong, or the world",
+        _RANGE,
+        lambda case: case.together > 1,
     ),
     Row("its topic is not subscribed yet", _START, lambda case: not case.subscribed),
     Row(
@@ -112,5 +138,5 @@ def decide(case: Case) -> Optional[Alibi]:
     """Return the first alibi that holds; None: the publisher is to blame."""
     for row in ROWS:
         if case.blame in row.clears and row.applies(case) and row.until(case) > case.now:
-            return Alibi(row.why, row.until(case))
+            return Alibi(row.why, row.until(case), case.blame is Blame.RANGE)
     return None

@@ -1,5 +1,4 @@
 """Keeps up the table of health: who publishes what, how each is doing, and what changed."""
-from dataclasses import dataclass
 from math import inf
 from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
 
@@ -8,13 +7,12 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.events import (
-    ChangeAdopted,
-    ChangeRefused,
     Command,
     HealthChanged,
     Key,
     PublisherHealth,
     PublisherState,
+    Told,
 )
 from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedService, WatchedTopic
 from shsa_core.monitoring.substitutes import Bridges, Substitutes
@@ -36,15 +34,7 @@ class Grace(NamedTuple):
     service: str
 
 
-@dataclass(frozen=True)  # as a tuple it would be equal to a Grace
-class Trial:
-    """A service on probation may have been silent for longer than it would be allowed."""
-
-    topic: str
-    service: str
-
-
-Due = Union[Silence, Grace, Trial]
+Due = Union[Silence, Grace]
 
 NEVER_GOOD = "it was never good by these numbers: the SOM may be wrong, and not the node"
 BY_RATE = (Kind.RATE_LOW, Kind.RATE_HIGH)
@@ -59,7 +49,7 @@ class Board:
         self.bridges = Bridges()
         self.agenda: Agenda[Due] = Agenda()
         self._failed: List[PublisherHealth] = []
-        self._changes: List[Command] = []
+        self._told: List[Command] = []
         self._touched: Dict[Key, None] = {}
 
     def all(self) -> Iterable[Tuple[WatchedTopic, Publisher]]:
@@ -79,15 +69,15 @@ class Board:
         return tuple(publisher.row(topic.name) for topic, publisher in self.all())
 
     def commands(self, time: float) -> List[Command]:
-        """Return the changed rows and what became of changes since the last call."""
+        """Return the changed rows, and what is told to people, since the last call."""
         commands: List[Command] = []
         if self._touched:
             found = {key: self.find(*key) for key in self._touched}
             rows = tuple(each[1].row(each[0].name) for each in found.values() if each)
             removed = tuple(key for key, each in found.items() if not each)
             commands.append(HealthChanged(time, rows, removed, tuple(self._failed)))
-        commands += self._changes
-        self._failed, self._touched, self._changes = [], {}, []
+        commands += self._told
+        self._failed, self._touched, self._told = [], {}, []
         return commands
 
     # Who is who
@@ -125,7 +115,7 @@ class Board:
             return False
         bridged = self.bridges.heard((topic.name, publisher), row, time)
         if bridged is not None:
-            self._changes.append(bridged)
+            self._told.append(bridged)
         return True
 
     def meet(self, topic: WatchedTopic, name: str, time: float, uri: str = "") -> Publisher:
@@ -189,16 +179,19 @@ class Board:
         self._failed.append(publisher.row(topic.name))
         self.touch(topic, publisher.name)
 
-    def excuse(self, topic: WatchedTopic, publisher: Publisher, why: str) -> None:
-        """Tell why a publisher is not blamed though it is late; empty: it is not late any more."""
-        detail = f"not blamed: {why}" if why else ""
+    def note(
+        self, topic: WatchedTopic, publisher: Publisher, detail: str, time: float, log: bool = False
+    ) -> None:
+        """Tell why one that has not failed is not blamed, or what is unusual; empty: nothing is.
+
+        `log`: people are told as well, once in a life of it.
+        """
         if publisher.detail != detail:
             publisher.detail = detail
             self.touch(topic, publisher.name)
-
-    def decide(self, change: Union[ChangeAdopted, ChangeRefused]) -> None:
-        """Tell that a change of the SOM counts, or does not."""
-        self._changes.append(change)
+        if log and detail not in publisher.logged:
+            publisher.logged.add(detail)
+            self._told.append(Told(time, f"{topic.name}: {publisher.name}: {detail}"))
 
     def become_healthy(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
         """Find a publisher healthy."""

@@ -10,7 +10,7 @@ before it failed teaches nothing. After the first SETTLING_S, gain and offset mo
 far: who drifts along with a sensor must be slower than the sensor's drift is seen.
 """
 from collections import deque
-from math import ceil, exp, sqrt
+from math import ceil, exp, remainder, sqrt, tau
 from typing import Deque, List, Optional, Tuple
 
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
@@ -24,15 +24,15 @@ class Calibrator:
     """The calibration of one derivation of one sensor's value.
 
     `stated`: the rms error that the relation is known to have, in the unit of the value; None: not
-    known. Times in s.
+    known. `angle`: in rad, of any zero: there is an offset, and no gain. Times in s.
     """
 
-    def __init__(self, stated: Optional[float] = None) -> None:
-        self._stated = stated or 0.0
+    def __init__(self, stated: Optional[float] = None, angle: bool = False) -> None:
+        self._stated, self._angle = stated or 0.0, angle
         self._taken: Optional[float] = None
         self._waiting: Deque[Tuple[float, float, float]] = deque()
         self._learned: Optional[float] = None
-        self._means = _Means()
+        self._mean_derived = self._mean_residual = self._seen = 0.0
         self._slope = _Slope()
         self._gain = _Limited()
         self._shift = _Limited()  # calibrated minus derived, at a fixed derived value
@@ -89,16 +89,20 @@ class Calibrator:
             else min(time - self._learned, settings.SAMPLE_COUNTS_S)
         )
         self._learned = time
-        residual = measured - derived
+        residual, mean = measured - derived, self._mean_residual
+        if self._angle:
+            residual = mean + remainder(residual - mean, tau)
         self._note(time, derived, residual)
-        means = self._means
-        told = self._slope.learn(passed, derived - means.derived, residual - means.residual)
-        means.learn(passed, derived, residual)
+        told = self._slope.learn(passed, derived - self._mean_derived, residual - mean)
+        self._seen = self._seen * exp(-passed / settings.MEMORY_S) + passed
+        self._mean_derived += passed / self._seen * (derived - self._mean_derived)
+        self._mean_residual += passed / self._seen * (residual - mean)
         gain = min(max(self._slope.gain, settings.GAINS[0]), settings.GAINS[1]) - 1.0
-        self._gain.follow(gain, passed, told, settings.GAIN_STEP)
+        if not self._angle:
+            self._gain.follow(gain, passed, told, settings.GAIN_STEP)
         if not self._shift.settled:
-            self._at = means.derived
-        shift = means.residual + self._gain.value * (self._at - means.derived)
+            self._at = self._mean_derived
+        shift = self._mean_residual + self._gain.value * (self._at - self._mean_derived)
         self._shift.follow(shift, passed, passed, self._step)
 
     def _note(self, time: float, derived: float, residual: float) -> None:
@@ -107,7 +111,8 @@ class Calibrator:
         if known and (self._noted is None or time - self._noted >= settings.SAMPLE_COUNTS_S):
             self._noted = time
             gain, offset = self._applied
-            self._errors.append(((gain - 1.0) * derived + offset - residual, -residual))
+            plain = -remainder(residual, tau) if self._angle else -residual
+            self._errors.append(((gain - 1.0) * derived + offset - residual, plain))
 
     @property
     def _step(self) -> float:
@@ -116,21 +121,6 @@ class Calibrator:
             return self._shift.step
         late = [each for each, _ in self._errors][len(self._errors) // 2 :]
         return max(self._stated, _error(late or [0.0]).rms)
-
-
-class _Means:
-    """Exponentially weighted means of what is derived, and of measured minus derived."""
-
-    def __init__(self) -> None:
-        self.derived = self.residual = 0.0
-        self._seen = 0.0
-
-    def learn(self, passed: float, derived: float, residual: float) -> None:
-        """A sample that stands for `passed` s."""
-        self._seen = self._seen * exp(-passed / settings.MEMORY_S) + passed
-        share = passed / self._seen
-        self.derived += share * (derived - self.derived)
-        self.residual += share * (residual - self.residual)
 
 
 class _Slope:

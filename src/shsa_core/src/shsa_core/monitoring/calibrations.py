@@ -1,9 +1,10 @@
 """Calibrates what would substitute each needed service, by its node while that is healthy.
 
 For each service the best plan is followed, and the best one without each node that this plan
-reads: what healing would choose now, and after one more failure. Angles, which wrap, and integrals,
-which start at the last good value, are not calibrated; nor are event-driven and latched topics, and
-values that have only been whole numbers, which may be states.
+reads: what healing would choose now, and after one more failure. Of the angles of a quaternion the
+offset is learned, as their zeros differ; other angles, which wrap nobody knows where, are not
+calibrated, nor are integrals, which start at the last good value, event-driven and latched topics,
+and values that have only been whole numbers, which may be states.
 """
 from collections import deque
 from dataclasses import dataclass
@@ -101,7 +102,7 @@ class Calibrations:
         steady = not (service.event_driven or service.latched)
         if known is None or not steady or not source.provision.calibrate:
             return False
-        return known.unit.strip() not in UNITS_OF_ANGLES and not is_angle(source.provision.field)
+        return is_angle(source.provision.field) or known.unit.strip() not in UNITS_OF_ANGLES
 
     def _is_told(self, output: Output) -> bool:
         return self._calibrates(output.source) and not output.integrates

@@ -4,6 +4,7 @@ from typing import Callable, Collection, Dict, List, NamedTuple, Optional
 
 from shsa_core.codegen.prediction import predictor
 from shsa_core.model.ontology import Ontology
+from shsa_core.model.samples import ValueSample
 from shsa_core.model.service import Deadlines, Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.calibrations import Calibrations
@@ -55,6 +56,19 @@ class Comparisons:
             self._witnesses.look(service, publisher.suspicions, values, time)
         findings = (each.finding for each in publisher.suspicions.values())
         return Compared(service, values, looked, next(filter(None, findings), None))
+
+    def confirms(self, publisher: Publisher, outside: ValueSample, time: float) -> bool:
+        """Tell if a derived value is about as far out of a range, on the same side."""
+        service = publisher.service
+        if service is None or outside.range is None or service.node != publisher.name:
+            return False
+        low, high = outside.range
+        beyond = max(low - outside.value, outside.value - high)
+        for derived in self._derivations.derived(service, outside.name, time):
+            same_side = derived < low if outside.value < low else derived > high
+            if same_side and 0.5 * beyond <= max(low - derived, derived - high) <= 2.0 * beyond:
+                return True
+        return False
 
     def learn(self, publisher: Publisher, compared: Compared, time: float, good: bool) -> None:
         """Learn from a message that was compared; who fails, or is in doubt, teaches nothing."""

@@ -5,13 +5,14 @@ newest values of healthy nodes. While nothing is held against anybody it is cali
 """
 from dataclasses import dataclass, field
 from math import inf, isfinite
-from typing import Dict, Iterable, List, Mapping, Optional, Set, Tuple
+from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.codegen.program import Step, compile_program
 from shsa_core.language.memory import MAX_GAP_S
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
+from shsa_core.model.field import is_angle
 from shsa_core.model.service import Deadlines, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
@@ -36,7 +37,8 @@ class Output:
     def calibrate(self) -> None:
         """Learn gain and offset from now on."""
         if self.calibrator is None:
-            self.calibrator = Calibrator(self.stated.rms if self.stated else None)
+            angle = is_angle(self.source.provision.field)
+            self.calibrator = Calibrator(self.stated.rms if self.stated else None, angle)
 
 
 @dataclass(eq=False)
@@ -85,13 +87,12 @@ class FollowedPlan:
 class _Heard:
     """The values that a service's own node told while healthy, by property, with their times.
 
-    `sound`: nothing is held against its newest message. `disputed`: the properties that others
-    contradict. `read`: those that some program reads; `readers`: these programs.
+    `sound`: nothing is held against its newest message. `read`: the properties that some program
+    reads; `readers`: these programs.
     """
 
     values: Dict[str, Tuple[float, float]] = field(default_factory=dict)
     sound: bool = False
-    disputed: Set[str] = field(default_factory=set)
     read: Set[str] = field(default_factory=set)
     readers: Set[FollowedPlan] = field(default_factory=set)
     looked: float = -inf
@@ -114,7 +115,6 @@ class Derivations:
         for heard in self._services.values():
             heard.read.clear()
             heard.readers.clear()
-            heard.disputed.clear()
             for followed in heard.followed:
                 followed.witness = False
             heard.followed = [each for each in heard.followed if self._goes_on(each)]
@@ -199,14 +199,14 @@ class Derivations:
                     each.refresh(time)
                     self._refreshed.append(each)
 
-    def dispute(self, source: Source, disputed: bool) -> None:
-        """Note if others contradict a value."""
-        properties = self._services[source.service.name].disputed
-        (properties.add if disputed else properties.discard)(source.property)
-
-    def is_disputed(self, source: Source) -> bool:
-        """Tell if others contradict a value."""
-        return source.property in self._services[source.service.name].disputed
+    def derived(self, service: Service, property: str, time: float) -> Iterator[float]:
+        """Yield what sound inputs tell now of a value of a service."""
+        for followed in self._services[service.name].followed:
+            for output in followed.outputs:
+                if output.source.property == property and not followed.remembers:
+                    self._evaluate(followed, time)
+                    if output.derived is not None and not followed.doubtful:
+                        yield output.derived
 
     def refreshed(self) -> List[FollowedPlan]:
         """Return the programs of which new calibrations are known since the last call."""

@@ -27,9 +27,10 @@ class PublisherState(Word):
 class PublisherHealth:
     """One row of the monitor's table: the state since `since`; `kind` of failure, if it failed.
 
-    `detail`: what was seen and what is allowed; of one that has not failed: why it is not blamed
-    though it is late. `last_message`: of one that failed, the serialized message from which a
-    substitute goes on; empty: not known. `uri`: the address of the process that was heard.
+    `detail`: what was seen and what is allowed; of one that has not failed: why it is not blamed,
+    or what is doubtful or unusual. `last_message`: of one that failed, the serialized message from
+    which a substitute goes on; empty: not known. `uri`: the address of the
+    process that was heard.
     """
 
     topic: str
@@ -181,11 +182,15 @@ class Tick:
 
 @dataclass(frozen=True)
 class ClockTicked:
-    """ROS time was `ros_time` s; `simulated`: it comes from /clock, and not from this computer."""
+    """ROS time was `ros_time` s; `simulated`: it comes from /clock, and not from this computer.
+
+    `waited`: s in all in which something waited for a processor, by the kernel; None: not known.
+    """
 
     time: float
     ros_time: float
     simulated: bool = False
+    waited: Optional[float] = None
 
 
 @dataclass(frozen=True)
@@ -234,7 +239,7 @@ class HealthChanged:
 
 @dataclass(frozen=True)
 class ChangeRefused:
-    """A changed service is refused, since a healthy publisher violates it at once.
+    """Changed numbers of a service are refused, since a healthy publisher violates them.
 
     `service` has the numbers that count. `text` says what was to change, and what the publisher
     does.
@@ -246,20 +251,12 @@ class ChangeRefused:
 
 
 @dataclass(frozen=True)
-class ChangeAdopted:
-    """A changed service counts, since a healthy publisher conforms to it; `text` says what."""
+class Told:
+    """A line for people, in the log: a warning, or how things go."""
 
     time: float
-    service: str
     text: str
-
-
-@dataclass(frozen=True)
-class RobotAwaited:
-    """Nobody has come yet for these services, each a topic and its node; so nobody is blamed."""
-
-    time: float
-    services: Tuple[Key, ...]
+    warning: bool = True
 
 
 @dataclass(frozen=True)
@@ -271,25 +268,7 @@ class CalibrationsChanged:
     removed: Tuple[Tuple[str, Program], ...] = ()
 
 
-@dataclass(frozen=True)
-class Bridged:
-    """The muted substitute `publisher` filled in for a late message, for the `times`th time."""
-
-    time: float
-    service: str
-    topic: str
-    publisher: str
-    times: int
-
-
-Command = Union[
-    HealthChanged,
-    ChangeRefused,
-    ChangeAdopted,
-    RobotAwaited,
-    CalibrationsChanged,
-    Bridged,
-]
+Command = Union[HealthChanged, ChangeRefused, CalibrationsChanged, Told]
 
 
 def failures_in(commands: Iterable[Command]) -> List[PublisherHealth]:

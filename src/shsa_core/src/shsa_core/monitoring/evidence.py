@@ -27,8 +27,8 @@ Learned = Dict[Tuple[str, str], Stillness]
 
 
 def checked_provisions(service: Service) -> Tuple[Provision, ...]:
-    """Return the provisions whose values some check needs; a message is decoded for no others."""
-    return tuple(provision for provision in service.provides if _checks_of(provision))
+    """Return the provisions whose values are looked at; a message is decoded for no others."""
+    return tuple(each for each in service.provides if each.usual or _checks_of(each))
 
 
 def checks_stamps(service: Service) -> bool:
@@ -58,32 +58,51 @@ class _Value:
     """One value of one publisher, and the checks of it."""
 
     def __init__(self, provision: Provision, learned: Optional[Learned]) -> None:
-        self._name, self._range = provision.property, provision.range
+        self.name, self._range = provision.property, provision.range
+        self._usual, self._back = provision.usual, 0
+        self.unusual = ""
         self._checks = _of(_checks_of(provision), ValueSample)
         key = provision.property, provision.field
         self._learns = learned is not None
         self._run = Run(Stillness() if learned is None else learned.setdefault(key, Stillness()))
-        self._good: Optional[float] = None
+        self.good: Optional[float] = None
         self._newest: Optional[float] = None
+        self.outside: Optional[ValueSample] = None
 
     def look(self, value: float, time: float, failed: bool) -> Optional[Finding]:
         """Return what is wrong with a new value.
 
         A failed publisher may start anew elsewhere, but must be steady there.
         """
-        before = self._newest if failed else self._good
+        if self._usual is not None:
+            self._compare_with(self._usual, value)
+        before = self._newest if failed else self.good
         self._newest = value
         run = self._run
         run.add(value, time, self._learns and not failed)
         still = time - run.began
         hold = run.allowed
-        sample = ValueSample(self._name, value, self._range, still, before, run.length, hold)
+        sample = ValueSample(self.name, value, self._range, still, before, run.length, hold)
         finding = judge(self._checks, sample)
+        self.outside = None
         if finding is not None:
             run.spoil()
+            self.outside = sample if finding.kind is Kind.OUT_OF_RANGE else None
         else:
-            self._good = value if isfinite(value) else None  # after a gap it may be anywhere
+            self.good = value if isfinite(value) else None  # after a gap it may be anywhere
         return finding
+
+    def _compare_with(self, usual: Tuple[float, float], value: float) -> None:
+        """Note a value that leaves what is usual, until as many as are judged together are back."""
+        low, high = usual
+        if low <= value <= high:
+            self._back += 1
+            if self._back >= Checks.of:
+                self.unusual = ""
+        elif isfinite(value):
+            self._back = 0
+            if not self.unusual:
+                self.unusual = f"{self.name} is {value:g}, {low:g} to {high:g} are usual"
 
 
 class Verdict:
@@ -118,32 +137,25 @@ class Verdict:
 class Evidence:
     """The evidence against one publisher, who provides `service`.
 
-    `properties`: those whose values are judged. `hasty`: the rate is judged by fewer messages, as
-    soon as there are RATE_MESSAGES. `learned`: what is known of its values from before; None:
-    nothing is learned, as of a substitute, whose program may change.
+    `properties`: those whose values are judged. `learned`: what is known of its values from
+    before; None: nothing is learned, as of a substitute, whose program may change.
     """
 
-    def __init__(
-        self, service: Service, hasty: bool = False, learned: Optional[Learned] = None
-    ) -> None:
+    def __init__(self, service: Service, learned: Optional[Learned] = None) -> None:
         checks = service.checks
         self._verdict = Verdict(checks)
         checked = checked_provisions(service)
         self.properties = tuple(each.property for each in checked)
         self._values = [_Value(provision, learned) for provision in checked]
+        self._with_usual = [v for v, each in zip(self._values, checked) if each.usual]
         self._stamp_checks = _of(checks.each, StampSample)
         self._stamps = StampAges(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
         self._period = service.period or 0.0
         count = max(RATE_MESSAGES, ceil(RATE_SECONDS / self._period)) if self._rate_checks else 0
         self._times: Deque[Tuple[float, float, float]] = deque(maxlen=count + 1)
-        self._enough = (min(count, RATE_MESSAGES) if hasty else count) + 1
+        self._enough = count + 1
         self.rate_was_good = False
-
-    @property
-    def knows_rate(self) -> bool:
-        """True once there are enough messages to judge the rate by, or if it is not judged."""
-        return not self._rate_checks or len(self._times) >= self._enough
 
     @property
     def pace(self) -> Optional[float]:
@@ -154,27 +166,62 @@ class Evidence:
         return (len(self._times) - 1) * self._period / passed if passed > 0.0 else None
 
     @property
+    def outside(self) -> Optional[ValueSample]:
+        """A value of the newest message that is out of its range."""
+        return next((each.outside for each in self._values if each.outside), None)
+
+    @property
+    def unusual(self) -> str:
+        """The first of its values that is not as usual, in words; empty: all are."""
+        for value in self._with_usual:
+            if value.unusual:
+                return value.unusual
+        return ""
+
+    @property
     def span(self) -> float:
         """The time in s in which those messages came."""
         return self._times[-1][1] - self._times[0][1] if self._times else 0.0
+
+    @property
+    def pause(self) -> float:
+        """The longest pause in s between those messages."""
+        times = [each[1] for each in self._times]
+        return max((b - a for a, b in zip(times, times[1:])), default=0.0)
 
     @property
     def recovery(self) -> int:
         """So many good messages in a row end a failure."""
         return self._verdict.recovery
 
-    def take_times(self, other: "Evidence") -> None:
-        """Begin with the messages whose rate another one judges."""
-        self._times.extend(other._times)
-
     def take_stamps(self, other: "Evidence") -> None:
         """Go on with what another one learned of the stamps on the same connection."""
         if self._stamps.period == other._stamps.period:
             self._stamps = other._stamps
 
+    def take_messages(self, other: "Evidence") -> None:
+        """Go on with the messages of the same publisher, judged by other numbers so far."""
+        self._times.extend(other._times)
+        good = {each.name: each.good for each in other._values}
+        for value in self._values:
+            value.good = good.get(value.name)
+
     def clear(self) -> None:
         """Forget what was bad."""
         self._verdict.clear()
+
+    def violation(self, service: Service) -> Optional[Finding]:
+        """Return how what was good so far violates the changed numbers of its service."""
+        good = {each.name: each.good for each in self._values if each.good is not None}
+        for new in checked_provisions(service):
+            if new.property in good:
+                sample = ValueSample(new.property, good[new.property], new.range)
+                finding = judge(_of(_checks_of(new), ValueSample), sample)
+                if finding is not None:
+                    return finding
+        if service.period is None or len(self._times) < 2:
+            return None
+        return judge(_of(service.checks.each, RateSample), self._rate(service.period))
 
     def clock_jumped(self) -> None:
         """Forget what was learned of stamps."""
@@ -219,17 +266,18 @@ class Evidence:
 
     def _look_at_rate(self, message: Message) -> Optional[Finding]:
         """Judge the mean rate, in doubt for the publisher: it came within the last `waited` s."""
-        times, earliest = self._times, message.time - message.waited
-        times.append((earliest, message.time, message.apart or 0.0))
-        if len(times) < self._enough:
+        earliest = message.time - message.waited
+        self._times.append((earliest, message.time, message.apart or 0.0))
+        if len(self._times) < self._enough:
             return None
-        first = times[0]
-        longest = message.time - first[0] + times[-1][2] - first[2]
-        shortest = earliest - first[1]
-        sample = RateSample(len(times) - 1, self._period, longest, shortest)
-        finding = judge(self._rate_checks, sample)
+        finding = judge(self._rate_checks, self._rate(self._period))
         self.rate_was_good = self.rate_was_good or finding is None
         return finding
+
+    def _rate(self, period: float) -> RateSample:
+        first, last = self._times[0], self._times[-1]
+        longest = last[1] - first[0] + last[2] - first[2]
+        return RateSample(len(self._times) - 1, period, longest, last[0] - first[1])
 
 
 def _count(history: int) -> int:

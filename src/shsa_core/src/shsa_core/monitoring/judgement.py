@@ -4,14 +4,16 @@ from typing import Optional
 from shsa_core.model.checks import Checks
 from shsa_core.model.samples import IntruderSample
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.alibis import decide
+from shsa_core.monitoring.alibis import Alibi, Blame, decide
 from shsa_core.monitoring.board import FAILED, UNKNOWN, Board
 from shsa_core.monitoring.comparisons import Comparisons
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import Finding, judge
-from shsa_core.monitoring.probation import Trials
 from shsa_core.monitoring.publishers import Publisher, WatchedTopic
 from shsa_core.monitoring.surroundings import Surroundings
+
+LATE = {Kind.RATE_LOW: Blame.RATE, Kind.STALE_STAMP: Blame.STAMP}
+NOT_BLAMED = "not blamed: "
 
 
 class Judgement:
@@ -21,11 +23,10 @@ class Judgement:
         self,
         board: Board,
         around: Surroundings,
-        trials: Trials,
         comparisons: Optional[Comparisons],
     ) -> None:
         self._board, self._around = board, around
-        self._trials, self._comparisons = trials, comparisons
+        self._comparisons = comparisons
 
     def message(
         self, topic: WatchedTopic, publisher: Publisher, event: Message, previous: Optional[float]
@@ -43,7 +44,7 @@ class Judgement:
         alibi = decide(self._around.silence(publisher))
         if alibi is not None:
             publisher.excused_until = alibi.until
-            self._board.excuse(topic, publisher, alibi.why)
+            self._board.note(topic, publisher, NOT_BLAMED + alibi.why, time)
             return
         silence = time - (publisher.last_heard or 0.0)
         detail = f"no message for {silence:.3f} s, {publisher.allowed:.3f} s are allowed"
@@ -54,21 +55,16 @@ class Judgement:
 
     def _is_good(self, topic: WatchedTopic, publisher: Publisher, event: Message) -> bool:
         """Fail the publisher if this is one bad message too many; tell if it is good."""
-        good, failure = True, None
-        probation = self._trials.of(topic, publisher.watched)
-        seen = probation.for_kept(event) if probation else event
+        good, failure, alibi = True, None, None
         if publisher.evidence is not None:
-            good, failure = publisher.evidence.weigh(seen, publisher.state is FAILED)
-            alibi = self._alibi(publisher, failure, event.time) if failure is not None else ""
-            if alibi:
-                good, failure = True, None
-            if alibi or (good and publisher.detail and publisher.kind is None):
-                self._board.excuse(topic, publisher, alibi)
-        if probation is not None:
-            good = self._trials.weigh(topic, publisher, probation, event, good)
+            good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
+            if failure is not None:
+                alibi = self._alibi(publisher, failure, event.time)
+                if alibi is not None:
+                    good, failure = True, None
         comparisons, time, compared = self._comparisons, event.time, None
         if comparisons is not None:
-            compared = comparisons.compare(publisher, seen, good)
+            compared = comparisons.compare(publisher, event, good)
             if compared is not None and compared.finding is not None and good:
                 good, failure = False, compared.finding
         intrusion = self._intrusion(topic, publisher, time)
@@ -79,14 +75,34 @@ class Judgement:
             self._board.fail(topic, publisher, time, failure.kind, failure.detail)
         if comparisons is not None and compared is not None:
             comparisons.learn(publisher, compared, time, good)
+        if (good or alibi) and publisher.kind is None:
+            self._note(topic, publisher, alibi, time)
         return good
 
-    def _alibi(self, publisher: Publisher, failure: Finding, time: float) -> str:
-        """Return why a publisher is not blamed for being slow; empty: it is."""
-        if failure.kind is not Kind.RATE_LOW or not publisher.is_healthy:
-            return ""
-        alibi = decide(self._around.rate(publisher, time))
-        return alibi.why if alibi else ""
+    def _note(
+        self, topic: WatchedTopic, publisher: Publisher, alibi: Optional[Alibi], time: float
+    ) -> None:
+        """Tell why a publisher is not blamed, or what is doubtful or unusual of its values."""
+        if alibi is not None:
+            self._board.note(topic, publisher, NOT_BLAMED + alibi.why, time, alibi.accuses_som)
+            return
+        detail = publisher.evidence.unusual if publisher.evidence else ""
+        for suspicion in publisher.suspicions.values():
+            detail = suspicion.doubts.get(publisher.service_name) or detail
+        if detail or publisher.detail:
+            self._board.note(topic, publisher, detail, time, log=bool(detail))
+
+    def _alibi(self, publisher: Publisher, failure: Finding, time: float) -> Optional[Alibi]:
+        """Return why a publisher is not blamed for its rate, or its range; None: it is."""
+        if failure.kind in LATE:
+            case = self._around.slow(LATE[failure.kind], publisher, time)
+            return decide(case) if publisher.is_healthy else None
+        evidence = publisher.evidence
+        if failure.kind is not Kind.OUT_OF_RANGE or evidence is None or evidence.outside is None:
+            return None
+        comparisons, outside = self._comparisons, evidence.outside
+        confirmed = comparisons is not None and comparisons.confirms(publisher, outside, time)
+        return decide(self._around.range(publisher, time, confirmed))
 
     def _heard_good(
         self, topic: WatchedTopic, publisher: Publisher, time: float, previous: Optional[float]

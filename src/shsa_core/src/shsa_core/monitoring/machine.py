@@ -7,9 +7,9 @@ from shsa_core.model.kinds import Kind
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring import events
+from shsa_core.monitoring import changes, events
 from shsa_core.monitoring.comparisons import Comparisons
-from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board, Due, Grace, Silence, Trial
+from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board, Due, Grace, Silence
 from shsa_core.monitoring.events import Command, Event, Key, PublisherHealth
 from shsa_core.monitoring.judgement import Judgement
 from shsa_core.monitoring.overview import ServiceHealth, overview
@@ -19,7 +19,6 @@ from shsa_core.monitoring.settings import RECONNECT_S, Settings
 from shsa_core.monitoring.start_up import StartUp
 from shsa_core.monitoring.substitutes import publishes, topics_of
 from shsa_core.monitoring.surroundings import Surroundings
-from shsa_core.monitoring.probation import Trials
 
 
 class Monitor:
@@ -32,11 +31,10 @@ class Monitor:
         self._comparisons = Comparisons(ontology, settings.deadlines) if ontology else None
         self._som = Som()
         self._board = Board()
-        self._trials = Trials(self._board, settings.deadlines, self._watch)
         self._around = Surroundings(lambda: (each for _, each in self._board.all()))
         self._start_up = StartUp(self._board, settings.startup_grace)
-        parts = self._board, self._around, self._trials, self._comparisons
-        self._judgement = Judgement(*parts)
+        self._judgement = Judgement(self._board, self._around, self._comparisons)
+        self._changes: List[changes.Change] = []
         self._now = -inf
         self._pace = Pace()
         self._ending_nodes: Set[str] = set()
@@ -47,7 +45,7 @@ class Monitor:
                 events.SomChanged: self._som_changed,
                 events.Subscribed: self._subscribed,
                 events.SubstitutionsChanged: self._substitutions_changed,
-                events.FormerlyHealthy: self._formerly_healthy,
+                events.FormerlyHealthy: self._start_up.expect,
                 events.Connected: self._connected,
                 events.Interrupted: self._interrupted,
                 events.Disconnected: self._disconnected,
@@ -63,7 +61,6 @@ class Monitor:
             {
                 Silence: self._judge_silence,
                 Grace: lambda due: self._start_up.judge(due, self._now),
-                Trial: lambda due: self._trials.look(due, self._around.watch),
             },
         )
 
@@ -88,6 +85,8 @@ class Monitor:
         seen = self._pace.judged(event)
         self._handlers[type(event)](seen)
         commands = [*self._board.commands(seen.time), *self._start_up.awaited(seen.time)]
+        commands += self._changes
+        self._changes = []
         if self._comparisons is not None:
             commands += self._comparisons.changed(seen.time)
         return self._pace.ours(commands)
@@ -123,10 +122,7 @@ class Monitor:
             return None
         known = found.publishers.get(publisher)
         watched = known.watched if known else self._board.watched_of(found, publisher)
-        if watched is None:
-            return None
-        probation = self._trials.of(found, watched)
-        return probation.reading if probation else watched.service
+        return watched.service if watched else None
 
     def validate(self) -> None:
         """Raise ShsaError if anything is as it must never be."""
@@ -135,18 +131,19 @@ class Monitor:
     # The tables of others
 
     def _som_changed(self, event: events.SomChanged) -> None:
-        before, self._som = self._som, event.som
+        before = self._som
+        decided = changes.decide(self._board, event.som, self._settings.deadlines, event.time)
+        self._som, self._changes = decided
         if self._comparisons is not None:
-            self._comparisons.watch(event.som)
+            self._comparisons.watch(self._som)
         for _, publisher in self._board.all():
             publisher.suspicions.clear()
         for name in before.topics():
-            if not event.som.of_topic(name):
+            if not self._som.of_topic(name):
                 self._board.drop_topic(name)
-        for name in event.som.topics():
-            if event.som.of_topic(name) != before.of_topic(name):
+        for name in self._som.topics():
+            if self._som.of_topic(name) != before.of_topic(name):
                 topic = self._board.topics.setdefault(name, WatchedTopic(name))
-                self._trials.begin(topic, self._som.of_topic(name), event.time)
                 self._watch(topic, event.time)
         for name in event.unheard:
             if name in self._board.topics:
@@ -161,8 +158,9 @@ class Monitor:
         """Watch a topic for the services that it has now."""
         board, grace = self._board, self._settings.startup_grace
         services = {name: publisher.service for name, publisher in topic.publishers.items()}
-        counting = self._trials.counting(topic, self._som.of_topic(topic.name))
-        for new in topic.serve(counting, self._settings.deadlines, time + grace):
+        for new in topic.serve(
+            self._som.of_topic(topic.name), self._settings.deadlines, time + grace
+        ):
             board.agenda.bring_forward(Grace(topic.name, new), time + grace)
         nobody = topic.publishers.get(NOBODY)
         if nobody is not None and nobody.watched not in (None, *topic.services.values()):
@@ -197,9 +195,6 @@ class Monitor:
                     board.bridges.muted((name, node), event.time)
                     if publisher.state is HEALTHY:
                         board.mute(topic, publisher, event.time)
-
-    def _formerly_healthy(self, event: events.FormerlyHealthy) -> None:
-        self._start_up.expect(event)
 
     # What publishers do
 
@@ -290,8 +285,9 @@ class Monitor:
                 found.append(service.name)
         return found
 
-    def _clock_ticked(self, _: events.ClockTicked) -> None:
+    def _clock_ticked(self, event: events.ClockTicked) -> None:
         """Learn stamps anew if our own clock was set."""
+        self._around.clock(event.time, event.waited)
         if self._pace.jumped:
             for _topic, publisher in self._board.all():
                 if publisher.evidence is not None:

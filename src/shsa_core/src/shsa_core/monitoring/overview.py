@@ -13,7 +13,7 @@ from shsa_core.monitoring.publishers import NOBODY, Publisher
 class Condition(Word):
     """The condition of a service.
 
-    DOUBTFUL: it is healthy, but other services contradict what is derived from it.
+    DOUBTFUL: it is healthy, but others contradict it, or a value is unusual or out of range.
     DISTURBED: its node is healthy, and somebody who fails publishes beside it.
     """
 
@@ -57,6 +57,8 @@ def _health(service: Service, board: Board, muted: Collection[Key], doubt: str) 
     ]
     substitutes = [each for each in concerned if board.substitutes.service(topic.name, each.name)]
     condition, detail = _condition(concerned, substitutes)
+    own = (p.detail for p in concerned if p.name == service.node and p.detail in p.logged)
+    doubt = doubt or next(own, "")
     if condition is Condition.HEALTHY and doubt:
         condition, detail = Condition.DOUBTFUL, doubt
     rows = tuple(each.row(topic.name) for each in concerned if each.name != NOBODY)

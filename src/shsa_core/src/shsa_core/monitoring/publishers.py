@@ -1,7 +1,7 @@
 """Watched topics, their services and their publishers."""
 from dataclasses import dataclass, field
 from math import inf
-from typing import Dict, List, Optional, Sequence, Tuple
+from typing import Dict, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.model.checks import Check
 from shsa_core.model.samples import IntruderSample
@@ -77,7 +77,8 @@ class Publisher:
     since its last message, while its node lived; it is given anew by `reconnects_until`. `steady`:
     a message came within its deadline once.
 
-    `suspicions`: what others hold against its values, by property. `uri`: where its process is.
+    `suspicions`: what others hold against its values, by property. `logged`: what people were told
+    of it. `uri`: where its process is.
 
     `watched` is the service that it provides, None: nobody can tell, so that only its connection is
     watched.
@@ -104,6 +105,7 @@ class Publisher:
     intruding_since: Optional[float] = None
     backlog: Backlog = field(default_factory=Backlog)
     suspicions: Dict[str, Suspicion] = field(default_factory=dict)
+    logged: Set[str] = field(default_factory=set)
     uri: str = ""
 
     def __post_init__(self) -> None:
@@ -113,6 +115,11 @@ class Publisher:
     def service(self) -> Optional[Service]:
         """The service that it provides."""
         return self.watched.service if self.watched else None
+
+    @property
+    def service_name(self) -> str:
+        """The name of that service; empty: nobody can tell."""
+        return self.watched.service.name if self.watched else ""
 
     @property
     def allowed(self) -> float:
@@ -159,9 +166,12 @@ class Publisher:
 
     def provide(self, watched: Optional[WatchedService], anew: bool = True) -> None:
         """Provide a service from now on; `anew`: what was seen before does not count for it."""
+        name, before = self.service_name, self.evidence
         self.watched = watched
         if anew:
             self.begin_anew()
+            if before and self.evidence and self.service_name == name:
+                self.evidence.take_messages(before)
 
     def begin_anew(self) -> None:
         """Forget the evidence; but what was held up during a silence is as old as it is."""
@@ -206,7 +216,7 @@ class Publisher:
     def row(self, topic: str) -> PublisherHealth:
         """Return its row in the table."""
         moments = (self.since, self.first_message, self.last_good)
-        told = (self.kind, self.detail, self.service.name if self.service else "")
+        told = (self.kind, self.detail, self.service_name)
         return PublisherHealth(topic, self.name, self.state, *moments, *told, uri=self.uri)
 
 

@@ -31,6 +31,8 @@ RECONNECT_S = 0.5
 monitor connects within this to who is there."""
 SUBSCRIBE_S = 0.01
 """The same for each topic: connections of one are made while others are subscribed."""
+SHORT_SHARE = 0.5
+"""Of the time in which something waits for a processor: with less, healthy streams came in time."""
 TOGETHER_NODES = 3
 """So many nodes that are late at the same time are late for one reason."""
 TOGETHER_S = 5.0
@@ -92,8 +94,6 @@ SPARE = 1.5
 """The longest healthy gap of the blocks is always allowed, so many times over."""
 TAIL_LOOK_S = 10.0
 """The tail is looked at so often, and at once at a gap that comes near to what is allowed."""
-MOST_SHAPE = 0.25
-"""Few gaps may look like any tail. What is heavier than this SPARE has to cover."""
 LEAST_PERIODS, BUSY_S = 2.5, 0.08
 """The least that is allowed. Late by the second was a healthy 50 Hz stream beside 8 busy processes
 on 2 cores: what was learned on an idle computer must hold when it is busy."""

@@ -1,11 +1,11 @@
 """Blames who has never been there: at the start, and after another monitor."""
 from math import inf
-from typing import List, Optional, Tuple
+from typing import List, Optional
 
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.alibis import NOBODY_CAME, Blame, Case, decide
 from shsa_core.monitoring.board import FAILED, Board, Grace
-from shsa_core.monitoring.events import FormerlyHealthy, Key, RobotAwaited
+from shsa_core.monitoring.events import FormerlyHealthy, Told
 from shsa_core.monitoring.publishers import NOBODY, WatchedService, WatchedTopic
 from shsa_core.monitoring.settings import RECONNECT_S, SUBSCRIBE_S
 
@@ -20,7 +20,7 @@ class StartUp:
     def __init__(self, board: Board, grace: float) -> None:
         self._board, self._grace = board, grace
         self._robot_came = False
-        self._awaited: Optional[Tuple[Key, ...]] = None
+        self._awaited: Optional[str] = None
 
     def came(self, time: float) -> None:
         """Note that somebody is there who is no substitute: the others have their time from now."""
@@ -79,12 +79,13 @@ class StartUp:
         if not watched.overdue and watched.due < inf:
             self._board.agenda.bring_forward(due, watched.due)
 
-    def awaited(self, time: float) -> List[RobotAwaited]:
+    def awaited(self, time: float) -> List[Told]:
         """Return what is to be told of whom is waited for: once."""
         awaited = self._awaited
         if awaited:
-            self._awaited = ()
-        return [RobotAwaited(time, awaited)] if awaited else []
+            self._awaited = ""
+        what = "No node of the SOM is there yet. Waiting for"
+        return [Told(time, f"{what}: {awaited}")] if awaited else []
 
     def _soon(self, watched: WatchedService) -> float:
         """Return when a message of a node that is there already is missed."""
@@ -109,8 +110,8 @@ class StartUp:
             self._blame(topic, watched, time)
             return
         if alibi.why == NOBODY_CAME and self._awaited is None:
-            self._awaited = tuple(
-                (each.name, watched.service.node)
+            self._awaited = ", ".join(
+                f"{each.name} from {watched.service.node}"
                 for each in self._board.topics.values()
                 for watched in each.services.values()
             )

@@ -1,11 +1,10 @@
 """The table of substitutions as the monitor needs it, and who fills in for late messages."""
 from collections import defaultdict
-from dataclasses import dataclass
 from math import inf
 from typing import DefaultDict, Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.monitoring.events import Bridged, Key, SubstitutionsChanged
+from shsa_core.monitoring.events import Key, SubstitutionsChanged, Told
 from shsa_core.monitoring.settings import BRIDGES_APART, SERVES_S, TELL_S
 
 Change = Tuple[str, Optional[Substitution], Optional[Substitution]]
@@ -76,42 +75,36 @@ class Substitutes:
         return row is not None and row.gated and topic in row.topics and not row.publishing
 
 
-@dataclass
-class _Count:
-    """The bridges of a service so far; `tell`: when the next one is told."""
-
-    times: int = 0
-    tell: float = -inf
-
-
 class Bridges:
     """The messages of muted substitutes. Times in s."""
 
     def __init__(self) -> None:
-        self._counts: Dict[str, _Count] = {}
+        self._counts: DefaultDict[str, int] = defaultdict(int)
+        self._tell: Dict[str, float] = {}  # when the next one is told
         self._latest: Dict[Key, float] = {}
 
     def muted(self, key: Key, time: float) -> None:
         """Mute a substitute: what comes soon is for those whom it still serves."""
         self._latest[key] = time + SERVES_S
 
-    def heard(self, key: Key, row: Substitution, time: float) -> Optional[Bridged]:
+    def heard(self, key: Key, row: Substitution, time: float) -> Optional[Told]:
         """Count a bridge of a muted substitute; return what people are told of that now."""
         latest = self._latest.get(key, -inf)
         self._latest[key] = max(time, latest)
         if time - latest <= BRIDGES_APART * row.bridge:
             return None
-        count = self._counts.setdefault(row.service, _Count())
-        count.times += 1
-        if time < count.tell:
+        self._counts[row.service] += 1
+        if time < self._tell.get(row.service, -inf):
             return None
-        count.tell = time + TELL_S
-        return Bridged(time, row.service, *key, count.times)
+        self._tell[row.service] = time + TELL_S
+        count = self._counts[row.service]
+        times = "once" if count == 1 else f"{count} times"
+        what = f"{key[1]} has filled in for a late message, {times} so far"
+        return Told(time, f"{key[0]}: {what}. This is no failure")
 
     def times(self, service: str) -> int:
         """Return how often a service was bridged so far."""
-        count = self._counts.get(service)
-        return 0 if count is None else count.times
+        return self._counts.get(service, 0)
 
 
 def publishes(row: Optional[Substitution], topic: str) -> bool:

@@ -25,7 +25,8 @@ class Surroundings:
         self._everybody = everybody
         self.watch = Watch()
         self._connected: Deque[Tuple[str, float]] = deque(maxlen=settings.REMEMBERED)
-        self._came_up = -inf
+        self._came_up = self._short = -inf
+        self._waited: Optional[Tuple[float, float]] = None  # when, and how much in all
         self._gaps: Deque[_Gap] = deque(maxlen=settings.REMEMBERED)
         self._waiting: List[Tuple[str, Publisher, _Gap]] = []
         self._silent: Optional[List[_Gap]] = None  # those that have not ended, as of this look
@@ -43,6 +44,14 @@ class Surroundings:
         else:
             self._connected.append((node, time))
 
+    def clock(self, time: float, waited: Optional[float]) -> None:
+        """Note for how long in all something has waited for a processor."""
+        before, self._waited = self._waited, None if waited is None else (time, waited)
+        if before is None or waited is None:
+            return
+        if waited - before[1] > settings.SHORT_SHARE * max(time - before[0], 0.0):
+            self._short = time
+
     def silence(self, publisher: Publisher) -> Case:
         """Return the case of a publisher that is silent for longer than it is allowed."""
         since, watch = publisher.silent_since or 0.0, self.watch
@@ -55,18 +64,29 @@ class Surroundings:
             reconnects_until=publisher.reconnects_until,
             connected=self._connection(publisher.name),
             came_up=self._came_up,
+            short=self._short,
             together=self._late_with(_Gap(publisher.name, since, watch.now)),
         )
 
-    def rate(self, publisher: Publisher, time: float) -> Case:
-        """Return the case of a publisher whose messages come too seldom."""
+    def slow(self, blame: Blame, publisher: Publisher, time: float) -> Case:
+        """Return the case of a publisher whose messages come too seldom, or too old."""
         span = publisher.evidence.span if publisher.evidence is not None else 0.0
         if not 0.0 <= time - self._looked < settings.LOOK_S:
             self._looked = time
             self._slow = len({each.name for each in self._everybody() if _is_slow(each)})
-        connected = self._connection(publisher.name)
-        moments = (time, time - span, inf, -inf, -inf, connected, self._came_up)
-        return Case(Blame.RATE, *moments, self._slow)
+        return self._late(blame, publisher.name, time - span, time, self._slow)
+
+    def range(self, publisher: Publisher, time: float, confirmed: bool) -> Case:
+        """Return the case of a publisher with a value out of range; `confirmed`: by others."""
+        service = publisher.service
+        causes = set(service.wrong_with) if service else set()
+        others = [
+            each
+            for each in self._everybody()
+            if each.connected and each.service and each.evidence and each.evidence.outside
+        ]
+        apart = [o for o in others if o.service and causes.isdisjoint(o.service.wrong_with)]
+        return Case(Blame.RANGE, time, time, together=1 + len(apart), confirmed=confirmed)
 
     def heard(self, topic: str, publisher: Publisher, began: float, time: float) -> List[Key]:
         """Take the gap of a healthy publisher; return whose allowed silence has changed by that.
@@ -89,13 +109,24 @@ class Surroundings:
         waiting, self._waiting = self._waiting, []
         changed: List[Key] = []
         for topic, publisher, gap in waiting:
-            connected, learned = self._connection(gap.node), publisher.learned
-            moments = (gap.ended, gap.began, inf, -inf, -inf, connected, self._came_up)
-            if learned is None or decide(Case(Blame.GAP, *moments, self._late_with(gap))):
+            learned, together = publisher.learned, self._late_with(gap)
+            case = self._late(Blame.GAP, gap.node, gap.began, gap.ended, together)
+            if learned is None or decide(case):
                 continue
             if learned.add(self.watch.passed(gap.began) - self.watch.passed(gap.ended)):
                 changed.append((topic, publisher.name))
         return changed
+
+    def _late(self, blame: Blame, node: str, began: float, time: float, together: int) -> Case:
+        return Case(
+            blame,
+            time,
+            began,
+            connected=self._connection(node),
+            came_up=self._came_up,
+            short=self._short,
+            together=together,
+        )
 
     def _connection(self, node: str) -> float:
         return next((time for name, time in reversed(self._connected) if name == node), -inf)

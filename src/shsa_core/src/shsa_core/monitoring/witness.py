@@ -1,7 +1,9 @@
 """Compares values with what others tell of them: derived from other services by the relations.
 
-Disagreement alone does not tell who is wrong. Of a sensor and two derivations that share no node,
-the two that agree are believed. What is not healthy is no witness.
+One witness never convicts: disagreement does not tell who is wrong; it is a suspicion that is told.
+Of a sensor and two derivations that share no cause, the one is faulty that the other two contradict
+while they agree: as intervals, each value with its error, over the last looks (Ratasich et al.,
+SASO 2019). What is not healthy is no witness.
 """
 from collections import deque
 from dataclasses import dataclass, field
@@ -81,12 +83,16 @@ class _Witness:
 
 @dataclass
 class _Suspect:
-    """A value that the SOM wants compared; `by_errors`: by the known errors."""
+    """A value that the SOM wants compared. `check`: with how far off it may be."""
 
     source: Source
-    checks: Tuple[Check, ...]
-    by_errors: bool
+    check: Check
     witnesses: List[_Witness]
+
+    def allowed(self, witness: _Witness, time: float) -> Optional[float]:
+        """Return how far it may be from what a witness tells; None: not known."""
+        by_errors = self.check.limit == LEARNED
+        return witness.allowed(time) if by_errors else float(self.check.limit)
 
 
 class _Gap:
@@ -112,7 +118,7 @@ class _Gap:
 class Suspicion:
     """The evidence of others against one value in one life of its node.
 
-    `disputed`: at so many looks in a row it was wrong by all who tell; `doubtful`: by any.
+    `disputed`: at so many looks in a row it was wrong by two that agree; `doubtful`: by any.
     `doubts`: by service, what people are told of it though nobody is blamed.
     """
 
@@ -123,20 +129,45 @@ class Suspicion:
         self.disputed = self.doubtful = 0
         self.finding: Optional[Finding] = None
         self.doubts: Dict[str, str] = {}
+        self._doubted: List[_Witness] = []
 
-    def told(self, measured: Optional[float], time: float) -> List[Tuple[_Witness, WitnessSample]]:
-        """Compare with each witness; return what is to be judged of those who know enough."""
-        found, name = [], self.suspect.source.property
-        witnesses = self.suspect.witnesses
+    def look(self, measured: Optional[float], time: float) -> None:
+        """Compare with each witness that knows enough."""
+        told, suspect = self._told(measured, time), self.suspect
+        findings = [judge((suspect.check,), sample) for _, sample in told]
+        wrong = [each for (each, _), finding in zip(told, findings) if finding is not None]
+        alone = len(wrong) == 2 and self._agree([sample for _, sample in told])
+        self.disputed = self.disputed + 1 if alone else 0
+        self.doubtful = self.doubtful + 1 if wrong else 0
+        self.finding = None
+        if self.disputed > settings.WITNESS_LOOKS and findings[0] is not None:
+            other, sample = told[1]
+            detail = f"{findings[0].detail}; by {other.names} it is {sample.derived:g}"
+            self.finding = Finding(findings[0].kind, detail)
+        doubted = wrong if self.doubtful > settings.WITNESS_LOOKS and self.finding is None else []
+        if doubted != self._doubted:  # it is told once: numbers change with every look
+            self._doubted = doubted
+            self.doubts = _doubts(suspect, wrong, len(wrong) == len(told)) if doubted else {}
+
+    def _told(self, measured: Optional[float], time: float) -> List[Tuple[_Witness, WitnessSample]]:
+        found, suspect, witnesses = [], self.suspect, self.suspect.witnesses
         self.between.add(witnesses[0].derived, witnesses[-1].derived)
         for gap, each in zip(self.gaps, witnesses):
-            derived, allowed = each.derived, each.allowed(time)
+            derived, allowed = each.derived, suspect.allowed(each, time)
             gap.add(measured, derived)
             if measured is None or derived is None or gap.mean is None or not each.knows:
                 continue
+            name = suspect.source.property
             sample = WitnessSample(name, measured, derived, gap.mean, each.nodes, allowed)
             found.append((each, sample))
         return found
+
+    def _agree(self, samples: List[WitnessSample]) -> bool:
+        """Tell if both witnesses agree with each other, and better than with what is measured."""
+        most, apart = _apart(samples[0].allowed, samples[1].allowed), self.between.mean
+        if most is None or apart is None or apart > most:
+            return False
+        return all(apart < sample.mean for sample in samples)
 
 
 class Witnesses:
@@ -156,13 +187,12 @@ class Witnesses:
         self._suspects = {service.name: [] for service in som}
         for service in som:
             for source in service.readable:
-                checks = tuple(c for c in source.provision.checks if c.sample is WitnessSample)
-                if checks and source.property in known:
-                    by_errors = all(each.limit == LEARNED for each in checks)
-                    witnesses = self._witnesses(source, table, by_errors)
-                    if witnesses:
-                        suspect = _Suspect(source, checks, by_errors, witnesses)
-                        self._suspects[service.name].append(suspect)
+                for check in source.provision.checks if source.property in known else ():
+                    if check.sample is WitnessSample:
+                        witnesses = self._witnesses(source, table, check.limit == LEARNED)
+                        if witnesses:
+                            found = _Suspect(source, check, witnesses)
+                            self._suspects[service.name].append(found)
 
     def _witnesses(self, source: Source, table: SourceTable, by_errors: bool) -> List[_Witness]:
         """Return up to two derivations that share no cause with the source or each other."""
@@ -201,41 +231,7 @@ class Witnesses:
             suspicion = suspicions.get(name)
             if suspicion is None or suspicion.suspect is not suspect:
                 suspicion = suspicions[name] = Suspicion(suspect)
-            self._compare(suspicion, measured.get(name), time)
-            self._derivations.dispute(suspect.source, suspicion.disputed > 0)
-
-    def _compare(self, suspicion: Suspicion, measured: Optional[float], time: float) -> None:
-        suspect = suspicion.suspect
-        told = suspicion.told(measured, time)
-        findings = [judge(suspect.checks, sample) for _, sample in told]
-        wrong = [each for (each, _), finding in zip(told, findings) if finding is not None]
-        all_differ = bool(wrong) and len(wrong) == len(told)
-        disputed = all_differ and _agree(suspicion, [sample for _, sample in told])
-        suspicion.disputed = suspicion.disputed + 1 if disputed else 0
-        suspicion.doubtful = suspicion.doubtful + 1 if wrong else 0
-        suspicion.finding, suspicion.doubts = None, {}
-        alone = len(told) == 1 and (suspect.by_errors or self._in_dispute(told[0][0]))
-        if suspicion.disputed > settings.WITNESS_LOOKS and findings[0] is not None and not alone:
-            more = (f"; by {each.names} it is {sample.derived:g}" for each, sample in told[1:])
-            suspicion.finding = Finding(findings[0].kind, findings[0].detail + "".join(more))
-        elif suspicion.doubtful > settings.WITNESS_LOOKS:
-            suspicion.doubts = _doubts(suspect, wrong, all_differ)
-
-    def _in_dispute(self, witness: _Witness) -> bool:
-        """Tell if a witness stands on a value that may as well be the wrong one."""
-        return any(map(self._derivations.is_disputed, witness.plan.inputs))
-
-
-def _agree(suspicion: Suspicion, samples: List[WitnessSample]) -> bool:
-    """Tell if the witnesses agree with each other, and better than with what is measured."""
-    apart = suspicion.between.mean
-    if len(samples) == 1 or apart is None:
-        return True
-    if suspicion.suspect.by_errors:
-        most = _apart(samples[0].allowed, samples[-1].allowed)
-        if most is None or apart > most:
-            return False
-    return all(apart < sample.mean for sample in samples)
+            suspicion.look(measured.get(name), time)
 
 
 def _doubts(suspect: _Suspect, wrong: List[_Witness], all_differ: bool) -> Dict[str, str]:

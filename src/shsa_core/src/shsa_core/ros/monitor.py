@@ -9,8 +9,7 @@ that had come: what comes while it is read is of later.
 import argparse
 import sys
 from collections import deque
-from functools import partial
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Set
+from typing import Any, Callable, Deque, Dict, List, Optional, Set
 
 import rospy
 from shsa_msgs import msg
@@ -33,19 +32,12 @@ from shsa_core.ros.monitor_commands import Commands
 from shsa_core.ros.node import run
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
+from shsa_core.ros.processes.kernel import waited_in_all
 from shsa_core.ros.processes.launch import Launch, Launches
 from shsa_core.ros.reader import Reader
-from shsa_core.ros.sockets.subscriptions import (
-    Arrived,
-    Connected,
-    Gone,
-    Happening,
-    Interrupted,
-    Looked,
-    Subscriptions,
-)
+from shsa_core.ros.sockets import subscriptions
 from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.master.som_parameter import SomWatch, get_som_parameter, put_som
+from shsa_core.ros.master import som_parameter
 from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
@@ -53,18 +45,6 @@ from shsa_core.ros.wire import names
 
 class _Report:
     """Time to show the table on /diagnostics."""
-
-
-class _Substitutions(NamedTuple):
-    """The table of substitutions, or what has changed in it."""
-
-    table: msg.Substitutions
-
-
-class _SomState(NamedTuple):
-    """The running SOM as the reconfigurator told it when we came."""
-
-    table: msg.SomState
 
 
 class MonitorNode:
@@ -76,7 +56,7 @@ class MonitorNode:
     """
 
     def __init__(self, arguments: argparse.Namespace) -> None:
-        som, self._share = _read(arguments), partial(_share, arguments)
+        som, self._arguments = _read(arguments), arguments
         signing = Signing(arguments.secret)
         parameters, errors = read_settings(Settings, rospy.get_param("~", {}), rospy.get_name())
         for error in errors:
@@ -91,7 +71,7 @@ class MonitorNode:
             self._journal = JournalWriter(path, "monitoring", setup, rospy.logwarn)
             self._answer = self._journal.recorded(self._answer)
         self._launch, self._launches = Launch(), Launches()
-        self._subscriptions = Subscriptions(clock.now, signing.refusals.note)
+        self._subscriptions = subscriptions.Subscriptions(clock.now, signing.refusals.note)
         self._inbox = self._subscriptions.inbox
         # Only the monitor that the reconfigurator watches may hear, and so end, it in turn.
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
@@ -110,17 +90,17 @@ class MonitorNode:
         )
         self._hear: Dict[type, Callable[[Any], object]] = {
             Som: self._som_changed,
-            _Substitutions: self._substitutions_changed,
-            _SomState: lambda heard: self._feed(wire.formerly_healthy(heard.table)),
+            msg.Substitutions: self._substitutions_changed,
+            msg.SomState: lambda heard: self._feed(wire.formerly_healthy(heard)),
             _Report: self._report,
         }
         self._inbox.put(som)
-        if not get_som_parameter():
-            put_som(som)
+        if not som_parameter.get_som_parameter():
+            som_parameter.put_som(som)
         namespace = rospy.get_namespace()
-        SomWatch(som, self._inbox.put, lambda: read_som(arguments.som, namespace))
-        heard = lambda table: self._inbox.put(_Substitutions(table))
-        TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, heard, signing)
+        reread = lambda: read_som(arguments.som, namespace)
+        som_parameter.SomWatch(som, self._inbox.put, arguments.live_parameters, reread)
+        TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, self._inbox.put, signing)
         TableSubscriber(names.SOM_STATE, msg.SomState, self._hear_som_state, signing)
 
     def spin(self) -> None:
@@ -144,13 +124,13 @@ class MonitorNode:
         items = self._inbox.take()
         self._heed_launch()
         for item in items:
-            self._guarded(self._handle, item)
+            self._guarded(self._hear[type(item)], item)
         self._tell_clock()
         happenings = self._subscriptions.read(self._fed)
         self._heed_launch()
         for happening in happenings:
             self._companion.beat()  # who has much to catch up with does not hang
-            if isinstance(happening, Looked):
+            if isinstance(happening, subscriptions.Looked):
                 self._looked = happening.time
                 self._feed(events.Tick(happening.time, wanted, woke))
             else:
@@ -179,9 +159,10 @@ class MonitorNode:
         before, self._ahead = self._ahead, ros_time - now
         if abs(self._ahead - before) > settings.REST_S or now - self._told_clock > settings.TURN_S:
             self._told_clock = now
-            self._feed(events.ClockTicked(now, ros_time, clock.is_simulated()))
+            waited = waited_in_all(self._arguments.pressure)
+            self._feed(events.ClockTicked(now, ros_time, clock.is_simulated(), waited))
 
-    def _guarded(self, handle: Callable[..., None], *what: Any) -> None:
+    def _guarded(self, handle: Callable[..., object], *what: Any) -> None:
         """Handle something; whatever goes wrong with it, the rest is still handled."""
         try:
             handle(*what)
@@ -189,24 +170,21 @@ class MonitorNode:
             if not rospy.core.is_shutdown_requested():
                 rospy.logerr_throttle_identical(10.0, f"Monitor: {type(error).__name__}: {error}")
 
-    def _handle(self, item: Any) -> None:
-        self._hear[type(item)](item)
-
-    def _happened(self, happening: Happening) -> None:
+    def _happened(self, happening: subscriptions.Happening) -> None:
         """Feed what happened at a connection."""
-        if isinstance(happening, Arrived):
+        if isinstance(happening, subscriptions.Arrived):
             self._arrived(happening)
-        elif isinstance(happening, Gone):
+        elif isinstance(happening, subscriptions.Gone):
             self._feed(events.Disconnected(*happening))
-        elif isinstance(happening, Interrupted):
+        elif isinstance(happening, subscriptions.Interrupted):
             self._feed(events.Interrupted(*happening))
-        elif isinstance(happening, Connected):
+        elif isinstance(happening, subscriptions.Connected):
             self._feed(events.Connected(*happening))
             service = self._core.service_of(happening.topic, happening.publisher)
             if service is not None and service.node == happening.publisher:
                 self._launches.learn(happening.publisher)
 
-    def _arrived(self, arrived: Arrived) -> None:
+    def _arrived(self, arrived: subscriptions.Arrived) -> None:
         time, connection, data, whole, _ = arrived
         service = self._core.service_of(connection.topic, connection.publisher)
         if service is not None and service.needed is not False and whole:
@@ -223,16 +201,16 @@ class MonitorNode:
 
     def _hear_som_state(self, table: msg.SomState) -> None:
         if table.whole:  # what is told later follows from what we say ourselves
-            self._inbox.put(_SomState(table))
+            self._inbox.put(table)
 
-    def _substitutions_changed(self, changed: _Substitutions) -> None:
-        event = wire.substitutions_changed(changed.table)
+    def _substitutions_changed(self, table: msg.Substitutions) -> None:
+        event = wire.substitutions_changed(table)
         self._last_messages.substitutions(event.rows)
         self._feed(event)
 
     def _som_changed(self, som: Som) -> None:
         """Subscribe new topics by and by, end the subscriptions of those that left."""
-        som = self._share(som)
+        som = _share(self._arguments, som)
         topics = list(som.topics())
         unheard = tuple(topic for topic in topics if topic not in self._watched)
         self._feed(events.SomChanged(clock.now(), som, unheard))
@@ -303,6 +281,11 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--som", required=True, help="the SOM file: the services to watch")
     parser.add_argument("--ontology", default="", help="the ontology file, for checks by witnesses")
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
+    parser.add_argument(
+        "--live-parameters", action="store_true", help=som_parameter.LIVE_PARAMETERS
+    )
+    pressure = "the kernel's file of who waits for a processor; empty: nobody is excused by that"
+    parser.add_argument("--pressure", default="/proc/pressure/cpu", help=pressure)
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
     whose = parser.add_mutually_exclusive_group()
     whose.add_argument("--host", default="", help="watch the services of this computer alone")

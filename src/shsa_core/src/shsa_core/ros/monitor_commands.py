@@ -45,10 +45,8 @@ class Commands:
             {
                 events.HealthChanged: self._tell_health,
                 events.ChangeRefused: self._put_back,
-                events.RobotAwaited: self._tell_awaited,
                 events.CalibrationsChanged: self._tell_calibrations,
-                events.Bridged: self._tell_bridged,
-                events.ChangeAdopted: lambda each: rospy.loginfo("%s counts now.", each.text),
+                events.Told: self._tell,
             },
         )
 
@@ -81,22 +79,13 @@ class Commands:
         rows = map(wire.calibration_row, change.rows)
         self._calibrations.update(rows, [wire.calibration_key(*key) for key in change.removed])
 
-    def _tell_awaited(self, awaited: events.RobotAwaited) -> None:
-        services = ", ".join(f"{topic} from {node}" for topic, node in awaited.services)
-        rospy.logwarn("No node of the SOM is there yet. Waiting for: %s.", services)
-
-    def _tell_bridged(self, bridged: events.Bridged) -> None:
-        text = "%s: %s has filled in for a late message, %s so far. This is no failure."
-        times = "once" if bridged.times == 1 else f"{bridged.times} times"
-        rospy.logwarn(text, bridged.topic, bridged.publisher, times)
+    def _tell(self, told: events.Told) -> None:
+        (rospy.logwarn if told.warning else rospy.loginfo)("%s.", told.text)
 
     def _put_back(self, refusal: events.ChangeRefused) -> None:
-        """Say what is refused, and put the numbers that count back, for all who read them."""
+        """Put the numbers that count back, for all who read them, and tell what is refused."""
         service = refusal.service
-        rospy.logwarn(
-            "Refused: %s. The previous numbers are put back. If you mean the new ones, "
-            "stop the node, set them, and start it as it should be.",
-            refusal.text,
-        )
+        text = "Refused: %s. If it is meant, stop the node, change it, and start the node again."
+        rospy.logwarn(text, refusal.text)
         name = f"{PARAMETER}/services/{service.name}"
         self._parameters.put(lambda: rospy.set_param(name, service_parameters(service)))

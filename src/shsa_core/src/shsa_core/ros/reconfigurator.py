@@ -14,6 +14,7 @@ from shsa_msgs import msg
 
 from shsa_core import dispatch
 from shsa_core.analysis.budget import check_budgets
+from shsa_core.analysis.check import refuse_invalid
 from shsa_core.analysis.schedulability import check_placements
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
@@ -40,7 +41,7 @@ from shsa_core.ros.master.master_watch import MasterWatch
 from shsa_core.ros.processes.starting import Setup, run_command
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.master.som_parameter import SomWatch, put_som
+from shsa_core.ros.master.som_parameter import LIVE_PARAMETERS, SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.messages.fields import Problem, mark_unusable
 from shsa_core.ros.workers import Workers
@@ -163,7 +164,9 @@ class ReconfiguratorNode:
         self._som_state.open()
         put_som(som)
         self._som_watch = SomWatch(
-            som, lambda s: self._put(events.SomChanged(clock.now(), self._usable(s)))
+            som,
+            lambda s: self._put(events.SomChanged(clock.now(), self._usable(s))),
+            arguments.live_parameters,
         )
         tables = (names.FAILURES, names.SUBSTITUTIONS, names.SOM_STATE)
         self._master.introduce(*map(rospy.resolve_name, tables))
@@ -379,7 +382,7 @@ class ReconfiguratorNode:
 def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     """The ontology and the SOM in two files.
 
-    Raises ModelError that names every error in them, or why a SOM that starts programs is not
+    Raises ModelError that names every error of `shsa check` in them, or why a SOM that starts programs is not
     believed.
     """
     read_ontology, errors = load_ontology(ontology)
@@ -387,6 +390,7 @@ def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     errors = [*errors, *som_errors]
     if errors:
         raise ModelErrors(errors)
+    refuse_invalid(read_ontology, read_som)
     refuse_others_commands(read_som, som)
     return read_ontology, read_som
 
@@ -404,6 +408,7 @@ def main() -> None:
     parser.add_argument("--incident-log", default="", help="a file for one JSON line an incident")
     parser.add_argument("--dry-run", action="store_true", help="advise: kill and start nothing")
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
+    parser.add_argument("--live-parameters", action="store_true", help=LIVE_PARAMETERS)
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
     parser.add_argument(
         "--unsigned-failures", action="store_true", help="believe unsigned failures"

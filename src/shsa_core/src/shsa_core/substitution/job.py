@@ -4,6 +4,7 @@ from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import ShsaError
+from shsa_core.model.field import is_angle
 from shsa_core.model.log import Level
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
@@ -72,6 +73,13 @@ class Job:
         self._unstarted = {
             signal.field for signal, sum_ in zip(row.outputs, program.integrals) if sum_ is not None
         }
+        self._angles = {
+            signal.field
+            for signal, sum_ in zip(row.outputs, program.integrals)
+            if sum_ is None and is_angle(signal.field)
+        }
+        self._begins: Dict[str, float] = {}  # where angles go on from
+        self._shifts: Dict[str, float] = {}  # what is added to them since
         if not row.service and row.publishing:
             self._unstarted.clear()  # somebody started it by hand: from 0, as documented
         self._hidden = program.hidden
@@ -129,13 +137,16 @@ class Job:
         return tuple((each.field, error or None) for each, error in zip(self.outputs, errors))
 
     def start(self, values: Iterable[Tuple[str, float]]) -> None:
-        """Have integrals start at the last good values of the fields that they are written to."""
+        """Go on from the last good values: of integrals, and of angles, which have any zero."""
         self._complained = False
         known = {field: value for field, value in values if math.isfinite(value)}
         for signal, sum_ in zip(self.outputs, self._integrals):
             if sum_ is not None and signal.field in known:
                 sum_[0] = known[signal.field]
                 self._unstarted.discard(signal.field)
+                self.latest = None
+            elif signal.field in self._angles & known.keys():
+                self._begins[signal.field] = known[signal.field]
                 self.latest = None
 
     def complain(self) -> List[Log]:
@@ -186,10 +197,19 @@ class Job:
 
     def _calibrated(self, values: Optional[Tuple[float, ...]]) -> Optional[Tuple[float, ...]]:
         """Return what the program yields, by the gains and offsets of the row."""
-        if values is None or not self._calibrates:
+        if values is None or not (self._calibrates or self._angles):
             return values
-        found = tuple(s.gain * value + s.offset for s, value in zip(self.outputs, values))
+        found = tuple(map(self._placed, self.outputs, values))
         return found if all(map(math.isfinite, found)) else None
+
+    def _placed(self, signal: Signal, value: float) -> float:
+        """Return a value by gain and offset; an angle that has none goes on where it was."""
+        field = signal.field
+        if field not in self._angles or signal.gain != 1.0 or signal.offset:
+            return signal.gain * value + signal.offset
+        if field in self._begins and math.isfinite(value):
+            self._shifts[field] = self._begins.pop(field) - value
+        return value + self._shifts.get(field, 0.0)
 
 
 def longest_gap(period: Optional[float]) -> float:

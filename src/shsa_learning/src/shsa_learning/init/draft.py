@@ -26,7 +26,7 @@ MOST_COMMENTS = 200
 STATES = ("bool", "uint8", "int8", "byte", "char")
 """They count what state something is in: others than those that were seen may come."""
 SMALLEST, LARGEST = 1e-30, 1e30
-"""Magnitudes beyond these are no measurement, and get no range."""
+"""Magnitudes beyond these are no measurement: nothing is usual of them."""
 LONGEST = 200
 """Characters that are quoted of what others say."""
 
@@ -36,9 +36,10 @@ HEAD = """\
 # `services:`. Before you write that:
 #  - Read each line. Names of properties are yours to choose; what two services tell of one
 #    quantity gets one name. Rename it in the ontology as well.
-#  - A range is what was seen, and as much again on either side as it was wide, but at least half
-#    of the largest value. What the robot can do is what you know. Places, angles, distances and
-#    counters have no range here, nor has what only trembled: the robot may not have moved.
+#  - `usual` is what was seen, and as much again on either side as it was wide, but at least half
+#    of the largest value: outside, people are warned. What the robot can do is what you know: say
+#    that as `range`, outside of which a node fails. Places, angles, distances and counters have
+#    neither here, nor has what only trembled: the robot may not have moved.
 #  - `period: none` is event-driven: it is never silent. Where that is wrong, give a period in s.
 #  - A topic is healed while somebody subscribes to it. `needed: true` or `needed: false` says
 #    otherwise. docs/reference/som.md has all keys.
@@ -207,9 +208,9 @@ def _provision(facts: Facts, field: Field) -> str:
     """Return the entry of a value in the SOM."""
     text = field.number.field
     told = [f"field: {text if _PLAIN_FIELD.fullmatch(text) else json.dumps(text)}"]
-    limits = _range(field)
+    limits = _usual(field)
     if limits is not None:
-        told.append(f"range: [{limits[0]!r}, {limits[1]!r}]")
+        told.append(f"usual: [{limits[0]!r}, {limits[1]!r}]")
     spread = field.spread
     distance = is_distance(facts.publisher.type, text)
     if spread is not None and spread.nan + spread.infinite > 0.0 and not distance:
@@ -217,8 +218,8 @@ def _provision(facts: Facts, field: Field) -> str:
     return f"{{{', '.join(told)}}}"
 
 
-def _range(field: Field) -> Optional[Tuple[float, float]]:
-    """Return the range of a value, from what was seen; None where it may go on."""
+def _usual(field: Field) -> Optional[Tuple[float, float]]:
+    """Return what is usual of a value, from what was seen; None where it may go on."""
     spread, number = field.spread, field.number
     if spread is None or spread.lowest is None or spread.highest is None:
         return None

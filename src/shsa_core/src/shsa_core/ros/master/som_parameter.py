@@ -5,7 +5,7 @@ import re
 import threading
 import time
 from functools import partial
-from typing import Any, Callable, Dict, Optional, Sequence, Set, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple
 
 import rospy
 from rospy.impl.paramserver import get_param_server_cache
@@ -25,6 +25,7 @@ from shsa_core.model.som import Som
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
 
+LIVE_PARAMETERS = "numbers of the SOM on the parameter server count, too"
 MOST_SAID = 20
 """Errors of one look: anybody can set thousands of parameters."""
 UNKNOWN_PERIOD_S, UNKNOWN_DEADLINE_S = 0.1, 0.5
@@ -46,18 +47,20 @@ def get_som_parameter() -> Optional[object]:
 class SomWatch:
     """Calls `changed(som)` from a thread of its own within a second of a change at shsa/som.
 
-    What is not valid is named once and refused: the old entry stays. Who has `reread`, which reads
-    the SOM file again, puts that entry back onto the server, and looks whether the file is another
-    one: only the file can add, drop or move a service.
+    `live`: numbers at shsa/som count; else those of the file alone do. What is not valid is named
+    once and refused: the old entry stays. Who has `reread`, which reads the SOM file again, puts
+    that entry back onto the server, and looks if the file is another one: only the file can add,
+    drop or move a service.
     """
 
     def __init__(
         self,
         som: Som,
         changed: Callable[[Som], None],
+        live: bool,
         reread: Optional[Callable[[], Som]] = None,
     ) -> None:
-        self._som, self._changed, self._reread = som, changed, reread
+        self._som, self._changed, self._live, self._reread = som, changed, live, reread
         self._file = som  # as read last
         self._seen = ""
         self._said: Set[str] = set()
@@ -70,7 +73,8 @@ class SomWatch:
     def replace(self, som: Som) -> None:
         """Go by another SOM from a file; what lies at shsa/som counts on top of it."""
         with self._lock:
-            self._som, self._seen = som, ""
+            self._som = self._file = som
+            self._seen = ""
         self._look.set()
 
     def _hear_updates(self) -> None:
@@ -115,11 +119,10 @@ class SomWatch:
         if not _names(value):
             self._put_back(value)
             return
-        where = self._name, rospy.get_namespace()
-        som, errors = merge_parameters(self._som, value, *where)
+        som, errors = self._merge(value, self._som)
         try:
             if (errors or _names(value) != set(som.services)) and self._file_is_new():
-                som, errors = merge_parameters(self._file, value, *where)
+                som, errors = self._merge(value, self._file)
         except ModelError as refusal:
             errors.append(refusal)
         texts = [str(each) for error in errors for each in error.errors]
@@ -134,6 +137,20 @@ class SomWatch:
         if som != self._som:
             self._som = som
             self._changed(som)
+
+    def _merge(self, value: Any, current: Som) -> Tuple[Som, List[ModelError]]:
+        """Return the SOM that counts, and what is refused of a value at shsa/som."""
+        if self._live:
+            where = self._name, rospy.get_namespace()
+            return merge_parameters(self._file, value, *where, current=current)
+        if self._reread is None:
+            return self._file, []
+        what = "the SOM file alone counts, since live_parameters is false"
+        return self._file, [
+            ModelError(f"{self._name}/services/{service.name}", what)
+            for service in self._file
+            if value["services"].get(service.name) != service_parameters(service)
+        ]
 
     def _file_is_new(self) -> bool:
         """Read the SOM file again. Raises ModelError."""

@@ -176,6 +176,18 @@ def waited(pid: int) -> float:
     return total / 1e9
 
 
+def waited_in_all(path: str) -> Optional[float]:
+    """Return for how long something waited for a processor since the start, in s; None: not known.
+
+    `path`: usually /proc/pressure/cpu, whose first line ends with total=MICROSECONDS.
+    """
+    try:
+        with open(path, encoding="ascii") as file:
+            return 1e-6 * int(file.readline().rpartition("total=")[2])
+    except (OSError, ValueError):
+        return None
+
+
 def kill(process: psutil.Process) -> None:
     """`kill -9` this very process, and no other that has its number by now.
 

@@ -27,7 +27,7 @@ from shsa_core.ros.master.node_api import (
     topics,
 )
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.trust.owners import is_local, listener
+from shsa_core.ros.trust.owners import is_local, listener, listening
 
 URIS = "/roslaunch/uris"
 """The parameter of the address of each roslaunch."""
@@ -253,9 +253,10 @@ def _gone(known: Known) -> bool:
 
 
 def _listens(known: Known, uri: str) -> bool:
-    """Return whether a process is the one at a numeric address, unless it is elsewhere."""
-    process = known.process
-    return process is None or listener(resolved(uri), process.pid) == process
+    """Return whether a process is the one at an address, or came by us in place of a dead one."""
+    if known.process is None or (known.ours and listening(resolved(uri)) is None):
+        return True
+    return listener(resolved(uri), known.process.pid) == known.process
 
 
 def _stranger(known: Known) -> str:

@@ -1,0 +1,185 @@
+"""Changes of the SOM: what a healthy publisher violates at once is refused."""
+import json
+from dataclasses import replace
+
+import pytest
+from monitor_bench import (
+    NODE,
+    PERIOD,
+    TOPIC,
+    Bench,
+    message_checks,
+    provision,
+    service,
+)
+
+from shsa_core.journal.codec import Codec
+from shsa_core.model.checks import Checks, Jump, RateHigh, default_checks
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
+from shsa_core.monitoring.events import Command, SomChanged, Told
+
+
+@pytest.fixture
+def bench() -> Bench:
+    made = Bench()
+    made.connect()
+    made.stream(60)
+    return made
+
+
+def counts(bench: Bench, wanted: Service) -> bool:
+    return bench.core.service_of(TOPIC, NODE) == wanted and not bench.refused
+
+
+@pytest.mark.parametrize(
+    "changed, says",
+    [
+        (service(provision(range=(100.0, 200.0))), "out_of_range: battery_current is 1"),
+        (service(period=1e9), "rate_high: 50 messages came in"),
+        (service(period=0.03), "rate_high: 50 messages came in"),
+        (service(period=1e-4), "rate_low: 50"),
+        (service(deadline=0.5), "silent: no message for 0.020 s"),
+        (service(checks=message_checks(RateHigh(0.5))), "rate_high"),
+    ],
+)
+def test_what_a_healthy_publisher_violates_at_once_is_refused(
+    bench: Bench, changed: Service, says: str
+) -> None:
+    bench.watch(replace(changed, needed=True))
+    (refused,) = bench.refused
+    assert (
+        says in refused.text
+        and NODE in refused.text
+        and ("so far" in refused.text or "checks" in refused.text)
+    )
+    kept = service(needed=True)
+    assert refused.service == kept == bench.core.service_of(TOPIC, NODE)
+    bench.stream(50)
+    bench.stream(3, value=99.0)
+    assert bench.kinds() == [(NODE, "out_of_range")]
+
+
+@pytest.mark.parametrize(
+    "changed, weaker",
+    [
+        (service(provision(range=None)), True),
+        (service(provision(range=(-5.0, 61.0))), True),
+        (service(provision(range=(0.0, 2.0))), False),
+        (service(provision(checks=())), True),
+        (service(provision(checks=(*default_checks(True), Jump(5.0)))), False),
+        (service(deadline=500.0), True),
+        (service(deadline=3.0), False),
+        (service(period=0.025), True),
+        (service(period=0.016), False),
+        (service(checks=message_checks()), True),
+        (service(checks=Checks(bad=1)), True),
+        (service(period=None), True),
+    ],
+)
+def test_what_it_conforms_to_counts_at_once(bench: Bench, changed: Service, weaker: bool) -> None:
+    said = bench.send(SomChanged(bench.now, Som([changed])))
+    (told,) = (each for each in said if isinstance(each, Told))
+    assert told.text.startswith("Changed: current: ") and f"it concerns {NODE}" in told.text
+    assert told.warning is weaker is ("allows more" in told.text)
+    assert counts(bench, changed)
+    bench.stream(50)
+    assert bench.failures == []
+
+
+def test_a_rate_is_refused_where_few_messages_came_before() -> None:
+    for count in range(2, 40):
+        bench = Bench()
+        bench.connect()
+        bench.stream(count)
+        bench.watch(service(period=1e6))
+        bench.stream(60)
+        assert len(bench.refused) == 1 and bench.failures == [], count
+
+
+def test_what_does_not_judge_is_no_change_of_numbers(bench: Bench) -> None:
+    changed = service(provision(quality=0.5), needed=True)
+    said = bench.send(SomChanged(bench.now, Som([changed])))
+    assert counts(bench, changed) and not any(isinstance(each, Told) for each in said)
+
+
+def test_after_a_refusal_the_numbers_can_be_put_back_and_changed_again(bench: Bench) -> None:
+    bench.watch(service(period=0.025))
+    bench.watch(service(period=1e9))
+    kept = service(period=0.025)
+    assert [each.service for each in bench.refused] == [kept]
+    bench.watch(kept)
+    assert bench.core.service_of(TOPIC, NODE) == kept
+    bench.watch(service())
+    assert bench.core.service_of(TOPIC, NODE) == service() and len(bench.refused) == 1
+
+
+def test_a_failed_publisher_contradicts_nobody(bench: Bench) -> None:
+    bench.stream(3, value=99.0)
+    changed = service(provision(range=(0.0, 100.0)))
+    bench.watch(changed)
+    assert counts(bench, changed)
+    bench.stream(6, value=99.0)
+    assert bench.state() == "healthy"
+
+
+def test_nobody_there_contradicts_nobody() -> None:
+    bench = Bench()
+    bench.watch(service(period=1e6))
+    assert counts(bench, service(period=1e6))
+
+
+def test_a_quiet_button_does_not_become_periodic() -> None:
+    bench = Bench(service(period=None))
+    bench.connect()
+    bench.wait(20.0)
+    bench.watch(service())
+    bench.wait(20.0)
+    assert "silent: no message for 20.000 s" in bench.refused[0].text
+    assert bench.failures == [] and bench.state() == "healthy"
+
+
+def test_the_service_of_another_node_is_no_change_of_numbers(bench: Bench) -> None:
+    bench.watch(replace(service(period=0.001), node="/other"))
+    assert bench.refused == []
+
+
+def test_what_was_never_good_is_told_as_that() -> None:
+    bench = Bench(service(provision(range=(100.0, 200.0))))
+    bench.connect()
+    bench.stream(3)
+    assert "the SOM may be wrong" in bench.failures[0].detail
+    assert "the SOM may be wrong" in bench.core.table()[0].detail
+
+
+def test_a_rate_that_was_never_good_is_told_as_that() -> None:
+    bench = Bench(service(period=10.0))
+    bench.connect()
+    bench.stream(100)
+    assert bench.kinds() == [(NODE, "rate_high")]
+    assert "the SOM may be wrong" in bench.failures[0].detail
+
+
+def test_a_node_that_was_always_too_slow_is_told_as_that() -> None:
+    bench = Bench()
+    bench.connect()
+    bench.stream(3, period=2.0)
+    assert bench.kinds()[0] == (NODE, "silent")
+    assert "the SOM may be wrong" in bench.failures[0].detail
+
+
+def test_what_was_good_once_is_told_as_usual(bench: Bench) -> None:
+    bench.stream(3, value=99.0)
+    bench.stream(10)
+    bench.stream(200, period=PERIOD / 4)
+    assert [str(each.kind) for each in bench.failures] == ["out_of_range", "rate_high"]
+    bench.wait(1.0)
+    assert not any("SOM" in failure.detail for failure in bench.failures)
+
+
+def test_what_became_of_a_change_can_be_journaled(bench: Bench) -> None:
+    bench.watch(service(provision(range=(100.0, 200.0)), period=1e6))
+    bench.stream(40)
+    codec = Codec(Command)
+    for said in (bench.refused[0], Told(1.0, "Changed: current", True)):
+        assert codec.decode(json.loads(json.dumps(codec.encode(said))), "here", "it") == said
