@@ -194,7 +194,8 @@ class Nodes:
         if doubt is not None:
             return doubt
         if uri and not _listens(known, uri):
-            if known.learned and kernel.wait_for(partial(_gone, known), settings.LOOK_S):
+            process = known.process if known.learned else None
+            if process and kernel.wait_for(partial(kernel.gone, process), settings.LOOK_S):
                 return Found(Where.DEAD)  # it closed its address first, as on `rosnode kill`
             return Found(Where.ANOTHER, f"the one that failed is at {uri}, and it is not")
         return Found(self._put(node, known).where)
@@ -246,10 +247,6 @@ class Nodes:
         if publishes:
             return None
         return Found(Where.ANOTHER, f"whoever answers at its address does not publish {topic}")
-
-
-def _gone(known: Known) -> bool:
-    return not known.lives
 
 
 def _listens(known: Known, uri: str) -> bool:
