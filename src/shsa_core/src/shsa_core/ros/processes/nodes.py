@@ -8,6 +8,7 @@ import os
 import threading
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Dict, FrozenSet, Iterable, NamedTuple, Optional, Set
 
 import psutil
@@ -193,6 +194,9 @@ class Nodes:
         if doubt is not None:
             return doubt
         if uri and not _listens(known, uri):
+            process = known.process if known.learned else None
+            if process and kernel.wait_for(partial(kernel.gone, process), settings.LOOK_S):
+                return Found(Where.DEAD)  # it closed its address first, as on `rosnode kill`
             return Found(Where.ANOTHER, f"the one that failed is at {uri}, and it is not")
         return Found(self._put(node, known).where)
 
