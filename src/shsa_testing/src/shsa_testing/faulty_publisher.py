@@ -52,7 +52,8 @@ class FaultyPublisher:
     """Publishes shsa_msgs/Float64Stamped and obeys what a FaultHandle tells it.
 
     Parameters: ~topic, ~period in s, ~value, ~mute, ~well (another topic, on which it publishes
-    the first value and never fails), ~ros_time (its period is of ROS time). Commands: `value X`,
+    the first value and never fails), ~ros_time (its period is of ROS time), ~takes (a topic that it
+    subscribes to), ~farewell (a file that it writes 3 s after it was told to leave). Commands: `value X`,
     `period S`, `stamp S` (seconds added to the stamp), `ramp X` (added to the value at every
     message), `noise X` (of each message, a standard deviation), `nan N` (every Nth value, 0: none),
     `intermittent LEAST MOST` (silences of so many periods, at random, with five messages between
@@ -73,6 +74,9 @@ class FaultyPublisher:
         self.well_topic, self.well_value = rospy.get_param("~well", ""), self.value
         if self.well_topic:
             self.well = rospy.Publisher(self.well_topic, Float64Stamped, queue_size=100)
+        takes, self.farewell = rospy.get_param("~takes", ""), rospy.get_param("~farewell", "")
+        if takes:
+            rospy.Subscriber(takes, rospy.AnyMsg)
         address = _address(rospy.get_name())
         if os.path.exists(address):
             os.unlink(address)
@@ -173,7 +177,13 @@ class FaultyNode(FaultHandle):
 def main() -> None:
     """Run the node."""
     rospy.init_node("faulty_publisher")
-    FaultyPublisher().spin()
+    node = FaultyPublisher()
+    try:
+        node.spin()
+    finally:
+        if node.farewell:
+            time.sleep(3.0)
+            open(node.farewell, "w").close()
 
 
 if __name__ == "__main__":

@@ -43,11 +43,8 @@ class Names:
 
     def consumers(self, subscribers: Iterable[str]) -> Tuple[str, ...]:
         """Return the subscribers that rely on a topic: not healing's own, and none that records."""
-        return tuple(
-            node
-            for node in sorted(subscribers)
-            if not self.of_healing(node, False) and not node.startswith(OBSERVERS)
-        )
+        others = (node for node in sorted(subscribers) if not self.of_healing(node, False))
+        return tuple(node for node in others if not node.startswith(OBSERVERS))
 
     def avoid(self, node: str) -> bool:
         """Use no number up to that in a node name; False: the name has another form."""

@@ -230,8 +230,7 @@ class ReconfiguratorNode:
     def _may_act(self, som: Som) -> None:
         self._master.acts = self._core.acts(som)
         if not som.act:
-            text = "Healing only advises. To have it act, write `act: true` at the top of %s."
-            rospy.logwarn(text, self._files.som)
+            rospy.logwarn("Healing only advises. It acts by `act: true` in %s.", self._files.som)
 
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
