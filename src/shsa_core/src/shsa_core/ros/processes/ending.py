@@ -42,10 +42,7 @@ def ask_to_leave(nodes: Nodes, node: str, answered: Callable[[], object] = lambd
 
 
 def end_process(nodes: Nodes, node: str, gently: bool = False) -> bool:
-    """End the process of a node by SIGKILL, or by SIGTERM; return whether it has ended in time.
-
-    Raises Untouchable.
-    """
+    """End a node's process by SIGKILL, or SIGTERM; return whether it ended. Raises Untouchable."""
     known = nodes.known(node)
     if known is None or known.process is None:
         raise Untouchable("it is not known which process it is")
