@@ -28,6 +28,8 @@ def logged(path: Path) -> Iterator[str]:
 def said(call: ast.Call) -> Optional[ast.expr]:
     """Return the text that a call logs as a warning or an error; None: it does not."""
     name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+    if name == "Told":
+        return call.args[1]
     if name == "Log":
         return call.args[1] if getattr(call.args[0], "attr", "") in LEVELS else None
     if not LOGGED.search(name) or not call.args:
@@ -52,8 +54,9 @@ def texts(node: ast.expr, named: Dict[str, List[ast.expr]]) -> Iterator[str]:
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         yield re.sub(r"%[srd]|%\.?\d*[fg]", "...", node.value)
     elif isinstance(node, ast.JoinedStr):
-        parts = (p.value if isinstance(p, ast.Constant) else "..." for p in node.values)
-        yield "".join(map(str, parts))
+        yield "".join(next(texts(part, named), "...") for part in node.values)
+    elif isinstance(node, ast.FormattedValue):
+        yield from texts(node.value, named) if isinstance(node.value, ast.Name) else ()
     elif isinstance(node, ast.IfExp):
         yield from texts(node.body, named)
         yield from texts(node.orelse, named)

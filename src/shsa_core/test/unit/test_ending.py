@@ -4,6 +4,7 @@ import pathlib
 import signal
 import socket
 import subprocess
+import threading
 import xmlrpc.client
 from typing import Any, Callable, Dict, Iterator, List
 
@@ -238,6 +239,22 @@ def test_a_process_that_was_not_heard_is_another_than_the_one_that_failed(
     found = nodes.find(NAME, TOPIC, True, fake.uri)
     assert found.where is Where.ANOTHER and f"the one that failed is at {fake.uri}" in found.detail
     assert nodes.find(NAME, TOPIC, True, node.uri).where is Where.HERE
+    nodes.adopt(NAME, Known("", psutil.Process(node.process.pid)))
+    assert nodes.find(NAME, TOPIC, True, fake.uri).where is Where.ANOTHER
+    fake.end()  # then ours was started in its place
+    assert nodes.find(NAME, TOPIC, True, fake.uri).where is Where.HERE
+
+
+def test_a_process_that_closes_its_address_before_it_ends_is_dead(nodes: Nodes, make: Make) -> None:
+    """As with `rosnode kill`: nobody listens at the address of the one that failed any more."""
+    gone, node = make(), make()
+    register(node.uri)
+    assert nodes.learn(NAME, TOPIC) is not None
+    gone.end()
+    ends = threading.Timer(0.1, node.end)
+    ends.start()
+    assert nodes.find(NAME, TOPIC, True, gone.uri).where is Where.DEAD
+    ends.join()
 
 
 def test_no_part_of_healing_or_of_ros_is_ended_under_another_name(

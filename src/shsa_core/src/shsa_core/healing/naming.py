@@ -42,11 +42,8 @@ class Names:
 
     def consumers(self, subscribers: Iterable[str]) -> Tuple[str, ...]:
         """Return the subscribers that rely on a topic: not healing's own, and none that records."""
-        return tuple(
-            node
-            for node in sorted(subscribers)
-            if not self.of_healing(node, False) and not node.startswith(OBSERVERS)
-        )
+        others = (node for node in sorted(subscribers) if not self.of_healing(node, False))
+        return tuple(node for node in others if not node.startswith(OBSERVERS))
 
     def go_on(self, number: int) -> None:
         """The next name has this number at least."""

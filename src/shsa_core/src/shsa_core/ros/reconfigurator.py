@@ -230,8 +230,7 @@ class ReconfiguratorNode:
     def _may_act(self, som: Som) -> None:
         self._master.acts = self._core.acts(som)
         if not som.act:
-            text = "Healing only advises. To have it act, write `act: true` at the top of %s."
-            rospy.logwarn(text, self._files.som)
+            rospy.logwarn("Healing only advises. It acts by `act: true` in %s.", self._files.som)
 
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
@@ -383,8 +382,8 @@ class ReconfiguratorNode:
 def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     """The ontology and the SOM in two files.
 
-    Raises ModelError that names every error of `shsa check` in them, or why a SOM that starts programs is not
-    believed.
+    Raises ModelError that names every error of `shsa check` in them, or why a SOM that starts
+    programs is not believed.
     """
     read_ontology, errors = load_ontology(ontology)
     read_som, som_errors = load_som(som, rospy.get_namespace())

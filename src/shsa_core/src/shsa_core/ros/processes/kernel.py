@@ -200,9 +200,9 @@ def kill(process: psutil.Process) -> None:
     os.kill(process.pid, signal.SIGKILL)
 
 
-def wait_for(done: Callable[[], bool]) -> bool:
-    """Wait until something is done, as long as a process is given to end; False: it is not."""
-    deadline = time.monotonic() + settings.PROCESS_S
+def wait_for(done: Callable[[], bool], seconds: float = 0.0) -> bool:
+    """Wait until something is done; 0: as long as a process is given to end. False: it is not."""
+    deadline = time.monotonic() + (seconds or settings.PROCESS_S)
     while not done():
         if time.monotonic() > deadline:
             return False

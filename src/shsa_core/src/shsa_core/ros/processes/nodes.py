@@ -8,6 +8,7 @@ import os
 import threading
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Dict, FrozenSet, Iterable, NamedTuple, Optional, Set
 
 import psutil
@@ -26,7 +27,7 @@ from shsa_core.ros.master.node_api import (
     topics,
 )
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.trust.owners import is_local, listener
+from shsa_core.ros.trust.owners import is_local, listener, listening
 
 URIS = "/roslaunch/uris"
 """The parameter of the address of each roslaunch."""
@@ -193,6 +194,9 @@ class Nodes:
         if doubt is not None:
             return doubt
         if uri and not _listens(known, uri):
+            process = known.process if known.learned else None
+            if process and kernel.wait_for(partial(kernel.gone, process), settings.LOOK_S):
+                return Found(Where.DEAD)  # it closed its address first, as on `rosnode kill`
             return Found(Where.ANOTHER, f"the one that failed is at {uri}, and it is not")
         return Found(self._put(node, known).where)
 
@@ -246,9 +250,10 @@ class Nodes:
 
 
 def _listens(known: Known, uri: str) -> bool:
-    """Return whether a process is the one at a numeric address, unless it is elsewhere."""
-    process = known.process
-    return process is None or listener(resolved(uri), process.pid) == process
+    """Return whether a process is the one at an address, or came by us in place of a dead one."""
+    if known.process is None or (known.ours and listening(resolved(uri)) is None):
+        return True
+    return listener(resolved(uri), known.process.pid) == known.process
 
 
 def _stranger(known: Known) -> str:

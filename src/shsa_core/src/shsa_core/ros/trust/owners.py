@@ -73,7 +73,8 @@ def listener(at: Address, hint: int = 0) -> Optional[psutil.Process]:
     if owned is None:
         return None
     name = f"socket:[{owned.inode}]"
-    pids = [hint] if hint and _holds(hint, name) else _holders(name)
+    hinted = hint > 0 and _holds(hint, name)
+    pids = [hint] if hinted else [pid for pid in psutil.pids() if _holds(pid, name)]
     try:
         return psutil.Process(pids[0]) if len(pids) == 1 else None
     except psutil.NoSuchProcess:
@@ -124,10 +125,6 @@ def _written(at: Address) -> str:
     packed = socket.inet_pton(family(at.host), at.host)
     words = struct.unpack(f"={len(packed) // 4}I", packed)
     return "".join(f"{word:08X}" for word in words) + f":{at.port:04X}"
-
-
-def _holders(name: str) -> List[int]:
-    return [pid for pid in psutil.pids() if _holds(pid, name)]
 
 
 def _holds(pid: int, name: str) -> bool:
