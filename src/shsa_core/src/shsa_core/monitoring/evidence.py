@@ -137,8 +137,9 @@ class Verdict:
 class Evidence:
     """The evidence against one publisher, who provides `service`.
 
-    `properties`: those whose values are judged. `learned`: what is known of its values from
-    before; None: nothing is learned, as of a substitute, whose program may change.
+    `properties`: those whose values are judged; `compares`: with what is usual of them. `learned`:
+    what is known of its values from before; None: nothing is learned, as of a substitute, whose
+    program may change.
     """
 
     def __init__(self, service: Service, learned: Optional[Learned] = None) -> None:
@@ -147,7 +148,7 @@ class Evidence:
         checked = checked_provisions(service)
         self.properties = tuple(each.property for each in checked)
         self._values = [_Value(provision, learned) for provision in checked]
-        self._with_usual = [v for v, each in zip(self._values, checked) if each.usual]
+        self.compares = any(each.usual for each in checked)
         self._stamp_checks = _of(checks.each, StampSample)
         self._stamps = StampAges(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
@@ -173,10 +174,7 @@ class Evidence:
     @property
     def unusual(self) -> str:
         """The first of its values that is not as usual, in words; empty: all are."""
-        for value in self._with_usual:
-            if value.unusual:
-                return value.unusual
-        return ""
+        return next((each.unusual for each in self._values if each.unusual), "")
 
     @property
     def span(self) -> float:

@@ -75,7 +75,7 @@ class Judgement:
             self._board.fail(topic, publisher, time, failure.kind, failure.detail)
         if comparisons is not None and compared is not None:
             comparisons.learn(publisher, compared, time, good)
-        if (good or alibi) and publisher.kind is None:
+        if publisher.kind is None and (alibi or good and publisher.is_notable):
             self._note(topic, publisher, alibi, time)
         return good
 
@@ -89,8 +89,7 @@ class Judgement:
         detail = publisher.evidence.unusual if publisher.evidence else ""
         for suspicion in publisher.suspicions.values():
             detail = suspicion.doubts.get(publisher.service_name) or detail
-        if detail or publisher.detail:
-            self._board.note(topic, publisher, detail, time, log=bool(detail))
+        self._board.note(topic, publisher, detail, time, log=bool(detail))
 
     def _alibi(self, publisher: Publisher, failure: Finding, time: float) -> Optional[Alibi]:
         """Return why a publisher is not blamed for its rate, or its range; None: it is."""

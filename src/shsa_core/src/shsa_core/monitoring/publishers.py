@@ -153,6 +153,12 @@ class Publisher:
     def is_healthy(self) -> bool:
         return self.state is PublisherState.HEALTHY
 
+    @property
+    def is_notable(self) -> bool:
+        """True if something is told of it, or may be: a doubt, or what is unusual."""
+        compares = self.evidence is not None and self.evidence.compares
+        return bool(self.detail or self.suspicions or compares)
+
     def interrupt(self, until: float) -> None:
         """Lose its connection, which is given anew by then; once until its next message."""
         if self.last_heard is not None and not self.interrupted:

@@ -9,7 +9,8 @@ that had come: what comes while it is read is of later.
 import argparse
 import sys
 from collections import deque
-from typing import Any, Callable, Deque, Dict, List, Optional, Set
+from functools import partial
+from typing import Any, Callable, Deque, List, Optional, Set
 
 import rospy
 from shsa_msgs import msg
@@ -41,10 +42,6 @@ from shsa_core.ros.master import som_parameter
 from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.wire import monitoring as wire
 from shsa_core.ros.wire import names
-
-
-class _Report:
-    """Time to show the table on /diagnostics."""
 
 
 class MonitorNode:
@@ -86,22 +83,22 @@ class MonitorNode:
         self._ends = False
         self._values: diagnostics.Values = {}
         self._diagnostics = diagnostics.Diagnostics(
-            lambda: self._inbox.put(_Report()), diagnostics.MonitorRows(), signing, self._companion
+            lambda: self._inbox.put(self._report),
+            diagnostics.MonitorRows(),
+            signing,
+            self._companion,
         )
-        self._hear: Dict[type, Callable[[Any], object]] = {
-            Som: self._som_changed,
-            msg.Substitutions: self._substitutions_changed,
-            msg.SomState: lambda heard: self._feed(wire.formerly_healthy(heard)),
-            _Report: self._report,
-        }
-        self._inbox.put(som)
+        later = lambda handle: lambda heard: self._inbox.put(partial(handle, heard))
+        later(self._som_changed)(som)
         if not som_parameter.get_som_parameter():
             som_parameter.put_som(som)
         namespace = rospy.get_namespace()
         reread = lambda: read_som(arguments.som, namespace)
-        som_parameter.SomWatch(som, self._inbox.put, arguments.live_parameters, reread)
-        TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, self._inbox.put, signing)
-        TableSubscriber(names.SOM_STATE, msg.SomState, self._hear_som_state, signing)
+        watch = later(self._som_changed), arguments.live_parameters, reread
+        som_parameter.SomWatch(som, *watch)
+        changed = later(self._substitutions_changed)
+        TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, changed, signing)
+        TableSubscriber(names.SOM_STATE, msg.SomState, later(self._som_state), signing)
 
     def spin(self) -> None:
         """Handle events until ROS shuts down."""
@@ -124,7 +121,7 @@ class MonitorNode:
         items = self._inbox.take()
         self._heed_launch()
         for item in items:
-            self._guarded(self._hear[type(item)], item)
+            self._guarded(item)
         self._tell_clock()
         happenings = self._subscriptions.read(self._fed)
         self._heed_launch()
@@ -199,9 +196,9 @@ class MonitorNode:
             self._fed = event.time
         self._commands.carry_out(self._answer(event))
 
-    def _hear_som_state(self, table: msg.SomState) -> None:
+    def _som_state(self, table: msg.SomState) -> None:
         if table.whole:  # what is told later follows from what we say ourselves
-            self._inbox.put(table)
+            self._feed(wire.formerly_healthy(table))
 
     def _substitutions_changed(self, table: msg.Substitutions) -> None:
         event = wire.substitutions_changed(table)
@@ -230,7 +227,7 @@ class MonitorNode:
             rospy.loginfo("%s is watched.", topic)
             self._subscribe_at = clock.now() + settings.SUBSCRIBE_S
 
-    def _report(self, _: _Report) -> None:
+    def _report(self) -> None:
         counts = self._core.messages()
         self._values = {key: self._values[key] for key in counts if key in self._values}
         self._diagnostics.show((self._core.overview(), counts, self._values.copy()))
