@@ -55,10 +55,10 @@ class FaultyPublisher:
     the first value and never fails), ~ros_time (its period is of ROS time), ~takes (a topic that it
     subscribes to), ~farewell (a file that it writes 3 s after it was told to leave).
 
-    Commands: `value X`, `period S`, `stamp S` (seconds added to the stamp), `ramp X` (added to the value at every
-    message), `noise X` (of each message, a standard deviation), `nan N` (every Nth value, 0: none),
-    `intermittent LEAST MOST` (silences of so many periods, at random, with five messages between
-    them), `mute`, `publish`, `burst N`, `unadvertise`, `advertise`.
+    Commands: `value X`, `period S`, `stamp S` (seconds added to the stamp), `ramp X` (added to the
+    value at every message), `noise X` (of each message, a standard deviation), `nan N` (every Nth
+    value, 0: none), `intermittent LEAST MOST` (silences of so many periods, at random, with five
+    messages between them), `mute`, `publish`, `burst N`, `unadvertise`, `advertise`.
     """
 
     def __init__(self) -> None:
