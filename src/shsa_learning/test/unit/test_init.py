@@ -145,18 +145,18 @@ def test_a_second_recording_widens_what_the_first_drafted(
 
     init.drafts(speeds(1.0, 10.0))
     som = Path(init.som)
-    text = som.read_text().replace("range: [-3.0, 3.0]", "range: [-9.0, 9.0]", 1)
+    text = som.read_text().replace("usual: [-3.0, 3.0]", "usual: [-9.0, 9.0]", 1)
     som.write_text(text.replace("\nservices:", "\n# mine\nact: true\nservices:"))
     assert init("--again", "--bag", speeds(2.0, 8.0), "--som", init.som) == 0
     services = read_som(init.som).services
-    assert {name: (s.period, s.provides[0].range) for name, s in services.items()} == {
+    assert {name: (s.period, s.provides[0].usual) for name, s in services.items()} == {
         "left": (0.125, (-9.0, 9.0)),
         "right": (0.125, (-6.0, 6.0)),
         "slow": (0.125, (-3.0, 3.0)),
     }
     assert "# mine\nact: true" in som.read_text() and read_som(init.som).act
-    assert "left: range of left stays [-9.0, 9.0], as somebody wrote" in init.said
-    assert "right: range of right is [-6.0, 6.0], it was [-3.0, 3.0]" in init.said
+    assert "left: usual of left stays [-9.0, 9.0], as somebody wrote" in init.said
+    assert "right: usual of right is [-6.0, 6.0], it was [-3.0, 3.0]" in init.said
     assert init("--again", "--bag", speeds(1.0, 8.0), "--som", init.som) == 1
     assert init.said == "nothing new was seen\n"
 

@@ -5,7 +5,6 @@ from typing import Any, Dict, Iterator, List, Mapping, Optional, Tuple
 from shsa_learning.init.survey import RATES
 
 Tree = Dict[str, Any]
-INTERVALS = ("range", "usual")
 
 
 def drafted_path(som: str) -> str:
@@ -38,10 +37,9 @@ def _service(name: str, som: Tree, drafted: Tree, fresh: Tree) -> Iterator[str]:
         if field not in before:
             yield f"{name}: {field} changes as well: add it under `provides` if it matters"
         elif field in mine:
-            for key in INTERVALS:
-                wider = _wider(before[field][1].get(key), value.get(key))
-                what = f"{name}: {key} of {mine[field][0]}"
-                yield from _set(what, key, wider, mine[field][1], before[field][1])
+            wider = _wider(before[field][1].get("usual"), value.get("usual"))
+            what = f"{name}: usual of {mine[field][0]}"
+            yield from _set(what, "usual", wider, mine[field][1], before[field][1])
 
 
 def _set(what: str, key: str, value: Any, som: Tree, drafted: Tree) -> Iterator[str]:
