@@ -65,7 +65,9 @@ class MonitorCase(unittest.TestCase):
         cls._folder = tempfile.mkdtemp()
         cls._file = os.path.join(cls._folder, "som.yaml")
         cls._write({"marker": entry(MARKER, "/nobody")})
-        cls.monitor = rosrun("shsa_core", "monitor", "--som", cls._file, "--pressure", "", *cls.arguments)
+        cls.monitor = rosrun(
+            "shsa_core", "monitor", "--som", cls._file, "--pressure", "", *cls.arguments
+        )
         wait_until(lambda: failed.get_num_connections() > 0, 10.0, "the monitor is up")
         wait_until(lambda: cls._health.rows, 10.0, "the monitor watches")
 

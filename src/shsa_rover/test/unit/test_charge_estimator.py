@@ -5,13 +5,11 @@ from random import Random
 from typing import Iterable, List, Tuple
 
 import numpy as np
-import pytest
 from roslib.packages import find_node
 from ruamel.yaml import YAML
 
-from shsa_rover.battery import BatteryParameters
 from shsa_rover.dataset import CURRENT, PERIOD_S, VOLTAGE, Dataset, random_drive, simulate
-from shsa_rover.drive import Drive, Leg
+from shsa_rover.drive import Drive
 from shsa_rover.worlds import drawn_world
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "battery.yaml"
