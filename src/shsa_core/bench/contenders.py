@@ -4,13 +4,12 @@ import signal
 import time
 from typing import Callable, Protocol, TypeVar
 
-import rospy
-from std_msgs.msg import String
 from tqdm import tqdm
 
 from faults import FAULTS, Fault, Patient
 from graph import PATIENCE_S, Graph, ask_to_leave, shut_down
 from robot import NODE, TOPIC, Consumers, HealthyRobot, talker
+from shsa_testing.faulty_publisher import FaultHandle
 from shsa_testing.graph import node_pid, node_process, publishers
 from shsa_testing.waiting import wait_until
 from takeover import NEVER, Takeover, measured, with_steps, with_substitute
@@ -94,7 +93,6 @@ class Healed:
 
     def await_well(self) -> None:
         self._robot.await_well()
-        _await_obedience(self._robot.fault)
 
     def fail(self) -> Takeover:
         takeover = self.take_over()
@@ -161,14 +159,12 @@ class Respawned:
         path = graph.folder / "respawn.launch"
         names = {"package": package, "executable": executable, "name": NODE[1:]}
         path.write_text(LAUNCH.format(arguments=arguments, **names))
-        self._commands = rospy.Publisher(NODE + "/fault", String, queue_size=1)
+        self._commands = FaultHandle(NODE)
         self._launch = graph.start("roslaunch", str(path))
 
     def await_well(self) -> None:
         wait_until(lambda: node_process(NODE) is not None, PATIENCE_S, "the node is up")
         self._consumers.await_node(NODE, time.monotonic())
-        if self._obeys:
-            _await_obedience(self._commands)
         for consumer in self._consumers:
             consumer.forget()
 
@@ -188,12 +184,7 @@ class Respawned:
         return takeover
 
     def end(self) -> None:
-        self._commands.unregister()
         ask_to_leave(self._launch, 30.0)
-
-
-def _await_obedience(commands: rospy.Publisher) -> None:
-    wait_until(lambda: commands.get_num_connections() == 1, PATIENCE_S, "obedience of the node")
 
 
 def _once_over(consumers: Consumers, failed_at: float, period: float) -> Takeover:

@@ -15,7 +15,6 @@ from typing import Callable, Dict, List, Tuple
 import numpy as np
 import rospy
 from shsa_msgs.msg import Failure, Health
-from std_msgs.msg import String
 
 from graph import (
     FAULTY_PUBLISHER,
@@ -28,6 +27,7 @@ from graph import (
     write_som,
 )
 from report import print_table
+from shsa_testing.faulty_publisher import FaultHandle
 from shsa_testing.waiting import wait_until
 
 PERIOD_S = 0.02
@@ -44,7 +44,7 @@ class Target:
         self.process = graph.python(
             FAULTY_PUBLISHER, f"__name:={name}", f"_topic:={self.topic}", f"_period:={PERIOD_S}"
         )
-        self.command = rospy.Publisher(self.name + "/fault", String, queue_size=1)
+        self.command = FaultHandle(self.name)
 
     def kill(self) -> None:
         self.process.kill()
@@ -56,13 +56,13 @@ class Target:
         shut_down(self.name)
 
     def unadvertise(self) -> None:
-        self.command.publish("unadvertise")
+        self.command.fault("unadvertise")
 
     def leave_range(self) -> None:
-        self.command.publish("value 1000")
+        self.command.fault("value 1000")
 
     def say_nan(self) -> None:
-        self.command.publish("value nan")
+        self.command.fault("value nan")
 
 
 FAULTS: Dict[str, Callable[[Target], None]] = {
@@ -104,9 +104,8 @@ def measure(
     monitor = graph.python(MONITOR, "--som", str(som), f"_minimum_deadline:={SILENCE_S}")
     rows = []
     for target in targets:
-        listens = lambda: target.command.get_num_connections() > 0
         healthy = lambda: witness.healthy.get(target.topic, False)
-        wait_until(lambda: listens() and healthy(), PATIENCE_S, f"{target.name} is healthy")
+        wait_until(healthy, PATIENCE_S, f"{target.name} is healthy")
         rospy.rostime.wallsleep(0.1 + PERIOD_S * np.random.random())
         caused = time.monotonic()
         FAULTS[fault](target)
@@ -117,7 +116,6 @@ def measure(
     ask_to_leave(monitor)
     for target in targets:
         target.process.kill()
-        target.command.unregister()
     return rows
 
 

@@ -3,9 +3,9 @@ import os
 import signal
 from typing import Callable, Dict, NamedTuple
 
-import rospy
 
 from graph import shut_down
+from shsa_testing.faulty_publisher import FaultHandle
 
 SLOWED = 3
 """A third of the rate is left."""
@@ -19,10 +19,10 @@ class Patient(NamedTuple):
     node: str
     pid: int
     period: float
-    commands: rospy.Publisher
+    commands: FaultHandle
 
 
-Cause = Callable[[Patient], None]
+Cause = Callable[[Patient], object]
 
 
 def kill_hard(patient: Patient) -> None:
@@ -42,12 +42,12 @@ def leave(patient: Patient) -> None:
 
 def commanded(command: str) -> Cause:
     """Go on, but badly."""
-    return lambda patient: patient.commands.publish(command)
+    return lambda patient: patient.commands.fault(command)
 
 
 def slow(patient: Patient) -> None:
     """Publish seldom."""
-    patient.commands.publish(f"period {SLOWED * patient.period}")
+    patient.commands.fault(f"period {SLOWED * patient.period}")
 
 
 class Fault(NamedTuple):

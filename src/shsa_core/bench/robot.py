@@ -9,7 +9,6 @@ import psutil
 import rosgraph
 import rospy
 from shsa_msgs.msg import Substitution
-from std_msgs.msg import String
 
 from graph import (
     BENCH,
@@ -21,6 +20,7 @@ from graph import (
     service,
     write_som,
 )
+from shsa_testing.faulty_publisher import FaultHandle
 from shsa_testing.graph import is_connected, node_pid, registered_nodes
 from shsa_testing.waiting import wait_until
 
@@ -166,7 +166,7 @@ class HealthyRobot:
         self.standby = standby
         self.period = period
         self.healing = graph.healing
-        self.fault = rospy.Publisher(NODE + "/fault", String, queue_size=1)
+        self.fault = FaultHandle(NODE)
         self._graph = graph
         self._consumers = consumers
         self._steady = self._talker(KEPT_NODE, KEPT_TOPIC, 2.0)
@@ -240,7 +240,6 @@ class HealthyRobot:
         ask_to_leave(self._launch, 30.0)
         for process in (self.failing, self._steady, *self._gates):
             ask_to_leave(process)
-        self.fault.unregister()
         self.healing.incidents.clear()
 
     def _talker(self, node: str, topic: str, value: float) -> "subprocess.Popen[str]":

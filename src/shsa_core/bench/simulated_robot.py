@@ -102,7 +102,9 @@ class Robot:
             if answer is not None:
                 self._waiting.append(answer)
             if isinstance(command, events.StartSubstitute):
-                self._waiting.append(events.ProcessHeard(self.time, command.node))
+                self._waiting.append(
+                    events.ProcessPulse(self.time, command.node, events.Pulse.HEARD)
+                )
         return taken
 
     def send(self, event: events.Event) -> float:

@@ -7,13 +7,12 @@ import pytest
 from shsa_core.analysis.budget import budgets, check_budgets
 from shsa_core.healing.settings import Settings
 from shsa_core.model.checks import Checks, Stuck
-from shsa_core.model.kinds import Kind, Policy, Standby
+from shsa_core.model.kinds import Contain, Kind, Policy, Standby
 from shsa_core.model.service import AdaptiveDeadline, Provision, Service
 from shsa_core.model.som import Som
 
-FAST = Service(
-    "x", "/x", "pkg/T", "/n", 0.02, (Provision("x", "data", range=(0.0, 1.0)),), needed=True
-)
+RANGED = Provision("x", "data", range=(0.0, 1.0))
+FAST = Service("x", "/x", "pkg/T", "/n", 0.02, (RANGED,), needed=True, contain=Contain.NODE)
 SETTINGS = Settings(takeover_cold=0.8, takeover_warm=0.05, takeover_hot=0.03, kill_patience=0.1)
 
 
@@ -27,6 +26,8 @@ def test_the_sum_is_of_what_finds_it_and_of_what_stands_by() -> None:
     assert cold[Kind.SILENT] == pytest.approx(0.25 + 0.8)
     assert cold[Kind.OUT_OF_RANGE] == pytest.approx(3 * 0.02 + 0.1 + 0.8)
     assert cold[Kind.RATE_LOW] == pytest.approx(1.0 / 0.6 + 0.1 + 0.8)
+    polite = totals(replace(FAST, contain=None))  # its node is given longer to answer
+    assert polite[Kind.OUT_OF_RANGE] == pytest.approx(3 * 0.02 + 1.0 + 0.8)
     hot = totals(replace(FAST, standby=Standby.HOT, deadline=3.0, bridge=0.0))
     assert hot[Kind.SILENT] == pytest.approx(0.06 + 0.03)
     assert totals(replace(FAST, standby=Standby.WARM))[Kind.NODE_GONE] == pytest.approx(0.05)

@@ -41,6 +41,7 @@ ROWS: List[Any] = [
     (WRONG, {"replaced": True, "costs": ("/x",)}, False, "would cost /x, which nothing can"),
     (SILENT, {"replaced": True, "costs": ("/x", "/y")}, False, "would cost /x and /y, which"),
     (WRONG, {"costs": ("/x", "/y", "/z")}, False, "would cost /x, /y and /z, which"),
+    (WRONG, {"duties": ("takes /x",), "replaced": True}, False, "it takes /x, which nothing takes"),
     # Nothing takes the failed topic over.
     (WRONG, {}, True, "it publishes nothing else that is good"),
     (WRONG, {"useful": ("/x",)}, False, "nothing can replace /a, and it still publishes /x"),
@@ -336,7 +337,46 @@ def test_a_protected_node_is_killed_only_by_name(kind: str) -> None:
     assert not has(robot.said, events.FindNode)
     named = Robot(changed(som, "a", contain=Contain.NODE))
     named.handle(events.NodeLearned(2.0, A, True, "its process is a nodelet manager"))
-    assert only(named.fail("/a", A, 10.0, kind), events.FindNode).node == A
+    named.fail("/a", A, 10.0, kind)
+    named.row("/a", named.working()[0].node, "healthy", 10.5, first=10.5)
+    named.table(10.5)
+    assert only(named.said, events.FindNode).node == A
+
+
+DUTIES = ("takes /cmd_vel", "broadcasts tf")
+
+
+@pytest.mark.parametrize("kind", ["out_of_range", "silent", "requested"])
+def test_a_node_with_duties_is_killed_only_by_name_or_to_be_started_again(kind: str) -> None:
+    robot = Robot(SHARED, BOTH)
+    robot.handle(events.GraphSeen(2.0, (), ((A, DUTIES),)))
+    commands = robot.fail("/a", A, 10.0, kind)
+    why = f"{A} is kept: it takes /cmd_vel and broadcasts tf, which nothing takes over"
+    assert last_incident(commands).decision == why
+    assert publishing(robot) == ((True,) if kind == "silent" else ())
+    robot.handle(events.Tick(30.0))
+    assert not has(robot.said, events.FindNode)
+    for allows in ({"contain": Contain.NODE}, {"policy": Policy.RESTART}):
+        other = Robot(changed(SHARED, "a", **allows), BOTH)
+        other.handle(events.GraphSeen(2.0, (), ((A, DUTIES),)))
+        other.fail("/a", A, 10.0, "out_of_range")
+        assert only(other.said, events.FindNode).node == A
+
+
+def test_a_node_is_judged_again_when_its_duties_are_others() -> None:
+    robot = Robot(SHARED, BOTH)
+    robot.handle(events.GraphSeen(2.0, (), ((A, DUTIES),)))
+    assert not has(robot.fail("/a", A, 10.0, "out_of_range"), events.FindNode)
+    assert only(robot.handle(events.GraphSeen(11.0, (), ((A, ()),))), events.FindNode).node == A
+
+
+def test_the_duties_of_a_dead_node_hinder_nothing() -> None:
+    robot = Robot(SHARED, BOTH)
+    robot.handle(events.GraphSeen(2.0, (), ((A, DUTIES),)))
+    assert publishing(robot) == () and has(robot.fail("/a", A, 10.0), events.FindNode)
+    assert publishing(robot) == (True,)
+    incident = last_incident(robot.handle(events.NodeFound(10.1, A, events.Where.DEAD)))
+    assert incident.killed is not None and not incident.kept
 
 
 def test_a_protected_node_that_keeps_failing_is_let_back() -> None:

@@ -74,7 +74,7 @@ def register(uri: str, name: str = NAME, topic: str = TOPIC) -> None:
     rosgraph.Master(name).registerPublisher(topic, KIND, uri)
 
 
-def outcome(end: Callable[[Nodes, str], bool], nodes: Nodes, node: str) -> Dict[str, str]:
+def outcome(end: Callable[..., bool], nodes: Nodes, node: str) -> Dict[str, str]:
     try:
         return {"left": ""} if end(nodes, node) else {}
     except ending.Untouchable as why:

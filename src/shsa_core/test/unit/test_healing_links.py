@@ -22,11 +22,12 @@ def asked(robot: Robot, time: float, rate: Optional[float]) -> List[events.Comma
     return robot.handle(events.NodeFound(time, A, events.Where.HERE, rate=rate))
 
 
+@pytest.mark.parametrize("contain", [None, Contain.NODE])
 @pytest.mark.parametrize("rate", [50.0, 40.0, None])
 def test_a_node_that_is_not_silent_on_its_own_computer_is_not_killed(
-    rate: Optional[float],
+    rate: Optional[float], contain: Optional[Contain]
 ) -> None:
-    robot = distributed(standby=Standby.HOT)
+    robot = distributed(standby=Standby.HOT, contain=contain)
     silent(robot, 10.0)
     takes_over(robot, 10.1)
     commands = asked(robot, 10.1, rate)
@@ -118,12 +119,6 @@ def test_a_node_here_has_no_link_and_is_killed_by_what_is_heard() -> None:
     robot = Robot()
     find = only(robot.failure("/a", A, 10.0, "rate_low", "20 in 1 s.", 9.9), events.FindNode)
     assert find.listen == 0.0
-    assert has(robot.handle(events.NodeFound(10.1, A, events.Where.HERE)), events.AskToLeave)
-
-
-def test_what_the_som_wants_killed_is_killed_whatever_its_computer_says() -> None:
-    robot = distributed(standby=Standby.HOT, contain=Contain.NODE)
-    assert only(silent(robot, 10.0), events.FindNode).listen == 0.0
     assert has(robot.handle(events.NodeFound(10.1, A, events.Where.HERE)), events.AskToLeave)
 
 

@@ -413,7 +413,7 @@ class AnyRobot(RuleBasedStateMachine):
 
     @rule(topic=st.sampled_from(TOPICS), nodes=st.sampled_from(((), ("/consumer",), ("/monitor",))))
     def subscribers(self, topic: str, nodes: Tuple[str, ...]) -> None:
-        self.hear(events.SubscribersSeen(self.now, ((topic, nodes),)))
+        self.hear(events.GraphSeen(self.now, ((topic, nodes),)))
 
     @rule(ontology=ontologies())
     def reload(self, ontology: Ontology) -> None:

@@ -62,7 +62,7 @@ def test_who_hangs_is_told_and_who_wakes_up(role: str, beating: "subprocess.Pope
     life = Life(
         signs,
         lambda name: name.startswith("/substitute_"),
-        lambda event: told.append(type(event).__name__[7:].lower()),
+        lambda event: told.append(event.pulse.value),
         patience=3.0,
     )
     wait_until(lambda: told == ["heard"], 10.0, "its first heartbeat is told")
@@ -95,7 +95,7 @@ def test_who_waits_for_the_processor_does_not_hang_before_long(
     """Five threads share a core, so that there is always one that waits for it."""
     monkeypatch.setattr(settings, "STARVED_S", 4.0)
     told: List[Tuple[str, float]] = []
-    tell = lambda event: told.append((type(event).__name__[7:].lower(), time.monotonic()))
+    tell = lambda event: told.append((event.pulse.value, time.monotonic()))
     Life(Signs(role), lambda name: True, tell, 0.6)
     process = subprocess.Popen([sys.executable, "-c", STARVES, role])
     try:

@@ -1,5 +1,5 @@
 """The kill of a faulty node, step by step, and what counts as certain."""
-from typing import Any, FrozenSet, List, Optional, Sequence, Tuple, Union
+from typing import Any, FrozenSet, List, Optional, Sequence, Tuple
 
 import pytest
 
@@ -10,18 +10,26 @@ from shsa_core.healing.events import (
     EndProcess,
     FindNode,
     HealthSeen,
+    NodeAnswered,
     NodeFound,
     NodeLeft,
     ProcessUntouchable,
     Where,
 )
 from shsa_core.healing.health import Health
-from shsa_core.healing.kill import KillNode, KillOutcome, Kills, NodeKilled, NodeSpared, Said
+from shsa_core.healing.kill import (
+    KillEvent,
+    KillNode,
+    KillOver,
+    Kills,
+    Outcome,
+    Said,
+)
 from shsa_core.healing.settings import Settings
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 N = "/node"
-Parts = Tuple[List[Any], Optional[KillOutcome]]
+Parts = Tuple[List[Any], Optional[KillOver]]
 
 
 class Killing(Kills):
@@ -35,7 +43,7 @@ class Killing(Kills):
     def nodes(self) -> FrozenSet[str]:
         return self.health.dying
 
-    def told(self, event: Union[NodeFound, NodeLeft, ProcessUntouchable]) -> Parts:
+    def told(self, event: KillEvent) -> Parts:
         return parts(self.handle(event))
 
     def passed(self, time: float) -> Parts:
@@ -44,13 +52,14 @@ class Killing(Kills):
 
 def parts(said: Sequence[Said]) -> Parts:
     """Return the commands, and how the kill has ended."""
-    over = [each for each in said if isinstance(each, (NodeKilled, NodeSpared))]
+    over = [each for each in said if isinstance(each, KillOver)]
     return [each for each in said if each not in over], over[0] if over else None
 
 
-def begun(urgent: bool = True) -> Killing:
+def begun(urgent: bool = True, quick: bool = False) -> Killing:
     kills = Killing()
-    assert kills.begin(10.0, KillNode(N, urgent)) == [FindNode(N, successor=urgent)]
+    order = KillNode(N, urgent, quick=quick)
+    assert kills.begin(10.0, order) == [FindNode(N, successor=urgent)]
     assert kills.nodes == {N}
     return kills
 
@@ -75,19 +84,33 @@ def test_a_node_that_leaves_when_it_is_asked_is_certainly_gone() -> None:
     assert found(kills, Where.HERE) == [AskToLeave(N)]
     commands, over = kills.told(NodeLeft(10.05, N))
     assert commands == [ClearNode(N)]
-    assert over == NodeKilled(10.05, N, True, "it left")
+    assert over == KillOver(10.05, N, Outcome.GONE, "it left")
     assert not kills.nodes and kills.agenda.next() is None
 
 
-@pytest.mark.parametrize("urgent, patience", [(True, 0.1), (False, 1.0)])
-def test_a_node_that_does_not_leave_in_time_is_forced(urgent: bool, patience: float) -> None:
-    kills = begun(urgent)
+@pytest.mark.parametrize("quick, patience", [(True, 0.1), (False, 1.0)])
+def test_a_node_that_does_not_leave_in_time_is_forced(quick: bool, patience: float) -> None:
+    kills = begun(quick=quick)
     found(kills, Where.HERE)
+    if quick:  # though it answers
+        assert kills.told(NodeAnswered(10.01, N)) == ([], None)
     assert kills.agenda.next() == 10.0 + patience
     assert kills.passed(10.0 + 0.9 * patience) == ([], None)
     assert kills.passed(10.0 + patience) == ([EndProcess(N)], None)
     _, over = kills.told(NodeLeft(11.5, N))
-    assert isinstance(over, NodeKilled) and over.certain and "did not leave in time" in over.detail
+    assert over and over.outcome is Outcome.GONE and "did not leave in time" in over.detail
+
+
+def test_a_node_that_answers_has_the_time_that_roslaunch_gives() -> None:
+    kills = begun()
+    found(kills, Where.HERE)
+    assert kills.told(NodeAnswered(10.01, N)) == ([], None)
+    assert kills.passed(25.0) == ([], None)
+    assert kills.passed(25.01) == ([EndProcess(N, gently=True)], None)
+    assert kills.passed(27.0) == ([], None)
+    assert kills.passed(27.01) == ([EndProcess(N)], None)
+    _, over = kills.told(NodeLeft(27.1, N))
+    assert over and over.outcome is Outcome.GONE
 
 
 def test_a_stopped_node_is_forced_at_once() -> None:
@@ -98,50 +121,52 @@ def test_a_dead_node_is_only_cleared() -> None:
     kills = begun()
     commands, over = kills.told(NodeFound(10.0, N, Where.DEAD))
     assert commands == [ClearNode(N)]
-    assert over == NodeKilled(10.0, N, True, "it had died")
+    assert over == KillOver(10.0, N, Outcome.GONE, "it had died")
 
 
 def test_a_node_that_nobody_knows_is_gone() -> None:
     commands, over = begun().told(NodeFound(10.0, N, Where.NOWHERE))
-    assert commands == [] and isinstance(over, NodeKilled) and over.certain
+    assert commands == [] and over and over.outcome is Outcome.GONE
 
 
 def test_a_node_elsewhere_that_does_not_answer_may_still_run() -> None:
     kills = begun()
     assert found(kills, Where.ELSEWHERE) == [AskToLeave(N)]
     commands, over = kills.passed(11.0)
-    assert isinstance(over, NodeKilled)
-    assert commands == [] and not over.certain and "another computer" in over.detail
+    assert (
+        commands == []
+        and over
+        and over.outcome is Outcome.UNSURE
+        and "another computer" in over.detail
+    )
 
 
 def test_a_node_elsewhere_that_answers_is_gone() -> None:
     kills = begun()
     found(kills, Where.ELSEWHERE)
     _, over = kills.told(NodeLeft(10.2, N))
-    assert isinstance(over, NodeKilled) and over.certain
+    assert over and over.outcome is Outcome.GONE
 
 
 def test_a_process_that_does_not_end_may_still_run() -> None:
     kills = begun()
     found(kills, Where.STOPPED)
     _, over = kills.passed(11.0)
-    assert isinstance(over, NodeKilled)
-    assert not over.certain and over.detail == "its process does not end"
+    assert over and over.outcome is Outcome.UNSURE and over.detail == "its process does not end"
 
 
 def test_a_process_of_somebody_else_may_still_run() -> None:
     kills = begun()
     found(kills, Where.STOPPED)
     _, over = kills.told(ProcessUntouchable(10.1, N))
-    assert isinstance(over, NodeKilled) and not over.certain and "somebody else" in over.detail
+    assert over and over.outcome is Outcome.UNSURE and "somebody else" in over.detail
 
 
 def test_a_node_that_cannot_be_found_in_time_may_still_run() -> None:
     kills = begun()
     assert kills.passed(11.9) == ([], None)
     _, over = kills.passed(12.0)
-    assert isinstance(over, NodeKilled)
-    assert not over.certain and "found in time" in over.detail
+    assert over and over.outcome is Outcome.UNSURE and "found in time" in over.detail
 
 
 def test_a_kill_that_is_under_way_is_not_begun_again() -> None:
@@ -165,7 +190,7 @@ def test_what_comes_late_changes_nothing() -> None:
 def test_a_node_that_is_to_be_cleared_if_it_is_dead_is_spared_if_it_is_not(where: Where) -> None:
     kills = Killing()
     assert kills.begin(10.0, KillNode(N, False, if_dead=True)) == [FindNode(N, successor=False)]
-    assert kills.told(NodeFound(10.1, N, where)) == ([], NodeSpared(10.1, N))
+    assert kills.told(NodeFound(10.1, N, where)) == ([], KillOver(10.1, N, Outcome.SPARED))
     assert not kills.nodes and kills.agenda.next() is None
 
 
@@ -173,13 +198,13 @@ def test_a_dead_node_is_cleared_even_if_it_is_to_be_spared() -> None:
     kills = Killing()
     kills.begin(10.0, KillNode(N, False, if_dead=True))
     commands, over = kills.told(NodeFound(10.1, N, Where.DEAD))
-    assert commands == [ClearNode(N)] and isinstance(over, NodeKilled)
+    assert commands == [ClearNode(N)] and over and over.outcome is Outcome.GONE
 
 
 def test_a_node_that_cannot_be_found_in_time_is_spared() -> None:
     kills = Killing()
     kills.begin(10.0, KillNode(N, False, if_dead=True))
-    assert kills.passed(12.0) == ([], NodeSpared(12.0, N))
+    assert kills.passed(12.0) == ([], KillOver(12.0, N, Outcome.SPARED))
 
 
 def test_a_node_that_is_to_be_killed_after_all_is_not_spared() -> None:

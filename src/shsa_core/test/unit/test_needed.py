@@ -17,7 +17,7 @@ def robot_of(needed: Optional[bool] = None) -> Robot:
 
 
 def subscribe(robot: Robot, time: float, *nodes: str) -> None:
-    robot.handle(events.SubscribersSeen(time, (("/a", nodes), ("/no_service", nodes))))
+    robot.handle(events.GraphSeen(time, (("/a", nodes), ("/no_service", nodes))))
 
 
 @pytest.mark.parametrize(

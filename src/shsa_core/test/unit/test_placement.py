@@ -41,7 +41,7 @@ def placed(
     if lost:
         known.lose(HostLost(0.5, lost, "silent"))
     placement = Placement(known, lambda host, _: lately.get(host, []), lambda: som)
-    return placement.place(time, a, plan(som), BOOK, idle)
+    return placement.place(time, a, placement.inputs(plan(som)), BOOK, idle)
 
 
 def plan(som: Som) -> Plan:
@@ -122,10 +122,10 @@ def test_where_a_process_stands_by_does_not_go_by_the_load() -> None:
     placement = Placement(known, lambda *_: [], lambda: som)
     for load in (0.0, 4.0):
         known.seen(HostSeen(load, BOARD, load, 4.0))
-        assert placement.stands_by(5.0, som.services["a"], plan(som)) == BOARD
+        assert placement.stands_by(5.0, som.services["a"], placement.inputs(plan(som))) == BOARD
     limited = Som(list(som), (Host(BOARD, 4.0),))
     placement = Placement(known, lambda *_: [], lambda: limited)
-    assert placement.stands_by(5.0, som.services["a"], plan(som)) == ""
+    assert placement.stands_by(5.0, som.services["a"], placement.inputs(plan(som))) == ""
 
 
 def test_who_has_no_cores_left_is_passed_over_with_the_sum() -> None:
@@ -177,7 +177,7 @@ def test_where_all_are_busy_only_the_limits_of_the_som_are_kept() -> None:
 def test_a_computer_that_comes_back_counts_after_a_hold_off_that_doubles() -> None:
     hosts = Computers(Settings(hold_off=2.0))
     hosts.seen(HostSeen(0.0, PI, 0.0, 4.0))
-    assert hosts.counts(PI, 0.0) and hosts.settled(SETTLE_S) == [PI]
+    assert hosts.counts(PI, 0.0) and hosts.settling.pop_due(SETTLE_S) == [PI]
     for time, hold_off in ((10.0, 2.0), (20.0, 4.0), (30.0, 8.0)):
         assert hosts.lose(HostLost(time - 1.0, PI, "silent"))
         assert not hosts.lose(HostLost(time - 1.0, PI, "silent"))
@@ -185,7 +185,7 @@ def test_a_computer_that_comes_back_counts_after_a_hold_off_that_doubles() -> No
         assert hosts.seen(HostSeen(time, PI, 0.0, 4.0)) and hosts.reachable(PI)
         assert not hosts.counts(PI, time + hold_off - 0.1)
         assert hosts.counts(PI, time + hold_off)
-        assert hosts.deadline == time + max(hold_off, SETTLE_S)
+        assert hosts.settling.next() == time + max(hold_off, SETTLE_S)
     assert hosts.lose(HostLost(200.0, PI, "silent"))
     hosts.seen(HostSeen(210.0, PI, 0.0, 4.0))
     assert hosts.counts(PI, 212.0)

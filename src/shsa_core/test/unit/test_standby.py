@@ -230,7 +230,7 @@ def test_a_process_that_gives_no_sign_of_life_is_not_set_to_work() -> None:
     robot = Robot(standby("warm"), pool=2)
     robot.handle(events.Tick(5.0))
     first, second = (row.node for row in robot.idle_rows())
-    robot.handle(events.ProcessSilent(29.0, first))
+    robot.handle(events.ProcessPulse(29.0, first, events.Pulse.SILENT))
     assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == second
 
 
@@ -238,7 +238,7 @@ def test_a_process_that_was_heard_is_set_to_work_rather_than_one_that_was_not() 
     robot = Robot(standby("warm"), pool=2)
     robot.handle(events.Tick(5.0))
     _, second = (row.node for row in robot.idle_rows())
-    robot.handle(events.ProcessHeard(6.0, second))
+    robot.handle(events.ProcessPulse(6.0, second, events.Pulse.HEARD))
     assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == second
 
 
@@ -249,7 +249,7 @@ def test_one_that_hung_before_its_first_sign_of_life_makes_room_for_one_that_was
     robot.killed(10.01, A)
     refill = only(robot.handle(events.Tick(11.0)), events.StartSubstitute).node
     assert not has(robot.handle(events.Tick(12.0)), events.StopSubstitute)
-    robot.handle(events.ProcessHeard(12.5, refill))
+    robot.handle(events.ProcessPulse(12.5, refill, events.Pulse.HEARD))
     commands = robot.handle(events.Tick(14.0))
     assert events.StopSubstitute(hung) in commands
     assert only(commands, events.AssignSubstitute).node == refill
@@ -258,8 +258,8 @@ def test_one_that_hung_before_its_first_sign_of_life_makes_room_for_one_that_was
 def test_an_idle_process_that_hangs_is_ended_and_replaced() -> None:
     robot = Robot(standby("warm"), pool=1)
     (row,) = robot.idle_rows()
-    robot.handle(events.ProcessSilent(29.0, row.node))
-    commands = robot.handle(events.ProcessHung(30.0, row.node))
+    robot.handle(events.ProcessPulse(29.0, row.node, events.Pulse.SILENT))
+    commands = robot.handle(events.ProcessPulse(30.0, row.node, events.Pulse.HUNG))
     assert only(commands, events.StopSubstitute).node == row.node
     assert [each.node for each in robot.idle_rows()] == [
         only(commands, events.StartSubstitute).node
@@ -269,8 +269,8 @@ def test_an_idle_process_that_hangs_is_ended_and_replaced() -> None:
 def test_a_process_that_was_slow_is_ready_again() -> None:
     robot = Robot(standby("warm"), pool=1)
     (row,) = robot.idle_rows()
-    robot.handle(events.ProcessSilent(29.0, row.node))
-    robot.handle(events.ProcessHeard(29.1, row.node))
+    robot.handle(events.ProcessPulse(29.0, row.node, events.Pulse.SILENT))
+    robot.handle(events.ProcessPulse(29.1, row.node, events.Pulse.HEARD))
     assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == row.node
 
 
@@ -279,7 +279,7 @@ def test_a_takeover_by_a_process_that_hangs_goes_to_the_next_at_once() -> None:
     robot.handle(events.Tick(5.0))
     first, second = (row.node for row in robot.idle_rows())
     assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == first
-    commands = robot.handle(events.ProcessSilent(30.2, first))
+    commands = robot.handle(events.ProcessPulse(30.2, first, events.Pulse.SILENT))
     assert only(commands, events.StopSubstitute).node == first
     assert only(commands, events.AssignSubstitute).node == second
     assert publishing(robot) == (True,)
@@ -288,5 +288,10 @@ def test_a_takeover_by_a_process_that_hangs_goes_to_the_next_at_once() -> None:
 def test_one_that_publishes_is_not_ended_for_a_moment_without_a_sign_of_life() -> None:
     robot = Robot()
     node = robot.heal(10.0)
-    assert robot.handle(events.ProcessSilent(20.0, node)) == []
-    assert only(robot.handle(events.ProcessHung(21.0, node)), events.StopSubstitute).node == node
+    assert robot.handle(events.ProcessPulse(20.0, node, events.Pulse.SILENT)) == []
+    assert (
+        only(
+            robot.handle(events.ProcessPulse(21.0, node, events.Pulse.HUNG)), events.StopSubstitute
+        ).node
+        == node
+    )

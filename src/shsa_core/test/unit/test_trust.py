@@ -20,7 +20,7 @@ from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.healing.incident import State
 from shsa_core.healing.health import Health
-from shsa_core.healing.kill import KillNode, Kills, NodeKilled, NodeSpared
+from shsa_core.healing.kill import KillNode, KillOver, Kills, Outcome
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import Contain, Policy, Standby
@@ -155,20 +155,21 @@ def test_what_cannot_be_verified_is_not_certain() -> None:
         kills = Kills(Health(), Settings())
         kills.begin(10.0, KillNode("/n", True, topic="/x"))
         (over,) = kills.handle(events.NodeFound(10.1, "/n", where))
-        spared = isinstance(over, NodeSpared) and "not the one" in over.detail
-        assert spared or (isinstance(over, NodeKilled) and not over.certain)
+        assert isinstance(over, KillOver)
+        spared = over.outcome is Outcome.ANOTHER and "not the one" in over.detail
+        assert spared or over.outcome is Outcome.UNSURE
     kills = Kills(Health(), Settings())
     kills.begin(10.0, KillNode("/n", True, topic="/x"))
     kills.handle(events.NodeFound(10.1, "/n", Where.ELSEWHERE))
     (over,) = kills.handle(events.ProcessUntouchable(10.2, "/n", "it refuses"))
-    assert over == NodeKilled(10.2, "/n", False, "it refuses")
+    assert over == KillOver(10.2, "/n", Outcome.UNSURE, "it refuses")
 
 
 def test_who_was_to_be_spared_is_spared_when_nothing_can_be_told() -> None:
     kills = Kills(Health(), Settings())
     kills.begin(10.0, KillNode("/n", False, True, "/x"))
     (over,) = kills.handle(events.ProcessUntouchable(10.1, "/n", "an error"))
-    assert over == NodeSpared(10.1, "/n")
+    assert over == KillOver(10.1, "/n", Outcome.SPARED)
 
 
 def test_a_hot_service_is_healed_at_once_beside_a_lie() -> None:

@@ -1,13 +1,19 @@
 """A node that fails on command (`rosrun shsa_testing faulty_publisher`), and a test's handle."""
 import math
+import os
 import random
+import socket
 import subprocess
 import sys
+import tempfile
+import threading
 import time
+from urllib.parse import urlparse
 
+import rosgraph
 import rospy
 from shsa_msgs.msg import Float64Stamped
-from std_msgs.msg import Header, String
+from std_msgs.msg import Header
 
 from shsa_testing.processes import end_process
 from shsa_testing.waiting import wait_until
@@ -35,15 +41,24 @@ class Silences:
         return self._left >= BETWEEN
 
 
+def _address(node: str) -> str:
+    """Return the socket on which a node hears its faults: ROS, and so healing, sees none of it."""
+    port = urlparse(rosgraph.get_master_uri()).port
+    name = f"shsa_fault_{port}{node.replace('/', '.')}"
+    return os.path.join(tempfile.gettempdir(), name)
+
+
 class FaultyPublisher:
-    """Publishes shsa_msgs/Float64Stamped and obeys what it hears on `~fault`.
+    """Publishes shsa_msgs/Float64Stamped and obeys what a FaultHandle tells it.
 
     Parameters: ~topic, ~period in s, ~value, ~mute, ~well (another topic, on which it publishes
-    the first value and never fails), ~ros_time (its period is of ROS time). Commands: `value X`,
-    `period S`, `stamp S` (seconds added to the stamp), `ramp X` (added to the value at every
-    message), `noise X` (of each message, a standard deviation), `nan N` (every Nth value, 0: none),
-    `intermittent LEAST MOST` (silences of so many periods, at random, with five messages between
-    them), `mute`, `publish`, `burst N`, `unadvertise`, `advertise`.
+    the first value and never fails), ~ros_time (its period is of ROS time), ~takes (a topic that it
+    subscribes to), ~farewell (a file that it writes 3 s after it was told to leave).
+
+    Commands: `value X`, `period S`, `stamp S` (seconds added to the stamp), `ramp X` (added to the
+    value at every message), `noise X` (of each message, a standard deviation), `nan N` (every Nth
+    value, 0: none), `intermittent LEAST MOST` (silences of so many periods, at random, with five
+    messages between them), `mute`, `publish`, `burst N`, `unadvertise`, `advertise`.
     """
 
     def __init__(self) -> None:
@@ -60,15 +75,28 @@ class FaultyPublisher:
         self.well_topic, self.well_value = rospy.get_param("~well", ""), self.value
         if self.well_topic:
             self.well = rospy.Publisher(self.well_topic, Float64Stamped, queue_size=100)
-        rospy.Subscriber("~fault", String, self.obey)
+        takes, self.farewell = rospy.get_param("~takes", ""), rospy.get_param("~farewell", "")
+        if takes:
+            rospy.Subscriber(takes, rospy.AnyMsg)
+        address = _address(rospy.get_name())
+        if os.path.exists(address):
+            os.unlink(address)
+        self.faults = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.faults.bind(address)
+        threading.Thread(target=self.listen, daemon=True).start()
 
     def advertise(self) -> rospy.Publisher:
         """Advertise the topic."""
         return rospy.Publisher(self.topic, Float64Stamped, queue_size=100, tcp_nodelay=True)
 
-    def obey(self, command: String) -> None:
+    def listen(self) -> None:
+        """Obey each command that comes."""
+        while True:
+            self.obey(self.faults.recv(1000).decode())
+
+    def obey(self, command: str) -> None:
         """Fail as commanded."""
-        word, _, argument = command.data.partition(" ")
+        word, _, argument = command.partition(" ")
         if word == "unadvertise":
             self.mute = True
             self.publisher.unregister()
@@ -85,7 +113,7 @@ class FaultyPublisher:
         elif word in ("value", "period", "stamp", "ramp", "noise", "nan"):
             setattr(self, word, float(argument))
         else:
-            rospy.logerr("No such fault: %s", command.data)
+            rospy.logerr("No such fault: %s", command)
 
     def publish(self) -> None:
         """Publish once."""
@@ -117,15 +145,20 @@ class FaultHandle:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self._fault = rospy.Publisher(name + "/fault", String, queue_size=10)
 
     def fault(self, command: str) -> float:
         """Make it fail as `command` says; when that was sent, in s of the monotonic clock."""
-        listens = lambda: self._fault.get_num_connections() > 0
-        wait_until(listens, 10.0, f"{self.name} listens to faults")
-        sent = time.monotonic()
-        self._fault.publish(command)
-        return sent
+        wait_until(lambda: self._send(command), 10.0, f"{self.name} listens to faults")
+        return self._sent
+
+    def _send(self, command: str) -> bool:
+        self._sent = time.monotonic()
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
+            try:
+                sender.sendto(command.encode(), _address(self.name))
+            except (FileNotFoundError, ConnectionRefusedError):
+                return False  # it is not up yet
+        return True
 
 
 class FaultyNode(FaultHandle):
@@ -140,13 +173,18 @@ class FaultyNode(FaultHandle):
     def end(self) -> None:
         """Kill it for certain."""
         end_process(self.process)
-        self._fault.unregister()
 
 
 def main() -> None:
     """Run the node."""
     rospy.init_node("faulty_publisher")
-    FaultyPublisher().spin()
+    node = FaultyPublisher()
+    try:
+        node.spin()
+    finally:
+        if node.farewell:
+            time.sleep(3.0)
+            open(node.farewell, "w").close()
 
 
 if __name__ == "__main__":

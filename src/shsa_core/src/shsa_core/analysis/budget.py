@@ -8,10 +8,10 @@ from math import ceil
 from typing import Iterator, List
 
 from shsa_core.analysis.finding import Finding
-from shsa_core.healing.settings import Settings
+from shsa_core.healing.settings import EXIT_TIMEOUT_S, Settings
 from shsa_core.model.checks import RateHigh, RateLow, Stuck
 from shsa_core.model.samples import StampSample, ValueSample
-from shsa_core.model.kinds import Kind, Policy, Standby
+from shsa_core.model.kinds import Contain, Kind, Policy, Standby
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.settings import RATE_MESSAGES, RATE_SECONDS
@@ -65,7 +65,7 @@ def budgets(service: Service, settings: Settings) -> List[Budget]:
         return found
     found.append(_of_silence(service, period, silence, reaction))
     # Who publishes what is wrong must be gone before anybody takes its place.
-    reaction += settings.kill_patience
+    reaction += settings.kill_patience if service.contain is Contain.NODE else EXIT_TIMEOUT_S
     several = service.checks.bad * period
     for check in (*service.checks.each, *(c for p in service.provides for c in p.checks)):
         if isinstance(check, (RateHigh, RateLow)):

@@ -64,7 +64,7 @@ class _Schedule:
             self._full.update((service.name, why) for why in self._place(service))
         for service in self._of(Standby.WARM):
             try:
-                place = self._placement.beside(0.0, service, self._reads[service.name])
+                place = self._placement.place(0.0, service, self._reads[service.name])
             except ShsaError:
                 continue  # said when it is to be placed
             inputs = {each.name: each for each in self._reads[service.name]}
@@ -94,7 +94,7 @@ class _Schedule:
         """Place a substitute; yield why it is not where it should be."""
         inputs = self._reads[service.name]
         try:
-            place = self._placement.beside(0.0, service, inputs)
+            place = self._placement.place(0.0, service, inputs)
         except ShsaError as none:
             yield str(none)
             return

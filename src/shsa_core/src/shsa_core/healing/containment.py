@@ -21,7 +21,8 @@ class Case:
     started again. `never`: why it is never killed, whatever the SOM says of this service.
     `protected`: why it is never killed unless the SOM says so; empty: it may be.
     `replaced`: something takes the failed service over. `costs`: the needed topics that would be
-    lost with the node, and that nothing replaces. `useful`: the topics that it publishes well.
+    lost with the node, and that nothing replaces. `duties`: what the node does beyond the SOM.
+    `useful`: the topics that it publishes well.
     `was_good`: it has published the failed topic well before. `gated`: a gate stands between it and
     the consumers of that topic.
     """
@@ -35,6 +36,7 @@ class Case:
     protected: str = ""
     replaced: bool = False
     costs: Tuple[str, ...] = ()
+    duties: Tuple[str, ...] = ()
     useful: Tuple[str, ...] = ()
     was_good: bool = True
     gated: bool = False
@@ -68,6 +70,8 @@ def decide(case: Case) -> Verdict:
     if case.costs:
         lost = f"killing it would cost {_enumerated(case.costs)}, which nothing can replace"
         return Verdict(False, f"{kept}: {lost}")
+    if case.duties:
+        return Verdict(False, f"{kept}: it {_enumerated(case.duties)}, which nothing takes over")
     if case.kind in BY_VALUE and not case.was_good:
         # By the same numbers a substitute may be no better, and then there would be nobody.
         why = f"{topic} was never good: it may not be ready yet, or the SOM is wrong"
@@ -153,6 +157,7 @@ class Stakes:
             self._health.protected.get(node, ""),
             replaced,
             tuple(sorted(self._costs(failed, node, published))),
+            self._health.duties.get(node, ()),
             tuple(sorted(each.topic for each in well)),
             (failed.topic, node) in self._health.good,
             failed.gated,

@@ -29,6 +29,14 @@ class Where(Word):
     UNREACHABLE = "unreachable"  # its computer was lost
 
 
+class Pulse(Word):
+    """The signs of life of a substitute's process."""
+
+    HEARD = "heard"
+    SILENT = "silent"  # just now: it hangs, or is slow
+    HUNG = "hung"  # for long
+
+
 @dataclass(frozen=True)
 class Started:
     """The reconfigurator is up; `preparing`: what substitutes are forked from comes up (Prepared).
@@ -110,11 +118,15 @@ class SomChanged:
 
 
 @dataclass(frozen=True)
-class SubscribersSeen:
-    """The master lists other subscribers of these topics than before."""
+class GraphSeen:
+    """The master lists other subscribers of topics than before, or other duties of nodes.
+
+    The duties of a node are what a kill costs beyond the SOM, in words.
+    """
 
     time: float
-    topics: Tuple[Tuple[str, Tuple[str, ...]], ...]
+    subscribers: Tuple[Tuple[str, Tuple[str, ...]], ...]
+    duties: Tuple[Tuple[str, Tuple[str, ...]], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -165,6 +177,14 @@ class NodeFound:
 
 
 @dataclass(frozen=True)
+class NodeAnswered:
+    """A node that was asked to leave has answered: it is well enough to shut down in order."""
+
+    time: float
+    node: str
+
+
+@dataclass(frozen=True)
 class NodeLeft:
     """The process of a node has ended; elsewhere: it said that it leaves, and listens no more."""
 
@@ -208,27 +228,12 @@ class ProcessExited:
 
 
 @dataclass(frozen=True)
-class ProcessSilent:
-    """The process of a substitute gives no sign of life just now: it hangs, or is slow."""
+class ProcessPulse:
+    """The process of a substitute gives its first sign of life, or again one; or none any more."""
 
     time: float
     node: str
-
-
-@dataclass(frozen=True)
-class ProcessHeard:
-    """The process of a substitute gives its first sign of life, or again one."""
-
-    time: float
-    node: str
-
-
-@dataclass(frozen=True)
-class ProcessHung:
-    """The process of a substitute has given no sign of life for long: it hangs."""
-
-    time: float
-    node: str
+    pulse: Pulse
 
 
 @dataclass(frozen=True)
@@ -332,19 +337,18 @@ Event = Union[
     FailureSeen,
     HealthSeen,
     SomChanged,
-    SubscribersSeen,
+    GraphSeen,
     ModelsReloaded,
     NodeLearned,
     NodeCameUp,
     NodeFound,
+    NodeAnswered,
     NodeLeft,
     NodeUnregistered,
     ProcessUntouchable,
     SubstituteStarted,
     ProcessExited,
-    ProcessSilent,
-    ProcessHeard,
-    ProcessHung,
+    ProcessPulse,
     SubstituteRequested,
     NodeRestarted,
     RestartFailed,
@@ -398,16 +402,20 @@ class FindNode:
 
 @dataclass(frozen=True)
 class AskToLeave:
-    """`rosnode kill`; answered by NodeLeft once the node is gone, or by ProcessUntouchable."""
+    """`rosnode kill`; answered by NodeAnswered, NodeLeft once it is gone, or ProcessUntouchable."""
 
     node: str
 
 
 @dataclass(frozen=True)
 class EndProcess:
-    """`kill -9` the process of a node; answered by NodeLeft or ProcessUntouchable."""
+    """`kill -9` the process of a node; answered by NodeLeft or ProcessUntouchable.
+
+    `gently`: by SIGTERM, so that it can still clean up.
+    """
 
     node: str
+    gently: bool = False
 
 
 @dataclass(frozen=True)

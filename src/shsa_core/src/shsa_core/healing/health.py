@@ -21,9 +21,10 @@ class Health:
     `rows`: by topic and publisher. `topics`: those of each node. `substitutes`: the names of
     substitutes that run, or did not long ago. `excluded`: when each node that was killed and has
     not been well since was gone, in s. `dying`: the nodes whose kill is under way. `protected`: why
-    a node is never killed unless the SOM says so. `verified`: the nodes whose process is known.
-    `good`: who has ever published a topic well. `consumers`: the nodes outside
-    healing that subscribe to each topic. `due`: when `missed` has something to tell.
+    a node is never killed unless the SOM says so; `duties`: what a kill costs beyond the SOM.
+    `verified`: the nodes whose process is known. `good`: who has ever published a topic well.
+    `consumers`: the nodes outside healing that subscribe to each topic. `due`: when `missed` has
+    something to tell.
     """
 
     def __init__(self) -> None:
@@ -33,6 +34,7 @@ class Health:
         self.excluded: Dict[str, float] = {}
         self.dying: FrozenSet[str] = frozenset()
         self.protected: Dict[str, str] = {}
+        self.duties: Dict[str, Tuple[str, ...]] = {}
         self.verified: Set[str] = set()
         self.good: Set[Key] = set()
         self.consumers: Mapping[str, Tuple[str, ...]] = {}

@@ -6,6 +6,7 @@ nobody says so: the monitor is asked for its whole table, and if that does not c
 watched count as silent. When the computer is back, it is asked again: what did not change it never
 tells.
 """
+from math import inf
 from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.healing.core import Core
@@ -87,7 +88,7 @@ def _doubt(core: Core, service: Service, event: FailureSeen) -> None:
         return
     computers = robot.computers
     computers.doubt(host, event.time)
-    unheard = computers.known(host) and computers.heard(host) <= event.time
+    unheard = -inf < computers.heard(host) <= event.time
     waits = service.on_partition is OnPartition.WAIT and service.needed
     if unheard and waits and host == computers.name(service.host):
         robot.doubted[service.name] = event.time

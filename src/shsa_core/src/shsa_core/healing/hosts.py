@@ -1,7 +1,7 @@
 """The robot's computers as they are now: which are there, and what they have to do."""
 from dataclasses import dataclass
 from math import inf
-from typing import Dict, List, Optional
+from typing import Dict, Optional
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.healing.events import HostLost, HostSeen
@@ -25,23 +25,15 @@ class Computers:
 
     One that comes back counts for placement after a hold-off, which doubles while it is lost again
     and again: a link that drops every few seconds moves nothing. `own`: the name in the SOM of the
-    reconfigurator's computer, which is always there, and is "" here.
+    reconfigurator's computer, which is always there, and is "" here. `settling`: those that
+    count for placement soon.
     """
 
     def __init__(self, settings: Settings, own: str = "") -> None:
         self._settings = settings
         self._own = own
         self._known: Dict[str, _Computer] = {}
-        self._settling: Agenda[str] = Agenda()
-
-    @property
-    def deadline(self) -> Optional[float]:
-        """Return when `settled` has something to tell, in s; None: never."""
-        return self._settling.next()
-
-    def settled(self, time: float) -> List[str]:
-        """Return the computers that count from now on, and did not before."""
-        return self._settling.pop_due(time)
+        self.settling: Agenda[str] = Agenda()
 
     def name(self, host: str) -> str:
         """Return the name of a computer here: the reconfigurator's own has none."""
@@ -50,10 +42,6 @@ class Computers:
     def in_som(self, host: str) -> str:
         """Return the name of a computer in the SOM; empty: it has none."""
         return host or self._own
-
-    def known(self, host: str) -> bool:
-        """Tell that a computer was ever heard."""
-        return host in self._known
 
     def lost(self, host: str) -> str:
         """Return why a computer counts as lost; empty: it does not."""
@@ -98,13 +86,13 @@ class Computers:
         computer = self._known.get(host)
         if computer is None:
             self._known[host] = _Computer(event, time, time)
-            self._settling.set(host, time + SETTLE_S)
+            self.settling.set(host, time + SETTLE_S)
             return True
         back = bool(computer.detail)
         if back:
             pause, longest = self._settings.hold_off, self._settings.longest_hold_off
             computer.counts = time + doubled(pause, computer.losses - 1, longest)
-            self._settling.set(host, max(computer.counts, time + SETTLE_S))
+            self.settling.set(host, max(computer.counts, time + SETTLE_S))
         back = back or time - computer.word.time > MISSED_S
         computer.word, computer.detail = event, ""
         if back:
@@ -123,5 +111,5 @@ class Computers:
         calm = event.time - computer.steady > self._settings.stable
         computer.losses = 1 if calm else computer.losses + 1
         computer.detail = event.detail or "nothing is heard of it"
-        self._settling.set(host, None)
+        self.settling.set(host, None)
         return True

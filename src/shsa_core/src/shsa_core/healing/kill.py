@@ -9,6 +9,7 @@ from shsa_core.healing.events import (
     Command,
     EndProcess,
     FindNode,
+    NodeAnswered,
     NodeFound,
     NodeLeft,
     ProcessUntouchable,
@@ -19,12 +20,15 @@ from shsa_core.healing.settings import (
     EXIT_TIMEOUT_S,
     FIND_TIMEOUT_S,
     FORGET_S,
+    LEAVE_S,
     LISTEN_PERIODS,
     LISTEN_S,
     STEADY_S,
+    TERM_S,
     Settings,
 )
 from shsa_core.model.checks import RateHigh, RateLow
+from shsa_core.model.kinds import Word
 
 USUAL = RateLow.usual, RateHigh.usual
 """Of its usual rate: a node that sends about that much on its own computer does well there."""
@@ -42,6 +46,7 @@ class KillNode:
     ours. `at_once`: it is not asked to leave first, as it has only just come up. `only_here`: one
     on another computer is left alone. `period`: its failure may be one of the link to its computer,
     so that it is spared if it sends `topic` about every so many s there; 0: its failure is its own.
+    `quick`: it gets no time to shut down in order.
     """
 
     node: str
@@ -51,56 +56,39 @@ class KillNode:
     at_once: bool = False
     only_here: bool = False
     period: float = 0.0
+    quick: bool = False
+
+
+class Outcome(Word):
+    """The end of a kill."""
+
+    GONE = "it is gone for certain"
+    UNSURE = "it could not be reached to make sure"
+    SPARED = "it was to be cleared if it is dead, and may still run"
+    ANOTHER = "it is not the one that failed, and is not touched"
+    UNREACHED = "its computer was lost"
+    WELL = "it may do well, as its own computer tells"
 
 
 @dataclass(frozen=True)
-class NodeKilled:
-    """The kill of a node is over: it is gone for certain, or could not be reached to make sure.
+class KillOver:
+    """The kill of a node is over; it was gone at `time`: when the kill began if it was dead.
 
-    It was gone at `time`, which is when the kill began if it was dead already. `starter`: who had
-    started it, empty: not known.
+    `detail`: what was seen; `cause`: why it may do well all the same. `starter`: who had started
+    it, empty: not known.
     """
 
     time: float
     node: str
-    certain: bool
-    detail: str
+    outcome: Outcome
+    detail: str = ""
+    cause: str = ""
     starter: str = ""
 
 
-@dataclass(frozen=True)
-class NodeSpared:
-    """A node that was to be cleared if it is dead may still run.
-
-    `detail`: why one that was to be killed is not touched: it is not the one that failed.
-    """
-
-    time: float
-    node: str
-    detail: str = ""
-
-
-@dataclass(frozen=True)
-class NodeUnreached:
-    """Nothing can be said of a node that was to be killed: its computer was lost."""
-
-    time: float
-    node: str
-    detail: str
-
-
-@dataclass(frozen=True)
-class NodeAlive:
-    """A node that was to be killed may do well: what its own computer says of it, and the cause."""
-
-    time: float
-    node: str
-    detail: str
-    cause: str
-
-
-KillOutcome = Union[NodeKilled, NodeSpared, NodeUnreached, NodeAlive]
-Said = Union[Command, KillOutcome]
+KillEvent = Union[NodeFound, NodeAnswered, NodeLeft, ProcessUntouchable]
+KILL_EVENTS = (NodeFound, NodeAnswered, NodeLeft, ProcessUntouchable)
+Said = Union[Command, KillOver]
 
 
 @dataclass
@@ -111,6 +99,7 @@ class _Kill:
     order: KillNode
     topics: Dict[str, bool] = field(default_factory=dict)
     where: Optional[Where] = None
+    answered: bool = False
     forced: bool = False
     starter: str = ""
 
@@ -124,9 +113,9 @@ class _Kill:
 class Kills:
     """The kills that are under way; those are `Health.dying`.
 
-    An urgent node is given `kill_patience` to leave after `rosnode kill` before its process is
-    ended, any other EXIT_TIMEOUT_S. A node that is stopped is not asked, and one on another
-    computer is only asked.
+    A node is asked to leave. One that answers has the time that roslaunch gives, so that its
+    shutdown handler can stop the motors; one that does not, or whose kill is quick, is ended at
+    once. A node that is stopped is not asked, and one on another computer is only asked.
     """
 
     def __init__(self, health: Health, settings: Settings) -> None:
@@ -148,6 +137,7 @@ class Kills:
                 if_dead=former.if_dead and order.if_dead,
                 only_here=former.only_here and order.only_here,
                 period=former.period if order.period else 0.0,
+                quick=former.quick or order.quick,
             )
             kill.topics.setdefault(order.topic, False)
         if not node or kill is not None:
@@ -157,15 +147,18 @@ class Kills:
         self.again.set(node, None)
         return [self._find(time, node, order.topic)]
 
-    def handle(
-        self, event: Union[NodeFound, NodeLeft, ProcessUntouchable], strained: bool = False
-    ) -> List[Said]:
+    def handle(self, event: KillEvent, strained: bool = False) -> List[Said]:
         """Go on with a kill; `strained`: its node's computer has too much to do."""
         kill, time, node = self._kills.get(event.node), event.time, event.node
         if kill is None:
             return []
         if isinstance(event, NodeFound):
             return [] if kill.where is not None else self._found(event, kill, strained)
+        if isinstance(event, NodeAnswered):
+            if not (kill.order.quick or kill.forced):
+                kill.answered = True
+                self.agenda.set(node, time + LEAVE_S)
+            return []
         if isinstance(event, NodeLeft):
             how = "it did not leave in time, its process was killed" if kill.forced else "it left"
             return [*self._over(time, node, True, how), ClearNode(node)]
@@ -182,7 +175,8 @@ class Kills:
             elif kill.where is None and kill.order.period:
                 said += self.unreached(time, node, "its computer does not say how it does")
             elif kill.where is Where.ELSEWHERE:
-                why = "it runs on another computer and does not answer"
+                does = "does not end" if kill.answered else "does not answer"
+                why = f"it runs on another computer and {does}"
                 said += self._over(time, node, False, why)
             else:
                 lost = "it could not be found in time"
@@ -200,7 +194,7 @@ class Kills:
         """End a kill as the node's computer was lost, or does not answer in time."""
         if self._kills[node].order.if_dead:
             return self._over(time, node, False, detail)
-        return self._end(node, NodeUnreached(time, node, detail))
+        return self._end(time, node, Outcome.UNREACHED, detail)
 
     def _found(self, event: NodeFound, kill: _Kill, strained: bool) -> List[Said]:
         """Act on where the process of a node runs: the first rule that applies counts."""
@@ -216,10 +210,10 @@ class Kills:
             return [*self._over(kill.begun, node, True, "it had died"), ClearNode(node)]
         if where is Where.ANOTHER:
             why = event.detail or "it is not the one that failed"
-            why = "" if order.if_dead or order.at_once else why
-            return self._end(node, NodeSpared(time, node, why))
+            other = Outcome.SPARED if order.if_dead or order.at_once else Outcome.ANOTHER
+            return self._end(time, node, other, why)
         if order.if_dead:
-            return self._end(node, NodeSpared(time, node))
+            return self._end(time, node, Outcome.SPARED)
         if where is Where.UNREACHABLE:
             return self.unreached(time, node, event.detail or "its computer cannot be reached")
         if where is Where.UNKNOWN and order.period:
@@ -230,7 +224,7 @@ class Kills:
         if where is Where.HERE and order.period:
             doubt = self.doubt(time, node, event.rate, order.period, strained)
             if doubt is not None:
-                return self._end(node, NodeAlive(time, node, *doubt))
+                return self._end(time, node, Outcome.WELL, *doubt)
         if where is Where.STOPPED or (order.at_once and where is Where.HERE):
             return [*self._force(time, node, kill)]
         if where is Where.ELSEWHERE and order.period and not order.only_here:
@@ -239,8 +233,8 @@ class Kills:
             # The link may be down: a hung node would not answer, and a sound one must not hear it.
             why = "it is silent on another computer, and left alone there"
             return self._over(time, node, False, why)
-        urgent = where is Where.HERE and order.urgent
-        self.agenda.set(node, time + (self._settings.kill_patience if urgent else EXIT_TIMEOUT_S))
+        quick = where is Where.HERE and order.quick
+        self.agenda.set(node, time + (self._settings.kill_patience if quick else EXIT_TIMEOUT_S))
         return [AskToLeave(node)]
 
     def doubt(
@@ -276,9 +270,10 @@ class Kills:
         return FindNode(node, kill.order.urgent, topic, kill.listen, row.uri if row else "")
 
     def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:
-        kill.forced = True
-        self.agenda.set(node, time + EXIT_TIMEOUT_S)
-        return [EndProcess(node)]
+        gently, kill.answered = kill.answered, False
+        kill.forced = not gently
+        self.agenda.set(node, time + (TERM_S if gently else EXIT_TIMEOUT_S))
+        return [EndProcess(node, gently)]
 
     def _over(self, time: float, node: str, certain: bool, detail: str) -> List[Said]:
         """End a kill; one that was to be cleared if it is dead is spared if that is not certain."""
@@ -286,11 +281,13 @@ class Kills:
         if certain:
             self._tries.pop(node, None)
         elif kill.order.if_dead:
-            return self._end(node, NodeSpared(time, node))
-        return self._end(node, NodeKilled(time, node, certain, detail, kill.starter))
+            return self._end(time, node, Outcome.SPARED)
+        return self._end(time, node, Outcome.GONE if certain else Outcome.UNSURE, detail)
 
-    def _end(self, node: str, outcome: KillOutcome) -> List[Said]:
-        del self._kills[node]
+    def _end(
+        self, time: float, node: str, outcome: Outcome, detail: str = "", cause: str = ""
+    ) -> List[Said]:
+        kill = self._kills.pop(node)
         self._health.dying = frozenset(self._kills)
         self.agenda.set(node, None)
-        return [outcome]
+        return [KillOver(time, node, outcome, detail, cause, kill.starter)]

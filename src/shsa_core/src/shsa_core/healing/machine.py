@@ -16,7 +16,7 @@ from shsa_core.healing import events, hearing, reach, succession
 from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Event, FailureSeen
 from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.node import RestartVain
+from shsa_core.healing.kill import KILL_EVENTS, KillEvent
 from shsa_core.healing.process import is_warm
 from shsa_core.healing.records import Counters, RestartedNode
 from shsa_core.healing.robot import Robot
@@ -84,28 +84,20 @@ class Reconfigurator:
                 events.FailureSeen: partial(hearing.failure_seen, core),
                 events.HealthSeen: partial(hearing.health_seen, core),
                 events.SomChanged: self._som_changed,
-                events.SubscribersSeen: self._subscribers_seen,
+                events.GraphSeen: self._graph_seen,
                 events.ModelsReloaded: self._models_reloaded,
                 events.NodeLearned: self._node_learned,
                 events.NodeCameUp: self._node_came_up,
-                events.NodeFound: lambda event: self._core.deliver(nodes.heed(event)),
-                events.NodeLeft: lambda event: self._core.deliver(nodes.heed(event)),
-                events.ProcessUntouchable: lambda event: self._core.deliver(nodes.heed(event)),
-                events.NodeUnregistered: lambda event: self._core.deliver(
-                    nodes.left_in_order(event)
-                ),
+                **dict.fromkeys(KILL_EVENTS, self._kill_goes_on),
+                events.NodeUnregistered: lambda event: core.deliver(nodes.left_in_order(event)),
                 events.SubstituteStarted: self._substitute_started,
                 events.ProcessExited: self._process_exited,
-                events.ProcessSilent: self._process_silent,
-                events.ProcessHeard: self._process_heard,
-                events.ProcessHung: self._process_hung,
+                events.ProcessPulse: self._process_pulse,
                 events.SubstituteRequested: self._requested,
                 events.NodeRestarted: self._node_restarted,
-                events.RestartFailed: lambda e: self._core.deliver(
-                    [RestartVain(e.time, e.node, e.detail)]
-                ),
+                events.RestartFailed: lambda event: core.deliver([event]),
                 events.StarterEnded: self._starter_ended,
-                events.Released: lambda e: self._core.ask(e.service, lambda each: each.released()),
+                events.Released: lambda e: core.ask(e.service, lambda each: each.released()),
                 events.CalibrationsHeard: self._calibrations_heard,
                 events.HostSeen: partial(reach.host_seen, core),
                 events.HostLost: partial(reach.host_lost, core),
@@ -156,7 +148,7 @@ class Reconfigurator:
             self._nodes.deadline,
             self._core.asked.next(),
             robot.health.due,
-            robot.computers.deadline,
+            robot.computers.settling.next(),
         )
         return min((due for due in dues if due is not None), default=None)
 
@@ -216,13 +208,18 @@ class Reconfigurator:
         healing = service.name in self.services and self.incident(service.name) is not None
         return healing or bool(self._consumers.get(service.heard))
 
-    def _subscribers_seen(self, event: events.SubscribersSeen) -> List[Command]:
-        for topic, nodes in event.topics:
+    def _graph_seen(self, event: events.GraphSeen) -> List[Command]:
+        for topic, nodes in event.subscribers:
             self._consumers[topic] = self.names.consumers(nodes)
             self._core.unsettle([service.name for service in self.robot.som.of_topic(topic)])
+        commands: List[Command] = []
+        for node, duties in event.duties:
+            self.robot.health.duties[node] = duties
+            accusers = self._nodes.accusers(node)
+            commands += self._core.ask_all(accusers, lambda each: each.reconsider())
         if self.robot.som == self._as_told(self._given):
-            return []
-        return self._som_changed(events.SomChanged(event.time, self._given))
+            return commands
+        return commands + self._som_changed(events.SomChanged(event.time, self._given))
 
     def acts(self, som: Som) -> bool:
         """Tell that something may be killed or started: the SOM says so, and it is no dry run."""
@@ -302,20 +299,23 @@ class Reconfigurator:
         self._over = True
         for key in [key for key in self.robot.records.rows if key != "counters"]:
             self.robot.records.set(key, None)
-        self._processes.starts.forget()
+        self._processes.starts.waiting.clear()
         ended: List[Command] = [events.StopSubstitute(node) for node in self.substitutes]
         return ended + [events.StopNode(n) for n, ours in self._nodes.restarted.items() if ours]
 
     def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
         """Heal nothing from now on: what stops does so on purpose."""
         self._core.ending = True
-        self._processes.starts.forget()
+        self._processes.starts.waiting.clear()
         return []
 
     def _node_learned(self, event: events.NodeLearned) -> List[Command]:
         self._nodes.learned(event)
         self._core.unsettle_node(event.node)
         return []
+
+    def _kill_goes_on(self, event: KillEvent) -> List[Command]:
+        return self._core.deliver(self._nodes.heed(event))
 
     def _node_came_up(self, event: events.NodeCameUp) -> List[Command]:
         return self._core.ask_all(self._nodes.accusers(event.node), lambda each: each.came_up())
@@ -341,19 +341,10 @@ class Reconfigurator:
         served, commands = self._processes.exited(event)
         return commands + self._core.ask_all(served, lambda each: each.exited(event.detail))
 
-    def _process_silent(self, event: events.ProcessSilent) -> List[Command]:
-        self._processes.silent(event.node)
-        return self._core.ask_all(
-            self._processes.served(event.node), lambda each: each.process_silent()
-        )
-
-    def _process_heard(self, event: events.ProcessHeard) -> List[Command]:
-        self._processes.heard(event.node)
-        return []
-
-    def _process_hung(self, event: events.ProcessHung) -> List[Command]:
-        served, commands = self._processes.served(event.node), self._processes.hung(event.node)
-        return commands + self._core.ask_all(served, lambda each: each.process_hung())
+    def _process_pulse(self, event: events.ProcessPulse) -> List[Command]:
+        served = self._processes.served(event.node)
+        commands = self._processes.tells(event.node, event.pulse)
+        return commands + self._core.ask_all(served, lambda each: each.process_pulse(event.pulse))
 
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
         incident, service = self._core.incident(event.service), self.robot.som.services.get(
@@ -395,7 +386,9 @@ class Reconfigurator:
 
     def _tick(self, event: events.Tick) -> List[Command]:
         commands = self._core.deliver(self._nodes.tick())
-        if self.robot.computers.settled(event.time):  # what stands by goes where it belongs
+        if self.robot.computers.settling.pop_due(
+            event.time
+        ):  # what stands by goes where it belongs
             commands += reach.rehost(self._core)
         commands += hearing.tick(self._core, event.time)
         return commands + self._core.ask_all(

@@ -6,7 +6,6 @@ PREFIX = "substitute_"
 NUMBERED = re.compile(r"[A-Za-z0-9_]+_([0-9]{1,9})")
 """The rest of a name. `[0-9]`: no digits but ours; `{1,9}`: no number that nobody reaches."""
 
-
 HEALERS = ("monitor", "reconfigurator")
 OF_ROS = ("/master", "/rosout")
 OBSERVERS = ("/rostopic_", "/record", "/rqt_", "/shsa_")
@@ -16,11 +15,13 @@ OBSERVERS = ("/rostopic_", "/record", "/rqt_", "/shsa_")
 class Names:
     """The names of substitutes in a namespace: `substitute_`, what for, and a number.
 
-    And those of other nodes that healing and ROS need. `next`: the number of the next name.
+    And those of other nodes that healing and ROS need. `next`: the number of the next name;
+    `topics`: how the names of healing's topics begin.
     """
 
     def __init__(self, namespace: str) -> None:
         self.prefix = namespace.rstrip("/") + "/" + PREFIX
+        self.topics = namespace.rstrip("/") + "/shsa/"
         self._ours = {*OF_ROS, *(namespace.rstrip("/") + "/" + name for name in HEALERS)}
         self.next = 1
 
@@ -44,10 +45,6 @@ class Names:
         """Return the subscribers that rely on a topic: not healing's own, and none that records."""
         others = (node for node in sorted(subscribers) if not self.of_healing(node, False))
         return tuple(node for node in others if not node.startswith(OBSERVERS))
-
-    def go_on(self, number: int) -> None:
-        """The next name has this number at least."""
-        self.next = max(self.next, number)
 
     def avoid(self, node: str) -> bool:
         """Use no number up to that in a node name; False: the name has another form."""

@@ -8,17 +8,7 @@ it is kept out. A relapse that may be its link's makes the hold-off longer, and 
 """
 import math
 from dataclasses import dataclass, field, replace
-from typing import (
-    Any,
-    Callable,
-    Dict,
-    List,
-    NamedTuple,
-    Optional,
-    Sequence,
-    Set,
-    Union,
-)
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Union
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.errors import ShsaError
@@ -26,15 +16,7 @@ from shsa_core.healing import events
 from shsa_core.healing.containment import Stakes, Verdict, decide
 from shsa_core.healing.events import Command, Log
 from shsa_core.healing.health import MISSED
-from shsa_core.healing.kill import (
-    KillNode,
-    KillOutcome,
-    Kills,
-    NodeAlive,
-    NodeKilled,
-    NodeSpared,
-    NodeUnreached,
-)
+from shsa_core.healing.kill import KillEvent, KillNode, KillOver, Kills, Outcome
 from shsa_core.healing.records import Fate, NodeRecord, Trust
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import CERTAIN_S, LEARN_PAUSES_S
@@ -46,15 +28,6 @@ UNTRIED = Trust()
 
 
 @dataclass(frozen=True)
-class RestartVain:
-    """A node could not be started again."""
-
-    time: float
-    node: str
-    detail: str
-
-
-@dataclass(frozen=True)
 class TrustChanged:
     """It was not the node's own failure: whoever accuses it shows that it is not kept out."""
 
@@ -62,8 +35,8 @@ class TrustChanged:
     node: str
 
 
-NodeEvent = Union[KillOutcome, RestartVain, TrustChanged]
-NODE_EVENTS = (NodeKilled, NodeSpared, NodeUnreached, NodeAlive, RestartVain, TrustChanged)
+NodeEvent = Union[KillOver, events.RestartFailed, TrustChanged]
+NODE_EVENTS = (KillOver, events.RestartFailed, TrustChanged)
 Said = Union[Command, NodeEvent]
 
 
@@ -152,11 +125,13 @@ class Nodes:
         self._tries: Dict[str, int] = {}  # to learn which process a node is
         self._topics: Dict[str, str] = {}
         self._learning: Agenda[str] = Agenda()
-        self._notes: Dict[type, Callable[[Any], List[Said]]] = {
-            NodeKilled: self._gone,
-            NodeSpared: self._spared,
-            NodeUnreached: self._unreached,
-            NodeAlive: self._alive,
+        self._notes: Dict[Outcome, Callable[[KillOver], List[Said]]] = {
+            Outcome.GONE: self._gone,
+            Outcome.UNSURE: self._gone,
+            Outcome.SPARED: self._spared,
+            Outcome.ANOTHER: self._untouched,
+            Outcome.UNREACHED: self._unreached,
+            Outcome.WELL: self._alive,
         }
 
     def _host_of(self, node: str) -> str:
@@ -229,8 +204,8 @@ class Nodes:
         before = accusation.decision if was_kept else ""
         restarted = service.policy.restarts and node == service.node and self.may_restart(node)
         verdict = self.verdict(service, node, accusation.kind, replaced, restarted)
-        forced = not accusation.silent or service.contain is Contain.NODE
-        if verdict.kill and not (taken_over or restarted or forced):
+        waits = accusation.silent and replaced and not (taken_over or restarted)
+        if verdict.kill and waits:
             accusation.decision = f"{node} is killed as soon as its substitute publishes"
             accusation.fate, accusation.heard = Fate.WAITS, False
             return []
@@ -266,13 +241,13 @@ class Nodes:
 
     @staticmethod
     def _order(service: Service, accusation: Accusation) -> KillNode:
-        """Return the kill of a node; if it is not forced, by the word of its computer alone."""
-        node, kind = accusation.node, accusation.kind
-        forced = service.contain is Contain.NODE
-        silent = accusation.silent and not forced
-        period = (service.period or 0.0) if kind in BY_LINK and not forced else 0.0
+        """Return the kill of a node, by the word of its computer where its link may be to blame."""
+        node, kind, silent = accusation.node, accusation.kind, accusation.silent
+        period = (service.period or 0.0) if kind in BY_LINK else 0.0
         urgent = kind is not Kind.NODE_GONE
-        return KillNode(node, urgent, topic=service.topic, only_here=silent, period=period)
+        quick = service.contain is Contain.NODE
+        how = {"only_here": silent, "quick": quick}
+        return KillNode(node, urgent, topic=service.topic, period=period, **how)
 
     def kill(self, order: KillNode) -> List[Command]:
         """Begin a kill, or let it wait for the computer of the node."""
@@ -286,9 +261,7 @@ class Nodes:
 
     # A kill goes on, and is over.
 
-    def heed(
-        self, event: Union[events.NodeFound, events.NodeLeft, events.ProcessUntouchable]
-    ) -> List[Said]:
+    def heed(self, event: KillEvent) -> List[Said]:
         """Go on with a kill."""
         strained = self._robot.computers.strained(self._host_of(event.node))
         return self._outcomes(self.kills.handle(event, strained))
@@ -346,13 +319,13 @@ class Nodes:
         """Note how kills ended, for all that accuse the node."""
         found: List[Said] = []
         for each in said:
-            note = self._notes.get(type(each))
-            found += [each] if note is None else note(each)
+            found += self._notes[each.outcome](each) if isinstance(each, KillOver) else [each]
         return found
 
-    def _gone(self, kill: NodeKilled) -> List[Said]:
+    def _gone(self, kill: KillOver) -> List[Said]:
         """A node is gone, or could not be reached to make sure."""
         time, node, case = kill.time, kill.node, self._cases.get(kill.node)
+        certain = kill.outcome is Outcome.GONE
         said: List[Said] = []
         self._health.gone(node, time)
         self.went(node)
@@ -361,37 +334,39 @@ class Nodes:
                 if self._health.healthy((topic, node)):
                     said += self.came_up(node, topic)
         self.forget_restarted(node)
-        if kill.certain:
+        if certain:
             self._orphans.discard(node)
-        self._settle(node, kill.certain)
-        if case and kill.certain:  # its last failure was its own
+        self._settle(node, certain)
+        if case and certain:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.before.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
         elif case:
             self._left_alone(node, case)
         return [kill, *said]
 
-    def _spared(self, kill: NodeSpared) -> List[Said]:
-        if not kill.detail:  # its connection was lost, but it still runs
-            for accusation in self._accusations(kill.node):
-                accusation.kind = Kind.SILENT
-            return [kill]
+    def _spared(self, kill: KillOver) -> List[Said]:
+        """Note that a node lost its connection, but still runs."""
+        for accusation in self._accusations(kill.node):
+            accusation.kind = Kind.SILENT
+        return [kill]
+
+    def _untouched(self, kill: KillOver) -> List[Said]:
         self._settle(kill.node)
         if kill.node in self._cases:
             self._left_alone(kill.node, self._cases[kill.node])
         return [Log(Level.ERROR, f"{kill.node} is not touched: {kill.detail}."), kill]
 
-    def _unreached(self, kill: NodeUnreached) -> List[Said]:
+    def _unreached(self, kill: KillOver) -> List[Said]:
         """Finish the kill of a node when its computer is back."""
         host = self._host_of(kill.node)
         if not host:
-            return self._gone(NodeKilled(kill.time, kill.node, False, kill.detail))
+            return self._gone(replace(kill, outcome=Outcome.UNSURE))
         silent = all(each.silent for each in self._accusations(kill.node))
         self._pending[kill.node] = _Pending(host, kill.time, silent)
         self._settle(kill.node)
         return [kill]
 
-    def _alive(self, kill: NodeAlive) -> List[Said]:
+    def _alive(self, kill: KillOver) -> List[Said]:
         """Ask the computer of a node again while it is missed here, as it may do well there."""
         self._pending[kill.node] = _Pending(self._host_of(kill.node), kill.time, True)
         accusations = self._accusations(kill.node)
@@ -438,19 +413,15 @@ class Nodes:
     def shown(self, accusation: Accusation) -> Dict[str, object]:
         """Return what an incident shows of the node that it blames."""
         return {
-            "restarts": self.restarts(accusation.node),
+            "restarts": self.trust_in(accusation.node).restarts,
             "kept_out": self.kept_out(accusation.node),
             "kept": accusation.kept,
             "decision": accusation.decision,
         }
 
-    def restarts(self, node: str) -> int:
-        """Return how often a node was started again."""
-        return self._cases[node].trust.restarts
-
-    def exhausted(self, node: str) -> bool:
-        """Tell that a node is not started again any more."""
-        return self._cases[node].trust.exhausted
+    def trust_in(self, node: str) -> Trust:
+        """Return how far a node is trusted, and how often it was started again."""
+        return self._cases[node].trust
 
     def may_restart(self, node: str) -> bool:
         """Tell that a node would be started again if its policy is that."""

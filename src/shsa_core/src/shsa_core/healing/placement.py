@@ -69,29 +69,16 @@ class Placement:
         self,
         time: float,
         service: Service,
-        plan: AnyPlan,
-        ready: str = "",
-        idle: Collection[str] = (),
-    ) -> Place:
-        """Return the computer for a plan: rather one where an idle process can be set to work.
-
-        `idle` are those, and `ready` is the one on which they have prepared for this service. They
-        need not have room now: any other process has to start first. Raises NoRoom if there is no
-        computer.
-        """
-        if not self._som().hosts:
-            return HERE
-        return self.beside(time, service, self._inputs(plan), ready, idle)
-
-    def beside(
-        self,
-        time: float,
-        service: Service,
         inputs: List[Service],
         ready: str = "",
         idle: Collection[str] = (),
     ) -> Place:
-        """Do the same for a substitute that reads `inputs`, services that differ."""
+        """Return the computer for a substitute that reads `inputs`, services that differ.
+
+        Rather one where an idle process can be set to work: `idle` are those, and `ready` is the
+        one on which they have prepared for this service. They need not have room now: any other
+        process has to start first. Raises NoRoom if there is no computer.
+        """
         if not self._som().hosts:
             return HERE
         passed_over: List[str] = []
@@ -111,12 +98,11 @@ class Placement:
         reasons = "; ".join(passed_over) or self._none_there(time, service)
         raise NoRoom(f"no computer can run the substitute: {reasons}")
 
-    def stands_by(self, time: float, service: Service, plan: AnyPlan) -> str:
+    def stands_by(self, time: float, service: Service, inputs: List[Service]) -> str:
         """Return the computer where a process is to stand by for a plan; empty: our own.
 
         The first that the limits of the SOM allow: what is busy for a while moves no process.
         """
-        inputs = self._inputs(plan)
         for host in self._order(time, service, inputs) if self._som().hosts else ():
             if not self._no_room(host, self._cost(inputs, service, host), self._said(host)):
                 return host
@@ -146,7 +132,7 @@ class Placement:
 
         return sorted((each for each in there if self.allowed(service, each)), key=rank)
 
-    def _inputs(self, plan: AnyPlan) -> List[Service]:
+    def inputs(self, plan: AnyPlan) -> List[Service]:
         """Return the services that a plan reads, each once, where they are as the SOM is now."""
         services = self._som().services
         read = plan.inputs if isinstance(plan, Plan) else ()

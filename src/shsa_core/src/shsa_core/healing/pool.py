@@ -174,10 +174,6 @@ class Starts:
         self.waiting[service] = None
         return False
 
-    def forget(self) -> None:
-        """Let nobody wait any more: we are about to end."""
-        self.waiting.clear()
-
     def due(self, time: float) -> List[str]:
         """Return the services whose turn it is now: no more than have room."""
         names = list(self.waiting)[: self._room(time)]

@@ -8,7 +8,7 @@ from typing import Collection, Dict, FrozenSet, List, Optional, Set, Tuple
 from shsa_core.codegen.plans import Plan, safe_values
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.events import Command, Log
+from shsa_core.healing.events import Command, Pulse, Log
 from shsa_core.healing.placement import HERE, Place, Placement
 from shsa_core.healing.planner import AnyPlan
 from shsa_core.healing.pool import Pool, Starts
@@ -79,9 +79,11 @@ class Processes:
             return HERE
         ready = self.pool.plans.get(service.name)
         if ready is None:
-            return self.placement.place(self._robot.time, service, plan)
+            return self.placement.place(self._robot.time, service, self.placement.inputs(plan))
         idle = self.pool.hosts()
-        return self.placement.place(self._robot.time, service, plan, ready.host, idle)
+        return self.placement.place(
+            self._robot.time, service, self.placement.inputs(plan), ready.host, idle
+        )
 
     def _placed(self, host: str, since: float) -> List[Cost]:
         """Return what the substitutes cost that were set to work on a computer since a moment."""
@@ -106,7 +108,7 @@ class Processes:
         time, planner = self._robot.time, self._robot.planner
         assert plan is not None
         shared = ahead and isinstance(plan, Plan) and not host and self._shares(service, plan)
-        spare = None if shared else self.spare(service, host)
+        spare = self.pool.spare(host) if is_warm(service) and not shared else None
         substitute.shared, substitute.started = shared, time if spare is None else spare.started
         node = "" if spare is None else spare.node
         if shared:
@@ -156,10 +158,6 @@ class Processes:
         crowded = 0 < self._most <= len(self._alone - {service.name})
         return crowded and all(source.service.period is not None for source in plan.inputs)
 
-    def spare(self, service: Service, host: str) -> Optional[IdleProcess]:
-        """Return an idle process on a computer for a warm service; None: there is none."""
-        return self.pool.spare(host) if is_warm(service) else None
-
     # One ends, or is to end.
 
     def leave(self, service: str, node: str) -> List[Command]:
@@ -190,24 +188,23 @@ class Processes:
             self.leave(name, node)
         return served, []
 
-    def hung(self, node: str) -> List[Command]:
-        """End an idle process that hangs, and replace it; others' services do that."""
-        if node not in self.pool.processes:
+    def tells(self, node: str, pulse: Pulse) -> List[Command]:
+        """Note how a process does, and replace an idle one that hangs; services do that of others.
+
+        An idle one that is silent is not set to work.
+        """
+        pool = self.pool
+        if pulse is Pulse.HEARD:
+            self.starts.over(node)
+        if node not in pool.processes:
             return []
-        text = f"{node} hangs. It is ended and replaced."
-        return [*self.drop_idle(node), Log(Level.WARN, text)]
-
-    def silent(self, node: str) -> None:
-        """Note that a process gives no sign of life just now: it is not set to work."""
-        if node in self.pool.processes:
-            self.pool.silent.add(node)
-
-    def heard(self, node: str) -> None:
-        """Note that a process gives a sign of life."""
-        self.starts.over(node)
-        if node in self.pool.processes:
-            self.pool.silent.discard(node)
-            self.pool.heard.add(node)
+        if pulse is Pulse.HUNG:
+            text = f"{node} hangs. It is ended and replaced."
+            return [*self.drop_idle(node), Log(Level.WARN, text)]
+        (pool.heard if pulse is Pulse.HEARD else pool.silent).add(node)
+        if pulse is Pulse.HEARD:
+            pool.silent.discard(node)
+        return []
 
     def drop_idle(self, node: str) -> List[Command]:
         """End an idle process."""
@@ -227,7 +224,7 @@ class Processes:
     def stand_by(self, service: Service, plan: Optional[Plan]) -> None:
         """Let idle processes prepare for a warm service where its plan is placed."""
         if plan is not None:
-            host = self.placement.stands_by(self._robot.time, service, plan)
+            host = self.placement.stands_by(self._robot.time, service, self.placement.inputs(plan))
         else:
             known = self.pool.plans.get(service.name)
             host = known.host if known and self._robot.computers.reachable(known.host) else ""

@@ -45,39 +45,43 @@ class Trust:
     awaited_by: Optional[float] = None
 
 
+class Keyed:
+    """A record; `KEY` is how its key is made of it."""
+
+    KEY = ""
+
+    @property
+    def key(self) -> str:
+        """Return the key, which tells it from all others."""
+        return self.KEY.format(self)
+
+
 @dataclass(frozen=True)
-class Counters:
+class Counters(Keyed):
     """The last number of an incident, and the next one of a substitute's name."""
 
+    KEY = "counters"
     incidents: int
     names: int
 
-    @property
-    def key(self) -> str:
-        """Return the key: there is one such record."""
-        return "counters"
-
 
 @dataclass(frozen=True)
-class NodeRecord:
+class NodeRecord(Keyed):
     """The trust in a node."""
 
+    KEY = "node {0.node}"
     node: str
     trust: Trust
 
-    @property
-    def key(self) -> str:
-        """Return the key: one for each node."""
-        return f"node {self.node}"
-
 
 @dataclass(frozen=True)
-class ServiceRecord:
+class ServiceRecord(Keyed):
     """The standing of a service: its incident, the fate of its node, its substitute's row.
 
     `heard`: the node may still publish. Its `kind` of failure may be another than the incident's.
     """
 
+    KEY = "service {0.service}"
     service: str
     incident: Optional[Incident] = None
     kind: Kind = Kind.OTHER
@@ -85,51 +89,34 @@ class ServiceRecord:
     heard: bool = False
     substitution: Optional[Substitution] = None
 
-    @property
-    def key(self) -> str:
-        """Return the key: one for each service."""
-        return f"service {self.service}"
-
 
 @dataclass(frozen=True)
-class IdleProcess:
+class IdleProcess(Keyed):
     """An idle process of the pool, when it was started, and on which computer."""
 
+    KEY = "idle {0.node}"
     node: str
     started: float
     host: str = ""
 
-    @property
-    def key(self) -> str:
-        """Return the key: one for each process."""
-        return f"idle {self.node}"
-
 
 @dataclass(frozen=True)
-class Healthy:
+class Healthy(Keyed):
     """A publisher that does well since a moment, as the monitor told last."""
 
+    KEY = "healthy {0.topic} {0.publisher}"
     topic: str
     publisher: str
     since: float
 
-    @property
-    def key(self) -> str:
-        """Return the key: one for each publisher of a topic."""
-        return f"healthy {self.topic} {self.publisher}"
-
 
 @dataclass(frozen=True)
-class RestartedNode:
+class RestartedNode(Keyed):
     """A node that was started again; `with_us` as in NodeRestarted."""
 
+    KEY = "restarted {0.node}"
     node: str
     with_us: bool
-
-    @property
-    def key(self) -> str:
-        """Return the key: one for each node."""
-        return f"restarted {self.node}"
 
 
 Record = Union[Counters, NodeRecord, ServiceRecord, IdleProcess, Healthy, RestartedNode]

@@ -14,7 +14,7 @@ from shsa_core.healing.node import no_accusation
 from shsa_core.healing.placement import NoRoom, Place
 from shsa_core.healing.planner import AnyPlan
 from shsa_core.healing.records import Fate
-from shsa_core.healing.process import is_hot
+from shsa_core.healing.process import is_hot, is_warm
 from shsa_core.healing.service import Action, Failure, ServiceMachine, Transitions
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.log import Level
@@ -147,7 +147,7 @@ def replace_late(service: ServiceMachine, _: Failure) -> List[Command]:
     """
     robot, spec, substitute = service.robot, service.spec, service.substitute
     unseen = robot.health.row((spec.topic, service.node)) is None
-    spare = service.processes.spare(spec, substitute.host)
+    spare = service.processes.pool.spare(substitute.host) if is_warm(spec) else None
     away = not robot.computers.reachable(robot.computers.name(spec.host))
     starting = (
         unseen
@@ -352,7 +352,7 @@ def wait_for_node(service: ServiceMachine) -> List[Command]:
 def exhausted(service: ServiceMachine, _: Failure = None) -> List[Command]:
     """Give up: the node was started again too often."""
     node = service.incident.faulty_node
-    count = service.nodes.restarts(node)
+    count = service.nodes.trust_in(node).restarts
     return give_up(service, ShsaError(f"{node} was started again {count} times in vain"))
 
 

@@ -10,10 +10,18 @@ from typing import Callable, Deque, Dict, FrozenSet, List, Mapping, Optional, Tu
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
-from shsa_core.healing.events import Command, FailureSeen, Log, ShowIncident, SubstituteStarted
+from shsa_core.healing import events
+from shsa_core.healing.events import (
+    Command,
+    FailureSeen,
+    Pulse,
+    Log,
+    ShowIncident,
+    SubstituteStarted,
+)
 from shsa_core.healing.incident import STUCK, SUBSTITUTED, WAITING, WELL, State, Trigger
-from shsa_core.healing.kill import KillNode, NodeAlive, NodeKilled, NodeSpared, NodeUnreached
-from shsa_core.healing.node import Accusation, NodeEvent, Nodes, RestartVain, no_accusation
+from shsa_core.healing.kill import KillNode, KillOver, Outcome
+from shsa_core.healing.node import Accusation, NodeEvent, Nodes, TrustChanged, no_accusation
 from shsa_core.healing.records import Fate, ServiceRecord
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import START_S, SAME_S
@@ -222,27 +230,27 @@ class ServiceMachine:
     def heed(self, event: NodeEvent) -> List[Command]:
         """Go on by what became of the faulty node."""
         topic, node = self.incident.topic, event.node
-        if isinstance(event, NodeKilled) and event.certain:
-            return self._killed(event) + self.changed()
-        if isinstance(event, NodeKilled):
-            text = f"{node} may still be running: {event.detail}"
-            return self._left_alone(text) + self.changed()
-        if isinstance(event, NodeSpared) and event.detail:
-            return self._left_alone(f"{node} is left alone: {event.detail}")
-        if isinstance(event, NodeSpared):
-            return self.step()
-        if isinstance(event, (NodeUnreached, NodeAlive)):
-            text = f"{topic}: {self.accusation.decision}."
-            if isinstance(event, NodeUnreached):
-                text = f"{topic}: {node} may still run: {event.detail}."
-            return [Log(Level.WARN, text), *self.step(detail=text)]
-        if isinstance(event, RestartVain):
+        if isinstance(event, events.RestartFailed):
             self.start_node()
             text = f"{topic}: {node} cannot be started again: {event.detail}."
             return [Log(Level.ERROR, text), *self._notice_exhaustion()]
-        return self.step() if self.incident.kept_out is not self.kept_out else []
+        if isinstance(event, TrustChanged):
+            return self.step() if self.incident.kept_out is not self.kept_out else []
+        if event.outcome is Outcome.GONE:
+            return self._killed(event) + self.changed()
+        if event.outcome is Outcome.UNSURE:
+            text = f"{node} may still be running: {event.detail}"
+            return self._left_alone(text) + self.changed()
+        if event.outcome is Outcome.ANOTHER:
+            return self._left_alone(f"{node} is left alone: {event.detail}")
+        if event.outcome is Outcome.SPARED:
+            return self.step()
+        text = f"{topic}: {self.accusation.decision}."
+        if event.outcome is Outcome.UNREACHED:
+            text = f"{topic}: {node} may still run: {event.detail}."
+        return [Log(Level.WARN, text), *self.step(detail=text)]
 
-    def _killed(self, event: NodeKilled) -> List[Command]:
+    def _killed(self, event: KillOver) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
         if self.incident.state is not State.RETURNING and not self.kept_out:
             self.start_node()
@@ -275,7 +283,7 @@ class ServiceMachine:
         """Tell that the faulty node is not started again any more."""
         node = self.incident.faulty_node  # how a stranger was started is not known
         stranger = node != self.spec.node and self.incident.killed is not None
-        return stranger or self.nodes.exhausted(node)
+        return stranger or self.nodes.trust_in(node).exhausted
 
     def _notice_exhaustion(self) -> List[Command]:
         waiting = self.state in (State.HEALING, *STUCK)
@@ -324,14 +332,12 @@ class ServiceMachine:
         """Replace the substitute's process, which has ended."""
         return self._substitute_failed(f"its process died ({detail})", False)
 
-    def process_silent(self) -> List[Command]:
-        """Replace a process that gives no sign of life at a takeover: another one is at hand."""
-        due = self.state is State.HEALING and not self.substitute.plan_to_blame
-        return self.process_hung() if due else []
-
-    def process_hung(self) -> List[Command]:
-        """Replace the substitute's process, which hangs."""
-        return self._substitute_failed("its process gives no sign of life", False)
+    def process_pulse(self, pulse: Pulse) -> List[Command]:
+        """Replace the substitute's process if it hangs, or is silent at a takeover."""
+        at_hand = self.state is State.HEALING and not self.substitute.plan_to_blame
+        if pulse is Pulse.HUNG or (pulse is Pulse.SILENT and at_hand):
+            return self._substitute_failed("its process gives no sign of life", False)
+        return []
 
     def _substitute_failed(self, why: str, tried: bool) -> List[Command]:
         """Stop the substitute; its plan is not tried again if `tried`."""

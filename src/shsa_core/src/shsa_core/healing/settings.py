@@ -10,9 +10,7 @@ class Settings:
     """The reconfigurator's settings; times in s."""
 
     # What a user sets.
-    hold_off: float = (
-        2.0  # that a node that is back must stay healthy; it doubles with each relapse
-    )
+    hold_off: float = 2.0  # that a node that is back must stay healthy; each relapse doubles it
     switches: int = 3  # relapses in a row after which a node is kept out; 0: they do not count
     node_restarts: int = 3  # times that a node is started again
     method: str = field(default="best", metadata={"one_of": METHODS})  # of the search
@@ -28,13 +26,11 @@ class Settings:
     start_timeout: float = 5.0  # that a new process may take to its first message
     restarts: int = 2  # times that a substitute that died is started again with the same plan
     restart_pause: float = 0.5  # before a node is started again; it doubles
-    restart_timeout: float = (
-        10.0  # that a node that was started again may take to its first message
-    )
+    restart_timeout: float = 10.0  # that a restarted node may take to its first message
     stable: float = 60.0  # that a node must be well until its restarts are forgotten
     retry: float = 2.0  # after which a service that could not be healed is tried again; it doubles
     retry_limit: float = 60.0  # that `retry` doubles up to
-    kill_patience: float = 0.1  # that a node that may still publish has to leave when asked
+    kill_patience: float = 0.1  # that a node has to leave where the SOM says `contain: node`
     # How long a takeover lasts for `fault_tolerant_time`: the 95th percentile of 50 by roscpp.
     takeover_cold: float = 0.83
     takeover_warm: float = 0.03
@@ -58,12 +54,10 @@ ANSWER_S = 0.5  # that a monitor has to send its table when its computer seems l
 
 # How a node is ended.
 FIND_TIMEOUT_S = 2.0  # that the search for a node's process may take
-EXIT_TIMEOUT_S = 1.0  # that a process may take to end
+# To answer and for a process to end; as roslaunch: after it was asked, and after SIGTERM.
+EXIT_TIMEOUT_S, LEAVE_S, TERM_S = 1.0, 15.0, 2.0
 LEARN_PAUSES_S = (0.5, 2.0, 10.0)  # before each further look which process a node is; last repeats
-LISTEN_S, LISTEN_PERIODS = (
-    0.5,
-    3.0,
-)  # that a node is counted on its own computer, the longer of both
+LISTEN_S, LISTEN_PERIODS = 0.5, 3.0  # that a node is counted on its own computer: the longer
 CERTAIN_S = 2.0  # that a computer is heard beside a node's silence before that is the node's own
 STEADY_S = 4.0  # that a node is slow at each look on its computer until it is slow by itself
 FORGET_S = 10.0  # looks farther apart than this tell nothing of the time between them
@@ -75,9 +69,7 @@ STRAINED = 0.9  # of its cores busy: more makes well nodes slow
 
 # Processes of substitutes.
 AT_ONCE = 2  # come up at a time: each costs most of a core until it is heard
-PAUSE_S = (
-    1.0  # between two idle processes, and after a takeover, whose processor time they would take
-)
+PAUSE_S = 1.0  # between two idle processes, and after a takeover, which needs the processor
 TAKEOVER_S = 2.0  # that a process that runs already may take to its first message
 CHANGEOVER_S = 1.0  # after a change of program silence is no failure yet
 

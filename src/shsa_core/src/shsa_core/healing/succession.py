@@ -65,7 +65,7 @@ def _take_up(core: Core, event: events.Started) -> List[Command]:
     for record in event.records:
         if isinstance(record, Counters):
             robot.incidents = max(robot.incidents, record.incidents)
-            robot.names.go_on(record.names)
+            robot.names.next = max(robot.names.next, record.names)
         elif isinstance(record, NodeRecord):
             core.nodes.recall(record)
         elif isinstance(record, RestartedNode) and record.node in event.running:
@@ -118,10 +118,9 @@ def _take_up_service(core: Core, event: events.Started, record: ServiceRecord) -
     if incident is not None and incident.last_good is not None:
         robot.health.good.add((incident.topic, incident.faulty_node))
     if incident is not None and incident.killed is None:
-        if incident.kind in MISSED and robot.host_of(
-            incident.faulty_node
-        ):  # it may have been cut off, and be back
-            robot.health.doubt((incident.topic, incident.faulty_node))
+        node = incident.faulty_node
+        if incident.kind in MISSED and robot.host_of(node):  # it may have been cut off, and be back
+            robot.health.doubt((incident.topic, node))
     if row is not None:
         robot.calibrations.recall(record.service, program_of(row), row.outputs)
     runs = row is not None and row.node in event.running

@@ -22,6 +22,7 @@ from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import added_path, load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.healing import events
+from shsa_core.healing.duties import duties_of, subscribers_of
 from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
@@ -37,7 +38,8 @@ from shsa_core.ros.processes.handover import Handover, await_turn
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch
-from shsa_core.ros.master.master_watch import MasterWatch
+from shsa_core.ros.master.master_watch import MasterWatch, State
+from shsa_core.ros.master.registrations import Part
 from shsa_core.ros.processes.starting import Setup, run_command
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
@@ -151,11 +153,9 @@ class ReconfiguratorNode:
             self._companion,
         )
         self._decided = clock.now()
+        self._listed: List[Dict[str, Tuple[str, ...]]] = [{}, {}]
         # First of all: what runs goes on, and no substitute may take a name that was used.
-        self._master = MasterWatch(
-            lambda node: node.startswith(prefix),
-            lambda topics: self._put(events.SubscribersSeen(clock.now(), topics)),
-        )
+        self._master = MasterWatch(lambda node: node.startswith(prefix), self._see_graph)
         self._may_act(som)
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, self._hosts.take_up())
@@ -300,15 +300,11 @@ class ReconfiguratorNode:
 
     def _listen(self, som: Som, taking_up: bool = False) -> None:
         """Hear the agents, and see to it that both ends hear of each other."""
-        hosts = self._elsewhere(som)
+        hosts = [name for name in som.hosts if name != self._files.host]
         self._hosts.listen(hosts, taking_up)
         ends = names.host_commands, names.host_events
         topics = (topic(host) for host in hosts for topic in ends)
         self._master.introduce(*map(rospy.resolve_name, topics))
-
-    def _elsewhere(self, som: Som) -> List[str]:
-        """The computers whose agents carry out what is wanted there."""
-        return [name for name in som.hosts if name != self._files.host]
 
     def _assigned(self, command: events.AssignSubstitute) -> None:
         self._put(events.SubstituteStarted(clock.now(), command.node, self._decided))
@@ -326,6 +322,19 @@ class ReconfiguratorNode:
 
         run_command(command.words, report)
 
+    def _see_graph(self, state: State) -> None:
+        """Tell the core who subscribes to services, and what else their nodes do."""
+        som, names = self._core.robot.som, self._core.names
+        parts = [state.parts[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE)]
+        now = [subscribers_of(som, parts[1]), duties_of(som, names, *parts)]
+        new = [
+            tuple((k, b.get(k, ())) for k in sorted({*a, *b}) if a.get(k, ()) != b.get(k, ()))
+            for a, b in zip(self._listed, now)
+        ]
+        self._listed = now
+        if any(new):
+            self._put(events.GraphSeen(clock.now(), *new))
+
     def _show_substitutions(self, command: events.ShowSubstitutions) -> None:
         self._substitutions.update(map(substitution_message, command.rows), command.removed)
 
@@ -339,7 +348,7 @@ class ReconfiguratorNode:
         self._added = os.path.getmtime(path) if os.path.exists(path) else 0.0
         if before not in (None, self._added):
             try:
-                rospy.loginfo("Services were added: %s.", self.reload())
+                rospy.loginfo("Read anew after `shsa add`: %s.", self.reload())
             except ShsaError as error:
                 rospy.logerr("Refused: %s", error)
 

@@ -113,10 +113,6 @@ def _value(answer: Any) -> Any:
     return told[2] if isinstance(told, list) and len(told) == 3 and told[0] == 1 else None
 
 
-Subscribers = Tuple[Tuple[str, Tuple[str, ...]], ...]
-"""Topics, and the nodes that subscribe to each."""
-
-
 class MasterState(NamedTuple):
     """The state of the master and its subscribers, for people.
 
@@ -132,15 +128,12 @@ class MasterState(NamedTuple):
 class MasterWatch:
     """Looks at the master for as long as ROS is up.
 
-    `is_ours(node)`: whether a node is one of our substitutes. `subscribed` is called with the
-    introduced topics that have other subscribers than before. While `acts` is false it only looks.
+    `is_ours(node)`: whether a node is one of our substitutes; `seen` hears each state of the
+    master. While `acts` is false it only looks.
     """
 
-    def __init__(
-        self, is_ours: Callable[[str], bool], subscribed: Callable[[Subscribers], None]
-    ) -> None:
-        self._is_ours, self._subscribed, self.acts = is_ours, subscribed, False
-        self._subscribers: Dict[str, Tuple[str, ...]] = {}
+    def __init__(self, is_ours: Callable[[str], bool], seen: Callable[[State], None]) -> None:
+        self._is_ours, self._seen, self.acts = is_ours, seen, False
         self._me = rospy.get_name()
         self._calls = MasterCalls()
         self._nodes = Workers("nodes", settings.MOST_CALLS)
@@ -196,7 +189,7 @@ class MasterWatch:
             state = self._calls.state()
         self._introduce(state, now)
         if self._former is None:  # else a new master does not know them all yet
-            self._tell_subscribers(state)
+            self._seen(state)
         if now >= self._keep_at:
             self._known = together(self._graph(state), self._known, waiting)
             self._keep_parameters()
@@ -216,17 +209,6 @@ class MasterWatch:
             if self.acts and not self._is_ours(new.node):  # our substitutes tell by themselves
                 nodes = {node for name, node in state.parts[Part.SUBSCRIBER] if name == new.topic}
                 self._introductions.introduce(new, self._calls.look_up("lookupNode", nodes))
-
-    def _tell_subscribers(self, state: State) -> None:
-        found: Dict[str, List[str]] = {topic: [] for topic in self._topics}
-        for topic, node in sorted(state.parts[Part.SUBSCRIBER]):
-            if topic in found:
-                found[topic].append(node)
-        now = {topic: tuple(nodes) for topic, nodes in found.items()}
-        new = [each for each in now.items() if each[1] != self._subscribers.get(each[0], ())]
-        self._subscribers = now
-        if new:
-            self._subscribed(tuple(new))
 
     def _graph(self, state: State) -> Graph:
         nodes = {node for pairs in state.parts.values() for _, node in pairs}

@@ -2,13 +2,16 @@
 
 Which process a node is was verified before (`nodes`), and healing decides when each step comes.
 """
+import signal
 import socket
 import threading
+from typing import Callable
 
 import rosgraph
 import rospy
 
 from shsa_core.errors import ShsaError
+from shsa_core.healing.settings import LEAVE_S
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, ask, master_api, resolved
 from shsa_core.ros.processes import kernel
@@ -22,29 +25,30 @@ class Untouchable(ShsaError):
     """It is not known which process a node is, whether it may be ended, or whether it has left."""
 
 
-def ask_to_leave(nodes: Nodes, node: str) -> bool:
+def ask_to_leave(nodes: Nodes, node: str, answered: Callable[[], object] = lambda: None) -> bool:
     """`rosnode kill` by its API; return whether the process has ended in time.
 
-    Elsewhere, whether nobody listens any more where the node has answered. Raises Untouchable.
+    `answered` is called when the node has. Elsewhere, return whether nobody listens any more where
+    it has answered. Raises Untouchable.
     """
     known = nodes.known(node)
     if known is None:
         raise Untouchable("it is not known which process it is")
     if known.process is None:
-        return _ask_elsewhere(node, known.uri)
+        return _ask_elsewhere(node, known.uri, answered)
     process = known.process
-    threading.Thread(target=_ask, args=(nodes, node), daemon=True).start()
-    return kernel.wait_for(lambda: kernel.gone(process))
+    threading.Thread(target=_ask, args=(nodes, node, answered), daemon=True).start()
+    return kernel.wait_for(lambda: kernel.gone(process), LEAVE_S)
 
 
-def end_process(nodes: Nodes, node: str) -> bool:
-    """`kill -9`; return whether the process has ended in time. Raises Untouchable."""
+def end_process(nodes: Nodes, node: str, gently: bool = False) -> bool:
+    """End a node's process by SIGKILL, or SIGTERM; return whether it ended. Raises Untouchable."""
     known = nodes.known(node)
     if known is None or known.process is None:
         raise Untouchable("it is not known which process it is")
     process = known.process
     try:
-        kernel.kill(process)
+        kernel.kill(process, signal.SIGTERM if gently else signal.SIGKILL)
     except ProcessLookupError:
         return True
     except PermissionError as error:
@@ -71,17 +75,18 @@ def clear(nodes: Nodes, node: str) -> bool:
         return True  # the master does not know it, or is away: there is nothing to be cleared
 
 
-def _ask(nodes: Nodes, node: str) -> None:
+def _ask(nodes: Nodes, node: str, answered: Callable[[], object]) -> None:
     """Ask a node here to leave; whether it does, its process tells."""
     try:
         uri = nodes.uri(node)
         if uri:
             ask(uri, "shutdown", WHY)
+            answered()
     except FAILURES as error:
         rospy.logdebug("%s was asked to leave: %s", node, error)
 
 
-def _ask_elsewhere(node: str, uri: str) -> bool:
+def _ask_elsewhere(node: str, uri: str, answered: Callable[[], object]) -> bool:
     """Ask a node on another computer to leave.
 
     It has ended if it listens no more, and has said so before: to the master, when it left by
@@ -96,7 +101,8 @@ def _ask_elsewhere(node: str, uri: str) -> bool:
         return True
     except FAILURES as error:
         raise Untouchable(f"it cannot be verified to have ended: {error}") from error
-    return kernel.wait_for(lambda: _refuses(uri))
+    answered()
+    return kernel.wait_for(lambda: _refuses(uri), LEAVE_S)
 
 
 def _refuses(uri: str) -> bool:

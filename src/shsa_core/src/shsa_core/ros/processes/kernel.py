@@ -188,8 +188,8 @@ def waited_in_all(path: str) -> Optional[float]:
         return None
 
 
-def kill(process: psutil.Process) -> None:
-    """`kill -9` this very process, and no other that has its number by now.
+def kill(process: psutil.Process, number: int = signal.SIGKILL) -> None:
+    """Send a signal to this very process, and to no other that has its number by now.
 
     Raises PermissionError if it is not ours, ProcessLookupError if it has ended.
     """
@@ -197,7 +197,7 @@ def kill(process: psutil.Process) -> None:
         raise ProcessLookupError(process.pid)
     if not is_ours(process):
         raise PermissionError(f"it belongs to {user(process)}")
-    os.kill(process.pid, signal.SIGKILL)
+    os.kill(process.pid, number)
 
 
 def wait_for(done: Callable[[], bool], seconds: float = 0.0) -> bool:

@@ -52,12 +52,8 @@ class LocalHost:
                 events.LearnNode: by("learn", self._learn, LEARNING),
                 events.WatchNodes: by("watch", lambda c: self._coming_up.watch(c.nodes)),
                 events.FindNode: by("find", self._find),
-                events.AskToLeave: by(
-                    "ask to leave", lambda c: self._end(c.node, ending.ask_to_leave)
-                ),
-                events.EndProcess: by(
-                    "end process", lambda c: self._end(c.node, ending.end_process)
-                ),
+                events.AskToLeave: by("ask to leave", self._ask_to_leave),
+                events.EndProcess: by("end process", self._end_process),
                 events.ClearNode: self._by(clearing, self._clear),
                 events.StartSubstitute: self._start,
                 events.StopSubstitute: self._by(stops, self._stop),
@@ -157,9 +153,15 @@ class LocalHost:
         name = programs[-1] if programs[0].startswith("python") else programs[0]
         return f"{name!a}, process {number}"
 
-    def _end(self, node: str, end: Callable[[Nodes, str], bool]) -> None:
-        if end(self.nodes, node):
+    def _ask_to_leave(self, command: events.AskToLeave) -> None:
+        node = command.node
+        answered = lambda: self._tell(events.NodeAnswered(clock.now(), node))
+        if ending.ask_to_leave(self.nodes, node, answered):
             self._tell(events.NodeLeft(clock.now(), node))
+
+    def _end_process(self, command: events.EndProcess) -> None:
+        if ending.end_process(self.nodes, command.node, command.gently):
+            self._tell(events.NodeLeft(clock.now(), command.node))
 
     def _clear(self, command: events.ClearNode) -> None:
         if not ending.clear(self.nodes, command.node):

@@ -2,7 +2,7 @@
 import threading
 import time
 from dataclasses import dataclass, field
-from typing import Callable, Dict, Optional, Set, Union
+from typing import Callable, Dict, Optional, Set
 
 import psutil
 import rospy
@@ -13,7 +13,7 @@ from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.heartbeats import Heart, Sign, Signs
 from shsa_core.watch import Watch
 
-Told = Callable[[Union[events.ProcessSilent, events.ProcessHung, events.ProcessHeard]], None]
+Told = Callable[[events.ProcessPulse], None]
 
 
 @dataclass
@@ -74,7 +74,7 @@ class Life:
             seen.sign, seen.starves = sign, False
             if anew or name in self._quiet:
                 self._quiet.discard(name)
-                self._tell(events.ProcessHeard(now, name))
+                self._tell(events.ProcessPulse(now, name, events.Pulse.HEARD))
         elif seen.clock.passed(sign.time) >= 2 * settings.HEARTBEAT_S:
             # At first this only tells how long it has waited so far.
             seen.clock.starve(now if seen.starves else sign.time, kernel.waited(sign.pid))
@@ -84,13 +84,13 @@ class Life:
     def _judge(self, name: str, seen: _Seen, now: float) -> None:
         since = seen.sign.time
         if seen.clock.has_passed(since, self._patience) or now - since >= settings.STARVED_S:
-            self._tell(events.ProcessHung(now, name))
+            self._tell(events.ProcessPulse(now, name, events.Pulse.HUNG))
             self._quiet.add(name)
             self._signs.forget(name)
             del self._seen[name]
         elif name not in self._quiet and seen.clock.has_passed(since, settings.SILENT_S):
             self._quiet.add(name)
-            self._tell(events.ProcessSilent(now, name))
+            self._tell(events.ProcessPulse(now, name, events.Pulse.SILENT))
 
 
 class Companion:
@@ -129,10 +129,10 @@ class Companion:
             "it gives signs of life" if self._process else "it was not heard yet"
         )
 
-    def _change(self, event: events.Event) -> None:
-        if isinstance(event, events.ProcessHeard):
+    def _change(self, event: events.ProcessPulse) -> None:
+        if event.pulse is events.Pulse.HEARD:
             self._hear(event.node)
-        elif isinstance(event, events.ProcessHung):
+        elif event.pulse is events.Pulse.HUNG:
             self._hangs(event.node)
 
     def _hear(self, name: str) -> None:

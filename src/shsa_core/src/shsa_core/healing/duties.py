@@ -1,0 +1,74 @@
+"""Maps what the master lists of nodes to their duties: what a kill would cost beyond the SOM."""
+from collections import defaultdict
+from typing import DefaultDict, Dict, FrozenSet, Set, Tuple
+
+from shsa_core.healing.naming import Names
+from shsa_core.model.som import Som
+
+Pairs = FrozenSet[Tuple[str, str]]
+"""Names of topics or services, and the nodes that have registered them."""
+TF = ("/tf", "/tf_static")
+OF_EVERY_NODE = ("/clock", "/rosout", "/diagnostics", "/statistics")
+OWN_TOPICS = ("/parameter_descriptions", "/parameter_updates", "/bond")
+OWN_SERVICES = (
+    *("get_loggers", "set_logger_level", "set_parameters", "tf2_frames"),
+    *("list", "load_nodelet", "unload_nodelet"),
+)
+OF_ACTION = ("/goal", "/cancel", "/status", "/feedback", "/result")
+MOST_NAMED = 3
+
+
+def duties_of(
+    som: Som, names: Names, publishers: Pairs, subscribers: Pairs, services: Pairs
+) -> Dict[str, Tuple[str, ...]]:
+    """Return the duties, in words, of each node that publishes a service and has any."""
+    published, subscribed, served = map(_by_node, (publishers, subscribers, services))
+    listeners = _by_node(frozenset((node, topic) for topic, node in subscribers))
+    in_som = {topic for each in som for topic in (each.topic, each.heard)}
+    found: Dict[str, Tuple[str, ...]] = {}
+
+    def others(topics: Set[str]) -> Set[str]:
+        """Return the topics that nothing else here knows, and that mean more than the node."""
+        return {
+            each
+            for each in topics - in_som - {*TF, *OF_EVERY_NODE}
+            if not each.endswith(OWN_TOPICS) and not each.startswith(names.topics)
+        }
+
+    for node in sorted({node for topic, node in publishers if topic in in_som}):
+        if names.of_healing(node, any(each.node == node for each in som)):
+            continue
+        says, hears = others(published[node]), others(subscribed[node])
+        actions = {t[:-5] for t in hears if t.endswith("/goal") and t[:-5] + "/result" in says}
+        asks = {topic[:-5] for topic in says if topic.endswith("/goal")}
+        parts = {name + end for name in actions | asks for end in OF_ACTION}
+        heard = {each for each in says - parts if names.consumers(listeners[each] - {node})}
+        calls = {each for each in served[node] if each.rsplit("/", 1)[-1] not in OWN_SERVICES}
+        duties = [
+            f"takes {_named(hears - parts)}" if hears - parts else "",
+            "broadcasts tf" if not published[node].isdisjoint(TF) else "",
+            "tells the time" if "/clock" in published[node] else "",
+            f"serves the action {_named(actions)}" if actions else "",
+            f"serves {_named(calls)}" if calls else "",
+            f"publishes {_named(heard)}" if heard else "",
+        ]
+        found[node] = tuple(filter(None, duties))
+    return {node: duties for node, duties in found.items() if duties}
+
+
+def subscribers_of(som: Som, subscribers: Pairs) -> Dict[str, Tuple[str, ...]]:
+    """Return the nodes that subscribe to each service's topic."""
+    by_topic = _by_node(frozenset((node, topic) for topic, node in subscribers))
+    return {each.heard: tuple(sorted(by_topic[each.heard])) for each in som}
+
+
+def _by_node(pairs: Pairs) -> DefaultDict[str, Set[str]]:
+    found: DefaultDict[str, Set[str]] = defaultdict(set)
+    for name, node in pairs:
+        found[node].add(name)
+    return found
+
+
+def _named(names: Set[str]) -> str:
+    first, more = sorted(names)[:MOST_NAMED], len(names) - MOST_NAMED
+    return ", ".join(first) + (f" and {more} more" if more > 0 else "")

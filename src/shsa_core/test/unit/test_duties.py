@@ -1,0 +1,60 @@
+"""The duties of a node: what the robot loses with it beyond the SOM."""
+from typing import Dict, Set, Tuple
+
+import pytest
+
+from core_robot import A, B, service
+from shsa_core.healing.duties import duties_of
+from shsa_core.healing.naming import Names
+from shsa_core.model.som import Som
+
+SOM = Som([service("a", A, needed=True), service("b", B)])
+Listed = Set[Tuple[str, str]]
+
+
+def duties(publishes: Listed, subscribes: Listed = set(), serves: Listed = set()) -> object:
+    """Return the duties of A, which publishes /a besides."""
+    listed = publishes | {("/a", A), ("/rosout", A)}
+    loggers = {(f"{A}/get_loggers", A), (f"{A}/set_logger_level", A)}
+    parts = frozenset(listed), frozenset(subscribes), frozenset(serves | loggers)
+    found: Dict[str, Tuple[str, ...]] = duties_of(SOM, Names("/"), *parts)
+    assert set(found) <= {A}
+    return found.get(A, ())
+
+
+def on(node: str, *topics: str) -> Listed:
+    return {(topic, node) for topic in topics}
+
+
+ACTION = "/move/status", "/move/feedback", "/move/result"
+ASKED = "/move/goal", "/move/cancel"
+
+
+@pytest.mark.parametrize(
+    "publishes, subscribes, serves, expected",
+    [
+        (set(), on(A, "/b", "/clock", "/tf", "/tf_static"), set(), ()),
+        (set(), on("/user", "/a", "/rosout"), set(), ()),
+        (on(A, "/x", "/diagnostics"), on("/user", "/diagnostics"), set(), ()),
+        (on(A, "/x"), on("/monitor", "/x") | on("/substitute_a_3", "/x"), set(), ()),
+        (set(), on(A, "/cmd_vel"), set(), ("takes /cmd_vel",)),
+        (on(A, "/tf"), on(A, "/cmd_vel"), set(), ("takes /cmd_vel", "broadcasts tf")),
+        (on(A, *ACTION), on(A, *ASKED), set(), ("serves the action /move",)),
+        (on(A, *ASKED), on(A, *ACTION) | on("/move_base", *ASKED), set(), ()),
+        (set(), set(), on(A, "/reset", f"{A}/set_parameters"), ("serves /reset",)),
+        (on(A, "/x"), on("/user", "/x"), set(), ("publishes /x",)),
+        (set(), on(A, "/p", "/q", "/r", "/s", "/t"), set(), ("takes /p, /q, /r and 2 more",)),
+        (set(), on(A, "/shsa/incidents"), set(), ()),
+        (on(A, "/clock"), set(), set(), ("tells the time",)),
+    ],
+)
+def test_what_the_master_lists_tells_the_duties(
+    publishes: Listed, subscribes: Listed, serves: Listed, expected: Tuple[str, ...]
+) -> None:
+    assert duties(publishes, subscribes, serves) == expected
+
+
+def test_nodes_of_healing_and_those_that_the_som_does_not_concern_have_none() -> None:
+    pairs = frozenset({("/a", "/substitute_a_1"), ("/other", "/other_node")})
+    heard = frozenset({("/x", "/substitute_a_1"), ("/y", "/other_node")})
+    assert duties_of(SOM, Names("/"), pairs, heard, frozenset()) == {}
