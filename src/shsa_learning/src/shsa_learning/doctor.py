@@ -25,7 +25,8 @@ class Seen(NamedTuple):
     `publishers` and `subscribers`: nodes by topic. `masters`: the nodes' programs by the address
     that they have of our master. `users`: the user of each node of the SOM whose process is here;
     `user`: that of healing, empty if it does not run. `clocks`: what healing tells of computers
-    whose clock is off. `incidents`: of the last hour. `types`: why a type cannot be used here.
+    whose clock is off, and of values that are `unusual`. `incidents`: of the last hour. `types`:
+    why a type cannot be used here.
     """
 
     som: Som
@@ -38,6 +39,7 @@ class Seen(NamedTuple):
     user: str = ""
     use_sim_time: bool = False
     clocks: Sequence[str] = ()
+    unusual: Sequence[str] = ()
     incidents: Sequence[Incident] = ()
     types: Sequence[str] = ()
 
@@ -95,6 +97,8 @@ def _ranges(seen: Seen) -> Iterator[Finding]:
         times = "once" if len(incidents) == 1 else f"{len(incidents)} times"
         what = f"{service} left its range {times} in the last hour: {incidents[-1].evidence}"
         yield Finding(what, "if the robot was well, widen `range` to what the datasheet says")
+    for text in seen.unusual:
+        yield Finding(text, "if the robot is well, widen `usual`, as `shsa init --again` does")
 
 
 def _unheard(seen: Seen) -> Iterator[Finding]:

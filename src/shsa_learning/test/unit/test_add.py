@@ -7,7 +7,6 @@ import pytest
 from shsa_core.cli.main import main
 from shsa_core.errors import ModelError
 from shsa_core.files.som_file import added_path, read_som
-from shsa_learning.cli import add
 
 ONTOLOGY = "properties: {v: , w: }\n"
 ENTRY = """\
@@ -18,10 +17,9 @@ SOM = "# mine\nservices:\n" + ENTRY.format("v", 0.1, "v: {field: data}")
 
 
 @pytest.fixture
-def som(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def som(tmp_path: Path) -> Path:
     (tmp_path / "o.yaml").write_text(ONTOLOGY)
     (tmp_path / "som.yaml").write_text(SOM)
-    monkeypatch.setattr(add, "_reload", lambda _: 0)
     return tmp_path / "som.yaml"
 
 

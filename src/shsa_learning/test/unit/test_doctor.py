@@ -52,6 +52,7 @@ def test_nothing_is_found_on_a_robot_that_is_well() -> None:
         ({"user": "root", "users": {}}, "as root"),
         ({"users": {"/base": "bob"}}, "/base runs as bob"),
         ({"clocks": ["computer pi: its clock is 2 s ahead"]}, "2 s ahead"),
+        ({"unusual": ["odometry: doubtful: v is 5, 0 to 3 are usual"]}, "v is 5"),
         ({"use_sim_time": True}, "nobody publishes /clock"),
         ({"publishers": {**WELL.publishers, "/tf": ["/base"]}}, "/base broadcasts tf"),
         ({"incidents": [LEFT, LEFT]}, "odometry left its range 2 times"),

@@ -156,8 +156,7 @@ class Publisher:
     @property
     def is_notable(self) -> bool:
         """True if something is told of it, or may be: a doubt, or what is unusual."""
-        compares = self.evidence is not None and self.evidence.compares
-        return bool(self.detail or self.suspicions or compares)
+        return bool(self.detail or self.suspicions or self.evidence and self.evidence.compares)
 
     def interrupt(self, until: float) -> None:
         """Lose its connection, which is given anew by then; once until its next message."""

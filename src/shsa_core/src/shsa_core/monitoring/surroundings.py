@@ -80,12 +80,10 @@ class Surroundings:
         """Return the case of a publisher with a value out of range; `confirmed`: by others."""
         service = publisher.service
         causes = set(service.wrong_with) if service else set()
-        others = [
-            each
-            for each in self._everybody()
-            if each.connected and each.service and each.evidence and each.evidence.outside
-        ]
-        apart = [o for o in others if o.service and causes.isdisjoint(o.service.wrong_with)]
+        outside = (
+            p for p in self._everybody() if p.connected and p.evidence and p.evidence.outside
+        )
+        apart = [p for p in outside if p.service and causes.isdisjoint(p.service.wrong_with)]
         return Case(Blame.RANGE, time, time, together=1 + len(apart), confirmed=confirmed)
 
     def heard(self, topic: str, publisher: Publisher, began: float, time: float) -> List[Key]:

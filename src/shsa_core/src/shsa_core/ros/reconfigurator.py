@@ -19,7 +19,7 @@ from shsa_core.analysis.schedulability import check_placements
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.parameters import read_settings
-from shsa_core.files.som_file import load_som
+from shsa_core.files.som_file import added_path, load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.healing import events
 from shsa_core.healing.duties import duties_of, subscribers_of
@@ -71,6 +71,7 @@ class ReconfiguratorNode:
 
     def __init__(self, arguments: argparse.Namespace, handover: Handover) -> None:
         self._files = arguments
+        self._added: Optional[float] = None  # when `shsa add` wrote
         self._said: List[Problem] = []
         signing = Signing(arguments.secret)
         ontology, som = read_models(arguments.ontology, arguments.som)
@@ -341,7 +342,18 @@ class ReconfiguratorNode:
         self._master.introduce(*(topic for row in command.rows for topic in row.service.topics))
         self._som_state.update(map(wire.service_state, command.rows), command.removed)
 
+    def _heed_added(self) -> None:
+        """Read the models again once `shsa add` has written its file, which only we may write."""
+        path, before = added_path(self._files.som), self._added
+        self._added = os.path.getmtime(path) if os.path.exists(path) else 0.0
+        if before not in (None, self._added):
+            try:
+                rospy.loginfo("Read anew after `shsa add`: %s.", self.reload())
+            except ShsaError as error:
+                rospy.logerr("Refused: %s", error)
+
     def _report(self) -> None:
+        self._heed_added()
         open_ = self._incidents.open()
         told = self._core.needed(), open_, self._master.told(), self._hosts.told()
         self._diagnostics.show(told)

@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
         return 1
     with open(args.som, "w", encoding="utf-8") as file:
         file.write(changed)
-    say(f"{args.som} says `act: true` now; `rosservice call /shsa/reload` has it read")
+    say(f"{args.som} says `act: true` now: start healing anew")
     return 0
 
 

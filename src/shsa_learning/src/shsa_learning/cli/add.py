@@ -8,13 +8,9 @@ from ruamel.yaml.comments import CommentedMap
 from shsa_core import message_types
 from shsa_core.analysis.check import check_files
 from shsa_core.cli._common import add_namespace, say
-from shsa_core.errors import ModelError, ShsaError
+from shsa_core.errors import ModelError
 from shsa_core.files.som_file import added_path, read_som
-from shsa_core.model.names import full_name
 from shsa_learning.saving import dump, load
-
-RELOAD_S = 5.0
-"""So long the reconfigurator is given to read the files again."""
 
 
 def add_parser(subparsers: Any) -> None:
@@ -24,8 +20,7 @@ def add_parser(subparsers: Any) -> None:
         help="add services to a running system, change and remove them",
         description="Checks the services of a file as those of the SOM, keeps them in a file "
         "beside it (S.added.yaml), and has healing read both. A service that was added before is "
-        "changed. The SOM itself is never written. Exit status 1 if they are not valid, or "
-        "healing does not take them.",
+        "changed. The SOM itself is never written. Exit status 1 if they are not valid.",
     )
     parser.add_argument("services", metavar="FILE", nargs="?", help="a SOM of these services alone")
     parser.add_argument("--som", metavar="S", required=True, help="the SOM of the running system")
@@ -60,7 +55,8 @@ def run(args: argparse.Namespace) -> int:
         say("\n".join(errors))
         return 1
     say(f"{path}: {', '.join(services) or 'nothing is added any more'}")
-    return _reload(args.namespace)
+    say("healing reads it within a second or two, where it runs")
+    return 0
 
 
 def _keep(services: Dict[str, Any], path: str) -> None:
@@ -74,27 +70,3 @@ def _errors(args: argparse.Namespace) -> List[str]:
     types = message_types if message_types.available() else None
     found = check_files(args.ontology, args.som, types, args.namespace)
     return [str(each) for each in found if each.level == "error"]
-
-
-def _reload(namespace: str) -> int:
-    """Have the files read again by who runs now. Returns 1 if they are refused."""
-    try:
-        import rosgraph
-        import rospy
-        from shsa_msgs.srv import Reload
-
-        from shsa_core.ros.wire import names
-    except ImportError as error:
-        raise ShsaError(f"it counts from the next start on: there is no ROS here ({error})")
-    name = full_name(names.RELOAD, namespace)
-    if not rosgraph.is_master_online():
-        say("it counts from the next start on: no ROS master answers")
-        return 0
-    try:
-        rospy.wait_for_service(name, RELOAD_S)
-        answer = rospy.ServiceProxy(name, Reload)()
-    except (rospy.ROSException, rospy.ServiceException) as error:
-        say(f"it counts from the next start on: {error}")
-        return 0
-    say(answer.detail)
-    return 0 if answer.success else 1

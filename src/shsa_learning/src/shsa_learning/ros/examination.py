@@ -44,6 +44,7 @@ def examine(som_file: str, secret_file: str, log: str) -> Seen:
     namespace = rospy.get_namespace()
     som = read_som(som_file, namespace) if som_file else _running(namespace)
     healer = full_name(HEALERS[1], namespace)
+    warnings = _warnings()
     users = dict(_users([healer, *dict.fromkeys(each.node for each in som)]))
     return Seen(
         som,
@@ -55,7 +56,8 @@ def examine(som_file: str, secret_file: str, log: str) -> Seen:
         {node: user for node, user in users.items() if node != healer},
         users.get(healer, ""),
         bool(rospy.get_param("/use_sim_time", False)),
-        _clocks(),
+        [text for text in warnings if text.startswith("computer ")],
+        [text for text in warnings if text.endswith(" are usual")],
         _recent(log_path(log)),
         [problem.text for problem in mark_unusable(som)[1]],
     )
@@ -103,14 +105,14 @@ def _users(nodes: Sequence[str]) -> Iterator[Tuple[str, str]]:
                 yield node, kernel.user(psutil.Process(pid(uri)))
 
 
-def _clocks() -> List[str]:
-    """Return what healing warns of about computers' clocks."""
+def _warnings() -> List[str]:
+    """Return what healing warns of on /diagnostics."""
     told: Dict[str, str] = {}
 
     def heard(message: DiagnosticArray) -> None:
         for status in message.status:
             _, _, name = status.name.partition(": ")
-            if name.startswith("computer ") and status.level != DiagnosticStatus.OK:
+            if status.level != DiagnosticStatus.OK:
                 told[name] = f"{name}: {status.message}"
 
     subscriber = rospy.Subscriber("/diagnostics", DiagnosticArray, heard)
