@@ -11,6 +11,7 @@ from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.kill import KILL_EVENTS
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.records import IdleProcess, Record, ServiceRecord
 from shsa_core.healing.settings import Settings
@@ -327,7 +328,7 @@ class AnyRobot(RuleBasedStateMachine):
             node = data.draw(st.sampled_from(killing))
             self.hear(events.NodeFound(self.now, node, where))
 
-    @rule(data=st.data(), answer=st.sampled_from((events.NodeLeft, events.ProcessUntouchable)))
+    @rule(data=st.data(), answer=st.sampled_from(KILL_EVENTS[1:]))
     def answered(self, data: Any, answer: Any) -> None:
         killing = sorted(self.core.robot.health.dying)
         if killing:
@@ -342,6 +343,7 @@ class AnyRobot(RuleBasedStateMachine):
                 (
                     events.NodeLearned(now, node, known),
                     events.NodeLearned(now, node, known, "as told"),
+                    events.GraphSeen(now, (), ((node, ("takes /x",) if known else ()),)),
                     events.NodeFound(now, node, events.Where.DEAD),
                     events.NodeLeft(now, node),
                     events.ProcessUntouchable(now, node),
