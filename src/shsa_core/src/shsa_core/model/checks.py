@@ -70,14 +70,14 @@ class OutOfRange(Check):
 
 class Stuck(Check):
     kind, sample, default, usual = Kind.STUCK, ValueSample, LEARNED, LEARNED
-    tells = "the value has not changed for this long, s; off by default for distances"
+    tells = "the value has not changed for this long, s; off for distances, and at `range`'s limits"
 
     def judge(self, sample: ValueSample) -> Optional[str]:
         if not isfinite(sample.value):
             return None
         seen = f"{sample.name} is {sample.value:g} for {sample.still:.3f} s"
         if self.limit == LEARNED:
-            hold = sample.hold
+            hold = None if sample.value in (sample.range or ()) else sample.hold  # it saturates
             if hold is None or sample.run <= hold.messages or sample.still <= hold.seconds:
                 return None
             usual = f"it was never the same in more than {hold.longest} before"
