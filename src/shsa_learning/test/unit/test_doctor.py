@@ -1,6 +1,6 @@
 """`shsa doctor`: each finding by what was seen, with a remedy; none on a robot that is well."""
 from dataclasses import replace
-from typing import Any, Dict
+from typing import Any, Dict, List
 
 import pytest
 
@@ -12,10 +12,15 @@ from shsa_learning.doctor import Seen, findings
 
 VALUES = (Provision("speed", "data", (0.0, 1.0)),)
 ODOMETRY = Service("odometry", "/odom", "std_msgs/Float64", "/base", 0.1, VALUES, needed=True)
+PUBLISHERS: Dict[str, List[str]] = {
+    "/odom": ["/base"],
+    "/shsa/som_state": ["/reconfigurator"],
+    "/tf": ["/other"],
+}
 WELL = Seen(
     Som([ODOMETRY]),
     "/",
-    {"/odom": ["/base"], "/shsa/som_state": ["/reconfigurator"], "/tf": ["/other"]},
+    PUBLISHERS,
     {"/odom": ["/monitor", "/planner"]},
     masters={"http://pi:11311": ["base"]},
     users={"/base": "robot"},
@@ -32,15 +37,15 @@ LEFT = Incident(
     10.0,
     State.ENDED,
 )
-LOST = {**WELL.publishers, "/odom": ["/stranger"]}
+LOST = {**PUBLISHERS, "/odom": ["/stranger"]}
 
 
 def test_nothing_is_found_on_a_robot_that_is_well() -> None:
     assert findings(WELL) == []
-    tf = {**WELL.publishers, "/tf": ["/base"]}
+    tf = {**PUBLISHERS, "/tf": ["/base"]}
     told = Som([replace(ODOMETRY, contain=Contain.NONE)])
     assert findings(WELL._replace(som=told, publishers=tf)) == []
-    clock = {**WELL.publishers, "/clock": ["/gazebo"]}
+    clock = {**PUBLISHERS, "/clock": ["/gazebo"]}
     assert findings(WELL._replace(use_sim_time=True, publishers=clock)) == []
 
 
@@ -54,12 +59,12 @@ def test_nothing_is_found_on_a_robot_that_is_well() -> None:
         ({"clocks": ["computer pi: its clock is 2 s ahead"]}, "2 s ahead"),
         ({"unusual": ["odometry: doubtful: v is 5, 0 to 3 are usual"]}, "v is 5"),
         ({"use_sim_time": True}, "nobody publishes /clock"),
-        ({"publishers": {**WELL.publishers, "/tf": ["/base"]}}, "/base broadcasts tf"),
+        ({"publishers": {**PUBLISHERS, "/tf": ["/base"]}}, "/base broadcasts tf"),
         ({"incidents": [LEFT, LEFT]}, "odometry left its range 2 times"),
         ({"subscribers": {"/odom": ["/monitor", "/record_123", "/substitute_x_1"]}}, "nobody sub"),
         ({"types": ["odometry: message type a/B is not known here"]}, "a/B is not known"),
-        ({"publishers": {**WELL.publishers, "/r/shsa/som_state": ["/r/reconfigurator"]}}, "beside"),
-        ({"publishers": {**WELL.publishers, "/shsa/som_state": ["/a", "/b"]}}, "/a, /b heal"),
+        ({"publishers": {**PUBLISHERS, "/r/shsa/som_state": ["/r/reconfigurator"]}}, "beside"),
+        ({"publishers": {**PUBLISHERS, "/shsa/som_state": ["/a", "/b"]}}, "/a, /b heal"),
         ({"publishers": LOST}, "/base does not publish /odom, but /stranger"),
     ],
 )
