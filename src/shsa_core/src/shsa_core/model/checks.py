@@ -4,7 +4,7 @@ A new kind is one more class here, a constant in shsa_msgs/Failure and a word in
 holds the three together.
 """
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from types import MappingProxyType
 from typing import Any, ClassVar, Dict, Mapping, Optional, Tuple, Type, Union
 
@@ -93,9 +93,7 @@ class Jump(Check):
 
     def judge(self, sample: ValueSample) -> Optional[str]:
         before = sample.last_good
-        if before is None or not isfinite(sample.value - before):
-            return None
-        if not abs(sample.value - before) > self.limit:
+        if before is None or not self.limit < abs(sample.value - before) < inf:
             return None
         seen = f"{sample.name} went from {before:g} to {sample.value:g}"
         return f"{seen}, steps of {self.limit:g} are allowed"

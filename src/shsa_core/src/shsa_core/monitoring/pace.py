@@ -55,8 +55,8 @@ class Pace:
             return event
         if isinstance(event, Message):
             apart = self._fast - self._slow + event.time - tick.time
-            waited = event.waited + self._ahead  # since the look before, by the faster clock
-            return replace(event, time=self._slow, apart=apart, waited=waited)
+            # It waited since the look before, by the faster clock.
+            return replace(event, time=self._slow, apart=apart, waited=event.waited + self._ahead)
         return replace(event, time=self._slow)
 
     def due(self, moment: float) -> float:
