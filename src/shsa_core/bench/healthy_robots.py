@@ -14,7 +14,7 @@ from typing import List, NamedTuple
 from tqdm import tqdm
 
 from report import Goals, print_table, write_table
-from shsa_testing.healthy_robots import RATES, ROBOTS, HealthyRobot
+from shsa_testing.healthy_robots import LIVES, ROBOTS, HealthyRobot
 
 FILES = Path(__file__).resolve().parent.parent / "test" / "data"
 STEP_S = 60.0
@@ -28,6 +28,7 @@ class Row(NamedTuple):
 
     robot: str
     rate: float
+    clock: bool
     hours: float
     messages: int
     restarts: int
@@ -49,8 +50,8 @@ def main() -> int:
     options.results.mkdir(parents=True, exist_ok=True)
     rows: List[Row] = []
     for name in ROBOTS:
-        for rate in RATES:
-            robot = HealthyRobot(name, FILES, options.seed, rate)
+        for rate, clock in LIVES:
+            robot = HealthyRobot(name, FILES, options.seed, rate, clock)
             what = f"{name}, rosbag at {rate:g}" if rate else name
             steps = max(1, round(3600.0 * hours / STEP_S))
             for _ in tqdm(range(steps), desc=what, disable=None):
@@ -58,7 +59,7 @@ def main() -> int:
             for told in (*found.kills, *found.takeovers, *found.incidents):
                 print(f"{what}: {told}")
             seen = robot.messages, robot.restarts, robot.incidents - len(found.incidents)
-            rows.append(Row(name, rate or 1.0, hours, *seen, *map(len, found)))
+            rows.append(Row(name, rate or 1.0, clock, hours, *seen, *map(len, found)))
     print_table("Healthy robots", Row._fields, [[f"{each}" for each in row] for row in rows])
     write_table(options.results / "healthy_robots.csv", Row._fields, rows)
     goals = Goals()

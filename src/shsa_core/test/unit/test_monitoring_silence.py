@@ -205,6 +205,7 @@ def test_each_alibi_clears_of_what_it_says_and_ends() -> None:
         dict(came_up=8.5),
         dict(short=8.5),
         dict(together=3),
+        dict(paced=False),
         dict(confirmed=True),
         dict(together=2),
         dict(subscribed=False),

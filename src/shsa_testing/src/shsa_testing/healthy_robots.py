@@ -8,7 +8,7 @@ import heapq
 from math import cos, inf, nan
 from pathlib import Path
 from random import Random
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple
 
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
@@ -181,11 +181,14 @@ class _Node:
 class HealthyRobot:
     """A robot with monitor and reconfigurator; `messages` were judged, `restarts` happened.
 
-    `rate`: a rosbag of it is played so fast, by /clock; None: it lives.
+    `rate`: a rosbag of it is played so fast; None: it lives. `clock`: that is told on /clock.
     """
 
-    def __init__(self, name: str, files: Path, seed: int, rate: Optional[float] = None) -> None:
+    def __init__(
+        self, name: str, files: Path, seed: int, rate: Optional[float] = None, clock: bool = True
+    ) -> None:
         self.random = Random(f"{name} {seed} {rate}")
+        self._simulated = clock and rate is not None
         self.now, self.messages, self.restarts = 100.0, 0, 0
         self.found = Found([], [], [])
         self._kind, self._rate = ROBOTS[name], rate
@@ -296,7 +299,7 @@ class HealthyRobot:
             if node.lives != life or not node.up:
                 return
             self.messages += 1
-            age = None if sent is None else self._ros_time(self.now) - sent
+            age = None if sent is None else self._clock(self.now) - sent
             stamp = 0 if sent is None else round(1e9 * sent)
             waited = max(LEAST_WAITED_S, self.now - self._looked)
             self._watch(
@@ -313,8 +316,13 @@ class HealthyRobot:
         self._moves = max(self._moves, time)
         return self._moves
 
+    def _clock(self, time: float) -> float:
+        """Return the time by which the monitor goes."""
+        recorded = self._simulated or self._rate is None
+        return self._ros_time(time) if recorded else EPOCH_S + time
+
     def _ros_time(self, time: float) -> float:
-        """Return what /clock says, or the computer's own clock; while a rosbag pauses it stands."""
+        """Return the time that a rosbag has reached, or the computer's own."""
         began, until = self._paused
         passed = time - self._lost - max(0.0, min(time, until) - began)
         if self._rate is None:
@@ -344,7 +352,8 @@ class HealthyRobot:
         random = self.random
         happens = [self._busy, self._held, self._reconnect, self._subscribers, self._stall]
         if self._rate:
-            happens = [self._stall, self._subscribers, self._pause]
+            happens = [self._stall, self._subscribers]
+            happens += [self._pause] if self._simulated else []
         elif random.random() < 0.3:
             happens = [self._restart]
         random.choice(happens)()
@@ -412,8 +421,8 @@ class HealthyRobot:
         late = self._stalled_until > self.now - LOOK_S
         wanted = self._wanted if late else self.now
         held, self._held_back = self._held_back, []
-        tick = self._ros_time(self.now)
-        self._watch(events.ClockTicked(self.now, tick, self._rate is not None, self._waited))
+        ros_time = self._clock(self.now)
+        self._watch(events.ClockTicked(self.now, ros_time, self._simulated, self._waited))
         for hear in held:
             hear()
         self._watch(events.Tick(self.now, min(wanted, self.now), self.now))
@@ -588,5 +597,7 @@ class HealthyRobot:
     }
 
 
-RATES: Sequence[Optional[float]] = (None, 0.5, 2.0)
-"""Of simulated time to ours: a robot that lives, and rosbags that are played slower and faster."""
+RATES = (0.5, 2.0)
+"""At which rosbags are played: more slowly and faster than they were recorded."""
+LIVES = ((None, True), *((rate, clock) for clock in (True, False) for rate in RATES))
+"""A robot that lives, and rosbags that are played with /clock and without."""

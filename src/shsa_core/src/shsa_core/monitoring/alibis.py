@@ -17,6 +17,7 @@ class Blame(Enum):
 
     SILENCE = "silence"
     RATE = "rate"
+    HASTE = "haste"
     GAP = "gap"
     STAMP = "stamp"
     RANGE = "range"
@@ -30,7 +31,7 @@ class Case:
     `limit`: until when alibis of a silence count. `due`: when it is late by the watch, which stands
     while nobody could act. `reconnects_until`: until then it gives a connection that was lost anew.
     `connected`, `came_up`, `short`: when healing connected to it, when a substitute came up, and
-    when the computer was short of processor time, last.
+    when the computer was short of processor time, last. `paced`: somebody kept the SOM's rate.
     `together`: how many nodes are late, or out of range, with it, itself included. `confirmed`:
     what others tell is as far out of range. `subscribed`: its topic is. `robot_came`: some node of
     the robot was there. `formerly`: it did well under a former monitor.
@@ -45,6 +46,7 @@ class Case:
     connected: float = -inf
     came_up: float = -inf
     short: float = -inf
+    paced: bool = True
     together: int = 1
     confirmed: bool = False
     subscribed: bool = True
@@ -109,6 +111,11 @@ ROWS = (
         lambda case: case.together >= TOGETHER_NODES,
     ),
     Row(
+        "its rate was never good: the period in the SOM may be wrong, and not the node",
+        (Blame.RATE, Blame.HASTE),
+        lambda case: not case.paced,
+    ),
+    Row(
         "what others tell confirms its value: the range in the SOM may be wrong, and not the node",
         _RANGE,
         lambda case: case.confirmed,
@@ -138,5 +145,6 @@ def decide(case: Case) -> Optional[Alibi]:
     """Return the first alibi that holds; None: the publisher is to blame."""
     for row in ROWS:
         if case.blame in row.clears and row.applies(case) and row.until(case) > case.now:
-            return Alibi(row.why, row.until(case), case.blame is Blame.RANGE)
+            accuses_som = case.blame is Blame.RANGE or not case.paced
+            return Alibi(row.why, row.until(case), accuses_som)
     return None

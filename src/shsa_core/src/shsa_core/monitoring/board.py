@@ -37,7 +37,6 @@ class Grace(NamedTuple):
 Due = Union[Silence, Grace]
 
 NEVER_GOOD = "it was never good by these numbers: the SOM may be wrong, and not the node"
-BY_RATE = (Kind.RATE_LOW, Kind.RATE_HIGH)
 
 
 class Board:
@@ -173,7 +172,8 @@ class Board:
         self, topic: WatchedTopic, publisher: Publisher, time: float, kind: Kind, detail: str
     ) -> None:
         """Fail a publisher."""
-        if _never_good(publisher, kind):
+        good = publisher.steady if kind is Kind.SILENT else publisher.last_good is not None
+        if not good and kind in (*BY_VALUE, Kind.SILENT):
             detail = f"{detail}; {NEVER_GOOD}"
         publisher.become(time, FAILED, kind, detail)
         self._failed.append(publisher.row(topic.name))
@@ -267,15 +267,6 @@ class Board:
         _must(publisher.name != NOBODY or not publisher.connected, f"{where} is connected")
         due = self.agenda.when(Silence(topic.name, publisher.name))
         _must(due <= publisher.deadline, f"nobody looks at {where} when it is due")
-
-
-def _never_good(publisher: Publisher, kind: Kind) -> bool:
-    """Tell if a publisher does what it is blamed for since it was first seen."""
-    if kind in BY_RATE:
-        return publisher.evidence is not None and not publisher.evidence.rate_was_good
-    if kind is Kind.SILENT:
-        return not publisher.steady
-    return kind in BY_VALUE and publisher.last_good is None
 
 
 def _must(holds: bool, otherwise: str) -> None:

@@ -1,6 +1,6 @@
 """Evidence against a publisher: samples of its messages, which the checks of its service judge."""
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, isfinite
 from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Tuple, Type
 
@@ -121,8 +121,8 @@ class Verdict:
         self._past = (self._past << 1 | bad) & self._long
         if not bad:
             return False
-        recent = _count(self._history & self._short)
-        guilty = recent >= self._bad or _count(self._history) >= self._seldom
+        recent = bin(self._history & self._short).count("1")
+        guilty = recent >= self._bad or bin(self._history).count("1") >= self._seldom
         if guilty:
             gaps = _gaps(self._past)
             comes_and_goes = len(gaps) >= COMES_AND_GOES
@@ -268,18 +268,14 @@ class Evidence:
         self._times.append((earliest, message.time, message.apart or 0.0))
         if len(self._times) < self._enough:
             return None
-        finding = judge(self._rate_checks, self._rate(self._period))
-        self.rate_was_good = self.rate_was_good or finding is None
-        return finding
-
-    def _rate(self, period: float) -> RateSample:
         first, last = self._times[0], self._times[-1]
-        longest = last[1] - first[0] + last[2] - first[2]
-        return RateSample(len(self._times) - 1, period, longest, last[0] - first[1])
-
-
-def _count(history: int) -> int:
-    return bin(history).count("1")
+        apart = last[2] - first[2]
+        longest, shortest = last[1] - first[0] + apart, last[0] - first[1]
+        rate = RateSample(len(self._times) - 1, self._period, longest, shortest)
+        if not self.rate_was_good:  # beyond doubt: what waited for us came at no rate
+            sure = replace(rate, longest=shortest + apart, shortest=longest - apart)
+            self.rate_was_good = judge(self._rate_checks, sure) is None
+        return judge(self._rate_checks, rate)
 
 
 def _gaps(history: int) -> List[int]:

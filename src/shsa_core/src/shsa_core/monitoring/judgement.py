@@ -12,7 +12,7 @@ from shsa_core.monitoring.evidence import Finding, judge
 from shsa_core.monitoring.publishers import Publisher, WatchedTopic
 from shsa_core.monitoring.surroundings import Surroundings
 
-LATE = {Kind.RATE_LOW: Blame.RATE, Kind.STALE_STAMP: Blame.STAMP}
+LATE = {Kind.RATE_LOW: Blame.RATE, Kind.RATE_HIGH: Blame.HASTE, Kind.STALE_STAMP: Blame.STAMP}
 NOT_BLAMED = "not blamed: "
 
 
@@ -20,10 +20,7 @@ class Judgement:
     """Asks all who know something of a publisher, and tells the board. Times in s."""
 
     def __init__(
-        self,
-        board: Board,
-        around: Surroundings,
-        comparisons: Optional[Comparisons],
+        self, board: Board, around: Surroundings, comparisons: Optional[Comparisons]
     ) -> None:
         self._board, self._around = board, around
         self._comparisons = comparisons
@@ -58,6 +55,8 @@ class Judgement:
         good, failure, alibi = True, None, None
         if publisher.evidence is not None:
             good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
+            if publisher.watched is not None and publisher.evidence.rate_was_good:
+                publisher.watched.paced = True
             if failure is not None:
                 alibi = self._alibi(publisher, failure, event.time)
                 if alibi is not None:
