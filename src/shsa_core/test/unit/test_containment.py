@@ -1,4 +1,4 @@
-"""Containment: the rows of docs/killing.md, as decisions and on a robot."""
+"""Containment: the rows of docs/explanation/killing.md, as decisions and on a robot."""
 from dataclasses import replace
 from typing import Any, Dict, List
 

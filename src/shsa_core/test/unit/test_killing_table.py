@@ -1,4 +1,4 @@
-"""The table of docs/killing.md: 12 kinds of node and 6 faults, and what is done about each."""
+"""The table of docs/explanation/killing.md: 12 kinds of node, 6 faults, what is done."""
 from typing import Any, Dict, NamedTuple, Tuple
 
 import pytest

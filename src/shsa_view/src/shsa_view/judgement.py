@@ -88,17 +88,21 @@ def judge(
     return Judgement(Condition.UNKNOWN, "no monitor tells of it", publisher)
 
 
-def of_robot(needed: Mapping[str, Condition], others: int, heard: bool) -> Dict[str, str]:
+def of_robot(
+    needed: Mapping[str, Condition], others: Mapping[str, Condition], heard: bool
+) -> Dict[str, str]:
     """Return the robot at a glance, by its needed services.
 
-    `others`: so many services are watched besides; `heard`: whether monitor and reconfigurator are.
+    `others`: the services that are watched besides; `heard`: whether monitor and reconfigurator
+    are.
     """
     wrong = _named(needed, Condition.NOT_HEALED, Condition.KEPT)
     at_work = _named(needed, Condition.HEALING, Condition.FAILED)
     replaced = _named(needed, Condition.SUBSTITUTED, Condition.RETURNING)
     silent = _named(needed, Condition.UNKNOWN)
     starting = _named(needed, Condition.STARTING)
-    watched = f"{_count(len(needed) + others, 'service')} watched."
+    rest = _rest({**others, **{name: needed[name] for name in silent + starting}})
+    watched = f"{_count(len(needed) + len(others), 'service')} watched."
     if wrong or at_work:
         parts = [f"Not healed: {_list(wrong)}."] if wrong else []
         parts += [f"Being healed: {_list(at_work)}."] if at_work else []
@@ -107,14 +111,23 @@ def of_robot(needed: Mapping[str, Condition], others: int, heard: bool) -> Dict[
         return {"state": "unknown", "text": "Not known: healing is not heard."}
     if replaced:
         verb = "has a substitute" if len(replaced) == 1 else "have substitutes"
-        return {"state": "substituted", "text": f"{_list(replaced)} {verb}. The rest is well."}
+        text = f"{_list(replaced)} {verb}. {rest or 'The rest is well.'}"
+        return {"state": "substituted", "text": text}
     if silent:
         return {"state": "unknown", "text": f"Not known: {_list(silent)}."}
     if starting:
         return {"state": "starting", "text": f"Starting: {_list(starting)}."}
-    if not needed:
-        return {"state": "well", "text": f"No service is needed, so none is healed. {watched}"}
-    return {"state": "well", "text": f"All well. {watched}"}
+    well = "All that is needed is well" if rest else "All well"
+    text = f"{well if needed else 'No service is needed, so none is healed'}. {rest or watched}"
+    return {"state": "well", "text": text}
+
+
+def _rest(rest: Mapping[str, Condition]) -> str:
+    """Return which of the rest is not well, or not known to be; empty: all is well."""
+    unknown = _named(rest, Condition.UNKNOWN, Condition.STARTING)
+    wrong = [name for name in rest if rest[name] != Condition.WELL and name not in unknown]
+    parts = [f"Not well: {_list(wrong)}."] if wrong else []
+    return " ".join([*parts, *([f"Not heard yet: {_list(unknown)}."] if unknown else [])])
 
 
 def _named(services: Mapping[str, Condition], *conditions: Condition) -> List[str]:

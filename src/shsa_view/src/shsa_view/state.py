@@ -107,14 +107,14 @@ class State:
 
     def _parts(self) -> Document:
         """Return the parts that are small and told as a whole."""
-        needed = {
-            name: self._judged.get(name, _UNHEARD).condition
-            for name in self._rows
-            if self._rows[name]["needed"]
-        }
+        needed: Dict[str, Condition] = {}
+        others: Dict[str, Condition] = {}
+        for name, row in self._rows.items():
+            condition = self._judged.get(name, _UNHEARD).condition
+            (needed if row["needed"] else others)[name] = condition
         heard = all(self._healer_state(who) == ALIVE for who in (MONITOR, RECONFIGURATOR))
         return {
-            "robot": of_robot(needed, len(self._rows) - len(needed), heard),
+            "robot": of_robot(needed, others, heard),
             "healing": self._healing(),
             "trust": {"state": self._trust.state, "text": self._trust.text},
             "substitutes": {

@@ -32,7 +32,7 @@ def test_the_rover_heals_before_your_eyes(browser: Browser, tmp_path: Path) -> N
         rover.wait_until_well()
         browser.open(rover.address)
         browser.wait("document.querySelector('#graph svg') !== null")
-        assert browser.text("#robot-state") == "All well"
+        browser.wait("document.querySelector('#robot-state').textContent === 'All well'", HEALED_S)
         fails(browser, rover)
         answers(browser)
         forgets_nothing(browser, rover)

@@ -147,6 +147,8 @@ def test_a_failure_is_seen_everywhere(browser: Browser, fed: Fed, shared: bool) 
     fed.state.tell(**{key: robot()[key] for key in ("robot", "services", "substitutes")})
     browser.wait(f"document.querySelector('{ROW}').dataset.state === 'well'")
     assert browser.run("document.querySelectorAll('#affected li, #graph .runs').length") == 0
+    fed.state.tell(robot={"state": "well", "text": "All that is needed is well. Not well: a."})
+    browser.wait("document.querySelector('#robot-state').textContent === 'Well'")
 
 
 def test_the_timeline_has_every_moment_and_outlives_a_reload(browser: Browser, fed: Fed) -> None:

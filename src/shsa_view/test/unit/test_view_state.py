@@ -95,6 +95,20 @@ def test_a_failed_service_that_nobody_needs_leaves_the_robot_well() -> None:
     assert row(view, "wattmeter")["detail"] == "/wattmeter: silent"
 
 
+def test_the_rest_is_well_only_if_everything_watched_is() -> None:
+    view = well()
+    gone(view)
+    assert robot(view)["text"] == "ammeter has a substitute. The rest is well."
+    view.handle(facts.HealthTold("", (health("wattmeter", "failed", "silent"),), whole=False))
+    assert robot(view)["text"] == "ammeter has a substitute. Not well: wattmeter."
+    view.handle(facts.HealthTold("", (), (("/voltage", "/voltmeter"),), whole=False))
+    assert robot(view)["text"].endswith(" Not well: wattmeter. Not heard yet: voltmeter.")
+    view = well()
+    view.handle(facts.HealthTold("", (health("wattmeter", "failed", "silent"),), whole=False))
+    text = "All that is needed is well. Not well: wattmeter."
+    assert robot(view) == {"state": "well", "text": text}
+
+
 def test_a_late_node_is_told_with_why_it_is_not_blamed() -> None:
     view = well()
     late = health("ammeter", detail="not blamed: its connection is made anew")

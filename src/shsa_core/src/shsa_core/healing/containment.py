@@ -51,7 +51,7 @@ class Verdict:
 
 
 def decide(case: Case) -> Verdict:
-    """Decide about a faulty node: docs/killing.md has it as a table."""
+    """Decide about a faulty node: docs/explanation/killing.md has it as a table."""
     topic, gone = case.topic, case.kind is Kind.NODE_GONE
     killed = f"{case.node} is {'ended if it still runs' if gone else 'killed'}"
     kept = f"{case.node} is {'left alone if it still runs' if gone else 'kept'}"

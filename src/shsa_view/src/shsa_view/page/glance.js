@@ -26,7 +26,13 @@ export function incidentOf(whole, name) {
 export function title(whole) {
   const { state } = whole.robot;
   const sign = SIGNS[state] ? `${SIGNS[state]} ` : "";
-  return `${sign}${TITLES[state] || plain(state)} – ${whole.namespace}`;
+  return `${sign}${heading(whole.robot)} – ${whole.namespace}`;
+}
+
+/** The state of the robot: "All well" only where its text says so too. */
+function heading({ state, text }) {
+  if (state === "well" && !text.startsWith(TITLES.well)) return "Well";
+  return TITLES[state] || plain(state);
 }
 
 export class Glance {
@@ -42,8 +48,8 @@ export class Glance {
       this.state = state;
       byId("glance").dataset.state = state;
       byId("robot-shape").replaceChildren(shape(state));
-      setText(byId("robot-state"), TITLES[state] || plain(state));
     }
+    setText(byId("robot-state"), heading(whole.robot));
     setText(byId("robot-text"), text);
     this.showHealing(whole);
     this.showAffected(whole);
