@@ -282,3 +282,26 @@ def test_an_integral_that_would_start_at_zero_is_named(check: Check) -> None:
     (found,) = [each for each in check(text) if "integral" in each.what]
     assert (found.level, found.where.rsplit(":", 1)[1]) == ("warning", "5")
     assert "r for y: an integral within an expression starts at 0" in found.what
+
+
+@pytest.mark.parametrize("has_heading", [True, False])
+@pytest.mark.parametrize("law, warns", [("integral(v*cos(heading))", True), ("2*v", False)])
+def test_an_angle_of_another_zero_is_told(
+    check: Check, has_heading: bool, law: str, warns: bool
+) -> None:
+    heading = "heading: {field: yaw(pose.pose.orientation)}" if has_heading else ""
+    ontology = (
+        "properties: {v: {unit: m/s}, heading: {unit: rad}, x: {unit: m}}\n"
+        f"relations: {{reckoning: {{x: {law}}}}}"
+    )
+    som = f"""
+services:
+  odom: {{topic: /odom, type: nav_msgs/Odometry, node: /base, period: 0.1, needed: true,
+         provides: {{x: {{field: pose.pose.position.x}}, {heading}}}}}
+  speed: {{topic: /v, type: std_msgs/Float64, node: /speed, period: 0.1,
+          provides: {{v: {{field: data}}}}}}
+  imu: {{topic: /imu, type: sensor_msgs/Imu, node: /imu, period: 0.1,
+        provides: {{heading: {{field: yaw(orientation)}}}}}}
+"""
+    told = [each for each in check(ontology, som) if "whose zero may be another" in each.what]
+    assert bool(told) == (has_heading or warns)

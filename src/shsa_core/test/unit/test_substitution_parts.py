@@ -214,7 +214,7 @@ def test_an_angle_of_another_zero_goes_on_from_the_last_good_one() -> None:
     out = signal("/out", field=field)
     job = Job(row(code="t0=x[0];y=t0;", outputs=(out,)), 0.0)
     job.start([(field, 0.5)])
-    found = []
+    found: List[float] = []
     for step in range(3):
         job.evaluate((0.5 + 2.42 + 0.01 * step,), float(step + 1))
         found += job.latest or ()
@@ -223,6 +223,47 @@ def test_an_angle_of_another_zero_goes_on_from_the_last_good_one() -> None:
     assert job.follow(calibrated, 4.0)
     job.evaluate((2.95,), 5.0)
     assert job.latest == pytest.approx((0.53,))
+
+
+PASSED_ON = """t0=x[0]; t1=x[1];
+def _tf1(i1,i2): return integral(i1*cos(i2))
+t2=_tf1(t0,t1)
+def _tf2(i1,i2): return integral(i1*sin(i2))
+t3=_tf2(t0,t1)
+y=(t2,t3,t1)"""
+COMPUTED = """t0=x[0]; t1=x[1];
+def _tf1(i1): return i1 + 1.0
+t2=_tf1(t1)
+def _tf2(i1,i2): return integral(i1*cos(i2))
+t3=_tf2(t0,t2)
+def _tf3(i1,i2): return integral(i1*sin(i2))
+t4=_tf3(t0,t2)
+y=(t3,t4,t2)"""
+
+
+@pytest.mark.parametrize("learned", [0.0, -2.42])
+@pytest.mark.parametrize(
+    "zero, code", [(2.42, PASSED_ON), (1.42, COMPUTED)], ids=["passed on", "computed"]
+)
+def test_a_place_is_integrated_along_the_angle_that_is_published(
+    zero: float, code: str, learned: float
+) -> None:
+    field = "yaw(pose.pose.orientation)"
+    places = [signal("/odom", field=name) for name in ("x", "y")]
+    angle = replace(signal("/odom", field=field), offset=learned)
+    inputs = (signal("/speed"), signal("/imu"))
+    job = Job(row(code=code, inputs=inputs, outputs=(*places, angle)), 0.0)
+    job.evaluate((1.0, zero - 0.5), 0.5)  # hot: it has computed before
+    heading = 0.3
+    job.start([("x", 5.0), ("y", -2.0), (field, heading)])
+    found = []
+    for step in range(3):
+        job.evaluate((1.0, zero + heading), 1.0 + 0.1 * step)
+        found.append(job.latest or ())
+    assert [each[2] for each in found] == pytest.approx([heading] * 3)
+    (x, y, *_), (end_x, end_y, *_) = found[0], found[-1]
+    assert math.hypot(x - 5.0, y + 2.0) < 0.6
+    assert math.atan2(end_y - y, end_x - x) == pytest.approx(heading)
 
 
 @pytest.mark.parametrize(

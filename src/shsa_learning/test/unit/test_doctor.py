@@ -1,6 +1,6 @@
 """`shsa doctor`: each finding by what was seen, with a remedy; none on a robot that is well."""
 from dataclasses import replace
-from typing import Any, Dict, List, Mapping
+from typing import Any, Dict, List
 
 import pytest
 
@@ -12,7 +12,7 @@ from shsa_learning.doctor import Seen, fates, findings
 
 VALUES = (Provision("speed", "data", (0.0, 1.0)),)
 ODOMETRY = Service("odometry", "/odom", "std_msgs/Float64", "/base", 0.1, VALUES, needed=True)
-PUBLISHERS: Mapping[str, List[str]] = {
+PUBLISHERS: Dict[str, List[str]] = {
     "/odom": ["/base"],
     "/shsa/som_state": ["/reconfigurator"],
     "/tf": ["/other"],

@@ -155,10 +155,8 @@ def _check_functions(ontology: Ontology) -> Iterator[Finding]:
         except GenerationError as error:
             yield Finding("error", function.where, str(error), "Correct the function or a constant")
             continue
-        if (
-            INTEGRAL in program.code
-            and compile_program(program.code, len(function.inputs), 1).hidden
-        ):
+        count = len(function.inputs)
+        if INTEGRAL in program.code and compile_program(program.code, count, 1).hidden:
             yield Finding(
                 "warning",
                 function.where,
@@ -243,14 +241,15 @@ def _check_plan(service: Service, plan: Plan, causes: Iterable[str]) -> Iterator
             f"Add a relation or a service that does without {cause}",
         )
     turned = [s for s in plan.inputs if is_angle(s.provision.field)]
-    if turned and any(is_angle(each.provision.field) for each in plan.outputs):
+    told = any(is_angle(each.provision.field) for each in plan.outputs)
+    if turned and (told or INTEGRAL in plan.program.code):
         yield Finding(
             "warning",
             service.where,
-            f"the substitute of {service.name} passes on an angle of {turned[0].service.name}, "
+            f"the substitute of {service.name} reads an angle of {turned[0].service.name}, "
             "whose zero may be another",
-            "Nothing, if both publish for a minute before a failure: the offset is learned. "
-            "Else the angle goes on from the last good one",
+            f"An angle that {service.name} provides has its offset learned in a minute, else goes "
+            "on from the last good one. Where it provides none, integrate a rate",
         )
     slow = slowest(service, plan.inputs)
     if slow is not None:

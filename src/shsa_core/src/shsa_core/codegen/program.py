@@ -13,6 +13,7 @@ from shsa_core.language.trees import name_nodes
 
 INTEGRAL = "integral"
 Step = Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]
+Correct = Optional[Callable[[int, float], float]]
 
 
 @dataclass(frozen=True)
@@ -36,13 +37,14 @@ class CompiledProgram:
 
 
 def compile_program(
-    code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S
+    code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S, correct: Correct = None
 ) -> CompiledProgram:
     """Check the code and compile it. Raises CodeError.
 
-    Stateful functions start anew after a gap of more than `max_gap` (s).
+    Stateful functions start anew after a gap of more than `max_gap` (s). `correct` gets the number
+    of an output and its value, and returns the one that all else is computed from.
     """
-    return _Compiler(max_gap).compile(check_code(code, n_inputs, n_outputs))
+    return _Compiler(max_gap, correct).compile(check_code(code, n_inputs, n_outputs))
 
 
 def compile_steady(code: str, n_inputs: int, n_outputs: int) -> Optional[Step]:
@@ -66,14 +68,14 @@ class _Compiler:
     before, so that each sees every sample. Without `max_gap` (s) the inputs stand still.
     """
 
-    def __init__(self, max_gap: Optional[float]) -> None:
+    def __init__(self, max_gap: Optional[float], correct: Correct = None) -> None:
         self._max_gap = MAX_GAP_S if max_gap is None else max_gap
         self._steady = max_gap is None
         self._memories = 0
         self._sums: Dict[str, List[float]] = {}  # of integrals, by the variable that holds them
         self._parts: Dict[str, ast.expr] = {}
         self._names: Dict[str, Any] = {"__builtins__": {}, "power": power, "nan": math.nan}
-        self._names.update(namespace())
+        self._names.update(namespace(), correct=correct)
         self._names.update({"ArithmeticError": ArithmeticError, "ValueError": ValueError})
 
     def compile(self, code: CheckedCode) -> CompiledProgram:
@@ -82,6 +84,9 @@ class _Compiler:
         inputs = [f"t{i}" for i in range(code.n_inputs)]
         if inputs:
             lines.append(f"  {', '.join(inputs)}, = x")
+        outputs = enumerate(code.outputs if self._names["correct"] else ())
+        correct = {name: [f"  {name} = correct({n}, {name})"] for n, name in outputs}
+        lines += [line for name in inputs for line in correct.get(name, ())]
         uses_time = any(
             isinstance(n, ast.Name) and n.id == ELAPSED
             for relation in code.relations
@@ -92,6 +97,7 @@ class _Compiler:
             lines.append(f"  {ELAPSED} = now - {self._remember(previous(self._max_gap))}(now, now)")
         for relation in code.relations:
             lines += ["  " + line for line in self._relation(relation)]
+            lines += correct.get(relation.result, ())
         lines.append(f"  if {_finite(code.outputs)}: return ({', '.join(code.outputs)},)")
         lines.append("  return None")
         tree = Fill(self._parts).visit(ast.parse("\n".join(lines)))

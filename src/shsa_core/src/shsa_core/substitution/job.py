@@ -67,16 +67,11 @@ class Job:
             raise ShsaError(f"its outputs must be fields of one topic, not of {named}")
         self._take(row)
         gap = longest_gap(self.period)
-        program = compile_program(row.code, len(row.inputs), len(row.outputs), max_gap=gap)
+        program = compile_program(row.code, len(row.inputs), len(row.outputs), gap, self._turned)
         self._step = program.step
         self._integrals = program.integrals
         self._unstarted = {
             signal.field for signal, sum_ in zip(row.outputs, program.integrals) if sum_ is not None
-        }
-        self._angles = {
-            signal.field
-            for signal, sum_ in zip(row.outputs, program.integrals)
-            if sum_ is None and is_angle(signal.field)
         }
         self._begins: Dict[str, float] = {}  # where angles go on from
         self._shifts: Dict[str, float] = {}  # what is added to them since
@@ -94,7 +89,6 @@ class Job:
         self.inputs, self.outputs = row.inputs, row.outputs
         self.topic = row.topics[0]
         self.period = row.outputs[0].period
-        self._calibrates = any(each.gain != 1.0 or each.offset for each in row.outputs)
         self._words = words(row)
 
     def follow(self, row: Substitution, now: float) -> bool:
@@ -145,7 +139,7 @@ class Job:
                 sum_[0] = known[signal.field]
                 self._unstarted.discard(signal.field)
                 self.latest = None
-            elif signal.field in self._angles & known.keys():
+            elif signal.field in known and is_angle(signal.field):
                 self._begins[signal.field] = known[signal.field]
                 self.latest = None
 
@@ -197,15 +191,19 @@ class Job:
 
     def _calibrated(self, values: Optional[Tuple[float, ...]]) -> Optional[Tuple[float, ...]]:
         """Return what the program yields, by the gains and offsets of the row."""
-        if values is None or not (self._calibrates or self._angles):
-            return values
-        found = tuple(map(self._placed, self.outputs, values))
-        return found if all(map(math.isfinite, found)) else None
+        found = tuple(
+            value if is_angle(signal.field) else signal.gain * value + signal.offset
+            for signal, value in zip(self.outputs, values or ())
+        )
+        return found if values is not None and all(map(math.isfinite, found)) else None
 
-    def _placed(self, signal: Signal, value: float) -> float:
-        """Return a value by gain and offset; an angle that has none goes on where it was."""
+    def _turned(self, number: int, value: float) -> float:
+        """Return an angle by its offset; one without goes on from the last good value."""
+        signal = self.outputs[number]
         field = signal.field
-        if field not in self._angles or signal.gain != 1.0 or signal.offset:
+        if not is_angle(field):
+            return value
+        if signal.gain != 1.0 or signal.offset:
             return signal.gain * value + signal.offset
         if field in self._begins and math.isfinite(value):
             self._shifts[field] = self._begins.pop(field) - value
