@@ -15,6 +15,7 @@ TIMEOUT_S = 120.0
 TRANSFER = ("start", "up", "shut", "down", "registered", "unregistered", "gone")
 ROWS = {
     "healthy_traffic": {"fixed", "learned"},
+    "healthy_robots": {"base", "arm", "drone"},
     "failover": {"hot", "respawn, rospy, slow", "rosrun by hand, rospy"},
     "gated": {"rospy", "roscpp"},
     "interference": {"hot"},
@@ -24,7 +25,7 @@ ROWS = {
     "large_robots": {"10"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
-UNDRAWN = ("healthy_traffic", "large_messages", "kilohertz", "large_robots")
+UNDRAWN = ("healthy_traffic", "healthy_robots", "large_messages", "kilohertz", "large_robots")
 SELDOM = ("gated", "interference", "transfer_nodes", *UNDRAWN)
 """They only measure what others test: in `make test-long`."""
 

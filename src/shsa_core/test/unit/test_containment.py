@@ -356,7 +356,8 @@ def test_a_node_with_duties_is_killed_only_by_name_or_to_be_started_again(kind: 
     assert publishing(robot) == ((True,) if kind == "silent" else ())
     robot.handle(events.Tick(30.0))
     assert not has(robot.said, events.FindNode)
-    for allows in ({"contain": Contain.NODE}, {"policy": Policy.RESTART}):
+    allowing: List[Dict[str, Any]] = [{"contain": Contain.NODE}, {"policy": Policy.RESTART}]
+    for allows in allowing:
         other = Robot(changed(SHARED, "a", **allows), BOTH)
         other.handle(events.GraphSeen(2.0, (), ((A, DUTIES),)))
         other.fail("/a", A, 10.0, "out_of_range")

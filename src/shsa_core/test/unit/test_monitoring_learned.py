@@ -153,6 +153,16 @@ def test_a_sensor_at_its_limit_may_stay_there_for_longer() -> None:
     assert bench.kinds() == [(NODE, "stuck")]
 
 
+@pytest.mark.parametrize("limit", [-5.0, 60.0])
+def test_what_saturates_at_a_limit_of_its_range_may_stay_there(limit: float) -> None:
+    """A motor at full power has no noise, for as long as that is asked of it."""
+    bench = Bench(service(provision(range=(-5.0, 60.0))))
+    bench.connect()
+    feed(bench, noise(Random(10)), 500)
+    hold(bench, limit, 60.0)
+    assert bench.failures == []
+
+
 def test_nothing_in_reach_is_no_fault_of_a_lidar() -> None:
     distance = provision(field="ranges[0]", range=None, checks=default_checks(True, True))
     bench = Bench(service(distance))

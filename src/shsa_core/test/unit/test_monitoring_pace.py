@@ -94,6 +94,21 @@ def test_who_babbles_by_both_clocks_is_found() -> None:
     assert robot.bench.kinds() == [(NODE, "rate_high")]
 
 
+@pytest.mark.parametrize("rate, stall", [(2.0, 0.6), (3.0, 0.4), (3.0, 0.6)])
+def test_what_waited_for_us_came_by_the_faster_clock(rate: float, stall: float) -> None:
+    """All of a rate's messages may come at once: by /clock they waited for longer than by ours."""
+    robot = Simulated()
+    robot.run(10.0, rate)
+    robot.real, robot.ros = robot.real + stall, robot.ros + stall * rate
+    robot.bench.now = robot.real
+    robot.tick()
+    while robot.due[TOPIC] <= robot.ros:
+        robot.due[TOPIC] += PERIOD
+        value = robot.random.gauss(8.0, 0.1)
+        robot.bench.send(Message(robot.real, TOPIC, NODE, (value,), age=0.0, waited=stall))
+    assert robot.bench.failures == []
+
+
 def test_half_the_rate_by_the_clock_is_found() -> None:
     robot = Simulated()
     robot.run(10.0, 0.45)

@@ -2,7 +2,7 @@
 """
 import resource
 import time
-from typing import Iterator, List
+from typing import Callable, Iterator, List, Tuple
 
 import pytest
 
@@ -29,7 +29,8 @@ def node(otherwise: Send) -> str:
 @pytest.mark.parametrize("kind", NONSENSE)
 def test_nonsense_is_a_failure_with_a_name(kind: str) -> None:
     uri = node(NONSENSE[kind])
-    for call in (pid, topics):
+    calls: Tuple[Callable[[str], object], ...] = (pid, topics)
+    for call in calls:
         with pytest.raises(FAILURES):
             call(uri)
 

@@ -214,7 +214,7 @@ def test_an_angle_of_another_zero_goes_on_from_the_last_good_one() -> None:
     out = signal("/out", field=field)
     job = Job(row(code="t0=x[0];y=t0;", outputs=(out,)), 0.0)
     job.start([(field, 0.5)])
-    found = []
+    found: List[float] = []
     for step in range(3):
         job.evaluate((0.5 + 2.42 + 0.01 * step,), float(step + 1))
         found += job.latest or ()

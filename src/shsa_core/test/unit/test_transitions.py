@@ -1,5 +1,5 @@
 """The states of a service: the table, and what is impossible."""
-from typing import Dict, Set
+from typing import Any, Dict, Set
 
 import pytest
 
@@ -38,7 +38,8 @@ def test_a_transition_to_a_state_that_the_table_does_not_have_raises(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     act, _ = TRANSITIONS[State.WELL, Trigger.FAILED]
-    monkeypatch.setitem(TRANSITIONS, (State.WELL, Trigger.FAILED), (act, frozenset({State.WELL})))
+    changed: Any = TRANSITIONS
+    monkeypatch.setitem(changed, (State.WELL, Trigger.FAILED), (act, frozenset({State.WELL})))
     with pytest.raises(InvalidTransition) as caught:
         Robot().fail("/a", A, 10.0)
     assert "'its node failed' does not lead from well to healing" in str(caught.value)

