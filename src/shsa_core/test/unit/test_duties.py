@@ -1,4 +1,5 @@
 """The duties of a node: what the robot loses with it beyond the SOM."""
+from dataclasses import replace
 from typing import Dict, Set, Tuple
 
 import pytest
@@ -52,6 +53,25 @@ def test_what_the_master_lists_tells_the_duties(
     publishes: Listed, subscribes: Listed, serves: Listed, expected: Tuple[str, ...]
 ) -> None:
     assert duties(publishes, subscribes, serves) == expected
+
+
+@pytest.mark.parametrize(
+    "topic, type_, expected",
+    [
+        ("/cmd_vel", "test_msgs/Any", "takes /cmd_vel"),
+        ("/arm/command", "test_msgs/Any", "takes /arm/command"),
+        ("/drive", "geometry_msgs/TwistStamped", "takes /drive"),
+        ("/recommended", "nav_msgs/Odometry", ""),
+        ("/moves", "geometry_msgs/TwistWithCovarianceStamped", ""),
+    ],
+)
+def test_who_takes_commands_has_a_duty_where_the_som_knows_them_too(
+    topic: str, type_: str, expected: str
+) -> None:
+    commands = replace(service("commands", B), topic=topic, type=type_)
+    som, told = Som([service("a", A), commands]), frozenset({("/a", A), (topic, B)})
+    found = duties_of(som, Names("/"), told, frozenset({(topic, A), (topic, B)}), frozenset())
+    assert found.get(A, ()) == ((expected,) if expected else ())
 
 
 def test_nodes_of_healing_and_those_that_the_som_does_not_concern_have_none() -> None:

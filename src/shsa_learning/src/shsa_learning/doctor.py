@@ -1,14 +1,17 @@
-"""Finds what is wrong around a robot and its healing by what was seen of it, with remedies."""
+"""Finds what is wrong around a robot and its healing by what was seen of it, with remedies.
+
+And what becomes of each node that fails, as healing decides.
+"""
 from typing import Callable, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
 
 from shsa_core.errors import listed
+from shsa_core.healing.containment import Case, decide
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.naming import Names
-from shsa_core.model.kinds import Kind
+from shsa_core.model.kinds import Kind, Policy
 from shsa_core.model.names import full_name
 from shsa_core.model.som import Som
 
-TF = ("/tf", "/tf_static")
 TABLE = "shsa/som_state"
 
 
@@ -26,7 +29,7 @@ class Seen(NamedTuple):
     that they have of our master. `users`: the user of each node of the SOM whose process is here;
     `user`: that of healing, empty if it does not run. `clocks`: what healing tells of computers
     whose clock is off, and of values that are `unusual`. `incidents`: of the last hour. `types`:
-    why a type cannot be used here.
+    why a type cannot be used here. `duties`: what nodes of the SOM do beyond it.
     """
 
     som: Som
@@ -42,11 +45,38 @@ class Seen(NamedTuple):
     unusual: Sequence[str] = ()
     incidents: Sequence[Incident] = ()
     types: Sequence[str] = ()
+    duties: Mapping[str, Sequence[str]] = {}
 
 
 def findings(seen: Seen) -> List[Finding]:
     """Return all that is wrong."""
     return [found for check in CHECKS for found in check(seen)]
+
+
+def fates(seen: Seen) -> List[str]:
+    """Return what becomes of each node here that publishes something wrong, and why."""
+    told: Dict[str, None] = {}
+    for service in seen.som:
+        node, duties = service.node, tuple(seen.duties.get(service.node, ()))
+        if node not in seen.publishers.get(service.topic, ()):
+            continue
+        wrong, restarts = Kind.OUT_OF_RANGE, service.policy.restarts
+        case = Case(
+            *(node, service.topic, wrong, service.contain, restarts),
+            replaced=True,
+            duties=duties,
+            gated=service.gated,
+        )
+        verdict = decide(case)
+        fate = verdict.why[len(node) :]
+        if service.policy is Policy.ADVISE:
+            fate = f" is kept: the policy of {service.topic} is to advise"
+        elif verdict.kill and duties:
+            fate += f". That costs: it {' and '.join(duties)}"
+        elif verdict.kill and case.contain is None and not restarts:
+            fate = " is killed if something replaces it: it does nothing beyond the SOM"
+        told[f"if {node} fails it{fate}"] = None
+    return list(told)
 
 
 def _secret(seen: Seen) -> Iterator[Finding]:
@@ -78,14 +108,6 @@ def _clocks(seen: Seen) -> Iterator[Finding]:
     if seen.use_sim_time and not seen.publishers.get("/clock"):
         remedy = "start what publishes /clock, or `rosparam set /use_sim_time false` and start anew"
         yield Finding("/use_sim_time is true, and nobody publishes /clock: time stands", remedy)
-
-
-def _tf(seen: Seen) -> Iterator[Finding]:
-    owners = {node for topic in TF for node in seen.publishers.get(topic, ())}
-    kept = {each.node for each in seen.som if each.contain is not None}
-    for node in sorted({each.node for each in seen.som.needed()} & owners - kept):
-        what = f"{node} broadcasts tf, which is lost with it"
-        yield Finding(what, "say `contain: none` for its services; `contain: node` if it must go")
 
 
 def _ranges(seen: Seen) -> Iterator[Finding]:
@@ -135,5 +157,5 @@ def _healers(seen: Seen) -> Iterator[Finding]:
 
 CHECKS: Tuple[Callable[[Seen], Iterator[Finding]], ...] = (
     *(_secret, _masters, _users, _clocks, _healers, _types),
-    *(_silent, _unheard, _tf, _ranges),
+    *(_silent, _unheard, _ranges),
 )

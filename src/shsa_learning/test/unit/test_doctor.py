@@ -5,10 +5,10 @@ from typing import Any, Dict, List
 import pytest
 
 from shsa_core.healing.incident import Incident, State
-from shsa_core.model.kinds import Contain, Kind
+from shsa_core.model.kinds import Contain, Kind, Policy
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-from shsa_learning.doctor import Seen, findings
+from shsa_learning.doctor import Seen, fates, findings
 
 VALUES = (Provision("speed", "data", (0.0, 1.0)),)
 ODOMETRY = Service("odometry", "/odom", "std_msgs/Float64", "/base", 0.1, VALUES, needed=True)
@@ -42,9 +42,6 @@ LOST = {**PUBLISHERS, "/odom": ["/stranger"]}
 
 def test_nothing_is_found_on_a_robot_that_is_well() -> None:
     assert findings(WELL) == []
-    tf = {**PUBLISHERS, "/tf": ["/base"]}
-    told = Som([replace(ODOMETRY, contain=Contain.NONE)])
-    assert findings(WELL._replace(som=told, publishers=tf)) == []
     clock = {**PUBLISHERS, "/clock": ["/gazebo"]}
     assert findings(WELL._replace(use_sim_time=True, publishers=clock)) == []
 
@@ -59,7 +56,6 @@ def test_nothing_is_found_on_a_robot_that_is_well() -> None:
         ({"clocks": ["computer pi: its clock is 2 s ahead"]}, "2 s ahead"),
         ({"unusual": ["odometry: doubtful: v is 5, 0 to 3 are usual"]}, "v is 5"),
         ({"use_sim_time": True}, "nobody publishes /clock"),
-        ({"publishers": {**PUBLISHERS, "/tf": ["/base"]}}, "/base broadcasts tf"),
         ({"incidents": [LEFT, LEFT]}, "odometry left its range 2 times"),
         ({"subscribers": {"/odom": ["/monitor", "/record_123", "/substitute_x_1"]}}, "nobody sub"),
         ({"types": ["odometry: message type a/B is not known here"]}, "a/B is not known"),
@@ -71,3 +67,45 @@ def test_nothing_is_found_on_a_robot_that_is_well() -> None:
 def test_each_fault_is_found_once_with_its_remedy(changes: Dict[str, Any], what: str) -> None:
     (finding,) = findings(WELL._replace(**changes))
     assert what in finding.what and finding.remedy
+
+
+DUTIES = {"/base": ("takes /cmd_vel", "broadcasts tf")}
+IT = "it takes /cmd_vel and broadcasts tf"
+
+
+@pytest.mark.parametrize(
+    "of_service, duties, fate",
+    [
+        ({}, DUTIES, f"is kept: {IT}, which nothing takes over"),
+        (
+            {},
+            {},
+            "is killed if something replaces it: it does nothing beyond the SOM",
+        ),
+        ({"contain": Contain.NONE}, DUTIES, "is kept: the SOM says so of /odom"),
+        (
+            {"contain": Contain.NODE},
+            DUTIES,
+            f"is killed: the SOM says so of /odom. That costs: {IT}",
+        ),
+        (
+            {"policy": Policy.RESTART},
+            DUTIES,
+            f"is killed: its policy is to start it again. That costs: {IT}",
+        ),
+        ({"policy": Policy.ADVISE}, DUTIES, "is kept: the policy of /odom is to advise"),
+    ],
+)
+def test_what_becomes_of_a_node_is_told_beforehand(
+    of_service: Dict[str, Any], duties: Dict[str, Any], fate: str
+) -> None:
+    som = Som([replace(ODOMETRY, **of_service)])
+    assert fates(WELL._replace(som=som, duties=duties)) == [f"if /base fails it {fate}"]
+    assert findings(WELL._replace(som=som, duties=duties)) == []
+
+
+def test_a_node_is_told_of_once() -> None:
+    other = replace(ODOMETRY, name="speed", topic="/speed")
+    seen = WELL._replace(som=Som([ODOMETRY, other]), duties=DUTIES)
+    assert fates(seen) == fates(seen._replace(publishers={**PUBLISHERS, "/speed": ["/base"]}))
+    assert fates(seen._replace(publishers=LOST)) == []

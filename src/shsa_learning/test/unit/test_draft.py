@@ -12,10 +12,10 @@ from robots import Robot, times
 from shsa_core.analysis.check import check_files
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
-from shsa_core.model.kinds import Kind
+from shsa_core.model.kinds import Contain, Kind
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_learning.init.draft import MOST_COMMENTS, SMALLEST, Draft, draft, widened
+from shsa_learning.init.draft import MOST_COMMENTS, SMALLEST, UNLISTED, Draft, draft, widened
 from shsa_learning.init.naming import service_names
 from shsa_learning.init.survey import Publisher, Refused, Survey
 from shsa_testing.thorough import many
@@ -31,9 +31,10 @@ class Reader:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self.listed = UNLISTED
 
     def __call__(self, survey: Survey) -> Tuple[Som, Draft]:
-        made = draft(survey, "a test")
+        made = draft(survey, "a test", listed=self.listed)
         som, ontology = self._folder / "som.yaml", self._folder / "ontology.yaml"
         som.write_text(made.som, encoding="utf-8")
         ontology.write_text(made.ontology, encoding="utf-8")
@@ -182,6 +183,25 @@ def test_two_publishers_of_one_topic_are_two_services_of_different_properties(
     som, _ = read(robot.survey())
     assert sorted(som.services) == ["cmd_vel_navigation", "cmd_vel_teleop"]
     assert len({source.property for source in som.sources}) == 2
+
+
+def test_a_node_with_duties_is_not_to_be_killed_and_the_draft_says_why(read: Reader) -> None:
+    robot = Robot()
+    robot.says("/odom", drive(), node="/base")
+    robot.says("/imu", drive(), node="/imu")
+    robot.says("/arm", drive(), node="/arm")
+    robot.says("/cmd_vel", drive(), node="/teleop")
+    robot.surveyor.refuse(Refused("/tf", "tf2_msgs/TFMessage", "/arm", "a frame"))
+    heard = {("/cmd_vel", "/base"), ("/odom", "/imu"), ("/imu", "/shsa_init_1")}
+    read.listed = frozenset({("/tf", "/base")}), frozenset(heard), frozenset({("/reset", "/imu")})
+    som, made = read(robot.survey())
+    contained = {name for name, each in som.services.items() if each.contain is Contain.NONE}
+    assert contained == {"odom", "imu", "arm"}
+    assert (
+        "    contain: none  # it takes /cmd_vel and broadcasts tf, which nothing takes over\n"
+        in made.som
+    )
+    assert "    contain: none  # it serves /reset, which nothing takes over\n" in made.som
 
 
 def test_two_robots_on_one_master(read: Reader) -> None:

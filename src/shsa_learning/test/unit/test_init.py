@@ -19,6 +19,7 @@ from shsa_core.analysis.check import check_files
 from shsa_core.cli.main import main
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
+from shsa_core.model.kinds import Contain
 from shsa_core.model.som import Som
 
 END_S = 10.0
@@ -140,7 +141,9 @@ def test_a_second_recording_widens_what_the_first_drafted(
         with BagWriter(path) as bag:
             for topic in ("/left", "/right"):
                 record(bag, topic, "/wheels", hz, lambda t: Float64(most * math.sin(t)))
-            record(bag, "/slow", "/wheels", hz, lambda t: Float64(math.sin(t)))
+            record(bag, "/slow", "/slow", hz, lambda t: Float64(math.sin(t)))
+            if most > 1.0:
+                record(bag, "/tf", "/slow", hz, lambda _: String("frames"))
         return str(path)
 
     init.drafts(speeds(1.0, 10.0))
@@ -157,6 +160,8 @@ def test_a_second_recording_widens_what_the_first_drafted(
     assert "# mine\nact: true" in som.read_text() and read_som(init.som).act
     assert "left: usual of left stays [-9.0, 9.0], as somebody wrote" in init.said
     assert "right: usual of right is [-6.0, 6.0], it was [-3.0, 3.0]" in init.said
+    assert "slow: contain is none, it was unsaid" in init.said
+    assert services["slow"].contain is Contain.NONE and services["left"].contain is None
     assert init("--again", "--bag", speeds(1.0, 8.0), "--som", init.som) == 1
     assert init.said == "nothing new was seen\n"
 

@@ -1,4 +1,5 @@
 """Maps what the master lists of nodes to their duties: what a kill would cost beyond the SOM."""
+import re
 from collections import defaultdict
 from typing import DefaultDict, Dict, FrozenSet, Set, Tuple
 
@@ -15,6 +16,8 @@ OWN_SERVICES = (
     *("list", "load_nodelet", "unload_nodelet"),
 )
 OF_ACTION = ("/goal", "/cancel", "/status", "/feedback", "/result")
+COMMANDS = re.compile(r"[/_](cmd|command|setpoint)|/(Twist|Ackermann.*|JointTrajectory)(Stamped)?$")
+"""In the topic, or the type, of what a node is told to do: no relation of the SOM says that."""
 MOST_NAMED = 3
 
 
@@ -25,6 +28,7 @@ def duties_of(
     published, subscribed, served = map(_by_node, (publishers, subscribers, services))
     listeners = _by_node(frozenset((node, topic) for topic, node in subscribers))
     in_som = {topic for each in som for topic in (each.topic, each.heard)}
+    orders = {each.heard for each in som if COMMANDS.search(f"{each.topic} {each.type}")}
     found: Dict[str, Tuple[str, ...]] = {}
 
     def others(topics: Set[str]) -> Set[str]:
@@ -38,7 +42,8 @@ def duties_of(
     for node in sorted({node for topic, node in publishers if topic in in_som}):
         if names.of_healing(node, any(each.node == node for each in som)):
             continue
-        says, hears = others(published[node]), others(subscribed[node])
+        says = others(published[node])
+        hears = others(subscribed[node]) | (subscribed[node] & orders)
         actions = {t[:-5] for t in hears if t.endswith("/goal") and t[:-5] + "/result" in says}
         asks = {topic[:-5] for topic in says if topic.endswith("/goal")}
         parts = {name + end for name in actions | asks for end in OF_ACTION}

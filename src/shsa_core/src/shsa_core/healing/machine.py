@@ -16,7 +16,7 @@ from shsa_core.healing import events, hearing, reach, succession
 from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Event, FailureSeen
 from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.kill import KILL_EVENTS, KillEvent
+from shsa_core.healing.kill import KILL_EVENTS
 from shsa_core.healing.process import is_warm
 from shsa_core.healing.records import Counters, RestartedNode
 from shsa_core.healing.robot import Robot
@@ -88,7 +88,7 @@ class Reconfigurator:
                 events.ModelsReloaded: self._models_reloaded,
                 events.NodeLearned: self._node_learned,
                 events.NodeCameUp: self._node_came_up,
-                **dict.fromkeys(KILL_EVENTS, self._kill_goes_on),
+                **dict.fromkeys(KILL_EVENTS, lambda each: core.deliver(nodes.heed(each))),
                 events.NodeUnregistered: lambda event: core.deliver(nodes.left_in_order(event)),
                 events.SubstituteStarted: self._substitute_started,
                 events.ProcessExited: self._process_exited,
@@ -314,9 +314,6 @@ class Reconfigurator:
         self._core.unsettle_node(event.node)
         return []
 
-    def _kill_goes_on(self, event: KillEvent) -> List[Command]:
-        return self._core.deliver(self._nodes.heed(event))
-
     def _node_came_up(self, event: events.NodeCameUp) -> List[Command]:
         return self._core.ask_all(self._nodes.accusers(event.node), lambda each: each.came_up())
 
@@ -333,9 +330,8 @@ class Reconfigurator:
         return [events.StopNode(event.node)] if ours else []
 
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
-        return self._core.ask_all(
-            self._processes.served(event.node), lambda each: each.started(event)
-        )
+        served = self._processes.served(event.node)
+        return self._core.ask_all(served, lambda each: each.started(event))
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
         served, commands = self._processes.exited(event)
@@ -347,9 +343,8 @@ class Reconfigurator:
         return commands + self._core.ask_all(served, lambda each: each.process_pulse(event.pulse))
 
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
-        incident, service = self._core.incident(event.service), self.robot.som.services.get(
-            event.service
-        )
+        incident = self._core.incident(event.service)
+        service = self.robot.som.services.get(event.service)
         if incident is not None:
             return [events.ShowIncident(incident)]
         if service is None:
@@ -386,14 +381,12 @@ class Reconfigurator:
 
     def _tick(self, event: events.Tick) -> List[Command]:
         commands = self._core.deliver(self._nodes.tick())
-        if self.robot.computers.settling.pop_due(
-            event.time
-        ):  # what stands by goes where it belongs
+        if self.robot.computers.settling.pop_due(event.time):
+            # What stands by goes where it belongs.
             commands += reach.rehost(self._core)
         commands += hearing.tick(self._core, event.time)
-        return commands + self._core.ask_all(
-            self._core.agenda.pop_due(event.time), lambda each: each.tick()
-        )
+        due = self._core.agenda.pop_due(event.time)
+        return commands + self._core.ask_all(due, lambda each: each.tick())
 
     def validate(self) -> None:
         """Raise ShsaError if an invariant is broken.

@@ -2,11 +2,11 @@
 import argparse
 import json
 import os
-from typing import Any
+from typing import Any, List
 
 from shsa_core.cli._common import say
 from shsa_core.errors import ShsaError
-from shsa_learning.doctor import Finding, findings
+from shsa_learning.doctor import Finding, fates, findings
 
 
 def add_parser(subparsers: Any) -> None:
@@ -15,8 +15,9 @@ def add_parser(subparsers: Any) -> None:
         "doctor",
         help="say what is wrong around a running robot, and what to do",
         description="Looks at the secret, the names of the master, the users of the nodes, clocks, "
-        "other healers, message types, who publishes and who subscribes, tf, and the incidents of "
-        "the last hour. Changes nothing. Exit status 1 if there is a finding.",
+        "other healers, message types, who publishes and who subscribes, and the incidents of the "
+        "last hour. Then says what becomes of each node that fails, and why: whom healing kills, "
+        "and whom it keeps. Changes nothing. Exit status 1 if there is a finding.",
     )
     parser.add_argument("--som", metavar="FILE", default="", help="instead of the running one")
     parser.add_argument(
@@ -35,14 +36,18 @@ def run(args: argparse.Namespace) -> int:
         from shsa_learning.ros.examination import examine  # ROS loads slowly
     except ImportError as error:
         raise ShsaError(f"doctor needs ROS: source its setup.bash ({error})") from error
+    told: List[str] = []
     try:
-        found = findings(examine(args.som, args.secret, args.log))
+        seen = examine(args.som, args.secret, args.log)
+        found, told = findings(seen), fates(seen)
     except ShsaError as nothing:
         found = [Finding(str(nothing), "mend that first")]
     if args.json:
-        print(json.dumps({"findings": [each._asdict() for each in found]}, indent=2))
+        print(json.dumps({"findings": [each._asdict() for each in found], "fates": told}, indent=2))
     else:
         for each in found:
             say(f"{each.what}\n    {each.remedy}")
         say(f"{len(found)} findings" if found else "nothing is wrong here")
+        if told:
+            say("\n    ".join(["what becomes of a node, once healing acts:", *told]))
     return 1 if found else 0

@@ -14,7 +14,7 @@ from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som, read_tree
 from shsa_learning.cli._common import whole_number
 from shsa_learning.init.again import drafted_path, widen
-from shsa_learning.init.draft import Draft, draft
+from shsa_learning.init.draft import UNLISTED, Draft, Listed, draft
 from shsa_learning.init.survey import Survey
 
 if TYPE_CHECKING:
@@ -69,8 +69,8 @@ def run(args: argparse.Namespace) -> int:
             "needs --bag, the recording of some minutes in which the robot does all that it can, "
             "and --ontology, the file that gets the relations",
         )
-    survey, source, notes = _survey(args)
-    made = draft(survey, source, notes)
+    survey, source, notes, listed = _survey(args)
+    made = draft(survey, source, notes, listed)
     for path, text in ((args.ontology, made.ontology), (args.som, made.som)):
         if path is not None:
             with open(path, "w" if args.force else "x", encoding="utf-8") as stream:
@@ -123,14 +123,14 @@ def _check_paths(paths: List[str], force: bool) -> None:
             raise ModelError(path, "is there already; give a new name, or --force to overwrite it")
 
 
-def _survey(args: argparse.Namespace) -> Tuple[Survey, str, List[str]]:
-    """Return the survey, its source in words, and notes."""
+def _survey(args: argparse.Namespace) -> Tuple[Survey, str, List[str], Listed]:
+    """Return the survey, its source in words, notes, and what the master lists."""
     if args.bag is not None:
         survey = _shell("survey_bag").survey_bag(args.bag)
-        return survey, f"{survey.seconds:.3g} s of {os.path.basename(args.bag)}", []
+        return survey, f"{survey.seconds:.3g} s of {os.path.basename(args.bag)}", [], UNLISTED
     listen = _shell("survey").survey_robot
-    survey, notes = listen(float(args.seconds), lambda text: say(text, error=True))
-    return survey, f"{args.seconds} s of a running robot", notes
+    survey, notes, listed = listen(float(args.seconds), lambda text: say(text, error=True))
+    return survey, f"{args.seconds} s of a running robot", notes, listed
 
 
 def _shell(name: str) -> Any:

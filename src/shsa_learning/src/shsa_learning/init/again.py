@@ -32,6 +32,8 @@ def widen(som: Tree, drafted: Tree, fresh: Tree) -> List[str]:
 def _service(name: str, som: Tree, drafted: Tree, fresh: Tree) -> Iterator[str]:
     period = _longer(drafted["period"], fresh["period"])
     yield from _set(f"{name}: period", "period", period, som, drafted)
+    contain = fresh.get("contain", drafted.get("contain"))
+    yield from _set(f"{name}: contain", "contain", contain, som, drafted)
     mine, before = _by_field(som), _by_field(drafted)
     for field, (property_, value) in _by_field(fresh).items():
         if field not in before:
@@ -50,7 +52,7 @@ def _set(what: str, key: str, value: Any, som: Tree, drafted: Tree) -> Iterator[
     if som.get(key) != old:
         yield f"{what} stays {som.get(key, 'unsaid')}, as somebody wrote; {value} was seen"
         return
-    yield f"{what} is {value}, it was {old}"
+    yield f"{what} is {value}, it was {drafted.get(key, 'unsaid')}"
     som[key] = drafted[key] = value
 
 

@@ -9,6 +9,8 @@ from typing import Dict, Iterator, List, Optional, Sequence, Set, Tuple
 from shsa_core.errors import ModelError
 from shsa_core.files.document import parse_yaml
 from shsa_core.files.som_file import read_tree
+from shsa_core.healing.duties import Pairs, duties_of
+from shsa_core.healing.naming import Names
 from shsa_core.model.field import ANGLES, is_distance, parse_field
 from shsa_core.model.field_type import WHOLE
 from shsa_core.text import shown
@@ -30,6 +32,7 @@ SMALLEST, LARGEST = 1e-30, 1e30
 LONGEST = 200
 """Characters that are quoted of what others say."""
 
+PROVIDES = "    provides:"
 HEAD = """\
 # A draft of a service-to-ontology mapping, made by `shsa init` from {source}.
 # Healing tells what it would do by it, and does nothing, until `act: true` stands above its
@@ -41,6 +44,8 @@ HEAD = """\
 #    that as `range`, outside of which a node fails. Places, angles, distances and counters have
 #    neither here, nor has what only trembled: the robot may not have moved.
 #  - `period: none` is event-driven: it is never silent. Where that is wrong, give a period in s.
+#  - `contain: none`: the node is never killed, for what stands behind it.
+#    `contain: node`: it is killed all the same. Without either, healing decides.
 #  - A topic is healed while somebody subscribes to it. `needed: true` or `needed: false` says
 #    otherwise. docs/reference/som.md has all keys.
 """
@@ -50,6 +55,11 @@ ONTOLOGY_HEAD = """\
 # Relations say how one property follows from others: see docs/reference/ontology.md,
 # and `shsa learn` learns them. What is learned holds as far as the recording went, and no further.
 """
+
+
+Listed = Tuple[Pairs, Pairs, Pairs]
+"""Publishers and subscribers of topics, and who serves ROS services, as the master lists them."""
+UNLISTED: Listed = (frozenset(), frozenset(), frozenset())
 
 
 @dataclass(frozen=True)
@@ -72,7 +82,9 @@ class _Entry:
     names: Tuple[str, ...]
 
 
-def draft(survey: Survey, source: str, notes: Sequence[str] = ()) -> Draft:
+def draft(
+    survey: Survey, source: str, notes: Sequence[str] = (), listed: Listed = UNLISTED
+) -> Draft:
     """Draft both files; `source`: what the survey was made from; `notes`: more to be told."""
     refused = list(survey.refused)
     names = service_names([facts.publisher for facts in survey.facts])
@@ -89,7 +101,7 @@ def draft(survey: Survey, source: str, notes: Sequence[str] = ()) -> Draft:
             used = taken
     said = [f"# {shown(note, LONGEST)}" for note in notes]
     head = HEAD.format(source=shown(source, LONGEST)).splitlines() + said
-    services = [line for entry in entries for line in entry.som]
+    services = _contained([line for entry in entries for line in entry.som], survey, listed)
     properties = [line for entry in entries for line in entry.ontology]
     som = [*head, "services:" if services else "services: {}", *services, *_left_out(refused)]
     ontology = ONTOLOGY_HEAD.format(source=shown(source, LONGEST)).splitlines()
@@ -100,6 +112,26 @@ def draft(survey: Survey, source: str, notes: Sequence[str] = ()) -> Draft:
 
 def _text(lines: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
+
+
+def _contained(services: List[str], survey: Survey, listed: Listed) -> List[str]:
+    """Return the services, where those of a node with duties say that it is not killed, and why."""
+    if not services:
+        return []
+    publishers = listed[0] | {(each.topic, each.node) for each in survey.refused}
+    publishers |= {(each.publisher.topic, each.publisher.node) for each in survey.facts}
+    som, _ = read_tree(parse_yaml(_text(["services:", *services]), "the draft"))
+    duties = duties_of(som, Names("/"), publishers, *listed[1:])
+    reasons = iter([" and ".join(duties.get(each.node, ())) for each in som])
+    lines: List[str] = []
+    for line in services:
+        reason = next(reasons) if line == PROVIDES else ""
+        if reason:
+            lines.append(
+                f"    contain: none  # it {shown(reason, LONGEST)}, which nothing takes over"
+            )
+        lines.append(line)
+    return lines
 
 
 def _invalid(entry: _Entry) -> str:
@@ -137,7 +169,7 @@ def _entry(facts: Facts, name: str, used: Set[str]) -> _Entry:
         f"    node: {_quoted(publisher.node)}{_about_node(publisher)}",
         f"    period: {'none' if facts.period is None else repr(facts.period)}  # {_rhythm(facts)}",
         *(["    latched: true"] if facts.latched else []),
-        "    provides:",
+        PROVIDES,
     ]
     provided = {field for field in facts.fields if not _useless(field)}
     if not provided:

@@ -13,12 +13,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import from_parameters
 from shsa_core.files.som_file import PARAMETER, read_som, read_tree
+from shsa_core.healing.duties import duties_of
 from shsa_core.healing.incident import Incident
-from shsa_core.healing.naming import HEALERS
+from shsa_core.healing.naming import HEALERS, Names
 from shsa_core.model.names import full_name
 from shsa_core.model.som import Som
 from shsa_core.ros.incidents import log_path
 from shsa_core.ros.master.node_api import FAILURES, master_api, pid
+from shsa_core.ros.master.registrations import read_pairs
 from shsa_core.ros.master.som_parameter import get_som_parameter
 from shsa_core.ros.messages.fields import mark_unusable
 from shsa_core.ros.processes import kernel
@@ -36,7 +38,7 @@ Nodes = Mapping[str, Sequence[str]]
 def examine(som_file: str, secret_file: str, log: str) -> Seen:
     """Look at the robot. Raises ShsaError if no master answers, or nobody knows its services."""
     try:
-        publishers, subscribers, _ = master_api("/shsa_doctor").getSystemState()
+        listed = master_api("/shsa_doctor").getSystemState()
     except FAILURES as error:
         text = f"no ROS master answers at {rosgraph.get_master_uri()}: {error}"
         raise ShsaError(text) from error
@@ -49,8 +51,8 @@ def examine(som_file: str, secret_file: str, log: str) -> Seen:
     return Seen(
         som,
         namespace,
-        dict(publishers),
-        dict(subscribers),
+        dict(listed[0]),
+        dict(listed[1]),
         _secret(secret_file),
         _masters(),
         {node: user for node, user in users.items() if node != healer},
@@ -60,6 +62,7 @@ def examine(som_file: str, secret_file: str, log: str) -> Seen:
         [text for text in warnings if text.endswith(" are usual")],
         _recent(log_path(log)),
         [problem.text for problem in mark_unusable(som)[1]],
+        duties_of(som, Names(namespace), *map(read_pairs, listed)),
     )
 
 

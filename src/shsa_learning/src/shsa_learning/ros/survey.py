@@ -9,8 +9,10 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.master.registrations import read_pairs
 from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.text import shown
+from shsa_learning.init.draft import UNLISTED, Listed
 from shsa_learning.init.survey import (
     LARGEST_MESSAGE_B,
     Publisher,
@@ -71,17 +73,18 @@ class _Inbox:
 
 
 class _Graph:
-    """The publishers of each topic, as the master lists them."""
+    """The publishers of each topic, and all else that the master lists."""
 
     def __init__(self) -> None:
         self.types: Dict[str, str] = {}
         self.publishers: Dict[str, Set[str]] = {}
+        self.listed: Listed = UNLISTED
 
     def look(self) -> None:
         """Ask the master. Raises ShsaError if it does not answer."""
         try:
             master = master_api()
-            publishers, _, _ = master.getSystemState()
+            publishers, subscribers, services = master.getSystemState()
             types = master.getTopicTypes()
         except FAILURES as error:
             raise ShsaError(
@@ -90,17 +93,18 @@ class _Graph:
             ) from error
         self.types = {str(topic): str(kind) for topic, kind in types}
         self.publishers = {str(topic): set(map(str, nodes)) for topic, nodes in publishers}
+        self.listed = read_pairs(publishers), read_pairs(subscribers), read_pairs(services)
 
 
-def survey_robot(seconds: float, say: Callable[[str], None]) -> Tuple[Survey, List[str]]:
-    """Listen to a running robot for `seconds`; what was seen, and what else is to be told.
+def survey_robot(seconds: float, say: Callable[[str], None]) -> Tuple[Survey, List[str], Listed]:
+    """Return what a running robot says for `seconds`, what else is to be told, and who is listed.
 
     Many topics are listened to in turn, each for `seconds`. Raises ShsaError if no master answers.
     """
     graph = _Graph()
     graph.look()
     rospy.init_node("shsa_init", anonymous=True, disable_signals=True, disable_rostime=True)
-    return _Listening(graph, seconds, say).run()
+    return (*_Listening(graph, seconds, say).run(), graph.listed)
 
 
 class _Listening:
