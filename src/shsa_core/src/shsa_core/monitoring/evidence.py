@@ -268,14 +268,16 @@ class Evidence:
         self._times.append((earliest, message.time, message.apart or 0.0))
         if len(self._times) < self._enough:
             return None
-        first, last = self._times[0], self._times[-1]
-        apart = last[2] - first[2]
-        longest, shortest = last[1] - first[0] + apart, last[0] - first[1]
-        rate = RateSample(len(self._times) - 1, self._period, longest, shortest)
+        rate, apart = self._rate(self._period), self._times[-1][2] - self._times[0][2]
         if not self.rate_was_good:  # beyond doubt: what waited for us came at no rate
-            sure = replace(rate, longest=shortest + apart, shortest=longest - apart)
+            sure = replace(rate, longest=rate.shortest + apart, shortest=rate.longest - apart)
             self.rate_was_good = judge(self._rate_checks, sure) is None
         return judge(self._rate_checks, rate)
+
+    def _rate(self, period: float) -> RateSample:
+        first, last = self._times[0], self._times[-1]
+        longest = last[1] - first[0] + last[2] - first[2]
+        return RateSample(len(self._times) - 1, period, longest, last[0] - first[1])
 
 
 def _gaps(history: int) -> List[int]:
