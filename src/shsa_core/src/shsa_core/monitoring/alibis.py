@@ -31,7 +31,7 @@ class Case:
     `limit`: until when alibis of a silence count. `due`: when it is late by the watch, which stands
     while nobody could act. `reconnects_until`: until then it gives a connection that was lost anew.
     `connected`, `came_up`, `short`: when healing connected to it, when a substitute came up, and
-    when the computer was short of processor time, last. `paced`: somebody kept the SOM's rate.
+    when the computer was short of processor time, last. `paced`: the rate by the SOM is its own.
     `together`: how many nodes are late, or out of range, with it, itself included. `confirmed`:
     what others tell is as far out of range. `subscribed`: its topic is. `robot_came`: some node of
     the robot was there. `formerly`: it did well under a former monitor.
@@ -111,7 +111,7 @@ ROWS = (
         lambda case: case.together >= TOGETHER_NODES,
     ),
     Row(
-        "its rate was never good: the period in the SOM may be wrong, and not the node",
+        "its rate was never good: `period` is that of another node",
         (Blame.RATE, Blame.HASTE),
         lambda case: not case.paced,
     ),

@@ -172,8 +172,9 @@ class Board:
         self, topic: WatchedTopic, publisher: Publisher, time: float, kind: Kind, detail: str
     ) -> None:
         """Fail a publisher."""
-        good = publisher.steady if kind is Kind.SILENT else publisher.last_good is not None
-        if not good and kind in (*BY_VALUE, Kind.SILENT):
+        paced = publisher.evidence is not None and publisher.evidence.rate_was_good
+        good = {Kind.SILENT: publisher.steady, Kind.RATE_LOW: paced, Kind.RATE_HIGH: paced}
+        if not good.get(kind, publisher.last_good is not None or kind not in BY_VALUE):
             detail = f"{detail}; {NEVER_GOOD}"
         publisher.become(time, FAILED, kind, detail)
         self._failed.append(publisher.row(topic.name))

@@ -1,4 +1,5 @@
 """Judges a publisher by its messages, and by its silence."""
+from dataclasses import replace
 from typing import Optional
 
 from shsa_core.model.checks import Checks
@@ -55,10 +56,8 @@ class Judgement:
         good, failure, alibi = True, None, None
         if publisher.evidence is not None:
             good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
-            if publisher.watched is not None and publisher.evidence.rate_was_good:
-                publisher.watched.paced = True
             if failure is not None:
-                alibi = self._alibi(publisher, failure, event.time)
+                alibi = self._alibi(topic, publisher, failure, event.time)
                 if alibi is not None:
                     good, failure = True, None
         comparisons, time, compared = self._comparisons, event.time, None
@@ -90,12 +89,16 @@ class Judgement:
             detail = suspicion.doubts.get(publisher.service_name) or detail
         self._board.note(topic, publisher, detail, time, log=bool(detail))
 
-    def _alibi(self, publisher: Publisher, failure: Finding, time: float) -> Optional[Alibi]:
+    def _alibi(
+        self, topic: WatchedTopic, publisher: Publisher, failure: Finding, time: float
+    ) -> Optional[Alibi]:
         """Return why a publisher is not blamed for its rate, or its range; None: it is."""
+        evidence = publisher.evidence
         if failure.kind in LATE:
             case = self._around.slow(LATE[failure.kind], publisher, time)
+            named = self._board.is_named(topic, publisher)
+            case = replace(case, paced=named or evidence is None or evidence.rate_was_good)
             return decide(case) if publisher.is_healthy else None
-        evidence = publisher.evidence
         if failure.kind is not Kind.OUT_OF_RANGE or evidence is None or evidence.outside is None:
             return None
         comparisons, outside = self._comparisons, evidence.outside

@@ -25,8 +25,8 @@ class WatchedService:
     monitor, and when that was told.
 
     `appeared`: somebody connected for it; `published`: a message came; `overdue`: it was told that
-    none did; `paced`: messages came at its rate once. `learned`: what is known of its node's
-    values; `gaps`: of the gaps between its messages, None: its deadline is a fixed one.
+    none did. `learned`: what is known of its node's values; `gaps`: of the gaps
+    between its messages, None: its deadline is a fixed one.
     """
 
     service: Service
@@ -36,14 +36,12 @@ class WatchedService:
     appeared: bool = False
     published: bool = False
     overdue: bool = False
-    paced: bool = False
     learned: Learned = field(default_factory=dict)
     gaps: Optional[LearnedDeadline] = None
 
     def judge_by(self, service: Service, deadlines: Deadlines) -> None:
         """Judge by these numbers from now on."""
         self.gaps = self._learned(service, deadlines)
-        self.paced = self.paced and self.service.period == service.period
         self.service, self.deadline = service, _seconds(deadlines.of(service))
 
     def would_allow(self, service: Service, deadlines: Deadlines) -> float:

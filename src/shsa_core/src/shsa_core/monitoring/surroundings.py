@@ -1,6 +1,5 @@
 """Remembers what else was going on while a publisher was late, and which gaps teach a deadline."""
 from collections import deque
-from dataclasses import replace
 from math import inf
 from typing import Callable, Deque, Iterable, List, NamedTuple, Optional, Set, Tuple
 
@@ -75,8 +74,7 @@ class Surroundings:
         if not 0.0 <= time - self._looked < settings.LOOK_S:
             self._looked = time
             self._slow = len({each.name for each in self._everybody() if _is_slow(each)})
-        case = self._late(blame, publisher.name, time - span, time, self._slow)
-        return replace(case, paced=publisher.watched is None or publisher.watched.paced)
+        return self._late(blame, publisher.name, time - span, time, self._slow)
 
     def range(self, publisher: Publisher, time: float, confirmed: bool) -> Case:
         """Return the case of a publisher with a value out of range; `confirmed`: by others."""
