@@ -16,7 +16,7 @@ finite = st.floats(min_value=-1e3, max_value=1e3)
 
 
 def program(
-    text: str, constraint: Optional[str] = None, n_inputs: int = 1, **options: float
+    text: str, constraint: Optional[str] = None, n_inputs: int = 1, **options: Any
 ) -> CompiledProgram:
     """A program of one relation over i1, i2, ..."""
     inputs = " ".join(f"t{i}=x[{i}];" for i in range(n_inputs))
@@ -323,7 +323,7 @@ def test_the_listing_of_the_paper(v: float, a: float, w: float, e: float, u: flo
     assert step((v, a, w, e, u), 0.0) == (result,)
 
 
-def steps(*body: str, **options: float) -> Any:
+def steps(*body: str, **options: Any) -> Any:
     """The step of a program of one relation over i1 with these lines."""
     lines = "".join(f"  {line}\n" for line in body)
     code = f"t0=x[0];\ndef _tf1(i1):\n{lines}t1=_tf1(t0)\ny=t1\n"

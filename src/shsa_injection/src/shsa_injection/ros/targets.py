@@ -2,16 +2,15 @@
 import json
 import os
 import time
-import urllib.parse
 from dataclasses import dataclass
 from typing import Dict, List, Optional, Tuple
 
 import psutil
-import rosgraph.network
 
 from shsa_core.model.service import Service
 from shsa_core.ros.master.announce import of_topic
-from shsa_core.ros.master.node_api import FAILURES, master_api, node_api
+from shsa_core.ros.master.node_api import FAILURES, master_api, node_api, resolved
+from shsa_core.ros.trust import owners
 from shsa_injection.errors import Refused
 from shsa_injection.ros import guard, healers
 from shsa_injection.ros.guard import STARTER
@@ -76,14 +75,12 @@ def find(service: Service) -> Target:
 
 def listening_process(uri: str) -> psutil.Process:
     """Return the process that listens at an address on this computer. Raises Refused."""
-    address = urllib.parse.urlparse(uri)
-    if not rosgraph.network.is_local_address(address.hostname or ""):
+    if not owners.is_local(uri):
         raise Refused(f"{uri} is on another computer: run the tool there")
-    for connection in psutil.net_connections(kind="tcp"):
-        if connection.status == psutil.CONN_LISTEN and connection.laddr.port == address.port:
-            if connection.pid:
-                return psutil.Process(connection.pid)
-    raise Refused(f"no process of this user listens at {uri}")
+    process = owners.listener(resolved(uri))
+    if process is None:
+        raise Refused(f"no process of this user listens at {uri}")
+    return process
 
 
 def owned(process: psutil.Process, what: str) -> psutil.Process:

@@ -67,9 +67,9 @@ def listens(user: int, at: Address) -> bool:
 def listener(at: Address, hint: int = 0) -> Optional[psutil.Process]:
     """Return the process that answers at an address; None: none here, several, or one we can't see.
 
-    `hint`: the process that it may be, which saves a look at all others.
+    `hint`: it may be this one. Looks twice: rows that come and go may hide another in the table.
     """
-    owned = listening(at)
+    owned = listening(at) or listening(at)
     if owned is None:
         return None
     name = f"socket:[{owned.inode}]"
