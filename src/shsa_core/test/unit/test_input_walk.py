@@ -5,19 +5,19 @@ import sys
 import time
 from dataclasses import fields, is_dataclass
 from types import FrameType, SimpleNamespace
-from typing import Any, Iterator, List
+from typing import Any, List
 
 import genpy
-import pytest
 from std_msgs.msg import Float64
 from substitute_driver import row
-from test_inputs import SOURCE, Bench, say
+from test_inputs import SOURCE, Bench, a_bench, say
 
 import shsa_core.errors
 from shsa_core.ros.outputs import Outputs
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
 
+__all__ = ["a_bench"]  # a fixture
 PACKAGE = os.path.dirname(os.path.abspath(shsa_core.errors.__file__))
 IN, OUT = "/in", "/out"
 MOST_FILES = 8
@@ -68,14 +68,6 @@ class Walk:
         files = [step.split(":")[0] for step in self.steps]
         files = [file for file in files if not file.startswith(LEAVES)]
         return [file for file, before in zip(files, ["", *files]) if file != before]
-
-
-@pytest.fixture
-def bench() -> Iterator[Bench]:
-    made = Bench()
-    yield made
-    for end in made.ends:
-        end.close()
 
 
 def test_an_input_value_passes_few_files(bench: Bench) -> None:

@@ -106,8 +106,8 @@ def values(events: List[Event]) -> List[Tuple[str, Any]]:
     return found
 
 
-@pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+@pytest.fixture(name="bench")
+def a_bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     def claim(self: Identities, connection: Connection) -> None:
         self._tries[connection] = 0
         self._tell(Identified(connection, connection.publisher, connection.uri))
