@@ -4,9 +4,10 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
-from typing import Dict, Iterator, List
+from typing import Any, Dict, Iterator, List
 
 import psutil
 import pytest
@@ -100,6 +101,25 @@ def test_a_fork_with_a_program_shows_its_name_however_long_its_code_is(bench: Be
     assert not isinstance(process, psutil.Popen)
     assert "__name:=substitute_b_1" in process.cmdline()
     assert bench.ours.runs_ours(node, process)
+
+
+def test_one_that_comes_up_while_healing_ends_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: List[forking.Forking] = []
+    ends: List[threading.Thread] = []
+    popen = subprocess.Popen
+
+    def started(*words: Any, **more: Any) -> Any:
+        process = popen(*words, **more)
+        wait_until(lambda: made, 5.0, "its owner is made")
+        ends.append(threading.Thread(target=made[0].close, daemon=True))
+        ends[0].start()
+        wait_until(made[0]._closed.is_set, 5.0, "it is to be closed")
+        ends[0].join(0.2)  # it cannot know of this process
+        return process
+
+    monkeypatch.setattr(forking.subprocess, "Popen", started)
+    made.append(forking.Forking([sys.executable, "-c", "input()"], dict(os.environ)))
+    wait_until(lambda: ends and not ends[0].is_alive(), 10.0, "it is closed")
 
 
 def test_the_end_of_a_fork_is_told_as_that_of_a_started_one(bench: Bench) -> None:

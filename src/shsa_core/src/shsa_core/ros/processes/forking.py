@@ -125,8 +125,8 @@ class Forking:
                     self._words, env=self._variables, stdin=its.fileno(), start_new_session=True
                 )
             self._process = process
-            try:
-                if ours.recv(LONGEST_ANSWER_B):
+            try:  # `close` may have come before it could see this process
+                if not self._over() and ours.recv(LONGEST_ANSWER_B):
                     with self._lock:
                         self._line = ours
                     self._ready()
