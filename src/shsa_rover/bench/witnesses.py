@@ -27,13 +27,13 @@ from shsa_core.monitoring.events import (
     PublisherHealth,
     SomChanged,
     Tick,
-    failures_in,
 )
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.overview import Condition
 from shsa_rover.dataset import CURRENT, PERIOD_S, Dataset
 from shsa_rover.worlds import WORLDS
+from shsa_testing.failures import failures_in
 
 MODELS = Path(__file__).resolve().parents[1] / "ontology"
 FIRST_SEED = 30000

@@ -6,6 +6,7 @@ import socket
 import threading
 import time
 import xmlrpc.client
+from contextlib import suppress
 from typing import Any, Callable, Dict, Optional
 
 HOST = "127.0.0.1"
@@ -126,14 +127,11 @@ class StrangeNode:
             threading.Thread(target=self._answer, args=(caller,), daemon=True).start()
 
     def _answer(self, caller: socket.socket) -> None:
-        with caller:
-            try:
-                method = self._method(caller)
-                if method is not None:
-                    self.calls[method] = self.calls.get(method, 0) + 1
-                    self._methods.get(method, self._otherwise)(caller)
-            except OSError:
-                pass  # whoever called has gone
+        with caller, suppress(OSError):  # the caller may have gone
+            method = self._method(caller)
+            if method is not None:
+                self.calls[method] = self.calls.get(method, 0) + 1
+                self._methods.get(method, self._otherwise)(caller)
 
     @staticmethod
     def _method(caller: socket.socket) -> Optional[str]:

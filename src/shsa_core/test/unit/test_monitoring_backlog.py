@@ -14,9 +14,9 @@ from shsa_core.monitoring.events import (
     PublisherState,
     SomChanged,
     Tick,
-    failures_in,
 )
 from shsa_core.monitoring.machine import Monitor
+from shsa_testing.failures import failures_in
 
 PERIOD = 0.02
 SKEW = -0.7  # the other computer's clock is ahead

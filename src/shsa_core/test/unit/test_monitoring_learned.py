@@ -15,8 +15,8 @@ from shsa_core.monitoring.events import (
     Message,
     PublisherHealth,
     Tick,
-    failures_in,
 )
+from shsa_testing.failures import failures_in
 
 Values = Iterator[float]
 

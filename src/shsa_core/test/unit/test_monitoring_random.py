@@ -14,6 +14,7 @@ from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring import events, settings
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_testing.failures import failures_in
 from shsa_testing.thorough import many
 
 INTRUDERS = message_checks(UnknownPublisher(0.1))
@@ -50,7 +51,7 @@ class AnyRobot(RuleBasedStateMachine):
         before = dict(self.bench.rows)
         commands = self.bench.send(event)
         assert not (self.ended and commands), "the launch ends, and something is told"
-        failures = events.failures_in(commands)
+        failures = failures_in(commands)
         for failure in failures:
             self.check_failure(failure, before, event)
         changes = [each for each in commands if isinstance(each, events.HealthChanged)]

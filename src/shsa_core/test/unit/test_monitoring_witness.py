@@ -19,9 +19,9 @@ from shsa_core.monitoring.events import (
     SomChanged,
     Tick,
     Told,
-    failures_in,
 )
 from shsa_core.monitoring.machine import Monitor
+from shsa_testing.failures import failures_in
 
 PERIOD = 0.02
 ONTOLOGY = """

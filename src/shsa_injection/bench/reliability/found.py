@@ -20,6 +20,7 @@ from shsa_core.model.som import Som
 from shsa_core.monitoring import events
 from shsa_core.monitoring.machine import Monitor
 from shsa_injection.faults import MESSAGE_FAULTS, Reading, Stream, message_fault
+from shsa_testing.failures import failures_in
 
 PERIOD_S = 0.02
 RANGE = (0.0, 100.0)
@@ -50,7 +51,7 @@ class Streams:
             self._hear(events.Connected(self._now, each.topic, each.node))
 
     def _hear(self, event: Any) -> None:
-        self.failures += events.failures_in(self._core.handle(event))
+        self.failures += failures_in(self._core.handle(event))
 
     def run(self, seconds: float, fault: Any = None) -> Optional[float]:
         """Let time pass; in s, when a failure of the first was found, None: it was not."""

@@ -12,7 +12,6 @@ from shsa_core.monitoring.events import (
     PublisherHealth,
     SomChanged,
     Tick,
-    failures_in,
 )
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.machine import Monitor
@@ -20,6 +19,7 @@ from shsa_rover.current_sensor import CurrentSensor
 from shsa_rover.drive import SCRIPTED
 from shsa_rover.odometry import Odometry
 from shsa_rover.rover import Rover
+from shsa_testing.failures import failures_in
 
 MODELS = Path(__file__).resolve().parents[2] / "ontology"
 STEP_S = 0.02

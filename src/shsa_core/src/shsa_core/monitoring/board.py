@@ -172,9 +172,7 @@ class Board:
         self, topic: WatchedTopic, publisher: Publisher, time: float, kind: Kind, detail: str
     ) -> None:
         """Fail a publisher."""
-        paced = publisher.evidence is not None and publisher.evidence.rate_was_good
-        good = {Kind.SILENT: publisher.steady, Kind.RATE_LOW: paced, Kind.RATE_HIGH: paced}
-        if not good.get(kind, publisher.last_good is not None or kind not in BY_VALUE):
+        if _never_good(publisher, kind):
             detail = f"{detail}; {NEVER_GOOD}"
         publisher.become(time, FAILED, kind, detail)
         self._failed.append(publisher.row(topic.name))
@@ -268,6 +266,15 @@ class Board:
         _must(publisher.name != NOBODY or not publisher.connected, f"{where} is connected")
         due = self.agenda.when(Silence(topic.name, publisher.name))
         _must(due <= publisher.deadline, f"nobody looks at {where} when it is due")
+
+
+def _never_good(publisher: Publisher, kind: Kind) -> bool:
+    """Tell if a publisher does what it is blamed for since it was first seen."""
+    if kind in (Kind.RATE_LOW, Kind.RATE_HIGH):
+        return publisher.evidence is not None and not publisher.evidence.rate_was_good
+    if kind is Kind.SILENT:
+        return not publisher.steady
+    return kind in BY_VALUE and publisher.last_good is None
 
 
 def _must(holds: bool, otherwise: str) -> None:

@@ -3,7 +3,7 @@
 Times in s on one monotonic clock.
 """
 from dataclasses import dataclass
-from typing import Iterable, List, Optional, Tuple, Union
+from typing import Optional, Tuple, Union
 
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.kinds import Kind, Word
@@ -269,9 +269,3 @@ class CalibrationsChanged:
 
 
 Command = Union[HealthChanged, ChangeRefused, CalibrationsChanged, Told]
-
-
-def failures_in(commands: Iterable[Command]) -> List[PublisherHealth]:
-    """Return the rows of the table of health that tell of new failures."""
-    changes = (each for each in commands if isinstance(each, HealthChanged))
-    return [row for change in changes for row in change.failed]

@@ -80,9 +80,8 @@ class Heart:
         self._due = now + settings.HEARTBEAT_S
         self._hear()
         try:
-            self._socket.sendto(self._name, self._address)
-        except BlockingIOError:
-            pass  # somebody listens, and not fast enough
+            with suppress(BlockingIOError):  # somebody listens, and not fast enough
+                self._socket.sendto(self._name, self._address)
         except OSError:
             return  # nobody listens
         self._heard = now

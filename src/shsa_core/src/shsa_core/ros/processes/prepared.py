@@ -50,7 +50,7 @@ def serve() -> None:
     gc.collect()
     gc.freeze()  # a collection in a fork neither moves nor writes to what is here by now
     _rename(sys.argv[:2])  # raises OSError here and not in each fork
-    try:
+    with suppress(ConnectionError):  # who gave us orders has ended, or has given this one up
         line.send(str(os.getpid()).encode())
         while True:
             data = line.recv(LARGEST_ORDER_B)
@@ -62,8 +62,6 @@ def serve() -> None:
                 line.send(str(os.getpid()).encode())
                 line.close()
                 return
-    except ConnectionError:
-        pass  # who gave us orders has ended, or has given this one up
     os._exit(0)
 
 

@@ -2,6 +2,7 @@
 import os
 import secrets
 import stat
+from contextlib import suppress
 
 import rospkg
 
@@ -78,9 +79,8 @@ def _make(path: str) -> None:
             file.write(secrets.token_bytes(LENGTH_B))
             file.flush()
             os.fsync(file.fileno())
-        os.link(part, path)
-    except FileExistsError:
-        pass  # another one was faster
+        with suppress(FileExistsError):  # another one was faster
+            os.link(part, path)
     finally:
         if os.path.lexists(part):
             os.unlink(part)
