@@ -182,3 +182,11 @@ class Bench:
 
     def kinds(self) -> List[Tuple[str, str]]:
         return [(f.publisher, str(f.kind)) for f in self.failures]
+
+
+def streaming() -> Bench:
+    """Return a bench whose amperemeter publishes well."""
+    made = Bench()
+    made.connect()
+    made.stream(60)
+    return made

@@ -3,15 +3,7 @@ import json
 from dataclasses import replace
 
 import pytest
-from monitor_bench import (
-    NODE,
-    PERIOD,
-    TOPIC,
-    Bench,
-    message_checks,
-    provision,
-    service,
-)
+from monitor_bench import NODE, PERIOD, TOPIC, Bench, message_checks, provision, service, streaming
 
 from shsa_core.journal.codec import Codec
 from shsa_core.model.checks import Checks, Jump, RateHigh, default_checks
@@ -22,10 +14,7 @@ from shsa_core.monitoring.events import Command, SomChanged, Told
 
 @pytest.fixture
 def bench() -> Bench:
-    made = Bench()
-    made.connect()
-    made.stream(60)
-    return made
+    return streaming()
 
 
 def counts(bench: Bench, wanted: Service) -> bool:

@@ -2,7 +2,7 @@
 from typing import Any, Dict, Iterable, List, Tuple
 
 import pytest
-from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service
+from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service, streaming
 
 from shsa_core.model.service import Service
 from shsa_core.monitoring.alibis import ROWS, Blame, Case, decide
@@ -30,10 +30,7 @@ def stream(bench: Bench, nodes: Iterable[str], seconds: float) -> None:
 
 @pytest.fixture
 def bench() -> Bench:
-    made = Bench()
-    made.connect()
-    made.stream(60)
-    return made
+    return streaming()
 
 
 def test_all_that_fall_silent_together_and_come_back_are_not_blamed() -> None:

@@ -4,7 +4,7 @@ from typing import Dict, List, Optional, Tuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, row, service
+from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, row, service, streaming
 
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.kinds import Kind
@@ -21,10 +21,7 @@ SUBSTITUTE, IDLE, STRANGER = "/substitute_current_1", "/substitute_standby_2", "
 @pytest.fixture
 def bench() -> Bench:
     """The amperemeter publishes well."""
-    made = Bench()
-    made.connect()
-    made.stream(60)
-    return made
+    return streaming()
 
 
 def shown(bench: Bench) -> ServiceHealth:

@@ -345,7 +345,10 @@ class ReconfiguratorNode:
     def _heed_added(self) -> None:
         """Read the models again once `shsa add` has written its file, which only we may write."""
         path, before = added_path(self._files.som), self._added
-        self._added = os.path.getmtime(path) if os.path.exists(path) else 0.0
+        try:
+            self._added = os.path.getmtime(path)
+        except OSError:  # nothing was added
+            self._added = 0.0
         if before not in (None, self._added):
             try:
                 rospy.loginfo("Read anew after `shsa add`: %s.", self.reload())
