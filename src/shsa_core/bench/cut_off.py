@@ -70,9 +70,9 @@ class Consumer:
 
     @property
     def heard(self) -> List[Heard]:
-        """Return what came so far."""
-        lines = self._file.read_text().splitlines() if self._file.exists() else []
-        rows = [line.split() for line in lines if line.count(" ") == 2]
+        """Return what came so far, without a line that is still being written."""
+        text = self._file.read_text() if self._file.exists() else ""
+        rows = [line.split() for line in text[: text.rfind("\n") + 1].splitlines()]
         return [Heard(float(at), node, float(age)) for at, node, age in rows]
 
 
