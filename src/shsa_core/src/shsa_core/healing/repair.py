@@ -163,12 +163,6 @@ def replace_late(service: ServiceMachine, _: Failure) -> List[Command]:
     return [*substitute.failed(blamed), Log(Level.WARN, text), *heal(service)]
 
 
-def change_inputs(service: ServiceMachine, _: Failure) -> List[Command]:
-    """Follow another plan."""
-    text = f"{service.spec.topic}: the substitute lost an input."
-    return [Log(Level.WARN, text), *heal(service)]
-
-
 def change_law(service: ServiceMachine, _: Failure) -> List[Command]:
     """Follow the next plan, if there is one, as the substitute says that its law does not hold.
 
@@ -341,19 +335,15 @@ def wait_for_node(service: ServiceMachine) -> List[Command]:
     if incident.killed is not None and not service.nodes.awaited(incident.faulty_node):
         service.start_node()  # the policy may have been another one when it was killed
     if service.exhausted:
-        return exhausted(service)
+        count = service.nodes.trust_in(incident.faulty_node).restarts
+        return give_up(
+            service, ShsaError(f"{incident.faulty_node} was started again {count} times in vain")
+        )
     if incident.substitute and not service.node:
         return service.step(state=State.HEALING, substitute="")
     if service.state in WAITING:
         service.timers.setdefault(Trigger.RETRY, robot.time + pause(service))
     return []
-
-
-def exhausted(service: ServiceMachine, _: Failure = None) -> List[Command]:
-    """Give up: the node was started again too often."""
-    node = service.incident.faulty_node
-    count = service.nodes.trust_in(node).restarts
-    return give_up(service, ShsaError(f"{node} was started again {count} times in vain"))
 
 
 def prepare(service: ServiceMachine, _: Failure = None) -> List[Command]:
@@ -449,16 +439,14 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
 
     yield well, Trigger.FAILED, begin, (*_STUCK_OR_HEALING, well)
     yield well, Trigger.SUBSTITUTE_FAILED, pause_standby, (well,)
-    yield well, Trigger.PREPARE, prepare, (well,)
+    yield well, Trigger.REPLAN, prepare, (well,)
     yield well, Trigger.RETRY, prepare, (well,)
     yield well, Trigger.NO_VALUE, change_law, (well,)
 
     yield healing, Trigger.FIRST_MESSAGE, publish, (healed,)
     yield healing, Trigger.LATE, replace_late, _STUCK_OR_HEALING
-    yield healing, Trigger.EXHAUSTED, exhausted, (unhealed, safe)
-    yield healing, Trigger.PREPARE, heal, _STUCK_OR_HEALING
-    yield healed, Trigger.INPUT_LOST, change_inputs, (healed, unhealed, safe, kept)
-    yield healing, Trigger.INPUT_LOST, change_inputs, _STUCK_OR_HEALING
+    yield healing, Trigger.REPLAN, heal, _STUCK_OR_HEALING
+    yield healed, Trigger.REPLAN, heal, (healed, unhealed, safe, kept)
     for state in SUBSTITUTED:
         yield state, Trigger.SILENT, await_again, (healing,)
         yield state, Trigger.NO_VALUE, change_law, (state,)
@@ -467,9 +455,7 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
 
     for stuck, more in ((unhealed, ()), (safe, (healed,))):
         yield stuck, Trigger.RETRY, retry, (*_STUCK_OR_HEALING, *more)
-        yield stuck, Trigger.SERVICE_CAME, heal, (*_STUCK_OR_HEALING, *more)
-        yield stuck, Trigger.RELEASED, heal, (*_STUCK_OR_HEALING, *more)
-        yield stuck, Trigger.EXHAUSTED, exhausted, (unhealed, safe)
+        yield stuck, Trigger.REPLAN, heal, (*_STUCK_OR_HEALING, *more)
 
     judged: Tuple[Tuple[Trigger, Action], ...] = (
         (Trigger.FAILED, still_failing),
@@ -479,13 +465,11 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
         for state in (healing, healed, unhealed, safe):
             yield state, trigger, act, (state, kept)
         yield kept, trigger, act, _STUCK_OR_HEALING
-    for trigger in (Trigger.RETRY, Trigger.RELEASED, Trigger.PREPARE):
+    for trigger in (Trigger.RETRY, Trigger.REPLAN):
         yield kept, trigger, heal, _STUCK_OR_HEALING
     yield kept, Trigger.SUBSTITUTE_FAILED, show, (kept,)
     for state in (healing, healed, unhealed, safe, kept):
         yield state, Trigger.RETURNED, hold_off, (returning,)
-    for state in (healing, healed, returning):
-        yield state, Trigger.RELEASED, show, (state,)
 
     yield returning, Trigger.FAILED, failed_again, (healed, *_STUCK_OR_HEALING)
     yield returning, Trigger.SUBSTITUTE_FAILED, show, (returning,)

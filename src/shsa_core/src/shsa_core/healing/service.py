@@ -289,7 +289,7 @@ class ServiceMachine:
         waiting = self.state in (State.HEALING, *STUCK)
         if self.spec.policy.substitutes or not waiting or not self.exhausted:
             return []
-        return self.fire(Trigger.EXHAUSTED)
+        return self.fire(Trigger.REPLAN)
 
     def came_up(self) -> List[Command]:
         """Kill a node that is kept out as soon as it is there, before it is heard.
@@ -319,7 +319,7 @@ class ServiceMachine:
         if self.state is State.WELL:
             return []
         self.nodes.trust(self.incident.faulty_node)
-        return self.fire(Trigger.RELEASED)
+        return self.fire(Trigger.REPLAN) if self.state in WAITING else self.step()
 
     # The substitute's process.
 
@@ -381,7 +381,7 @@ class ServiceMachine:
         commands = self.substitute.drop()
         commands.append(Log(Level.WARN, f"{self.spec.topic}: the substitute {why}."))
         well = self.state is State.WELL
-        return commands + self.fire(Trigger.PREPARE if well else Trigger.SUBSTITUTE_FAILED)
+        return commands + self.fire(Trigger.REPLAN if well else Trigger.SUBSTITUTE_FAILED)
 
     # The world changes.
 
@@ -390,9 +390,10 @@ class ServiceMachine:
         commands = self._notice_first_message()
         commands += self._refuse() or self._notice_return()
         if self.state in SUBSTITUTED and self.substitute.lost_input:
-            commands += self.fire(Trigger.INPUT_LOST)
+            text = f"{self.spec.topic}: the substitute lost an input."
+            commands += [Log(Level.WARN, text), *self.fire(Trigger.REPLAN)]
         elif self.state in STUCK and service_came:
-            commands += self.fire(Trigger.SERVICE_CAME)
+            commands += self.fire(Trigger.REPLAN)
         elif service_came:
             commands += self.reconsider()
         return commands
@@ -401,7 +402,7 @@ class ServiceMachine:
         """Follow the plan for a failure of the service, which may be another one, or its policy."""
         waits = self.state is State.KEPT or (self.state is State.HEALING and not self.node)
         well = self.state is State.WELL and Trigger.RETRY not in self.timers
-        return self.fire(Trigger.PREPARE) if waits or well else []
+        return self.fire(Trigger.REPLAN) if waits or well else []
 
     def tick(self) -> List[Command]:
         """Act on the timers that are due."""
@@ -564,7 +565,7 @@ class ServiceMachine:
         """See to it that something happens in every state, also if nothing is ever heard again."""
         state, later = self.state, self.robot.time + START_S
         if state is State.HEALING:
-            self.timers[Trigger.LATE if self.substitute.node else Trigger.PREPARE] = later
+            self.timers[Trigger.LATE if self.substitute.node else Trigger.REPLAN] = later
         elif state is State.RETURNING:
             hold_off = self.nodes.hold_off(self.incident.faulty_node)
             self.timers[Trigger.STEADY] = self.robot.time + max(START_S, hold_off)
@@ -578,7 +579,7 @@ class ServiceMachine:
             raise ShsaError(f"{name}: a process without a plan, or the other way round")
         due = {
             State.WELL: {Trigger.RETRY},
-            State.HEALING: {Trigger.LATE, Trigger.PREPARE},
+            State.HEALING: {Trigger.LATE, Trigger.REPLAN},
             State.RETURNING: {Trigger.STEADY},
             **dict.fromkeys(WAITING, {Trigger.RETRY}),
         }.get(self.state, set())
