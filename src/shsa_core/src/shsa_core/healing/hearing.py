@@ -129,7 +129,7 @@ def _changed(core: Core, keys: Iterable[Key], failures: Iterable[FailureSeen]) -
     for failure in failures:
         commands += failed(core, failure)
     commands += core.ask_all(concerned, lambda each: each.changed())
-    return commands + core.ask_all(judged, lambda each: each.reconsider())
+    return commands + core.ask_all(judged, lambda each: each.replan())
 
 
 def look_again(core: Core) -> List[Command]:

@@ -36,8 +36,7 @@ class Trigger(Word):
     RETURNED = "its node is back"
     STEADY = "healthy for the hold-off"
     RETRY = "a pause is over"
-    NODE_CHANGED = "its node is judged again"
-    REPLAN = "another plan may be best"
+    REPLAN = "another plan or decision may be best"
     WITHDRAWN = "no longer in the SOM"
 
 

@@ -36,7 +36,6 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
     lacking = [name for name in robot.indexes.stuck if core.services[name].lacks_room]
     commands += core.ask_all(lacking, lambda each: each.changed(service_came=True))
     for name in _cleared(core, time, host):
-        commands += core.ask(name, lambda each: each.reconsider())
         commands += core.ask(name, lambda each: each.replan())
     return commands + (hearing.ask_monitor(core, host) if lost else [])
 
@@ -64,7 +63,7 @@ def host_lost(core: Core, event: HostLost) -> List[Command]:
     for service in robot.on(host):
         if service.on_partition is OnPartition.WAIT and service.needed:
             robot.doubted.pop(service.name, None)
-            commands += core.ask(service.name, lambda each: each.reconsider())
+            commands += core.ask(service.name, lambda each: each.replan())
     return commands + hearing.ask_monitor(core, host, event.time + ANSWER_S)
 
 

@@ -69,7 +69,7 @@ def still_failing(service: ServiceMachine, failure: Failure) -> List[Command]:
             nodes.acquit(service.spec, node)
             return commands
         commands += blame(service, node, failure.kind)
-    return commands + judge_again(service)
+    return commands + heal(service)
 
 
 def blame(service: ServiceMachine, node: str, kind: Kind) -> List[Command]:
@@ -81,17 +81,6 @@ def blame(service: ServiceMachine, node: str, kind: Kind) -> List[Command]:
     service.incident = replace(service.incident, faulty_node=node)
     nodes.acquit(service.spec, former)
     return service.step()
-
-
-def judge_again(service: ServiceMachine, _: Failure = None) -> List[Command]:
-    """Decide about the node anew: what it costs may have changed."""
-    if service.incident.state is State.KEPT:
-        return heal(service)
-    plan, none = search(service)
-    commands = service.judge(service.accusation, plan is not None)
-    if service.accusation.babbles or idle(service):
-        return commands + keep(service, plan, none)
-    return commands + service.step() if commands else []
 
 
 def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
@@ -190,7 +179,7 @@ def retry(service: ServiceMachine, _: Failure) -> List[Command]:
 
 
 def heal(service: ServiceMachine, _: Failure = None) -> List[Command]:
-    """Search, decide about the node, and set a process to work: the one at hand, or another."""
+    """Search, decide about the node, and set a process to work, unless it follows that plan."""
     plan, none = search(service)
     commands = service.judge(service.accusation, plan is not None)
     if service.accusation.babbles or idle(service):
@@ -199,6 +188,9 @@ def heal(service: ServiceMachine, _: Failure = None) -> List[Command]:
         return commands + wait_for_node(service)
     if plan is None:
         return commands + give_up(service, none)
+    follows = service.incident.state is State.HEALED or Trigger.LATE in service.timers
+    if follows and plan == service.substitute.plan:
+        return commands + service.step() if commands else []
     return commands + follow(service, plan)
 
 
@@ -445,8 +437,6 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
 
     yield healing, Trigger.FIRST_MESSAGE, publish, (healed,)
     yield healing, Trigger.LATE, replace_late, _STUCK_OR_HEALING
-    yield healing, Trigger.REPLAN, heal, _STUCK_OR_HEALING
-    yield healed, Trigger.REPLAN, heal, (healed, unhealed, safe, kept)
     for state in SUBSTITUTED:
         yield state, Trigger.SILENT, await_again, (healing,)
         yield state, Trigger.NO_VALUE, change_law, (state,)
@@ -455,18 +445,11 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
 
     for stuck, more in ((unhealed, ()), (safe, (healed,))):
         yield stuck, Trigger.RETRY, retry, (*_STUCK_OR_HEALING, *more)
-        yield stuck, Trigger.REPLAN, heal, (*_STUCK_OR_HEALING, *more)
-
-    judged: Tuple[Tuple[Trigger, Action], ...] = (
-        (Trigger.FAILED, still_failing),
-        (Trigger.NODE_CHANGED, judge_again),
-    )
-    for trigger, act in judged:
-        for state in (healing, healed, unhealed, safe):
-            yield state, trigger, act, (state, kept)
-        yield kept, trigger, act, _STUCK_OR_HEALING
-    for trigger in (Trigger.RETRY, Trigger.REPLAN):
-        yield kept, trigger, heal, _STUCK_OR_HEALING
+    yield kept, Trigger.RETRY, heal, _STUCK_OR_HEALING
+    for state in (healing, healed, unhealed, safe, kept):
+        more = (healed,) if state in (healed, safe) else ()
+        yield state, Trigger.FAILED, still_failing, (*_STUCK_OR_HEALING, *more)
+        yield state, Trigger.REPLAN, heal, (*_STUCK_OR_HEALING, *more)
     yield kept, Trigger.SUBSTITUTE_FAILED, show, (kept,)
     for state in (healing, healed, unhealed, safe, kept):
         yield state, Trigger.RETURNED, hold_off, (returning,)

@@ -264,7 +264,7 @@ class ServiceMachine:
             said = f"{topic}: {text}. Repair and release it: rosservice call /shsa/release {topic}"
             commands = [Log(Level.ERROR, said), *self.step(detail=f"{text}.")]
         commands += [*self.step(killed=event.time), *self._notice_exhaustion()]
-        return commands + self.reconsider()
+        return commands + self.replan()
 
     def start_node(self) -> None:
         """Have the faulty node started again, if that is its policy."""
@@ -276,7 +276,7 @@ class ServiceMachine:
         """Go on beside the faulty node: no more can be done about it."""
         text = f"{self.incident.topic}: {why}."
         said: List[Command] = [Log(Level.ERROR, text), *self.step(detail=text)]
-        return said + self._notice_exhaustion() + self.reconsider()
+        return said + self._notice_exhaustion() + self.replan()
 
     @property
     def exhausted(self) -> bool:
@@ -308,11 +308,6 @@ class ServiceMachine:
         """Tell that the faulty node may bring another service that nothing else gives."""
         accusers = self.nodes.accusers(self.incident.faulty_node)
         return any(n in self.robot.indexes.stuck for n in accusers if n != self.spec.name)
-
-    def reconsider(self) -> List[Command]:
-        """Judge the faulty node again if it was kept: what it costs may be something else now."""
-        kept = self.accusation.kept or self.state is State.KEPT
-        return self.fire(Trigger.NODE_CHANGED) if kept and self.state is not State.RETURNING else []
 
     def released(self) -> List[Command]:
         """Let return what is kept out, and try again what was given up."""
@@ -392,17 +387,17 @@ class ServiceMachine:
         if self.state in SUBSTITUTED and self.substitute.lost_input:
             text = f"{self.spec.topic}: the substitute lost an input."
             commands += [Log(Level.WARN, text), *self.fire(Trigger.REPLAN)]
-        elif self.state in STUCK and service_came:
-            commands += self.fire(Trigger.REPLAN)
         elif service_came:
-            commands += self.reconsider()
+            commands += self.replan()
         return commands
 
     def replan(self) -> List[Command]:
-        """Follow the plan for a failure of the service, which may be another one, or its policy."""
-        waits = self.state is State.KEPT or (self.state is State.HEALING and not self.node)
-        well = self.state is State.WELL and Trigger.RETRY not in self.timers
-        return self.fire(Trigger.REPLAN) if waits or well else []
+        """Plan and decide anew: another plan may be best, or the node cost something else."""
+        state = self.state
+        well = state is State.WELL and Trigger.RETRY not in self.timers
+        waits = state in WAITING or (state is State.HEALING and not self.node)
+        kept = self.accusation.kept and state is not State.RETURNING
+        return self.fire(Trigger.REPLAN) if well or waits or kept else []
 
     def tick(self) -> List[Command]:
         """Act on the timers that are due."""
