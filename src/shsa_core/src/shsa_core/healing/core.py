@@ -140,8 +140,8 @@ class Core:
             for name in indexes.readers((*others, *map(attrgetter("name"), gone))):
                 commands += self.ask(name, lambda each: each.changed())
             if come:
-                waiting = [*indexes.stuck, *indexes.kept]
-                commands += self.ask_all(waiting, lambda each: each.changed(service_came=True))
+                waiting = {**indexes.stuck, **indexes.kept}
+                commands += self.ask_all(waiting, lambda each: each.replan())
         return commands
 
     def missing(self, name: str) -> str:

@@ -34,7 +34,7 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
         commands += core.deliver(core.nodes.excuse(host, heard))
     commands += core.deliver(core.nodes.computer_heard(host))
     lacking = [name for name in robot.indexes.stuck if core.services[name].lacks_room]
-    commands += core.ask_all(lacking, lambda each: each.changed(service_came=True))
+    commands += core.ask_all(lacking, lambda each: each.replan())
     for name in _cleared(core, time, host):
         commands += core.ask(name, lambda each: each.replan())
     return commands + (hearing.ask_monitor(core, host) if lost else [])
@@ -73,7 +73,7 @@ def rehost(core: Core) -> List[Command]:
     _place_warm(core)
     commands = core.ask_all(core.processes.substituted, lambda each: each.rehost())
     stuck = robot.indexes.stuck
-    return commands + core.ask_all(stuck, lambda each: each.changed(service_came=True))
+    return commands + core.ask_all(stuck, lambda each: each.replan())
 
 
 def _place_warm(core: Core) -> None:

@@ -233,7 +233,7 @@ class ServiceMachine:
         if isinstance(event, events.RestartFailed):
             self.start_node()
             text = f"{topic}: {node} cannot be started again: {event.detail}."
-            return [Log(Level.ERROR, text), *self._notice_exhaustion()]
+            return [Log(Level.ERROR, text), *self.replan()]
         if isinstance(event, TrustChanged):
             return self.step() if self.incident.kept_out is not self.kept_out else []
         if event.outcome is Outcome.GONE:
@@ -263,8 +263,7 @@ class ServiceMachine:
             text += f" by {event.starter}" if event.starter else ""
             said = f"{topic}: {text}. Repair and release it: rosservice call /shsa/release {topic}"
             commands = [Log(Level.ERROR, said), *self.step(detail=f"{text}.")]
-        commands += [*self.step(killed=event.time), *self._notice_exhaustion()]
-        return commands + self.replan()
+        return [*commands, *self.step(killed=event.time), *self.replan()]
 
     def start_node(self) -> None:
         """Have the faulty node started again, if that is its policy."""
@@ -275,8 +274,7 @@ class ServiceMachine:
     def _left_alone(self, why: str) -> List[Command]:
         """Go on beside the faulty node: no more can be done about it."""
         text = f"{self.incident.topic}: {why}."
-        said: List[Command] = [Log(Level.ERROR, text), *self.step(detail=text)]
-        return said + self._notice_exhaustion() + self.replan()
+        return [Log(Level.ERROR, text), *self.step(detail=text), *self.replan()]
 
     @property
     def exhausted(self) -> bool:
@@ -284,12 +282,6 @@ class ServiceMachine:
         node = self.incident.faulty_node  # how a stranger was started is not known
         stranger = node != self.spec.node and self.incident.killed is not None
         return stranger or self.nodes.trust_in(node).exhausted
-
-    def _notice_exhaustion(self) -> List[Command]:
-        waiting = self.state in (State.HEALING, *STUCK)
-        if self.spec.policy.substitutes or not waiting or not self.exhausted:
-            return []
-        return self.fire(Trigger.REPLAN)
 
     def came_up(self) -> List[Command]:
         """Kill a node that is kept out as soon as it is there, before it is heard.
@@ -380,15 +372,13 @@ class ServiceMachine:
 
     # The world changes.
 
-    def changed(self, service_came: bool = False) -> List[Command]:
-        """Notice by health or SOM a first message, a return, a lost input, or a new chance."""
+    def changed(self) -> List[Command]:
+        """Notice by health or SOM a first message, a return, or a lost input."""
         commands = self._notice_first_message()
         commands += self._refuse() or self._notice_return()
         if self.state in SUBSTITUTED and self.substitute.lost_input:
             text = f"{self.spec.topic}: the substitute lost an input."
             commands += [Log(Level.WARN, text), *self.fire(Trigger.REPLAN)]
-        elif service_came:
-            commands += self.replan()
         return commands
 
     def replan(self) -> List[Command]:
