@@ -55,7 +55,6 @@ class Accusation:
     heard: bool = True
     decision: str = ""
     excuse: str = ""
-    asks_there: bool = False  # its own computer is asked before it is killed
     back: bool = False  # it publishes again
 
     @property
@@ -204,14 +203,13 @@ class Nodes:
             accusation.decision = f"{node} is killed as soon as its substitute publishes"
             accusation.fate = Fate.WAITS
             return []
-        accusation.decision, accusation.asks_there = verdict.why, False
+        accusation.decision = verdict.why
         commands: List[Command] = []
         if verdict.kill:
             accusation.fate = Fate.KILLED
             order = self._order(service, accusation)
             if order.period > 0.0 and node == service.node and self._host_of(node):
-                text = f"{node} is killed if it fails on its own computer as well"
-                accusation.decision, accusation.asks_there = text, True
+                accusation.decision += ", unless it does well on its own computer"
             commands += self.kill(order)
         else:
             accusation.fate = Fate.KEPT
@@ -332,7 +330,7 @@ class Nodes:
         self.forget_restarted(node)
         if certain:
             self._orphans.discard(node)
-        self._settle(node, certain)
+        self._settle(node)
         if case and certain:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.before.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
@@ -375,10 +373,10 @@ class Nodes:
     def _accusations(self, node: str) -> List[Accusation]:
         return list(self._cases[node].accusations.values()) if node in self._cases else []
 
-    def _settle(self, node: str, certain: bool = False) -> None:
+    def _settle(self, node: str) -> None:
         """Note that a node is gone, or cannot be reached to make sure."""
         for each in self._accusations(node):
-            if each.kept or (certain and each.asks_there):
+            if each.kept:
                 each.decision = f"{node} is gone"
             each.fate, each.heard = Fate.NONE, False
 

@@ -324,13 +324,13 @@ def give_up(service: ServiceMachine, none: ShsaError) -> List[Command]:
 def wait_for_node(service: ServiceMachine) -> List[Command]:
     """Wait for the node's start, which is all that can heal the service; give up in the end."""
     incident, robot = service.incident, service.robot
-    if incident.killed is not None and not service.nodes.awaited(incident.faulty_node):
+    node, killed = incident.faulty_node, incident.killed is not None
+    if killed and not service.nodes.awaited(node):
         service.start_node()  # the policy may have been another one when it was killed
-    if service.exhausted:
-        count = service.nodes.trust_in(incident.faulty_node).restarts
-        return give_up(
-            service, ShsaError(f"{incident.faulty_node} was started again {count} times in vain")
-        )
+    trust, stranger = service.nodes.trust_in(node), node != service.spec.node
+    if trust.exhausted or (killed and stranger):  # how a stranger was started is not known
+        text = f"{node} was started again {trust.restarts} times in vain"
+        return give_up(service, ShsaError(text))
     if incident.substitute and not service.node:
         return service.step(state=State.HEALING, substitute="")
     if service.state in WAITING:

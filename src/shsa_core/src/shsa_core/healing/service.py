@@ -33,6 +33,11 @@ from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
+LIVES = {
+    Outcome.UNSURE: "may still be running",
+    Outcome.ANOTHER: "is left alone",
+    Outcome.UNREACHED: "may still run",
+}
 STORY_LENGTH = 20
 
 
@@ -238,17 +243,14 @@ class ServiceMachine:
             return self.step() if self.incident.kept_out is not self.kept_out else []
         if event.outcome is Outcome.GONE:
             return self._killed(event) + self.changed()
-        if event.outcome is Outcome.UNSURE:
-            text = f"{node} may still be running: {event.detail}"
-            return self._left_alone(text) + self.changed()
-        if event.outcome is Outcome.ANOTHER:
-            return self._left_alone(f"{node} is left alone: {event.detail}")
         if event.outcome is Outcome.SPARED:
             return self.step()
-        text = f"{topic}: {self.accusation.decision}."
-        if event.outcome is Outcome.UNREACHED:
-            text = f"{topic}: {node} may still run: {event.detail}."
-        return [Log(Level.WARN, text), *self.step(detail=text)]
+        does = LIVES.get(event.outcome)
+        text = f"{node} {does}: {event.detail}" if does else self.accusation.decision
+        over = event.outcome in (Outcome.UNSURE, Outcome.ANOTHER)
+        said = Log(Level.ERROR if over else Level.WARN, f"{topic}: {text}.")
+        commands: List[Command] = [said, *self.step(detail=said.text)]
+        return commands + self.replan() + self.changed() if over else commands
 
     def _killed(self, event: KillOver) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
@@ -270,18 +272,6 @@ class ServiceMachine:
         node = self.incident.faulty_node
         if self.spec.policy.restarts and node == self.spec.node:
             self.nodes.start_again(node)
-
-    def _left_alone(self, why: str) -> List[Command]:
-        """Go on beside the faulty node: no more can be done about it."""
-        text = f"{self.incident.topic}: {why}."
-        return [Log(Level.ERROR, text), *self.step(detail=text), *self.replan()]
-
-    @property
-    def exhausted(self) -> bool:
-        """Tell that the faulty node is not started again any more."""
-        node = self.incident.faulty_node  # how a stranger was started is not known
-        stranger = node != self.spec.node and self.incident.killed is not None
-        return stranger or self.nodes.trust_in(node).exhausted
 
     def came_up(self) -> List[Command]:
         """Kill a node that is kept out as soon as it is there, before it is heard.
