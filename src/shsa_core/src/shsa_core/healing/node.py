@@ -45,22 +45,28 @@ Said = Union[Command, NodeEvent]
 class Accusation:
     """A node failed on the topic of a service.
 
-    `decision` says in words what becomes of it. `heard`: it may publish, so that nobody else
-    should. `excuse`: what else may be the cause, as its own computer tells; empty: not known.
+    `decision` says in words what becomes of it. `excuse`: what else may be the cause, as its own
+    computer tells; empty: not known. `gated`: consumers hear a gate.
     """
 
     node: str
     kind: Kind
     fate: Fate = Fate.OPEN
-    heard: bool = True
     decision: str = ""
     excuse: str = ""
+    gated: bool = False
     back: bool = False  # it publishes again
 
     @property
     def kept(self) -> bool:
         """Tell that the node is not killed, for the time being."""
         return self.fate is Fate.KEPT
+
+    @property
+    def heard(self) -> bool:
+        """Tell that the node may publish, so that nobody else should."""
+        silenced = self.fate is Fate.NONE or (self.kept and self.gated)
+        return self.kind not in QUIET and not silenced
 
     @property
     def babbles(self) -> bool:
@@ -75,7 +81,7 @@ class Accusation:
 
 def no_accusation() -> Accusation:
     """Return what is held against nobody."""
-    return Accusation("", Kind.OTHER, Fate.NONE, False)
+    return Accusation("", Kind.OTHER, Fate.NONE)
 
 
 @dataclass
@@ -157,12 +163,12 @@ class Nodes:
 
     # A node fails, and is judged.
 
-    def accuse(self, service: str, node: str, kind: Kind) -> Accusation:
+    def accuse(self, service: Service, node: str, kind: Kind) -> Accusation:
         """Accuse a node of a failure on a service, perhaps once more: it is to be judged."""
         accusations = self._cases.setdefault(node, Case()).accusations
-        found = accusations.setdefault(service, Accusation(node, kind))
+        found = accusations.setdefault(service.name, Accusation(node, kind))
         found.kind, found.fate, found.excuse, found.back = kind, Fate.OPEN, "", False
-        found.heard = kind not in QUIET
+        found.gated = service.gated
         return found
 
     def take_up(self, service: str, accusation: Accusation) -> None:
@@ -213,7 +219,6 @@ class Nodes:
             commands += self.kill(order)
         else:
             accusation.fate = Fate.KEPT
-            accusation.heard = accusation.kind not in QUIET and not service.gated
             if gone and not was_kept and service.policy is not Policy.ADVISE:
                 commands += self.kill(KillNode(node, False, True, service.topic))
         if accusation.decision != before and not gone and service.policy is not Policy.ADVISE:
@@ -367,7 +372,7 @@ class Nodes:
         news = any(each.excuse != kill.cause for each in accusations)
         for each in accusations:
             each.decision = f"{kill.node} is not killed: {kill.detail}, {kill.cause}"
-            each.fate, each.heard, each.excuse = Fate.NONE, False, kill.cause
+            each.fate, each.excuse = Fate.NONE, kill.cause
         return [kill] if news else []
 
     def _accusations(self, node: str) -> List[Accusation]:
@@ -378,7 +383,7 @@ class Nodes:
         for each in self._accusations(node):
             if each.kept:
                 each.decision = f"{node} is gone"
-            each.fate, each.heard = Fate.NONE, False
+            each.fate = Fate.NONE
 
     def _left_alone(self, node: str, case: Case) -> None:
         """Do no more about a node: two of one name would end each other, so it is not restarted."""

@@ -32,7 +32,7 @@ def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
     service.substitute.forget()
     service.substitute.working_since = failure.time
     service.pauses = 0
-    service.accusation = service.nodes.accuse(spec.name, node, failure.kind)
+    service.accusation = service.nodes.accuse(spec, node, failure.kind)
     service.nodes.failed(failure.time, spec, node, failure.kind, soon=False)
     robot.incidents += 1
     service.incident = Incident(
@@ -58,11 +58,11 @@ def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
 def still_failing(service: ServiceMachine, failure: Failure) -> List[Command]:
     """Judge a node that failed once more, or another one beside it."""
     assert failure is not None
-    nodes, name, node = service.nodes, service.spec.name, failure.publisher
+    nodes, node = service.nodes, failure.publisher
     text = f"{service.spec.topic}: {node} failed again: {failure.detail}."
     commands: List[Command] = [Log(Level.WARN, text)]
     former = service.incident.faulty_node
-    accusation = nodes.accuse(name, node, failure.kind)
+    accusation = nodes.accuse(service.spec, node, failure.kind)
     if node != former:
         commands += service.judge(accusation, search(service)[0] is not None)
         if not accusation.babbles:  # it is killed, or silent
@@ -75,7 +75,7 @@ def still_failing(service: ServiceMachine, failure: Failure) -> List[Command]:
 def blame(service: ServiceMachine, node: str, kind: Kind) -> List[Command]:
     """Blame a node, in place of another that the incident blames."""
     nodes, former = service.nodes, service.incident.faulty_node
-    service.accusation = nodes.accuse(service.spec.name, node, kind)
+    service.accusation = nodes.accuse(service.spec, node, kind)
     if node == former:
         return []
     service.incident = replace(service.incident, faulty_node=node)

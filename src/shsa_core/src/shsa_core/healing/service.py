@@ -19,7 +19,7 @@ from shsa_core.healing.events import (
     ShowIncident,
     SubstituteStarted,
 )
-from shsa_core.healing.incident import STUCK, SUBSTITUTED, WAITING, WELL, State, Trigger
+from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, State, Trigger
 from shsa_core.healing.kill import KillNode, KillOver, Outcome
 from shsa_core.healing.node import Accusation, NodeEvent, Nodes, TrustChanged, no_accusation
 from shsa_core.healing.records import Fate, ServiceRecord
@@ -172,7 +172,7 @@ class ServiceMachine:
         gone, dying = event.kind is Kind.NODE_GONE, node in self.robot.health.dying
         if node == incident.faulty_node:
             if gone and dying and incident.state is not State.RETURNING:
-                self.accusation.heard = False  # its process may take a while longer
+                self.accusation.kind = event.kind  # its process may take a while longer
                 return []
             if self.refuses and (gone or dying) and not self.accusation.kept:
                 return []  # it came back, and is killed for that
@@ -182,7 +182,7 @@ class ServiceMachine:
             well = (row.publisher for row in self.originals if row.state is PublisherState.HEALTHY)
             others = [each for each in well if each != node and each not in self.robot.health.dying]
             if others:
-                accusation = self.nodes.accuse(self.spec.name, node, event.kind)
+                accusation = self.nodes.accuse(self.spec, node, event.kind)
                 commands = self.judge(accusation, replaced=True)
                 self.nodes.acquit(self.spec, node)
                 text = f"{event.topic}: {node} failed ({event.detail}); {others[0]} carries on."
@@ -439,7 +439,7 @@ class ServiceMachine:
             return []
         if self.kept_out and row.publisher == incident.faulty_node and not self._awaited():
             nodes = self.nodes
-            self.accusation = nodes.accuse(self.spec.name, row.publisher, Kind.OTHER)
+            self.accusation = nodes.accuse(self.spec, row.publisher, Kind.OTHER)
             commands = self.judge(self.accusation, replaced=self.substitute.computes)
             if not self.accusation.kept:
                 return commands
@@ -493,7 +493,7 @@ class ServiceMachine:
         """Return what is to be known after a death, with the substitute's row."""
         incident, accused = self.incident, self.accusation
         shown = None if incident is WELL else incident
-        return ServiceRecord(self.spec.name, shown, accused.kind, accused.fate, accused.heard, row)
+        return ServiceRecord(self.spec.name, shown, accused.kind, accused.fate, row)
 
     def take_up(self, record: ServiceRecord, runs: bool) -> List[Command]:
         """Go on as a record says; `runs`: the substitute's process does.
@@ -511,10 +511,9 @@ class ServiceMachine:
             node, decision = incident.faulty_node, incident.decision
             fate = record.fate if incident.killed is None else Fate.NONE
             fate = Fate.OPEN if fate is Fate.KILLED else fate
-            back = incident.state is State.RETURNING
-            accusation = Accusation(node, record.kind, fate, record.heard, decision, back=back)
-            self.accusation = accusation
-            self.nodes.take_up(self.spec.name, accusation)
+            back, gated = incident.state is State.RETURNING, self.spec.gated
+            self.accusation = Accusation(node, record.kind, fate, decision, gated=gated, back=back)
+            self.nodes.take_up(self.spec.name, self.accusation)
         commands = self.substitute.drop()  # it may stand by for us already
         commands += [] if incident is None else [ShowIncident(incident)]
         plan = None
