@@ -41,8 +41,6 @@ MISSED_PERIODS = 1.5
 """A publisher that is silent for so many periods has missed a message."""
 SLOW_PACE = 0.8
 """Of its rate: half way to what counts as too low where the SOM says nothing."""
-LOOK_S = 0.1
-"""Slow nodes are counted so often: every message of one asks for it."""
 REMEMBERED = 200
 """Connections, and gaps, that are remembered."""
 
@@ -114,7 +112,7 @@ TELL_S = 60.0
 
 # Calibration: what a value is compared with. Times in s.
 SAMPLE_S = 0.2
-"""Between two comparisons: those in between cost time and tell nothing new."""
+"""Between two comparisons, and two counts of slow nodes: those in between tell nothing new."""
 SAMPLE_COUNTS_S = 1.0
 """A sample tells of the time since the one before, up to this; errors are noted so far apart."""
 MEMORY_S = 200.0
@@ -143,14 +141,13 @@ ERRORS, FEWEST_ERRORS = 300, 5
 # Which plans are calibrated, and what is told of them.
 PLANS = 3
 """At most of one service: the best, and those for a second failure."""
-REPLAN_S = 5.0
-"""Between two looks at which services are there."""
 SEARCH_S = 0.5
 """Between two searches for a plan: on a robot of 500 services one takes 50 ms."""
 EVALUATIONS_PER_S = 2000.0
 """Of all programs together: what is beyond that is not followed."""
 REFRESH_S = 2.0
-"""Between two looks at what a program has learned: one takes 60 us."""
+"""Between two looks at what a program has learned, one takes 60 us, and at which services are
+there."""
 GAP_PERIODS = 5.0
 """A program that remembers forgets after a gap of so many periods of its service."""
 TOLD_SHARE = 0.1

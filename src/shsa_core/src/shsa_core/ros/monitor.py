@@ -225,7 +225,7 @@ class MonitorNode:
             self._subscriptions.subscribe(topic)
             self._feed(events.Subscribed(clock.now(), topic))
             rospy.loginfo("%s is watched.", topic)
-            self._subscribe_at = clock.now() + settings.SUBSCRIBE_S
+            self._subscribe_at = clock.now() + settings.PAUSE_S
 
     def _report(self) -> None:
         counts = self._core.messages()

@@ -52,7 +52,8 @@ class AgentEnd:
 
     def is_open(self, now: float) -> bool:
         """Return whether the conversation goes on."""
-        self._open = self._open and now < self._heard_at + settings.LOST_S
+        patience = settings.LOST_BEATS * settings.HEARTBEAT_S
+        self._open = self._open and now < self._heard_at + patience
         return self._open
 
     def is_cut_off(self, now: float) -> bool:

@@ -42,8 +42,8 @@ def refuses(host: str, uri: str) -> bool:
         port = address(uri).port
     except BadAnswer:
         return False
-    end = _now() + settings.REFUSAL_S
-    left = settings.REFUSAL_S
+    end = _now() + settings.REST_S
+    left = settings.REST_S
     while left > 0.0:
         with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as caller:
             caller.settimeout(left)
@@ -146,7 +146,7 @@ class Reconnection:
 
     def is_gone(self, host: str, uri: str) -> bool:
         """Return whether a node refuses calls; one look does for all topics that it closes."""
-        begin = _now() - settings.LISTENED_S
+        begin = _now() - settings.TURN_S
         self._listened = {each: at for each, at in self._listened.items() if at > begin}
         if not host or uri in self._listened:
             return False
