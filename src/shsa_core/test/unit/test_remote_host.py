@@ -14,7 +14,7 @@ from shsa_core.ros.agent.agent import AgentEnd  # noqa: E402
 from shsa_core.ros.processes.host import HostEvent  # noqa: E402
 from shsa_core.ros.agent.remote import RemoteHost  # noqa: E402
 from shsa_core.ros.settings import HEARTBEAT_S, LOST_BEATS, RETURN_BEATS, TICK_S  # noqa: E402
-from shsa_core.ros.agent.line import COMMANDS, EVENTS, read, written  # noqa: E402
+from shsa_core.ros.processes.host import COMMANDS, EVENTS, read, written  # noqa: E402
 
 SUBSTITUTE = events.StartSubstitute("/substitute_a_1", None, host="pi")
 

@@ -29,13 +29,8 @@ LARGEST_MESSAGE_B = 1 << 28
 """A larger message is not kept, and its publisher counts as silent."""
 READ_B = 1 << 16
 """Of one read. A smaller rest is copied: that costs less than another read."""
-SHORT_READ_B = 512
-"""Of the read after a message that was dropped: the next one is probably as large."""
 LARGEST_DROP_B = 1 << 20
 """Dropped by one read at most."""
-EXPECTED_B = 1 << 22
-"""Of large messages that come before anybody need look. Linux waits for half of what a socket may
-hold at most: of 6 MB, unless it was told so."""
 READS_A_TURN = 16
 """Of one connection: a babbling publisher must not keep the others waiting."""
 
@@ -102,7 +97,7 @@ LONG_CALL_S = 2.0
 """So long the master is given to answer, and anybody to say who connects to us: a large robot may
 take a while."""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 60.0
-"""Between two tries of what fails, a fork, a table or a node's name: the pause doubles each time."""
+"""Between two tries of what fails, as of a fork, or a table: the pause doubles each time."""
 
 # Agents on other computers.
 LOST_BEATS = 10

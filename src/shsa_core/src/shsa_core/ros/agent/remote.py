@@ -14,8 +14,8 @@ from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.ros import settings
-from shsa_core.ros.agent.line import COMMANDS, EVENTS, read, written
-from shsa_core.ros.processes.host import HostCommand, HostEvent, not_done
+from shsa_core.ros.processes.host import COMMANDS, EVENTS, HostCommand, HostEvent, not_done
+from shsa_core.ros.processes.host import read, written
 from shsa_core.watch import Watch
 
 TellAny = Callable[[events.Event], None]
