@@ -138,7 +138,7 @@ def test_who_is_heard_is_told_whether_the_reconfigurator_is_in_reach(
     wait_until(lambda: told(False), 5.0, "it is in reach")
     away[0] = True
     wait_until(lambda: told(True), 5.0, "it is cut off again")
-    monkeypatch.setattr(settings, "RECENT_S", 0.0)
+    monkeypatch.setattr(settings, "CALL_S", 0.0)
     assert not heart.cut_off and signs.of("/test")  # an answer does not hold for ever
 
 

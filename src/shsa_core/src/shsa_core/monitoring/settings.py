@@ -24,8 +24,9 @@ class Settings:
 # Alibis. Times in s.
 CONNECT_S = 0.1
 """A silence may come of a connection of healing's own that was made in it, or so long before."""
-COMING_UP_S = 1.0
-"""The same of a substitute that comes up: it has more to do after that, and so have others."""
+CHANGEOVER_S = 1.0
+"""The same of a substitute that comes up: it has more to do after that, and so have others. And so
+long one that was muted serves consumers to whom the original is not connected yet."""
 RECONNECT_S = 0.5
 """A node whose connection was lost, and which lives, gives another one within this; and a new
 monitor connects within this to who is there."""
@@ -53,7 +54,8 @@ over only after so many times the longest such gap."""
 BURST_PERIODS = 0.5
 """Messages that come sooner after each other have waited somewhere."""
 CLOCK_JUMP_S = 0.1
-"""Clocks that are set little by little change by far less from one look to the next."""
+"""Clocks that are set little by little change by far less from one look to the next, and with more
+between two clocks stamps of one tell little on the other."""
 LEARN_MESSAGES = 200
 """So many tell what is usual of a value, and if stamps always grow; and a signal that went through
 0 so often reads 0 as any value."""
@@ -105,8 +107,6 @@ OLDEST_MESSAGE_S = 60.0
 """An older message is not handed out."""
 BRIDGES_APART = 2.0
 """After so many of a substitute's bridges without a message of its it is another time."""
-SERVES_S = 1.0
-"""So long one that was muted serves consumers to whom the original is not connected yet."""
 TELL_S = 60.0
 """People are told that a substitute filled in at the first time, and then so often at most."""
 
@@ -123,7 +123,8 @@ GUARD_S = 5.0
 """A sample is learned once it is so old, as long as nothing was doubted since; and no error is
 noted before something was learned for as long."""
 SETTLING_S = 60.0
-"""Of data, before which gain and offset are free; the gain needs as much that tells of it."""
+"""Of data, before which gain and offset are free; the gain needs as much that tells of it. By
+witnesses errors count as they were twice as long ago: a sensor that drifts widens them."""
 PRIOR_GAIN = 0.3
 """The standard deviation of a relation's gain from 1 that is expected."""
 EXCITED = 2.0
@@ -158,7 +159,5 @@ WITNESS_LOOKS = 10
 """Looks, SAMPLE_S apart: two values differ by the mean of so many, and that has to last as long."""
 WITNESS_SAMPLES = 60
 """So many samples, one a second, make an error known that nobody has stated."""
-WITNESS_MEMORY_S = 120.0
-"""Errors count as they were so long ago: a sensor that drifts widens them by and by."""
 SPREAD_RMS, SPREAD_P95 = 4.0, 2.0
 """A value may be so many rms, and so many times its p95, from the truth."""

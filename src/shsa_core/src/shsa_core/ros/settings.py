@@ -82,20 +82,16 @@ HUNG_HEALER_BEATS = {"monitor": 30, "reconfigurator": 50}
 """The same of a healer that is ended by the other; they differ: one of both stays."""
 
 # Processes.
-PROCESS_S = 2.0
-"""So long a process is given to end, once it was asked or killed, and a fork to begin; and at its
-end a node waits no longer for the last lines of its log."""
 LOOK_S = 1.0
 """Between two looks at what changes seldom, as the load of a computer, and two reports of them."""
-RECENT_S = 0.5
-"""So long an answer holds, as of the master, who publishes what; and more of it is waited for."""
 
 # Calls, and tries again.
 CALL_S = 0.5
-"""So long a node is given to answer, and to give another connection in place of a lost one."""
-LONG_CALL_S = 2.0
-"""So long the master is given to answer, and anybody to say who connects to us: a large robot may
-take a while."""
+"""So long a node is given to answer, and to give another connection in place of a lost one; and so
+long an answer holds, as of the master, who publishes what."""
+PATIENCE_S = 2.0
+"""So long somebody is given who may take a while: the master of a large robot to answer, anybody to
+say who connects to us, a process to begin or to end, a log to take its last lines."""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 60.0
 """Between two tries of what fails, as of a fork, or a table: the pause doubles each time."""
 
