@@ -5,7 +5,7 @@ import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service, streaming
 
 from shsa_core.model.service import Service
-from shsa_core.monitoring.alibis import ROWS, Blame, Case, decide
+from shsa_core.monitoring.alibis import ROWS, Blame, Case, Row, decide
 from shsa_core.monitoring.events import ClockTicked
 from shsa_core.monitoring.settings import CHANGEOVER_S, CONNECT_S, RECONNECT_S, Settings
 
@@ -192,6 +192,12 @@ def test_people_see_that_slow_nodes_are_slow_together() -> None:
 @pytest.mark.parametrize("blame", list(Blame))
 def test_who_has_no_alibi_is_to_blame(blame: Blame) -> None:
     assert decide(Case(blame, 10.0, 9.0)) is None
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_who_is_late_has_the_same_alibis_whatever_shows_it(row: Row) -> None:
+    late = {Blame.SILENCE, Blame.RATE, Blame.STAMP, Blame.GAP}
+    assert len(late & {*row.clears}) in (0, 1, len(late))
 
 
 def test_each_alibi_clears_of_what_it_says_and_ends() -> None:

@@ -75,7 +75,7 @@ class Row(NamedTuple):
 
 
 _SILENCE, _RANGE, _START = (Blame.SILENCE,), (Blame.RANGE,), (Blame.START,)
-_LATE = (Blame.SILENCE, Blame.RATE, Blame.GAP)
+_LATE = (Blame.SILENCE, Blame.RATE, Blame.GAP, Blame.STAMP)
 
 ROWS = (
     Row(
@@ -102,7 +102,7 @@ ROWS = (
     ),
     Row(
         "the computer is short of processor time",
-        (*_LATE, Blame.STAMP),
+        _LATE,
         lambda case: case.short + CHANGEOVER_S >= case.began,
     ),
     Row(

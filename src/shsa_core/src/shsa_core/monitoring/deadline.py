@@ -22,10 +22,9 @@ HOUR_S = 3600.0
 class LearnedDeadline:
     """The silence in s that a stream of a `period` in s is allowed, for `false_alarms` an hour.
 
-    `fixed`: what is allowed before enough is known; `most`: what ever is; `bridge`: the periods
-    after which a substitute fills in, sooner than which nobody is blamed. What was learned `before`
-    of a stream of the same period goes on to count. Costs the same for every message, but for the
-    few that are among the longest.
+    `fixed`: what is allowed before enough is known, and ever: a stream that was steady so far may
+    be late once; `most`: the most that is. What was learned `before` of a stream of the same period
+    goes on to count. Costs the same for every message, but for the few that are among the longest.
     """
 
     def __init__(
@@ -35,11 +34,8 @@ class LearnedDeadline:
         fixed: float,
         most: float,
         before: Optional["LearnedDeadline"] = None,
-        bridge: float = 0.0,
     ) -> None:
         self.period, self.false_alarms, self._fixed, self._most = period, false_alarms, fixed, most
-        least = max(max(settings.LEAST_PERIODS, bridge) * period, period + settings.BUSY_S)
-        self._least = min(fixed, least)
         self.needed = max(
             settings.LEARN_GAPS, ceil(settings.LEARN_SHARE * HOUR_S / (false_alarms * period))
         )
@@ -85,7 +81,7 @@ class LearnedDeadline:
                 self._blocks.popleft()
         self.allowed = self._fixed
         if missing <= 0:
-            self.allowed = min(max(self._wanted(), self._least), self._most)
+            self.allowed = min(max(self._wanted(), self._fixed), self._most)
         return self.allowed != before
 
     def _wanted(self) -> float:

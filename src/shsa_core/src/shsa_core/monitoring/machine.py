@@ -66,7 +66,7 @@ class Monitor:
     def next_deadline(self) -> float:
         """The moment in s at which the next Tick is due; inf: none is.
 
-        Messages move it away, save where a deadline is learned that is shorter.
+        Messages move it away, save where the learned deadline has become shorter.
         """
         due = None if self._ends else self._board.agenda.next()
         return inf if due is None else self._pace.due(due)

@@ -94,9 +94,6 @@ SPARE = 1.5
 """The longest healthy gap of the blocks is always allowed, so many times over."""
 TAIL_LOOK_S = 10.0
 """The tail is looked at so often, and at once at a gap that comes near to what is allowed."""
-LEAST_PERIODS, BUSY_S = 2.5, 0.08
-"""The least that is allowed. Late by the second was a healthy 50 Hz stream beside 8 busy processes
-on 2 cores: what was learned on an idle computer must hold when it is busy."""
 
 # What is kept and told.
 MESSAGES_KEPT = 20

@@ -59,7 +59,7 @@ class Surroundings:
             Blame.SILENCE,
             watch.now,
             since,
-            limit=watch.now + 2 * publisher.patience - watch.passed(since),
+            limit=watch.now + 2 * publisher.allowed - watch.passed(since),
             due=watch.when(since, publisher.allowed),
             reconnects_until=publisher.reconnects_until,
             connected=self._connection(publisher.name),

@@ -27,10 +27,10 @@ class _Seen:
 class Life:
     """Tells which of the nodes that have given signs of life give none any more.
 
-    `tell` hears in a thread of its own that one is silent, after SILENT_BEATS; that it hangs,
-    after `patience` heartbeats; and its first sign, as well as the next after a silence. Time stands while we were
-    not scheduled, or `at_work()` says that we did not act; and while it could run and had no
-    processor, as what stands by comes last: up to STARVED_S.
+    `tell` hears in a thread of its own that one is silent, after SILENT_BEATS; that it hangs, after
+    `patience` heartbeats; and its first sign, as well as the next after a silence. Time stands
+    while we were not scheduled, or `at_work()` says that we did not act; and while it could run and
+    had no processor, as what stands by comes last: up to STARVED_S.
     """
 
     def __init__(

@@ -187,7 +187,7 @@ class Refusals:
         self._lock = threading.Lock()
 
     def note(self, topic: str, sender: str, why: str) -> bool:
-        """Count a message, and say so once in SAY_AGAIN_S; True: it was said now. From any thread."""
+        """Count a message, say so once in SAY_AGAIN_S; True: it was said now. From any thread."""
         key = topic, ascii(sender[:LONGEST_NAME])[1:-1], why
         now = time.monotonic()
         with self._lock:
