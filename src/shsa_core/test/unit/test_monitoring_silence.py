@@ -7,7 +7,7 @@ from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service, streami
 from shsa_core.model.service import Service
 from shsa_core.monitoring.alibis import ROWS, Blame, Case, Row, decide
 from shsa_core.monitoring.events import ClockTicked
-from shsa_core.monitoring.settings import COMING_UP_S, CONNECT_S, RECONNECT_S, Settings
+from shsa_core.monitoring.settings import CHANGEOVER_S, CONNECT_S, RECONNECT_S, Settings
 
 NODES = ("/one", "/two", "/three", "/four")
 
@@ -230,7 +230,7 @@ def test_to_connect_to_one_node_excuses_no_other(bench: Bench) -> None:
     assert bench.kinds() == [(NODE, "silent")]
 
 
-@pytest.mark.parametrize("after", (0.0, 0.9 * COMING_UP_S))
+@pytest.mark.parametrize("after", (0.0, 0.9 * CHANGEOVER_S))
 def test_while_a_substitute_comes_up_everybody_has_a_deadline_more(after: float) -> None:
     bench = robot()
     bench.substitutes(("/substitute_1", False), topic="/two")

@@ -17,6 +17,7 @@ from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.overview import Condition, ServiceHealth
+from shsa_core.monitoring.settings import CLOCK_JUMP_S
 from shsa_core.ros import clock, settings
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.trust.computers import OtherComputer
@@ -28,8 +29,6 @@ from shsa_core.text import shown
 
 BRIDGED, DUTIES = "times bridged", "its node also"
 """Keys of a service's row: how often a late message was filled in for, and the node's duties."""
-CLOCK_OFF_S = 0.1
-"""With more between two clocks, stamps of one tell little on the other."""
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 CONDITIONS = {
     Condition.HEALTHY: OK,
@@ -107,7 +106,7 @@ def computer_row(seen: OtherComputer) -> DiagnosticStatus:
         "round trip (s)": f"{seen.round_trip:.6f}",
         "measured (s ago)": f"{seen.age:.0f}",
     }
-    level = WARN if abs(seen.offset) - seen.bound > CLOCK_OFF_S else OK
+    level = WARN if abs(seen.offset) - seen.bound > CLOCK_JUMP_S else OK
     name = f"computer {seen.host} at {seen.address}"
     return _row(name, level, f"{text}, known within {seen.bound:.4f} s", values.items(), seen.host)
 
