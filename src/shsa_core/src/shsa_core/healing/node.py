@@ -281,7 +281,7 @@ class Nodes:
         """Begin the kills that have waited for a computer."""
         if not self._robot.computers.reachable(host):
             return []
-        steady, time = self._robot.computers.steady_since(host), self._robot.time
+        steady, time = self._robot.computers.of(host).steady, self._robot.time
         due = [
             node
             for node, each in self._pending.items()
