@@ -443,13 +443,12 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
     for state in (healing, healed, safe):
         yield state, Trigger.SUBSTITUTE_FAILED, replace_substitute, _STUCK_OR_HEALING
 
-    for stuck, more in ((unhealed, ()), (safe, (healed,))):
-        yield stuck, Trigger.RETRY, retry, (*_STUCK_OR_HEALING, *more)
-    yield kept, Trigger.RETRY, heal, _STUCK_OR_HEALING
     for state in (healing, healed, unhealed, safe, kept):
         more = (healed,) if state in (healed, safe) else ()
         yield state, Trigger.FAILED, still_failing, (*_STUCK_OR_HEALING, *more)
         yield state, Trigger.REPLAN, heal, (*_STUCK_OR_HEALING, *more)
+        if state in WAITING:
+            yield state, Trigger.RETRY, retry, (*_STUCK_OR_HEALING, *more)
     yield kept, Trigger.SUBSTITUTE_FAILED, show, (kept,)
     for state in (healing, healed, unhealed, safe, kept):
         yield state, Trigger.RETURNED, hold_off, (returning,)
