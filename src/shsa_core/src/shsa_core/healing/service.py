@@ -365,7 +365,9 @@ class ServiceMachine:
     def changed(self) -> List[Command]:
         """Notice by health or SOM a first message, a return, or a lost input."""
         commands = self._notice_first_message()
-        commands += self._refuse() or self._notice_return()
+        refused = self._refuse()
+        back = not refused and self.returned() is not None
+        commands += self.fire(Trigger.RETURNED) if back else refused
         if self.state in SUBSTITUTED and self.substitute.lost_input:
             text = f"{self.spec.topic}: the substitute lost an input."
             commands += [Log(Level.WARN, text), *self.fire(Trigger.REPLAN)]
@@ -432,18 +434,6 @@ class ServiceMachine:
         failed_at = incident.detected if incident.killed is None else incident.killed
         back = (each for each in self.originals if each.state is PublisherState.HEALTHY)
         return next((row for row in back if row.since > failed_at), None)
-
-    def _notice_return(self) -> List[Command]:
-        row, incident = self.returned(), self.incident
-        if row is None:
-            return []
-        if self.kept_out and row.publisher == incident.faulty_node and not self._awaited():
-            nodes = self.nodes
-            self.accusation = nodes.accuse(self.spec, row.publisher, Kind.OTHER)
-            commands = self.judge(self.accusation, replaced=self.substitute.computes)
-            if not self.accusation.kept:
-                return commands
-        return self.fire(Trigger.RETURNED)
 
     # What is shown, and written down.
 
