@@ -79,9 +79,8 @@ class LearnedDeadline:
             self._blocks.append(_Block())
             if len(self._blocks) > settings.BLOCKS:
                 self._blocks.popleft()
-        self.allowed = self._fixed
-        if missing <= 0:
-            self.allowed = min(max(self._wanted(), self._fixed), self._most)
+        wanted = self._wanted() if missing <= 0 else 0.0
+        self.allowed = min(max(wanted, self._fixed), self._most)
         return self.allowed != before
 
     def _wanted(self) -> float:
@@ -90,8 +89,8 @@ class LearnedDeadline:
         tail = tail[-(self.gaps // settings.TAIL) :]
         hours = max(INSTANT_S, sum(block.seconds for block in self._blocks)) / HOUR_S
         times = max(1.0, len(tail) / (hours * self.false_alarms))
-        level = tail[0] + mean_excess(tail) * log(times)
-        return max(level, settings.SPARE * tail[-1])
+        excess = sum(tail) / len(tail) - tail[0]
+        return max(tail[0] + excess * log(times), settings.SPARE * tail[-1])
 
 
 class _Block:
@@ -111,8 +110,3 @@ class _Block:
         if len(self.longest) > settings.TAIL_KEPT:
             del self.longest[0]
             self.threshold = self.longest[0]
-
-
-def mean_excess(gaps: List[float]) -> float:
-    """Return by how much gaps, in order, are longer than the shortest one on average."""
-    return sum(gaps) / len(gaps) - gaps[0]
