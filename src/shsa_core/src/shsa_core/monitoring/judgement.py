@@ -114,7 +114,8 @@ class Judgement:
             evidence = publisher.evidence
             needed = Checks.recovery if evidence is None else evidence.recovery
             if publisher.good_in_a_row >= needed:
-                publisher.forgive()
+                if evidence is not None:
+                    evidence.clear()
                 self._board.become_healthy(topic, publisher, time)
 
     def _intrusion(

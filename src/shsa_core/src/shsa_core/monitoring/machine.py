@@ -164,9 +164,8 @@ class Monitor:
         for publisher in list(topic.publishers.values()):
             if publisher.name != NOBODY:
                 watched = board.watched_of(topic, publisher.name)
-                board.provide(
-                    topic, publisher, watched, publisher.service != services[publisher.name]
-                )
+                publisher.provide(watched, publisher.service != services[publisher.name])
+                board.touch(topic, publisher.name)
                 board.notice(topic, publisher, time)
                 board.look_when_due(topic, publisher)
         if not topic.publishers:
@@ -185,7 +184,8 @@ class Monitor:
                     continue
                 board.substitutes.retired.discard((name, node))
                 watched = board.watched_of(topic, node)
-                board.provide(topic, publisher, watched, watched is not publisher.watched)
+                publisher.provide(watched, watched is not publisher.watched)
+                board.touch(topic, publisher.name)
                 board.look_when_due(topic, publisher)
                 if publishes(before, name) and not publishes(now, name):
                     board.bridges.muted((name, node), event.time)

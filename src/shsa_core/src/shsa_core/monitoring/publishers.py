@@ -180,11 +180,6 @@ class Publisher:
         if before is not None:
             self.evidence.take_stamps(before)
 
-    def forgive(self) -> None:
-        """Forget what was bad."""
-        if self.evidence is not None:
-            self.evidence.clear()
-
     def become(
         self, time: float, state: PublisherState, kind: Optional[Kind] = None, detail: str = ""
     ) -> None:
@@ -256,21 +251,9 @@ class WatchedTopic:
             found = next(iter(self.services.values()))
         return found
 
-    def meet(self, name: str, time: float, watched: Optional[WatchedService]) -> Publisher:
-        """Put a new publisher in place of an old one of that name."""
-        self.publishers[name] = Publisher(name, time, watched)
-        return self.publishers[name]
-
     def healthy(self) -> List[Publisher]:
         """Return the healthy publishers."""
         return [p for p in self.publishers.values() if p.state is PublisherState.HEALTHY]
-
-    def missed_by_nobody(self) -> List[str]:
-        """Return who may be forgotten: neither a node of the SOM nor the last hope."""
-        if not self.healthy():
-            return []
-        gone = [p.name for p in self.publishers.values() if not p.connected and p.name != NOBODY]
-        return [name for name in gone if name not in self.nodes]
 
 
 def _seconds(deadline: Optional[float]) -> float:

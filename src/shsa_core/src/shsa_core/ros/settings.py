@@ -29,8 +29,13 @@ LARGEST_MESSAGE_B = 1 << 28
 """A larger message is not kept, and its publisher counts as silent."""
 READ_B = 1 << 16
 """Of one read. A smaller rest is copied: that costs less than another read."""
+SHORT_READ_B = 512
+"""Of the read after a message that was dropped: the next one is probably as large."""
 LARGEST_DROP_B = 1 << 20
 """Dropped by one read at most."""
+EXPECTED_B = 1 << 22
+"""Of large messages that come before anybody need look. Linux waits for half of what a socket may
+hold at most: of 6 MB, unless it was told so."""
 READS_A_TURN = 16
 """Of one connection: a babbling publisher must not keep the others waiting."""
 

@@ -11,7 +11,6 @@ import shlex
 import sys
 import threading
 import time
-from typing import Optional
 
 import rospy
 from shsa_msgs import msg
@@ -92,7 +91,9 @@ class AgentNode:
         self._forgotten = threading.Event()
         topic = names.host_events(self._name)
         self._sign = signing.signer(topic, msg.HostEvent)
-        self._publisher: Optional[rospy.Publisher] = None
+        self._publisher = rospy.Publisher(
+            topic, msg.HostEvent, queue_size=0, tcp_nodelay=True  # none is dropped here
+        )
         prefix = Names(rospy.get_namespace()).prefix
         given = arguments.journal, arguments.sandbox, self._name
         restarts = may_restart(arguments.restart_as_root)
@@ -103,9 +104,6 @@ class AgentNode:
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
         self._handover = handover
-        self._publisher = rospy.Publisher(
-            topic, msg.HostEvent, queue_size=0, tcp_nodelay=True  # none is dropped here
-        )
         topic = names.host_commands(self._name)
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
 
@@ -184,8 +182,6 @@ class AgentNode:
 
     def _say(self, text: str) -> None:
         """Publish; the caller holds the lock, so that numbers come in order."""
-        if self._publisher is None:
-            return
         now = clock.now()
         message = msg.HostEvent(
             began=self._end.began,

@@ -214,16 +214,3 @@ def _find(executable: str) -> Sequence[str]:
     if not found:
         raise ShsaError(f"{PACKAGE} has no executable {executable}; is the workspace built?")
     return found
-
-
-def run_command(words: Sequence[str], ended: Callable[[str], None]) -> None:
-    """Run a program, given as a list and through no shell, and wait for it.
-
-    `ended(detail)` is called when it has ended.
-    """
-    try:
-        process = subprocess.Popen(words, stdin=subprocess.DEVNULL, start_new_session=True)
-    except OSError as error:
-        ended(str(error))
-        return
-    ended(f"exit status {process.wait()}")
