@@ -53,6 +53,7 @@ class Judgement:
         """Fail the publisher if this is one bad message too many; tell if it is good."""
         good, failure, alibi = True, None, None
         if publisher.evidence is not None:
+            publisher.evidence.written = self._board.substitutes.written(topic.name, publisher.name)
             good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
             if failure is not None:
                 alibi = self._alibi(topic, publisher, failure, event.time)

@@ -123,18 +123,14 @@ class Publisher:
     @property
     def allowed(self) -> float:
         """The silence in s that is allowed; inf: any."""
-        learned = self.learned
-        if learned is None:
-            return self.watched.deadline if self.watched else inf
-        return learned.allowed
+        learned, watched = self.learned, self.watched
+        return learned.allowed if learned else watched.deadline if watched else inf
 
     @property
     def learned(self) -> Optional[LearnedDeadline]:
         """The knowledge of its gaps, if it is the node of a service whose deadline is learned."""
         watched = self.watched
-        if watched is None or watched.gaps is None or watched.service.node != self.name:
-            return None
-        return watched.gaps
+        return watched.gaps if watched and watched.service.node == self.name else None
 
     @property
     def deadline(self) -> float:
