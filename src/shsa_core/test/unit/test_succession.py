@@ -188,6 +188,20 @@ def test_an_incident_that_ended_is_told_once_more_if_nobody_may_have_heard() -> 
     assert only(commands, events.StopSubstitute).node == node
 
 
+def test_an_incident_is_told_that_ended_as_another_began_since_the_som_moved_its_topic() -> None:
+    robot = Robot()
+    robot.fail("/a", A, 10.0, "silent")
+    robot.row("/moved", A, "failed", 11.0)
+    robot.rows["/moved", A] = replace(robot.rows["/moved", A], kind=Kind.SILENT)
+    robot.table(11.0)
+    moved = SOM.with_services(replace(e, topic="/moved") if e.name == "a" else e for e in SOM)
+    robot.handle(events.SomChanged(12.0, moved))
+    commands = succeed(robot, 13.0, tuple(row.node for row in robot.working()))
+    told = [each.incident for each in commands if isinstance(each, events.ShowIncident)]
+    states = {each.id: each.state for each in told}
+    assert states[1] is State.ENDED and states[2] is State.HEALING
+
+
 def test_a_node_that_is_kept_out_stays_out() -> None:
     robot = Robot(switches=1)
     robot.heal(10.0)

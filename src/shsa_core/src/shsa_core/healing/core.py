@@ -40,7 +40,7 @@ class Core:
         self.agenda: Agenda[str] = Agenda()  # services by when their timers are due
         self.states: Table[events.ServiceState, events.ShowSom] = Table(events.ShowSom)
         self._unsettled: Dict[str, bool] = {}  # services whose availability may have changed
-        self._ended: List[str] = []  # services whose incident has ended with the last event
+        self._ended: List[str] = []  # records whose incident has ended with the last event
 
     def add(self, service: Service) -> None:
         """Heal a service from now on."""
@@ -81,10 +81,10 @@ class Core:
             shown = each.incident if isinstance(each, events.ShowIncident) else shown
         if shown is not None and incident is WELL:
             record = replace(record, incident=shown)  # until it is told, and logged
-            self._ended.append(name)
+            self._ended.append(record.key)
             robot.calibrations.healed(name)
-        empty = record == ServiceRecord(name)
-        robot.records.set(f"service {name}", None if empty else record)
+        empty = record == ServiceRecord(name, record.topic)
+        robot.records.set(record.key, None if empty else record)
         if (before is WELL) != (incident is WELL):
             self.unsettle([name])
         return commands
@@ -156,12 +156,11 @@ class Core:
 
     def forget_ended(self) -> None:
         """Forget the incidents that have ended with the event before: they are logged by now."""
-        names, self._ended = self._ended, []
-        for name in names:
-            key = ServiceRecord(name).key
+        keys, self._ended = self._ended, []
+        for key in keys:
             record = self.robot.records.rows.get(key)
             if isinstance(record, ServiceRecord) and record.incident is not None:
                 if record.incident.state is State.ENDED:
                     record = replace(record, incident=None)
-                empty = record == ServiceRecord(name)
+                empty = record == ServiceRecord(record.service, record.topic)
                 self.robot.records.set(key, None if empty else record)

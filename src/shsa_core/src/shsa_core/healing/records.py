@@ -81,8 +81,9 @@ class ServiceRecord(Keyed):
     Its `kind` of failure may be another than the incident's.
     """
 
-    KEY = "service {0.service}"
+    KEY = "service {0.service} {0.topic}"
     service: str
+    topic: str
     incident: Optional[Incident] = None
     kind: Kind = Kind.OTHER
     fate: Fate = Fate.NONE

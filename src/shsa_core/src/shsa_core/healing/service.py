@@ -471,9 +471,9 @@ class ServiceMachine:
 
     def record(self, row: Optional[Substitution]) -> ServiceRecord:
         """Return what is to be known after a death, with the substitute's row."""
-        incident, accused = self.incident, self.accusation
-        shown = None if incident is WELL else incident
-        return ServiceRecord(self.spec.name, shown, accused.kind, accused.fate, row)
+        spec, accused = self.spec, self.accusation
+        shown = None if self.incident is WELL else self.incident
+        return ServiceRecord(spec.name, spec.topic, shown, accused.kind, accused.fate, row)
 
     def take_up(self, record: ServiceRecord, runs: bool) -> List[Command]:
         """Go on as a record says; `runs`: the substitute's process does.
