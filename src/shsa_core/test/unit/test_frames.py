@@ -97,7 +97,7 @@ def test_a_payload_is_dropped_in_the_kernel(pair: Pair) -> None:
     count = 20
     found = pour((there, counting), reading(HEAD), framed(*[payload(MB)[:MB]] * count))
     assert found == [Frame(payload(12)[:12], False)] * count
-    assert counting.copied <= 2 * CHUNK + count * CHUNK / 8
+    assert counting.copied <= (2 + count) * CHUNK
 
 
 def test_as_before_all_of_every_message_is_copied_unless_told_otherwise(pair: Pair) -> None:
@@ -139,30 +139,6 @@ def test_what_is_wanted_no_more_is_dropped_at_once(pair: Pair) -> None:
     assert found == [Frame(payload(12)[:12], False)] and len(reader) == 0
 
 
-def test_nobody_need_look_at_each_part_of_large_messages_that_are_dropped(pair: Pair) -> None:
-    there, here = pair
-    here.settimeout(5.0)
-    reader = reading(HEAD)
-    assert reader.expected == 1
-    whole = framed(payload(MB)[:MB])
-    there.sendall(whole[:100_000])
-    while reader.expected == 1:
-        reader.read(here)
-    assert reader.expected == shell.EXPECTED_B
-    there.sendall(whole[100_000:])
-    while not reader.take():
-        reader.read(here)
-    assert reader.expected == shell.EXPECTED_B, "the next one is probably as large"
-    there.sendall(framed(b"small"))
-    while not reader.take():
-        reader.read(here)
-    assert reader.expected == 1, "what follows is small as well"
-    there.sendall(struct.pack("<I", 0xFFFFFFFF) + bytes(100))
-    while reader.expected == 1:
-        reader.read(here)
-    assert reader.expected == shell.EXPECTED_B
-
-
 def test_large_messages_that_are_read_together_came_one_after_the_other(pair: Pair) -> None:
     there, here = pair
     arrival_times.enable(here)
@@ -173,7 +149,7 @@ def test_large_messages_that_are_read_together_came_one_after_the_other(pair: Pa
         return arrival_times.noted_in(here.recvmsg(1, arrival_times.SPACE)[1]) > 0
 
     wait_until(is_noted, 10.0, "the kernel, who does so a little later, notes it")
-    here.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, shell.EXPECTED_B)
+    here.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, 4 * MB)
     data, moments = framed(payload(MB)[:MB]), [time.time_ns()]
     for number in range(3):  # the kernel takes all of them before anybody reads
         there.sendall(data)
@@ -218,7 +194,6 @@ def test_a_babbling_publisher_has_a_bounded_share_of_a_turn(wanted: Wanted) -> N
     reader = reading(wanted)
     assert reader.read(endless)
     assert endless.reads == READS_A_TURN and len(reader.take()) <= READS_A_TURN
-    assert reader.expected == 1, "there is more, whatever its size"
 
 
 SIZES = st.one_of(

@@ -6,7 +6,7 @@ import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, row
 
 from shsa_core.errors import ShsaError
-from shsa_core.monitoring.settings import SERVES_S, TELL_S
+from shsa_core.monitoring.settings import CHANGEOVER_S, TELL_S
 from shsa_core.monitoring.events import Message, SubstitutionsChanged, Told
 
 
@@ -223,5 +223,5 @@ def test_one_that_was_muted_just_now_does_not_fill_in_yet(bench: Bench) -> None:
     bench.stream(3)
     bridges(bench)
     assert filled_in(bench) == []  # to consumers whom the original does not serve yet
-    bench.stream(int(SERVES_S / PERIOD))
+    bench.stream(int(CHANGEOVER_S / PERIOD))
     assert ["once" in each for each in filled_in(bench)] == [True]

@@ -8,7 +8,6 @@ from plain_sockets import HOST, Monitor, Node, framed
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
 from shsa_core.ros import settings
-from shsa_core.ros.sockets.frames import Wanted
 from shsa_core.ros.sockets.reconnection import Answered, Reconnection, refuses
 from shsa_core.ros.sockets.subscriptions import Arrived, Looked
 from shsa_testing.waiting import wait_until
@@ -173,32 +172,6 @@ def test_the_look_stands_between_what_came_before_and_after_it(
 
     wait_until(is_noted, 10.0, "the kernel notes when something comes")
     other.die()
-
-
-def test_who_sends_large_messages_that_nobody_judges_seldom_wakes(
-    monitor: Monitor, node: Node
-) -> None:
-    monitor.connect(node)
-    large = struct.pack("<I", 1 << 20) + bytes(1 << 20)
-    node.send(large)
-    monitor.until(lambda: len(monitor.data) == 1)
-    (connection,) = monitor.connections._standing.values()
-    connection.frames.wanted = Wanted(1000, 12)
-    node.send(large)
-    monitor.until(lambda: len(monitor.data) == 2)
-    assert connection.expects == settings.EXPECTED_B
-    node.send(large * 3 + large[:500_000])
-    assert not monitor.inbox._waking.poll(0.1), "they wake nobody, nor hold up who sends them"
-    node.send(large[500_000:])
-    assert monitor.inbox._waking.poll(5.0)
-    monitor.until(lambda: len(monitor.data) == 6)
-    node.send(struct.pack("<I", 5) + b"small")
-    monitor.until(lambda: monitor.data[6:] == [b"small"])  # though nobody was woken
-    assert connection.expects == 1
-    node.send(large[:100_000])
-    monitor.until(lambda: connection.expects > 1)
-    node.die()
-    monitor.until(lambda: not monitor.connections._standing)
 
 
 def test_a_message_that_is_too_large_is_not_kept(

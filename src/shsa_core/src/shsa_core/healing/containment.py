@@ -8,7 +8,7 @@ from shsa_core.healing.health import MISSED, Health
 from shsa_core.healing.naming import Names
 from shsa_core.healing.planner import AnyPlan, Planner
 from shsa_core.model.checks import BY_VALUE
-from shsa_core.model.kinds import QUIET, Contain, Kind
+from shsa_core.model.kinds import Contain, Kind
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
@@ -63,9 +63,14 @@ def decide(case: Case) -> Verdict:
         return Verdict(False, f"{kept}: the SOM says so of {topic}")
     if case.protected:
         return Verdict(False, f"{kept}: {case.protected}")
+    silent = case.kind in MISSED
     if case.restarted:
-        return Verdict(True, f"{killed}: its policy is to start it again")
-    if case.gated and case.kind not in (*QUIET, Kind.REQUESTED):
+        until = " if it stays silent" if silent else ""
+        return Verdict(True, f"{killed}{until}: its policy is to start it again")
+    if silent:
+        # Hung or slow, nobody can tell; a substitute that fills in yields once it speaks.
+        return Verdict(False, f"{kept}: it may speak again, and ending it would gain nothing")
+    if case.gated and case.kind not in (Kind.NODE_GONE, Kind.REQUESTED):
         return Verdict(False, f"{kept}: a gate keeps from consumers what it publishes on {topic}")
     if case.costs:
         lost = f"killing it would cost {_enumerated(case.costs)}, which nothing can replace"
@@ -79,10 +84,8 @@ def decide(case: Case) -> Verdict:
     if case.replaced:
         return Verdict(True, f"{killed}: what is needed of it is taken over")
     nothing = f"nothing can replace {topic}"
-    if case.kind is Kind.REQUESTED:
+    if case.kind in (Kind.NODE_GONE, Kind.REQUESTED):
         return Verdict(False, f"{kept}: {nothing}")
-    if case.kind in QUIET:
-        return Verdict(False, f"{kept}: {nothing}, and it may speak again")
     if case.useful:
         well = f"it still publishes {_enumerated(case.useful)}"
         return Verdict(False, f"{kept}: {nothing}, and {well}")

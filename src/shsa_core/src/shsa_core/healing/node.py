@@ -4,7 +4,8 @@ Every accusation comes from one service. This is the one place that decides whet
 or kept; how it is killed is in `kill`. A kill that must wait for a computer is begun once that is
 heard. A node that is gone is started again by its policy, after pauses that double, and no more
 when it failed too often. Whoever starts it, its hold-off doubles each time that it relapses; then
-it is kept out. A relapse that may be its link's makes the hold-off longer, and keeps nobody out.
+it is kept out. A silence that nobody ended, and what may be its link's, make the hold-off longer,
+and keep nobody out.
 """
 import math
 from dataclasses import dataclass, field, replace
@@ -162,7 +163,7 @@ class Nodes:
         accusations = self._cases.setdefault(node, Case()).accusations
         found = accusations.setdefault(service, Accusation(node, kind))
         found.kind, found.fate, found.excuse, found.back = kind, Fate.OPEN, "", False
-        found.heard = kind is not Kind.NODE_GONE
+        found.heard = kind not in QUIET
         return found
 
     def take_up(self, service: str, accusation: Accusation) -> None:
@@ -185,18 +186,12 @@ class Nodes:
             del self._cases[node]
 
     def judge(
-        self,
-        service: Service,
-        accusation: Accusation,
-        replaced: bool,
-        taken_over: bool,
-        parted: bool,
+        self, service: Service, accusation: Accusation, replaced: bool, taken_over: bool
     ) -> List[Command]:
         """Kill a node, or keep it, unless that is decided.
 
         `replaced`: something could take the service over; `taken_over`: that publishes it already.
         A silent node is not killed before: what its substitute reads may be as silent as it is.
-        `parted`: a cut may part the substitute from us or from the node.
         """
         if accusation.fate in (Fate.NONE, Fate.KILLED):
             return []
@@ -207,7 +202,7 @@ class Nodes:
         waits = accusation.silent and replaced and not (taken_over or restarted)
         if verdict.kill and waits:
             accusation.decision = f"{node} is killed as soon as its substitute publishes"
-            accusation.fate, accusation.heard = Fate.WAITS, False
+            accusation.fate = Fate.WAITS
             return []
         accusation.decision, accusation.asks_there = verdict.why, False
         commands: List[Command] = []
@@ -217,8 +212,6 @@ class Nodes:
             if order.period > 0.0 and node == service.node and self._host_of(node):
                 text = f"{node} is killed if it fails on its own computer as well"
                 accusation.decision, accusation.asks_there = text, True
-            if order.only_here and parted:
-                accusation.heard = False  # its kill may wait for its computer, and nobody hears it
             commands += self.kill(order)
         else:
             accusation.fate = Fate.KEPT
@@ -250,14 +243,17 @@ class Nodes:
         return KillNode(node, urgent, topic=service.topic, period=period, **how)
 
     def kill(self, order: KillNode) -> List[Command]:
-        """Begin a kill, or let it wait for the computer of the node."""
-        host = self._host_of(order.node)
-        if host and order.only_here and self._robot.computers.reachable(host):
-            self._pending[order.node] = _Pending(host, self._robot.time, True)
+        """Begin a kill, or let it wait: a silence must last beside the node's computer."""
+        host, time = self._host_of(order.node), self._robot.time
+        waits = order.only_here and (host or not order.quick)
+        if waits and self._robot.computers.reachable(host):
+            self._pending[order.node] = _Pending(host, time, True)
+            if not host:  # our own is heard all the time
+                self.kills.again.set(order.node, time + CERTAIN_S)
             return []
         self._pending.pop(order.node, None)
         order = order if host else replace(order, period=0.0)  # there is no link
-        return self.kills.begin(self._robot.time, order)
+        return self.kills.begin(time, order)
 
     # A kill goes on, and is over.
 
@@ -450,7 +446,8 @@ class Nodes:
             if trust.returned is None or time - trust.returned > within:
                 self._forgive(node, case, trust)
                 return
-        doubtful = trust.doubtful + (kind in BY_LINK and bool(self._host_of(service.node)))
+        by_link = kind in BY_LINK and bool(self._host_of(service.node))
+        doubtful = trust.doubtful + (by_link or kind in MISSED)
         relapses = trust.relapses + 1
         trust = replace(trust, relapses=relapses, doubtful=doubtful, soon=not soon)
         self._trust(node, case, trust)

@@ -188,7 +188,7 @@ class ServiceMachine:
     def judge(self, accusation: Accusation, replaced: bool) -> List[Command]:
         """Have it decided what becomes of a node."""
         taken_over = self.state is State.HEALED
-        return self.nodes.judge(self.spec, accusation, replaced, taken_over, self.parted)
+        return self.nodes.judge(self.spec, accusation, replaced, taken_over)
 
     def note_message(self, event: FailureSeen) -> None:
         """Keep the newest last good message: of the original, or of what was computed for it."""

@@ -54,8 +54,7 @@ class WatchedService:
             return None
         fixed, most = (_seconds(each(service)) for each in (deadlines.of, deadlines.longest))
         rate = service.deadline.false_alarms
-        bridge = service.bridges or 0.0
-        return LearnedDeadline(service.period, rate, fixed, most, self.gaps, bridge)
+        return LearnedDeadline(service.period, rate, fixed, most, self.gaps)
 
     @property
     def allowed(self) -> float:
@@ -136,11 +135,6 @@ class Publisher:
         if watched is None or watched.gaps is None or watched.service.node != self.name:
             return None
         return watched.gaps
-
-    @property
-    def patience(self) -> float:
-        """The silence in s that an excuse may double: at least the fixed deadline; inf: any."""
-        return max(self.allowed, self.watched.deadline) if self.watched else inf
 
     @property
     def deadline(self) -> float:

@@ -5,7 +5,7 @@ from typing import DefaultDict, Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.monitoring.events import Key, SubstitutionsChanged, Told
-from shsa_core.monitoring.settings import BRIDGES_APART, SERVES_S, TELL_S
+from shsa_core.monitoring.settings import BRIDGES_APART, CHANGEOVER_S, TELL_S
 
 Change = Tuple[str, Optional[Substitution], Optional[Substitution]]
 """A node, and its row before and now."""
@@ -85,7 +85,7 @@ class Bridges:
 
     def muted(self, key: Key, time: float) -> None:
         """Mute a substitute: what comes soon is for those whom it still serves."""
-        self._latest[key] = time + SERVES_S
+        self._latest[key] = time + CHANGEOVER_S
 
     def heard(self, key: Key, row: Substitution, time: float) -> Optional[Told]:
         """Count a bridge of a muted substitute; return what people are told of that now."""

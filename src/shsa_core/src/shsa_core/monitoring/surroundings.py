@@ -59,7 +59,7 @@ class Surroundings:
             Blame.SILENCE,
             watch.now,
             since,
-            limit=watch.now + 2 * publisher.patience - watch.passed(since),
+            limit=watch.now + 2 * publisher.allowed - watch.passed(since),
             due=watch.when(since, publisher.allowed),
             reconnects_until=publisher.reconnects_until,
             connected=self._connection(publisher.name),
@@ -71,7 +71,7 @@ class Surroundings:
     def slow(self, blame: Blame, publisher: Publisher, time: float) -> Case:
         """Return the case of a publisher whose messages come too seldom, or too old."""
         span = publisher.evidence.span if publisher.evidence is not None else 0.0
-        if not 0.0 <= time - self._looked < settings.LOOK_S:
+        if not 0.0 <= time - self._looked < settings.SAMPLE_S:
             self._looked = time
             self._slow = len({each.name for each in self._everybody() if _is_slow(each)})
         return self._late(blame, publisher.name, time - span, time, self._slow)

@@ -358,7 +358,7 @@ class ReconfiguratorNode:
     def _report(self) -> None:
         self._heed_added()
         open_ = self._incidents.open()
-        told = self._core.needed(), open_, self._master.told(), self._hosts.told()
+        told = self._core.needed(), open_, self._master.told(), self._hosts.told(), self._listed[1]
         self._diagnostics.show(told)
 
     def _failure(self, message: msg.Failure) -> None:

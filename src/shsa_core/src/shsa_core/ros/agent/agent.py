@@ -19,14 +19,14 @@ from shsa_msgs import msg
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing.naming import Names
 from shsa_core.ros import clock, settings
-from shsa_core.ros.agent.line import COMMANDS, EVENTS, read, written
 from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.node import publish, run
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.handover import Handover, await_turn
 from shsa_core.ros.processes.heartbeats import Signs, hearer
-from shsa_core.ros.processes.host import HostCommand, HostEvent
+from shsa_core.ros.processes.host import COMMANDS, EVENTS, HostCommand, HostEvent
+from shsa_core.ros.processes.host import read, written
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.processes.starting import Setup
@@ -52,7 +52,8 @@ class AgentEnd:
 
     def is_open(self, now: float) -> bool:
         """Return whether the conversation goes on."""
-        self._open = self._open and now < self._heard_at + settings.LOST_S
+        patience = settings.LOST_BEATS * settings.HEARTBEAT_S
+        self._open = self._open and now < self._heard_at + patience
         return self._open
 
     def is_cut_off(self, now: float) -> bool:

@@ -71,7 +71,7 @@ class Forking:
             try:
                 if kernel.stopped(psutil.Process(self._process.pid)):
                     raise BlockingIOError("the prepared process is stopped")
-                self._line.settimeout(settings.PROCESS_S)
+                self._line.settimeout(settings.PATIENCE_S)
                 self._line.send(order, socket.MSG_DONTWAIT)
                 pid = int(self._line.recv(LONGEST_ANSWER_B) or b"0")
             except (OSError, psutil.Error) as error:

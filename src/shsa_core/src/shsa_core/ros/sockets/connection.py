@@ -31,8 +31,6 @@ class Connection:
         self.wakes = True
         self.frames = Frames()
         self.frames.add(transport.read_buff.getvalue())
-        self.expects = 1
-        """Bytes that come before the kernel wakes who waits for it; 1: each does."""
         self._decodes: Optional[Tuple[str, Tuple[str, ...]]] = None
         self._decoder: Optional[Decoder] = None
 
@@ -42,13 +40,9 @@ class Connection:
         if connected is None:
             return False
         try:
-            stands = self.frames.read(connected)
-            if self.frames.expected != self.expects:
-                self.expects = self.frames.expected
-                connected.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, self.expects)
+            return self.frames.read(connected)
         except OSError:
             return False
-        return stands
 
     def decoder(self, kind: str, fields: Tuple[str, ...]) -> Optional[Decoder]:
         """Return what reads fields of its messages; None, with a warning, if they are no `kind`."""

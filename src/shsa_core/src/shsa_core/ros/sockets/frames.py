@@ -46,27 +46,15 @@ class Frames:
         self._found: List[Frame] = []
         self._rest = 0  # bytes of a message that are still to come, and are not wanted
         self._cut: Optional[Frame] = None  # what is told of that message once it has come
-        self._large = False  # the last message was one to drop
-        self._more = False  # there was more to be read than our share of a turn
 
     def __len__(self) -> int:
         return len(self._buffer)
-
-    @property
-    def expected(self) -> int:
-        """Return how many bytes come before anybody need look; 1: look at each.
-
-        It may be wrong: a message need not be as large as the one before.
-        """
-        dropping = self._large and not self._buffer and not self._more
-        return settings.EXPECTED_B if dropping else 1
 
     def read(self, connected: socket.socket) -> bool:
         """Read what has come, a bounded part of it; False if the other end has closed.
 
         Raises OSError if the connection is lost.
         """
-        self._more = False
         for _ in range(settings.READS_A_TURN):
             try:
                 if self._rest >= settings.READ_B:
@@ -74,8 +62,7 @@ class Frames:
                     count = connected.recv_into(_WASTE, size, socket.MSG_TRUNC)
                     self._passed(count)
                 else:
-                    short = self._large and not self._buffer
-                    size = settings.SHORT_READ_B if short else settings.READ_B
+                    size = settings.READ_B
                     data, extra, _, _ = connected.recvmsg(size, arrival_times.SPACE)
                     count = len(data)
                     self._noted = arrival_times.noted_in(extra) if count else self._noted
@@ -86,7 +73,6 @@ class Frames:
                 return False
             if count < size:
                 return True
-        self._more = True
         return True
 
     def add(self, data: bytes) -> None:
@@ -109,7 +95,6 @@ class Frames:
                 break
             frame = Frame(bytes(buffer[begin:end]), kept == size, self._noted)
             start, self._rest = end, size - kept
-            self._large = self._rest >= settings.READ_B
             if not self._rest:
                 self._found.append(frame)
             self._cut = frame if size <= settings.LARGEST_MESSAGE_B else None

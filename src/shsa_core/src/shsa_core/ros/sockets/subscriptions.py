@@ -259,8 +259,6 @@ class Subscriptions:
                 connection.transport.close()
                 yield from self._lose(connection)
                 continue
-            if connection.expects > 1:
-                self._hurried.add(descriptor)  # it may be less than is expected
             if not connection.wakes and len(connection.frames):
                 connection.is_large = True  # who sends it would wait for us
                 self._have_wake(connection, True)

@@ -103,7 +103,7 @@ def _plain(name: Tuple[Any, ...]) -> Address:
 
 
 def _sockets(state: str, here: Address, there: Address, fresh: bool) -> List[Owned]:
-    """Return sockets of the kernel's table, see proc(5); if not `fresh`, as of RECENT_S ago."""
+    """Return sockets of the kernel's table, see proc(5); if not `fresh`, as of CALL_S ago."""
     name = "/proc/net/tcp6" if ":" in here.host else "/proc/net/tcp"
     key = f" {_written(here)} {_written(there)} {state} "
     rows = [rest.split(None, 6) for rest in _table(name, fresh).split(key)[1:]]
@@ -113,7 +113,7 @@ def _sockets(state: str, here: Address, there: Address, fresh: bool) -> List[Own
 def _table(name: str, fresh: bool) -> str:
     """Return a table: one look does for many connections, as a robot has hundreds at once."""
     looked, text = _tables.get(name, (-math.inf, ""))
-    if fresh or time.monotonic() - looked > settings.RECENT_S:
+    if fresh or time.monotonic() - looked > settings.CALL_S:
         looked = time.monotonic()
         with open(name, encoding="ascii") as file:
             text = file.read()
