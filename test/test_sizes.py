@@ -7,7 +7,7 @@ import pytest
 
 SOURCE = Path(__file__).resolve().parent.parent / "src"
 CORE = SOURCE / "shsa_core" / "src" / "shsa_core"
-LINES = {"": 32327, "healing": 6028, "monitoring": 3978, "ros": 10946}
+LINES = {"": 32260, "healing": 5944, "monitoring": 3978, "ros": 10946}
 """Lines at most, docstrings included, of a folder of the core package. To be lowered, not raised:
 28,000, 4,500, 3,000 and 9,000 are wanted.
 """

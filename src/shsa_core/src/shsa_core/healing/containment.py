@@ -5,6 +5,7 @@ from typing import Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Sequen
 from shsa_core.codegen.plans import Plan
 
 from shsa_core.healing.health import MISSED, Health
+from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
 from shsa_core.healing.naming import Names
 from shsa_core.healing.planner import AnyPlan, Planner
 from shsa_core.model.checks import BY_VALUE
@@ -116,24 +117,32 @@ class Indexes:
         self.computed: Dict[str, Computed] = {}
         self.working: Dict[str, Tuple[float, AnyPlan]] = {}
         self.refused: Dict[str, str] = {}
-        self._reads: Dict[str, Tuple[str, ...]] = {}
+        self._reads: Dict[str, Dict[str, None]] = {}
         self._readers: Dict[str, Set[str]] = {}
 
     def readers(self, services: Iterable[str]) -> List[str]:
         """Return the services whose substitute reads one of some services."""
         return sorted({name for each in services for name in self._readers.get(each, ())})
 
-    def follow(self, name: str, reads: Tuple[str, ...]) -> None:
-        """Note what the substitute of a service reads now; nothing more is known of it yet."""
+    def follow(
+        self, incident: Incident, name: str, plan: Optional[AnyPlan], tried: FrozenSet[Plan]
+    ) -> None:
+        """Note how a service has decided, and what its substitute reads now."""
         self.stuck.pop(name, None)
         self.kept.pop(name, None)
         self.computed.pop(name, None)
-        self.refused.pop(name, None)
+        sources = plan.inputs if isinstance(plan, Plan) else ()
         for read in self._reads.get(name, ()):
             self._readers[read].discard(name)
-        self._reads[name] = reads
-        for read in reads:
+        self._reads[name] = {each.service.name: None for each in sources}
+        for read in self._reads[name]:
             self._readers.setdefault(read, set()).add(name)
+        if incident.state in STUCK:
+            self.stuck[name] = None
+        if incident.state is State.KEPT or incident.kept:
+            self.kept[name] = None
+        if incident.state in SUBSTITUTED:
+            self.computed[name] = Computed(incident.faulty_node, tried)
 
 
 class Stakes:

@@ -45,23 +45,28 @@ Said = Union[Command, NodeEvent]
 class Accusation:
     """A node failed on the topic of a service.
 
-    `decision` says in words what becomes of it. `heard`: it may publish, so that nobody else
-    should. `excuse`: what else may be the cause, as its own computer tells; empty: not known.
+    `decision` says in words what becomes of it. `excuse`: what else may be the cause, as its own
+    computer tells; empty: not known. `gated`: consumers hear a gate.
     """
 
     node: str
     kind: Kind
     fate: Fate = Fate.OPEN
-    heard: bool = True
     decision: str = ""
     excuse: str = ""
-    asks_there: bool = False  # its own computer is asked before it is killed
+    gated: bool = False
     back: bool = False  # it publishes again
 
     @property
     def kept(self) -> bool:
         """Tell that the node is not killed, for the time being."""
         return self.fate is Fate.KEPT
+
+    @property
+    def heard(self) -> bool:
+        """Tell that the node may publish, so that nobody else should."""
+        silenced = self.fate is Fate.NONE or (self.kept and self.gated)
+        return self.kind not in QUIET and not silenced
 
     @property
     def babbles(self) -> bool:
@@ -76,7 +81,7 @@ class Accusation:
 
 def no_accusation() -> Accusation:
     """Return what is held against nobody."""
-    return Accusation("", Kind.OTHER, Fate.NONE, False)
+    return Accusation("", Kind.OTHER, Fate.NONE)
 
 
 @dataclass
@@ -158,12 +163,12 @@ class Nodes:
 
     # A node fails, and is judged.
 
-    def accuse(self, service: str, node: str, kind: Kind) -> Accusation:
+    def accuse(self, service: Service, node: str, kind: Kind) -> Accusation:
         """Accuse a node of a failure on a service, perhaps once more: it is to be judged."""
         accusations = self._cases.setdefault(node, Case()).accusations
-        found = accusations.setdefault(service, Accusation(node, kind))
+        found = accusations.setdefault(service.name, Accusation(node, kind))
         found.kind, found.fate, found.excuse, found.back = kind, Fate.OPEN, "", False
-        found.heard = kind not in QUIET
+        found.gated = service.gated
         return found
 
     def take_up(self, service: str, accusation: Accusation) -> None:
@@ -204,18 +209,16 @@ class Nodes:
             accusation.decision = f"{node} is killed as soon as its substitute publishes"
             accusation.fate = Fate.WAITS
             return []
-        accusation.decision, accusation.asks_there = verdict.why, False
+        accusation.decision = verdict.why
         commands: List[Command] = []
         if verdict.kill:
             accusation.fate = Fate.KILLED
             order = self._order(service, accusation)
             if order.period > 0.0 and node == service.node and self._host_of(node):
-                text = f"{node} is killed if it fails on its own computer as well"
-                accusation.decision, accusation.asks_there = text, True
+                accusation.decision += ", unless it does well on its own computer"
             commands += self.kill(order)
         else:
             accusation.fate = Fate.KEPT
-            accusation.heard = accusation.kind not in QUIET and not service.gated
             if gone and not was_kept and service.policy is not Policy.ADVISE:
                 commands += self.kill(KillNode(node, False, True, service.topic))
         if accusation.decision != before and not gone and service.policy is not Policy.ADVISE:
@@ -332,7 +335,7 @@ class Nodes:
         self.forget_restarted(node)
         if certain:
             self._orphans.discard(node)
-        self._settle(node, certain)
+        self._settle(node)
         if case and certain:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.before.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
@@ -369,18 +372,18 @@ class Nodes:
         news = any(each.excuse != kill.cause for each in accusations)
         for each in accusations:
             each.decision = f"{kill.node} is not killed: {kill.detail}, {kill.cause}"
-            each.fate, each.heard, each.excuse = Fate.NONE, False, kill.cause
+            each.fate, each.excuse = Fate.NONE, kill.cause
         return [kill] if news else []
 
     def _accusations(self, node: str) -> List[Accusation]:
         return list(self._cases[node].accusations.values()) if node in self._cases else []
 
-    def _settle(self, node: str, certain: bool = False) -> None:
+    def _settle(self, node: str) -> None:
         """Note that a node is gone, or cannot be reached to make sure."""
         for each in self._accusations(node):
-            if each.kept or (certain and each.asks_there):
+            if each.kept:
                 each.decision = f"{node} is gone"
-            each.fate, each.heard = Fate.NONE, False
+            each.fate = Fate.NONE
 
     def _left_alone(self, node: str, case: Case) -> None:
         """Do no more about a node: two of one name would end each other, so it is not restarted."""
