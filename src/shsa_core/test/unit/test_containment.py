@@ -26,7 +26,7 @@ from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import Contain, Kind, Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.service import LastResort, Service
+from shsa_core.model.service import LastResort, Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import PublisherState
 
@@ -178,6 +178,18 @@ def test_several_topics_that_fail_together_are_one_kill() -> None:
     assert len([each for each in robot.said if isinstance(each, events.FindNode)]) == 1
 
 
+@pytest.mark.parametrize(
+    "kind, values, killed",
+    [("out_of_range", 1, True), ("out_of_range", 2, False), ("rate_high", 1, False)],
+)
+def test_a_topic_that_nothing_replaces_is_kept_for_what_is_good_in_it(
+    kind: str, values: int, killed: bool
+) -> None:
+    provides = tuple(Provision(name, "data") for name in "ad"[:values])
+    robot = Robot(changed(SOM, "a", provides=provides), Ontology(BOTH.properties, {}, []))
+    assert has(robot.fail("/a", A, 10.0, kind), events.FindNode) is killed
+
+
 def test_a_kept_node_is_judged_again_when_the_world_changes() -> None:
     robot = Robot(SHARED, WITH_D)
     robot.fail("/a", A, 10.0, "out_of_range")
@@ -227,10 +239,10 @@ def test_a_kept_node_that_is_well_again_ends_the_incident() -> None:
 
 def test_a_kept_node_that_dies_is_healed() -> None:
     robot = Robot(SHARED, WITH_D)
-    robot.fail("/a", A, 10.0, "out_of_range")
-    robot.row("/a", A, "failed", 10.0)
-    robot.rows["/a", A] = replace(robot.rows["/a", A], kind=Kind.NODE_GONE)
-    commands = robot.table(11.0)  # the monitor tells that its connection was lost
+    for kind, since in ((WRONG, 10.00004), (Kind.NODE_GONE, 10.0)):  # one moment, by two clocks
+        robot.row("/a", A, "failed", since)
+        robot.rows["/a", A] = replace(robot.rows["/a", A], kind=kind)
+        commands = robot.table(since + 1.0)  # at last that its connection was lost
     assert has(commands, events.StartSubstitute) and publishing(robot) == (True,)
 
 

@@ -4,12 +4,12 @@ from typing import Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Sequen
 
 from shsa_core.codegen.plans import Plan
 
-from shsa_core.healing.health import MISSED, Health
+from shsa_core.healing.health import HEALTHY, MISSED, Health
 from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
 from shsa_core.healing.naming import Names
 from shsa_core.healing.planner import AnyPlan, Planner
 from shsa_core.model.checks import BY_VALUE
-from shsa_core.model.kinds import Contain, Kind
+from shsa_core.model.kinds import BY_LINK, Contain, Kind
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
@@ -23,7 +23,7 @@ class Case:
     `protected`: why it is never killed unless the SOM says so; empty: it may be.
     `replaced`: something takes the failed service over. `costs`: the needed topics that would be
     lost with the node, and that nothing replaces. `duties`: what the node does beyond the SOM.
-    `useful`: the topics that it publishes well.
+    `useful`: what it publishes well, on the failed topic too.
     `was_good`: it has published the failed topic well before. `gated`: a gate stands between it and
     the consumers of that topic.
     """
@@ -157,8 +157,9 @@ class Stakes:
     def case(self, failed: Service, node: str, kind: Kind, replaced: bool, restarted: bool) -> Case:
         """Return the case of a node that failed on the topic of a service."""
         published = self._published(node)
-        good = PublisherState.HEALTHY
-        well = [each for each, row in published if row.state is good and each.name != failed.name]
+        well = [s for s, row in published if row.state is HEALTHY and s.name != failed.name]
+        partly = kind in BY_LINK or (kind in BY_VALUE and len(failed.provides) > 1)
+        useful = [each.topic for each in well] + [f"good values on {failed.topic}"] * partly
         return Case(
             node,
             failed.topic,
@@ -170,7 +171,7 @@ class Stakes:
             replaced,
             tuple(sorted(self._costs(failed, node, published))),
             self._health.duties.get(node, ()),
-            tuple(sorted(each.topic for each in well)),
+            tuple(sorted(useful)),
             (failed.topic, node) in self._health.good,
             failed.gated,
         )
@@ -196,12 +197,12 @@ class Stakes:
             if service.needed and service.name != failed.name and may_speak:
                 if not self._remains(service, doomed):
                     lost.add(service.topic)
-            if row.state is PublisherState.HEALTHY:
+            if row.state is HEALTHY:
                 lost.update(self._relying(service, doomed))
         # What goes with a node that is being killed was to be replaced, perhaps by this one.
         for other in sorted(others):
             for service, row in self._published(other):
-                promised = service.needed and row.state is PublisherState.HEALTHY
+                promised = service.needed and row.state is HEALTHY
                 if promised and not self._remains(service, doomed):
                     if self._remains(service, others):
                         lost.add(service.topic)
@@ -216,11 +217,10 @@ class Stakes:
 
     def _remains(self, service: Service, doomed: Set[str]) -> bool:
         """Tell that a service has good data without some nodes."""
-        for row in self._health.of(service.topic).values():
-            if row.state is PublisherState.HEALTHY and row.publisher not in doomed:
-                if row.publisher not in self._health.substitutes:
-                    return True
-        return self._planner.replaceable(service, doomed)
+        rows = self._health.of(service.topic).values()
+        well = (row.publisher for row in rows if row.state is HEALTHY)
+        remain = (each not in doomed and each not in self._health.substitutes for each in well)
+        return any(remain) or self._planner.replaceable(service, doomed)
 
     def _relying(self, service: Service, doomed: Set[str]) -> List[str]:
         """Return the topics that a substitute computes from a service, and nothing else gives."""
