@@ -1,8 +1,8 @@
 """Reads a rosbag by a SOM: what the services said of their properties, and not what healing said.
 
-Message types are those that are built here: rosbag would make a module of the definitions that a bag
-brings along, and run it. Messages of substitutes are left out, by the publisher's name in the bag
-and by what healing recorded of itself.
+Message types are those that are built here: rosbag would make a module of the definitions that a
+bag brings along, and run it. Messages of substitutes are left out, by the name of the publisher
+in the bag and by what healing recorded of itself.
 """
 import contextlib
 import math
