@@ -14,11 +14,12 @@ import pytest
 import rospy
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
 from rospy.impl.masterslave import ROSHandler
-from rospy.impl.tcpros_base import TCPROSServer, TCPServer
+from rospy.impl.tcpros_base import TCPROSServer
 from rospy.impl.tcpros_pubsub import TCPROSHandler
 
 from shsa_core.ros import settings
 from shsa_core.ros.rospy_patches import inbound
+from shsa_core.ros.trust.owners import speaker
 from shsa_testing.waiting import wait_until
 
 HEADER = b"\x0a\x00\x00\x00topic=/abc"
@@ -51,7 +52,9 @@ class Server:
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
     monkeypatch.setattr(
-        TCPROSServer, "_tcp_server_callback", inbound._apart(TCPROSServer._tcp_server_callback)
+        TCPROSServer,
+        "_tcp_server_callback",
+        inbound._apart(TCPROSServer._tcp_server_callback, speaker),
     )
     found = Server()
     yield found
@@ -123,12 +126,11 @@ def api(monkeypatch: pytest.MonkeyPatch) -> Iterator[Tuple[str, int]]:
         (ThreadingXMLRPCServer, "process_request"),
         (SilenceableXMLRPCRequestHandler, "do_POST"),
         (SilenceableXMLRPCRequestHandler, "handle_one_request"),
-        (TCPServer, "_create_server_sock"),
         (ROSHandler, "shutdown"),
     ):
         monkeypatch.setattr(kind, name, getattr(kind, name))
     monkeypatch.setattr(ROSHandler, "shutdown", lambda *_: (1, "it is done", 0))
-    inbound.serve_each_by_itself()
+    inbound.serve_each_by_itself(speaker)
     server = ThreadingXMLRPCServer(("127.0.0.1", 0), 0)
     server.register_function(lambda text: text, "echo")
     server.register_function(lambda: ROSHandler.shutdown(None, "/somebody", "why"), "shutdown")

@@ -14,35 +14,37 @@ import threading
 import time
 from collections import Counter
 from contextlib import suppress
-from typing import Any, Callable, Dict, Tuple
+from typing import Any, Callable, Dict, Optional, Tuple
 
 import rospy
 from rosgraph.network import write_ros_handshake_header
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
 from rospy.impl.masterslave import ROSHandler
 from rospy.impl.registration import get_topic_manager
-from rospy.impl.tcpros_base import TCPROSServer, TCPServer
+from rospy.impl.tcpros_base import TCPROSServer
 from rospy.impl.tcpros_pubsub import TCPROSHandler
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.rospy_patches.subscribing import LENGTH
-from shsa_core.ros.trust.owners import speaker
 
 Callback = Callable[[Any, socket.socket, Any], None]
+Speaker = Callable[[socket.socket], Optional[int]]
 EVERYBODY = ""
 _calling = threading.local()
 """Of each thread: `by`, the caller whose call it works on."""
 
 
-def serve_each_by_itself() -> None:
-    """To be called before the node is initialised."""
-    TCPROSServer._tcp_server_callback = _apart(TCPROSServer._tcp_server_callback)
-    TCPServer._create_server_sock = _patient(TCPServer._create_server_sock)
+def serve_each_by_itself(speaker: Speaker) -> None:
+    """To be called before the node is initialised.
+
+    `speaker` returns the user at the other end; None: that is on another computer. Raises OSError.
+    """
+    TCPROSServer._tcp_server_callback = _apart(TCPROSServer._tcp_server_callback, speaker)
     TCPROSHandler.topic_connection_handler = _unless_withdrawn(
         TCPROSHandler.topic_connection_handler
     )
-    room, debts = _Room(), _Debts()
+    room, debts = _Room(speaker), _Debts()
     calls = SilenceableXMLRPCRequestHandler
     ThreadingXMLRPCServer.process_request = _with_room(
         ThreadingXMLRPCServer.process_request, room, debts
@@ -52,20 +54,11 @@ def serve_each_by_itself() -> None:
     ROSHandler.shutdown = _of_our_user(ROSHandler.shutdown)
 
 
-def _caller(connection: socket.socket) -> str:
-    """Return the other user, or the address beyond, at the other end; empty: our own, or root."""
-    try:
-        user = speaker(connection)
-        at = connection.getpeername()[0] if user is None else f"user {user}"
-    except OSError:
-        return "whoever has left"
-    return "" if user in (0, os.geteuid()) else str(at)
-
-
 class _Room:
     """Connections that are open at the same time, and whose each is."""
 
-    def __init__(self) -> None:
+    def __init__(self, speaker: Speaker) -> None:
+        self._speaker = speaker
         self._open: Dict[socket.socket, str] = {}
         self._lock = threading.Lock()
 
@@ -76,7 +69,7 @@ class _Room:
         """
         with self._lock:
             self._open = {each: who for each, who in self._open.items() if each.fileno() >= 0}
-            self._open[connection] = _caller(connection)
+            self._open[connection] = self._look(connection)
             if len(self._open) <= most:
                 return
             count = Counter(self._open.values())
@@ -86,8 +79,16 @@ class _Room:
             oldest.shutdown(socket.SHUT_RDWR)
 
     def caller(self, connection: socket.socket) -> str:
-        """Return whose a connection is."""
+        """Return the other user, or the address beyond; empty: it is of our own, or of root."""
         return self._open.get(connection, "")
+
+    def _look(self, connection: socket.socket) -> str:
+        try:
+            user = self._speaker(connection)
+            at = connection.getpeername()[0] if user is None else f"user {user}"
+        except OSError:
+            return "whoever has left"
+        return "" if user in (0, os.geteuid()) else str(at)
 
 
 class _Debts:
@@ -110,8 +111,8 @@ class _Debts:
             time.sleep((debt - settings.CALLER_CREDIT_S) / settings.CALLER_SHARE)
 
 
-def _apart(callback: Callback) -> Callback:
-    room, others, debts = _Room(), _Room(), _Debts()
+def _apart(callback: Callback, speaker: Speaker) -> Callback:
+    room, others, debts = _Room(speaker), _Room(speaker), _Debts()
 
     def serve(server: Any, connection: socket.socket, address: Any) -> None:
         try:
@@ -136,17 +137,6 @@ def _apart(callback: Callback) -> Callback:
         debts.wait(EVERYBODY)
 
     return accept
-
-
-def _patient(create: Callable[[Any], socket.socket]) -> Callable[[Any], socket.socket]:
-    """Let more connections wait to be accepted than the five of rospy."""
-
-    def created(server: Any) -> socket.socket:
-        listener = create(server)
-        listener.listen(settings.MOST_WAITING)
-        return listener
-
-    return created
 
 
 def _unless_withdrawn(handle: Callable[..., Any]) -> Callable[..., Any]:
