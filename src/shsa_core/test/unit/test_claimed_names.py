@@ -27,7 +27,7 @@ def test_who_claims_the_name_of_another_is_whom_the_master_lists(
 def test_who_is_not_listed_counts_for_nobody(
     monitor: Monitor, node: Node, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(settings, "ASK_MASTER_AGAIN_S", (0.05,))
+    monkeypatch.setattr(settings, "FIRST_PAUSE_S", 0.05)
     monitor.connect(node)
     stranger = Node(monitor.topic, node.name, listed="")
     monitor.hear_of(stranger)
@@ -45,7 +45,7 @@ def test_who_is_not_listed_counts_for_nobody(
 def test_who_registers_later_is_heard_from_then_on_with_its_newest_message(
     monitor: Monitor, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(settings, "ASK_MASTER_AGAIN_S", (0.05,))
+    monkeypatch.setattr(settings, "FIRST_PAUSE_S", 0.05)
     late = Node(monitor.topic, "/late", listed="")
     monitor.hear_of(late)
     monitor.until(lambda: bool(late.connections))
@@ -87,7 +87,7 @@ def test_the_master_is_asked_once_for_a_node_that_connects_again(
 def test_a_connection_counts_no_more_for_a_name_that_another_process_has_taken(
     monitor: Monitor, node: Node, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(settings, "ASK_MASTER_AGAIN_S", (0.05,))
+    monkeypatch.setattr(settings, "FIRST_PAUSE_S", 0.05)
     monitor.connect(node)
     returned = Node(monitor.topic)
     monitor.hear_of(returned)
@@ -105,7 +105,7 @@ def test_who_sends_as_another_user_than_the_one_who_listens_counts_for_nobody(
     monitor: Monitor, node: Node, monkeypatch: Any
 ) -> None:
     """As one who answers at [::1] for a node that is at 127.0.0.1, of the same port."""
-    monkeypatch.setattr(settings, "ASK_MASTER_AGAIN_S", (0.05,))
+    monkeypatch.setattr(settings, "FIRST_PAUSE_S", 0.05)
     monkeypatch.setattr("shsa_core.ros.sockets.identity.speaker", lambda connected: 4002)
     monitor.hear_of(node)
     monitor.until(lambda: bool(monitor.refused))
@@ -125,7 +125,7 @@ def test_whoever_comes_to_the_address_of_a_node_that_is_gone_is_asked_about(
 def test_a_connection_that_ends_before_the_master_has_answered_is_asked_for_again(
     monitor: Monitor, node: Node, master: Master, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(settings, "ASK_MASTER_AGAIN_S", (0.05,))
+    monkeypatch.setattr(settings, "FIRST_PAUSE_S", 0.05)
     master.answers = False
     monitor.hear_of(node)
     monitor.until(lambda: bool(monitor.connections._identities._tries))

@@ -34,35 +34,36 @@ WRONG, SILENT = Kind.OUT_OF_RANGE, Kind.SILENT
 ROWS: List[Any] = [
     # Everything that is lost is taken over.
     (WRONG, {"replaced": True}, True, "what is needed of it is taken over"),
-    (SILENT, {"replaced": True}, True, "what is needed of it is taken over"),
+    (SILENT, {"replaced": True}, False, "it may speak again, and ending it would gain nothing"),
     (Kind.REQUESTED, {"replaced": True}, True, "what is needed of it is taken over"),
     (WRONG, {"replaced": True, "useful": ("/x",)}, True, "what is needed of it is taken over"),
     # Something needed is lost for good.
     (WRONG, {"replaced": True, "costs": ("/x",)}, False, "would cost /x, which nothing can"),
-    (SILENT, {"replaced": True, "costs": ("/x", "/y")}, False, "would cost /x and /y, which"),
+    (WRONG, {"replaced": True, "costs": ("/x", "/y")}, False, "would cost /x and /y, which"),
     (WRONG, {"costs": ("/x", "/y", "/z")}, False, "would cost /x, /y and /z, which"),
     (WRONG, {"duties": ("takes /x",), "replaced": True}, False, "it takes /x, which nothing takes"),
     # Nothing takes the failed topic over.
     (WRONG, {}, True, "it publishes nothing else that is good"),
     (WRONG, {"useful": ("/x",)}, False, "nothing can replace /a, and it still publishes /x"),
-    (SILENT, {}, False, "nothing can replace /a, and it may speak again"),
-    (Kind.NODE_GONE, {}, False, "nothing can replace /a, and it may speak again"),
+    (Kind.NEVER_PUBLISHED, {}, False, "it may speak again, and ending it would gain nothing"),
+    (Kind.NODE_GONE, {}, False, "nothing can replace /a"),
     (Kind.REQUESTED, {}, False, "nothing can replace /a"),
     # Nobody knows whether the node or the SOM is wrong.
     (WRONG, {"was_good": False}, False, "/a was never good: it may not be ready yet, or the SOM"),
     (Kind.NOT_A_NUMBER, {"was_good": False, "replaced": True}, False, "/a was never good"),
-    (SILENT, {"was_good": False, "replaced": True}, True, "what is needed of it is taken over"),
     (WRONG, {"was_good": False, "contain": Contain.NODE}, True, "the SOM says so of /a"),
     (WRONG, {"was_good": False, "restarted": True}, True, "its policy is to start it again"),
     # The SOM, the policy and the process decide otherwise.
     (WRONG, {"contain": Contain.NODE, "costs": ("/x",)}, True, "the SOM says so of /a"),
     (SILENT, {"contain": Contain.NODE}, True, "the SOM says so of /a"),
+    (SILENT, {"restarted": True}, True, "if it stays silent: its policy is to start it again"),
     (WRONG, {"contain": Contain.NONE, "replaced": True}, False, "the SOM says so of /a"),
     (WRONG, {"restarted": True, "costs": ("/x",)}, True, "its policy is to start it again"),
     # A gate stands between it and the consumers.
     (WRONG, {"gated": True, "replaced": True}, False, "a gate keeps from consumers what it"),
     (WRONG, {"gated": True, "contain": Contain.NODE}, True, "the SOM says so of /a"),
-    (SILENT, {"gated": True, "replaced": True}, True, "what is needed of it is taken over"),
+    (SILENT, {"gated": True, "replaced": True}, False, "it may speak again, and ending it"),
+    (Kind.NODE_GONE, {"gated": True, "replaced": True}, True, "what is needed of it is taken"),
     (Kind.REQUESTED, {"gated": True, "replaced": True}, True, "what is needed of it is taken"),
     (WRONG, {"protected": "it is P", "replaced": True}, False, "/n is kept: it is P"),
     (WRONG, {"protected": "it is P", "restarted": True}, False, "/n is kept: it is P"),
@@ -75,8 +76,9 @@ def test_a_row_of_the_table(kind: Kind, known: Dict[str, Any], kill: bool, why: 
     verdict = decide(Case("/n", "/a", kind, **known))
     assert verdict.kill is kill and why in verdict.why
     gone = kind is Kind.NODE_GONE
-    assert gone or verdict.why.startswith("/n is killed: " if kill else "/n is kept: ")
-    assert not gone or verdict.why.startswith("/n is left alone if it still runs: ")
+    does = ("ended", "left alone") if gone else ("killed", "kept")
+    end = " if it still runs: " if gone else ""
+    assert verdict.why.startswith(f"/n is {does[0] if kill else does[1]}{end}")
 
 
 SHARED = Som([service("a", A, needed=True), service("d", A, needed=True), service("b", B)])
@@ -124,14 +126,6 @@ def test_behind_a_gate_a_wrong_node_is_contained_without_a_kill_and_the_rest_goe
     assert last_incident(robot.table(12.0)).state is State.RETURNING
     assert last_incident(robot.handle(events.Tick(15.0))).state is State.ENDED
     assert publishing(robot) == (False,)
-
-
-def test_behind_a_gate_a_silent_node_is_killed_as_ever() -> None:
-    robot = Robot(changed(SHARED, "a", topic="/a/raw", beyond_gate="/a"), BOTH)
-    robot.fail("/a/raw", A, 10.0, "silent")
-    node = robot.working()[0].node
-    robot.row("/a/raw", node, "healthy", 10.5, first=10.5)
-    assert only(robot.table(10.5), events.FindNode).node == A
 
 
 def test_it_is_killed_if_all_that_is_needed_of_it_is_taken_over() -> None:
@@ -351,7 +345,9 @@ def test_a_node_with_duties_is_killed_only_by_name_or_to_be_started_again(kind: 
     robot = Robot(SHARED, BOTH)
     robot.handle(events.GraphSeen(2.0, (), ((A, DUTIES),)))
     commands = robot.fail("/a", A, 10.0, kind)
-    why = f"{A} is kept: it takes /cmd_vel and broadcasts tf, which nothing takes over"
+    costs = "it takes /cmd_vel and broadcasts tf, which nothing takes over"
+    spared = "it may speak again, and ending it would gain nothing"
+    why = f"{A} is kept: {spared if kind == 'silent' else costs}"
     assert last_incident(commands).decision == why
     assert publishing(robot) == ((True,) if kind == "silent" else ())
     robot.handle(events.Tick(30.0))

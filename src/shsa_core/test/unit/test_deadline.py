@@ -12,12 +12,11 @@ from shsa_core.monitoring.settings import BLOCKS, SPARE, TAIL_KEPT
 from shsa_testing.thorough import many
 
 PERIOD, FIXED, MOST = 0.02, 0.25, 1.0
-LEAST = 0.1
 SIGNIFICANCE = 1e-3
 
 
-def learned(false_alarms: float = 0.01, fixed: float = FIXED) -> LearnedDeadline:
-    return LearnedDeadline(PERIOD, false_alarms, fixed, MOST)
+def learned(false_alarms: float = 0.01) -> LearnedDeadline:
+    return LearnedDeadline(PERIOD, false_alarms, FIXED, MOST)
 
 
 def heard(delays: "np.ndarray") -> List[float]:
@@ -100,16 +99,19 @@ def test_each_stream_has_a_deadline_of_its_own() -> None:
         alarms(deadline, heard(stream(random, 100000)))
         found.append(deadline.allowed)
     steady, loaded, *loose = found
-    assert steady == LEAST and loaded < FIXED < min(loose[0], loose[2])
+    assert steady == loaded == FIXED < min(loose[0], loose[2])
 
 
 def test_nobody_is_blamed_where_an_idle_computer_becomes_busy() -> None:
     for seed in range(many(20)):
         random, deadline = np.random.RandomState(seed), learned()
         assert alarms(deadline, heard(idle(random, 60000))) == 0
-        assert deadline.allowed == LEAST
         assert alarms(deadline, heard(busy(random, 60000))) == 0
-        assert deadline.allowed > LEAST
+
+
+def test_a_single_late_message_of_a_steady_stream_is_not_blamed() -> None:
+    deadline = learned(10.0)
+    assert alarms(deadline, [PERIOD] * 15000 + [0.18]) == 0 and deadline.is_learned
 
 
 def test_the_fixed_deadline_counts_until_enough_is_known() -> None:
@@ -119,7 +121,7 @@ def test_the_fixed_deadline_counts_until_enough_is_known() -> None:
         for _ in range(needed - 1):
             assert not deadline.add(PERIOD)
         assert deadline.allowed == FIXED and f"until {needed} gaps are known" in deadline.told()
-        assert deadline.add(PERIOD) and deadline.allowed == LEAST
+        assert not deadline.add(PERIOD) and deadline.allowed == FIXED
         told = f"learned from {needed} gaps, {an_hour:g} false alarms an hour"
         assert deadline.told() == told
 
@@ -127,19 +129,19 @@ def test_the_fixed_deadline_counts_until_enough_is_known() -> None:
 def test_a_longer_gap_counts_at_once_and_is_forgotten_slowly() -> None:
     deadline = learned(10.0)
     alarms(deadline, [PERIOD] * 2000)
-    assert deadline.add(0.09)
+    assert deadline.add(0.2)
     raised = deadline.allowed
-    assert raised >= SPARE * 0.09
+    assert raised >= SPARE * 0.2
     alarms(deadline, [PERIOD] * 90000)  # half an hour
-    assert deadline.allowed >= SPARE * 0.09
+    assert deadline.allowed >= SPARE * 0.2
     alarms(deadline, [PERIOD] * 400000)
-    assert deadline.allowed == LEAST
+    assert deadline.allowed == FIXED
 
 
 def test_what_is_too_slow_for_a_block_is_learned_all_the_same() -> None:
     deadline = LearnedDeadline(10.0, 0.01, 50.0, 200.0)
     alarms(deadline, [10.0] * 5000)
-    assert deadline.is_learned and deadline.allowed == 25.0
+    assert deadline.is_learned and deadline.allowed == 50.0
 
 
 def test_other_numbers_count_for_what_was_learned_before() -> None:
@@ -148,18 +150,6 @@ def test_other_numbers_count_for_what_was_learned_before() -> None:
     seldom = LearnedDeadline(PERIOD, 0.1, FIXED, MOST, deadline)
     assert seldom.is_learned and seldom.allowed > deadline.allowed
     assert not LearnedDeadline(0.05, 0.1, FIXED, MOST, deadline).is_learned
-
-
-def test_a_short_fixed_deadline_is_never_made_longer_by_the_least() -> None:
-    deadline = learned(10.0, fixed=0.05)
-    alarms(deadline, [PERIOD] * 1000)
-    assert deadline.is_learned and deadline.allowed == 0.05
-
-
-def test_nobody_is_blamed_before_a_substitute_has_filled_in() -> None:
-    bridged = LearnedDeadline(PERIOD, 10.0, FIXED, MOST, bridge=8.0)
-    alarms(bridged, [PERIOD] * 1000)
-    assert bridged.is_learned and bridged.allowed == 8.0 * PERIOD
 
 
 GAPS = st.lists(
@@ -182,7 +172,7 @@ def test_whatever_comes_the_deadline_is_within_its_limits(
         if not deadline.is_learned:
             assert deadline.allowed == FIXED
             continue
-        assert LEAST <= deadline.allowed <= MOST
+        assert FIXED <= deadline.allowed <= MOST
         if sum(each * count for each, count in runs) < 1800.0:
             assert deadline.allowed >= min(MOST, SPARE * longest)
         oftener = LearnedDeadline(PERIOD, 10.0 * an_hour, FIXED, MOST, deadline)

@@ -13,13 +13,15 @@ SOM = Som([service("a", A, needed=True), service("b", B)])
 Listed = Set[Tuple[str, str]]
 
 
-def duties(publishes: Listed, subscribes: Listed = set(), serves: Listed = set()) -> object:
-    """Return the duties of A, which publishes /a besides."""
+def duties(
+    publishes: Listed, subscribes: Listed = set(), serves: Listed = set(), also: str = A
+) -> object:
+    """Return the duties of A, which publishes /a besides; nobody but `also` has any."""
     listed = publishes | {("/a", A), ("/rosout", A)}
     loggers = {(f"{A}/get_loggers", A), (f"{A}/set_logger_level", A)}
     parts = frozenset(listed), frozenset(subscribes), frozenset(serves | loggers)
     found: Dict[str, Tuple[str, ...]] = duties_of(SOM, Names("/"), *parts)
-    assert set(found) <= {A}
+    assert set(found) <= {A, also}
     return found.get(A, ())
 
 
@@ -72,6 +74,19 @@ def test_who_takes_commands_has_a_duty_where_the_som_knows_them_too(
     som, told = Som([service("a", A), commands]), frozenset({("/a", A), (topic, B)})
     found = duties_of(som, Names("/"), told, frozenset({(topic, A), (topic, B)}), frozenset())
     assert found.get(A, ()) == ((expected,) if expected else ())
+
+
+@pytest.mark.parametrize("topic", ["/arm/elbow_controller/command", "/left_wheel/target", "/x"])
+def test_a_command_of_any_name_and_type_is_a_duty_also_if_nobody_gives_it(topic: str) -> None:
+    assert duties(on("/control", topic), on(A, topic)) == (f"takes {topic}",)
+    assert duties(set(), on(A, topic)) == (f"takes {topic}",)
+
+
+@pytest.mark.parametrize("also", ["/substitute_b_1", "/monitor", A])
+def test_what_answers_a_node_is_a_command_though_the_som_has_it_as_a_service(also: str) -> None:
+    heard = on(A, "/b") | on(also, "/a", "/b")
+    assert duties(on(B, "/b") | on(also, "/b"), heard) == ()
+    assert duties(on(B, "/b"), heard | on(B, "/a"), also=B) == ("takes /b",)
 
 
 def test_nodes_of_healing_and_those_that_the_som_does_not_concern_have_none() -> None:

@@ -8,7 +8,7 @@ from typing import Iterator, List
 
 import pytest
 
-from shsa_core.ros.processes.launch import _processes_of
+from shsa_core.ros.processes import kernel
 
 PARENT = """
 import os, signal, subprocess, sys
@@ -116,7 +116,8 @@ def test_a_node_of_the_same_name_on_another_master_is_another(
         for uri in ("http://127.0.0.1:12345/", "http://localhost:12346", "nonsense:x")
     ]
     try:
-        assert list(_processes_of({f"/{name}"})) == [(f"/{name}", processes[0].pid)]
+        found = [each.process.pid for each in kernel.robot_processes() if each.node == f"/{name}"]
+        assert found == [processes[0].pid]
     finally:
         for process in processes:
             process.communicate(b"\n")

@@ -23,7 +23,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.settings import CERTAIN_S
 from shsa_core.healing.incident import State
-from shsa_core.model.kinds import OnPartition, Policy, Standby
+from shsa_core.model.kinds import Contain, OnPartition, Policy, Standby
 from shsa_core.model.som import Som
 
 # A computer is lost
@@ -140,7 +140,7 @@ def test_a_node_that_is_silent_with_its_computer_is_taken_over_and_not_killed() 
 
 
 def test_a_node_that_is_silent_beside_its_computer_is_killed() -> None:
-    robot = distributed(standby=Standby.HOT)
+    robot = distributed(standby=Standby.HOT, contain=Contain.NODE)
     steady(robot, 3.0, 10.0, PI)
     silent(robot, 10.0)
     takes_over(robot, 10.1)
@@ -149,7 +149,7 @@ def test_a_node_that_is_silent_beside_its_computer_is_killed() -> None:
 
 
 def test_a_node_that_hangs_on_a_computer_that_is_back_is_killed_there() -> None:
-    robot = distributed(standby=Standby.HOT)
+    robot = distributed(standby=Standby.HOT, contain=Contain.NODE)
     cut(robot, 10.0)
     assert not has(seen(robot, 18.0, PI), events.FindNode)
     assert not has(seen(robot, 19.0, PI), events.FindNode)

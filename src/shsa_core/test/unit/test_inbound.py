@@ -75,12 +75,12 @@ def test_who_says_nothing_keeps_nobody_out(server: Server) -> None:
 def test_a_header_may_come_byte_by_byte_but_not_for_ever(
     server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(settings, "LONG_CALL_S", 10.0)
+    monkeypatch.setattr(settings, "PATIENCE_S", 10.0)
     client = server.connect()
     for each in WHOLE:
         client.sendall(bytes([each]))
     wait_until(lambda: server.headers, 5.0, "it is served")
-    monkeypatch.setattr(settings, "LONG_CALL_S", 0.2)
+    monkeypatch.setattr(settings, "PATIENCE_S", 0.2)
     slow = server.connect()
     slow.sendall(WHOLE[:5])
     assert slow.recv(1) == b""
@@ -96,7 +96,7 @@ def test_a_header_that_is_too_long_is_not_read(server: Server) -> None:
 def test_the_oldest_goes_where_too_many_wait(
     server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(settings, "LONG_CALL_S", 60.0)
+    monkeypatch.setattr(settings, "PATIENCE_S", 60.0)
     monkeypatch.setattr(settings, "MOST_WAITING", 3)
     silent = [server.connect() for _ in range(5)]
     assert all(each.recv(1) == b"" for each in silent[:2])
@@ -175,7 +175,7 @@ def test_the_body_of_a_call_has_a_deadline(
             while b"</methodResponse>" not in answer:
                 answer += client.recv(100_000)
             assert b" 200 " in answer
-        monkeypatch.setattr(settings, "LONG_CALL_S", 0.2)
+        monkeypatch.setattr(settings, "PATIENCE_S", 0.2)
         client.sendall(head + body[:20_000])
         assert client.recv(1) == b""
 

@@ -61,8 +61,7 @@ def test_nothing_is_lost_that_healing_could_have_kept(kind: str, fault: str) -> 
         robot.handle(events.NodeFound(10.3, A, where))
     quiet = failure in ("node_gone", "silent")
     ended = has(robot.said, events.AskToLeave) or has(robot.said, events.EndProcess)
-    may_end = node.ended or (gated and quiet)
-    assert ended is (may_end and fault != "dead")
+    assert ended is (node.ended and not quiet)
     if ended and kind == "node of another user":
         robot.handle(events.ProcessUntouchable(10.4, A))
         assert has(robot.said, events.Log) and publishing(robot) == (True,)

@@ -11,7 +11,7 @@ from shsa_core.monitoring.events import Message, SubstitutionsChanged, Tick
 from shsa_core.monitoring.publishers import Publisher
 from shsa_core.monitoring.settings import Settings
 
-FIXED, LEAST = 0.25, 0.1
+FIXED = 0.25
 LEARN = 1000
 OFTEN = AdaptiveDeadline(10.0)
 
@@ -52,14 +52,21 @@ def gap(bench: Bench, seconds: float) -> None:
 
 
 def test_a_hung_node_is_found_by_what_was_learned(bench: Bench) -> None:
+    gap(bench, 0.2)
     last = bench.now
     bench.wait(1.0)
     (failure,) = bench.failures
-    assert failure.since == pytest.approx(last + LEAST)
+    assert failure.since == pytest.approx(last + 0.3)
     assert failure.detail == (
-        "no message for 0.100 s, 0.100 s are allowed, learned from 1000 gaps, "
+        "no message for 0.300 s, 0.300 s are allowed, learned from 1001 gaps, "
         "10 false alarms an hour"
     )
+
+
+def test_one_late_message_of_a_steady_stream_is_not_blamed(bench: Bench) -> None:
+    bench.wait(0.18)
+    bench.message()
+    assert bench.failures == []
 
 
 def test_before_that_the_fixed_deadline_counts() -> None:
@@ -75,30 +82,30 @@ def test_before_that_the_fixed_deadline_counts() -> None:
 
 def test_it_is_shown(bench: Bench) -> None:
     (shown,) = bench.core.overview()
-    assert shown.deadline == "0.100 s, learned from 1000 gaps, 10 false alarms an hour"
+    assert shown.deadline == "0.250 s, learned from 1000 gaps, 10 false alarms an hour"
     (usual,) = bench_of(service()).core.overview()
     assert usual.deadline == ""
 
 
 def test_a_longer_healthy_gap_raises_it_at_once(bench: Bench) -> None:
-    gap(bench, 0.09)
-    assert allowed(bench) >= 0.135 and bench.failures == []
+    gap(bench, 0.2)
+    assert allowed(bench) >= 0.3 and bench.failures == []
 
 
 def test_a_gap_while_the_monitor_was_late_does_not_teach(bench: Bench) -> None:
-    bench.wait(0.09)
+    bench.wait(0.168)
     bench.message()
-    bench.wake(0.03)
-    assert allowed(bench) == LEAST
+    bench.wake(0.06)
+    assert allowed(bench) == FIXED
 
 
 def test_a_gap_while_healing_connects_does_not_teach(bench: Bench) -> None:
     bench.connect()
-    gap(bench, 0.09)
-    assert allowed(bench) == LEAST
+    gap(bench, 0.2)
+    assert allowed(bench) == FIXED
     bench.stream(10)
-    gap(bench, 0.09)
-    assert allowed(bench) > LEAST
+    gap(bench, 0.2)
+    assert allowed(bench) > FIXED
 
 
 def test_a_gap_that_was_interrupted_does_not_teach(bench: Bench) -> None:
@@ -107,8 +114,8 @@ def test_a_gap_that_was_interrupted_does_not_teach(bench: Bench) -> None:
     bench.connect()
     bench.stream(10)
     bench.interrupt()
-    gap(bench, 0.09)
-    assert allowed(bench) == LEAST
+    gap(bench, 0.2)
+    assert allowed(bench) == FIXED
 
 
 def robot(nodes: int, *deadlines: Optional[AdaptiveDeadline]) -> Bench:
@@ -135,9 +142,9 @@ def together(bench: Bench, nodes: int, seconds: float) -> None:
 @pytest.mark.parametrize("nodes, teaches", [(2, True), (3, False), (5, False)])
 def test_nodes_that_are_late_together_do_not_teach(nodes: int, teaches: bool) -> None:
     bench = robot(nodes)
-    together(bench, nodes, 0.09)
+    together(bench, nodes, 0.2)
     last = f"/node_{nodes - 1}"
-    assert (publisher(bench, last, last).allowed > LEAST) is teaches
+    assert (publisher(bench, last, last).allowed > FIXED) is teaches
     assert bench.failures == []
 
 
@@ -151,7 +158,7 @@ def test_nodes_that_are_late_together_have_as_long_as_by_the_fixed_deadline() ->
 
 def test_others_with_a_fixed_deadline_are_late_together_with_it() -> None:
     bench = robot(3, OFTEN, None, None)
-    together(bench, 3, 0.2)
+    together(bench, 3, 1.9 * FIXED)
     assert bench.failures == []
 
 
@@ -159,14 +166,14 @@ def test_the_gap_of_a_failure_does_not_teach(bench: Bench) -> None:
     bench.wait(0.5)
     bench.stream(20)
     assert bench.state() == "healthy" and len(bench.failures) == 1
-    assert allowed(bench) == LEAST
+    assert allowed(bench) == FIXED
 
 
 def test_what_was_learned_outlives_a_restart_of_the_node(bench: Bench) -> None:
     bench.disconnect()
     bench.connect()
     bench.stream(1)
-    assert allowed(bench) == LEAST
+    assert allowed(bench) == FIXED
 
 
 def test_a_substitute_has_the_fixed_deadline(bench: Bench) -> None:
@@ -177,10 +184,10 @@ def test_a_substitute_has_the_fixed_deadline(bench: Bench) -> None:
 
 
 def test_messages_that_are_bad_do_not_teach(bench: Bench) -> None:
-    bench.wait(0.09)
+    bench.wait(0.2)
     bench.message(1000.0)
     bench.wake(0.0)
-    assert allowed(bench) == LEAST
+    assert allowed(bench) == FIXED
 
 
 def test_a_number_instead_counts_at_once_if_it_allows_more(bench: Bench) -> None:
@@ -196,7 +203,7 @@ def test_a_number_that_allows_less_counts_at_once_if_the_node_conforms(bench: Be
 def test_a_rate_is_adopted_and_what_is_known_counts_for_it(bench: Bench) -> None:
     bench.watch(adaptive(deadline=AdaptiveDeadline(100.0)))
     bench.stream(20)
-    assert allowed(bench) == LEAST and bench.refused == []
+    assert allowed(bench) == FIXED and bench.refused == []
     bench.watch(adaptive(deadline=AdaptiveDeadline(0.01)))
     assert allowed(bench) == FIXED, "18000 gaps are needed for that"
 
@@ -228,11 +235,11 @@ def test_it_survives_a_journal() -> None:
 
 
 def test_the_same_events_teach_the_same() -> None:
-    times = list(accumulate(PERIOD + 0.004 * (number % 14) for number in range(1500)))
+    gaps = [PERIOD if number % 60 else 0.19 for number in range(1500)]
     made = [bench_of(adaptive()) for _ in range(2)]
     for one in made:
         one.connect()
-        for time in times:
+        for time in accumulate(gaps):
             one.send(Message(100.0 + time, TOPIC, NODE, (1.0,)))
             one.send(Tick(100.0 + time))
-    assert allowed(made[0]) == allowed(made[1]) > LEAST
+    assert allowed(made[0]) == allowed(made[1]) > FIXED

@@ -5,9 +5,9 @@ import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service, streaming
 
 from shsa_core.model.service import Service
-from shsa_core.monitoring.alibis import ROWS, Blame, Case, decide
+from shsa_core.monitoring.alibis import ROWS, Blame, Case, Row, decide
 from shsa_core.monitoring.events import ClockTicked
-from shsa_core.monitoring.settings import COMING_UP_S, CONNECT_S, RECONNECT_S, Settings
+from shsa_core.monitoring.settings import CHANGEOVER_S, CONNECT_S, RECONNECT_S, Settings
 
 NODES = ("/one", "/two", "/three", "/four")
 
@@ -194,6 +194,12 @@ def test_who_has_no_alibi_is_to_blame(blame: Blame) -> None:
     assert decide(Case(blame, 10.0, 9.0)) is None
 
 
+@pytest.mark.parametrize("row", ROWS)
+def test_who_is_late_has_the_same_alibis_whatever_shows_it(row: Row) -> None:
+    late = {Blame.SILENCE, Blame.RATE, Blame.STAMP, Blame.GAP}
+    assert len(late & {*row.clears}) in (0, 1, len(late))
+
+
 def test_each_alibi_clears_of_what_it_says_and_ends() -> None:
     facts: Tuple[Dict[str, Any], ...] = (
         dict(due=11.0),
@@ -224,7 +230,7 @@ def test_to_connect_to_one_node_excuses_no_other(bench: Bench) -> None:
     assert bench.kinds() == [(NODE, "silent")]
 
 
-@pytest.mark.parametrize("after", (0.0, 0.9 * COMING_UP_S))
+@pytest.mark.parametrize("after", (0.0, 0.9 * CHANGEOVER_S))
 def test_while_a_substitute_comes_up_everybody_has_a_deadline_more(after: float) -> None:
     bench = robot()
     bench.substitutes(("/substitute_1", False), topic="/two")

@@ -1,12 +1,13 @@
 """The monitor and substitutes: one that is muted or stopped on purpose has not failed."""
 from dataclasses import replace
+from math import nan
 from typing import List
 
 import pytest
-from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, row
+from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, provision, row, service
 
 from shsa_core.errors import ShsaError
-from shsa_core.monitoring.settings import SERVES_S, TELL_S
+from shsa_core.monitoring.settings import CHANGEOVER_S, TELL_S
 from shsa_core.monitoring.events import Message, SubstitutionsChanged, Told
 
 
@@ -55,6 +56,24 @@ def test_what_a_gate_keeps_back_is_no_failure_and_no_health(bench: Bench) -> Non
     assert bench.state(node) == "healthy"
     (health,) = [each for each in bench.core.table() if each.publisher == node]
     assert health.first_message is not None and health.first_message >= began
+
+
+@pytest.mark.parametrize("node, kinds", [("/substitute_1", []), (NODE, ["not_a_number"])])
+def test_a_value_that_a_substitute_does_not_compute_is_no_failure(
+    node: str, kinds: List[str]
+) -> None:
+    values = provision(), provision(property="voltage", field="voltage")
+    bench = Bench(service(provides=values))
+    bench.substitutes(("/substitute_1", True))  # it computes `data` alone
+    bench.connect(node)
+    for _ in range(60):
+        bench.wait(PERIOD)
+        bench.send(Message(bench.now, TOPIC, node, (1.0, nan)))
+    assert [kind for _, kind in bench.kinds()] == kinds
+    bench.send(Message(bench.now, TOPIC, node, (nan, nan)))
+    bench.send(Message(bench.now, TOPIC, node, (nan, nan)))
+    bench.send(Message(bench.now, TOPIC, node, (nan, nan)))
+    assert bench.kinds() == [(node, "not_a_number")]
 
 
 def test_an_idle_process_that_advertised_a_topic_is_not_to_blame_for_it() -> None:
@@ -223,5 +242,5 @@ def test_one_that_was_muted_just_now_does_not_fill_in_yet(bench: Bench) -> None:
     bench.stream(3)
     bridges(bench)
     assert filled_in(bench) == []  # to consumers whom the original does not serve yet
-    bench.stream(int(SERVES_S / PERIOD))
+    bench.stream(int(CHANGEOVER_S / PERIOD))
     assert ["once" in each for each in filled_in(bench)] == [True]

@@ -234,6 +234,9 @@ def incident(state: State) -> Incident:
     return replace(made, state=state, substitute=SUBSTITUTE)
 
 
+DOES = ("takes /cmd_vel", "broadcasts tf")
+
+
 @pytest.mark.parametrize(
     "state, expected",
     [
@@ -249,10 +252,12 @@ def test_a_row_of_healing_is_named_after_the_service(state: State, expected: int
     current = replace(service(), needed=True)
     other = replace(current, name="other")
     first, second, master = healing_rows(
-        ([current, other], {"current": incident(state)}, MasterState(), ())
+        ([current, other], {"current": incident(state)}, MasterState(), (), {NODE: DOES})
     )
     assert (master.name, master.level) == ("ROS master", OK)
     assert (first.name, first.level, first.hardware_id) == ("current", expected, NODE)
     assert first.message == f"{state}: x"
     assert [each.value for each in first.values if each.key == "substitute"] == [SUBSTITUTE]
     assert (second.name, second.level, second.message) == ("other", OK, "well")
+    for each in (first, second):
+        assert ("its node also", " and ".join(DOES)) in [(v.key, v.value) for v in each.values]

@@ -91,7 +91,8 @@ def test_restarts_are_forgotten_once_the_node_was_well_for_long() -> None:
 
 def test_a_node_that_is_told_gone_twice_has_failed_once() -> None:
     robot = Robot(som("restart"), restart_pause=1.0)
-    robot.fail("/a", A, 10.0, "silent")
+    robot.fail("/a", A, 8.0, "silent")
+    robot.handle(events.Tick(10.0))
     robot.killed(10.1, A)
     assert has(robot.fail("/a", A, 10.11), events.FindNode)
     robot.killed(10.2, A)

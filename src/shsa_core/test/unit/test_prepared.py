@@ -4,13 +4,14 @@ import os
 import socket
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
-from typing import Any, Dict, Iterator, List
+from typing import Dict, Iterator, List
+from unittest.mock import patch
 
 import psutil
 import pytest
+import rospy
 from roslib.packages import find_node
 
 from shsa_core.healing.events import StartSubstitute
@@ -48,8 +49,24 @@ class Bench:
 
     def ready(self, but: int = 0) -> psutil.Process:
         """Wait until there is a prepared process, and another one than `but`."""
-        wait_until(lambda: self.forking.pid not in (0, but), START_S, "a prepared process")
-        return psutil.Process(self.forking.pid)
+        wait_until(lambda: self.pid not in (0, but), START_S, "a prepared process")
+        return psutil.Process(self.pid)
+
+    @property
+    def pid(self) -> int:
+        """Return the number of the prepared process; 0: there is none now."""
+        process = self.forking._process
+        return process.pid if process is not None and self.forking._line is not None else 0
+
+    def close(self) -> None:
+        """End all processes."""
+        for node in self.ours.children.running():
+            self.ours.children.stop(node, answers=False)
+        with patch.object(rospy, "is_shutdown", lambda: True):
+            while self.forking._thread.is_alive():  # one may just come up
+                if self.forking._process is not None:
+                    self.forking._process.kill()
+                self.forking._thread.join(0.05)
 
     def start(self, number: int = 1) -> psutil.Process:
         """Start an idle substitute."""
@@ -69,9 +86,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     monkeypatch.setattr(settings, "FIRST_PAUSE_S", 0.01)
     made = Bench()
     yield made
-    for node in made.ours.children.running():
-        made.ours.children.stop(node, answers=False)
-    made.forking.close()
+    made.close()
 
 
 def test_a_fork_is_a_process_of_its_own_as_rosrun_would_have_started_it(bench: Bench) -> None:
@@ -103,25 +118,6 @@ def test_a_fork_with_a_program_shows_its_name_however_long_its_code_is(bench: Be
     assert bench.ours.runs_ours(node, process)
 
 
-def test_one_that_comes_up_while_healing_ends_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    made: List[forking.Forking] = []
-    ends: List[threading.Thread] = []
-    popen = subprocess.Popen
-
-    def started(*words: Any, **more: Any) -> Any:
-        process = popen(*words, **more)
-        wait_until(lambda: made, 5.0, "its owner is made")
-        ends.append(threading.Thread(target=made[0].close, daemon=True))
-        ends[0].start()
-        wait_until(made[0]._closed.is_set, 5.0, "it is to be closed")
-        ends[0].join(0.2)  # it cannot know of this process
-        return process
-
-    monkeypatch.setattr(forking.subprocess, "Popen", started)
-    made.append(forking.Forking([sys.executable, "-c", "input()"], dict(os.environ)))
-    wait_until(lambda: ends and not ends[0].is_alive(), 10.0, "it is closed")
-
-
 def test_the_end_of_a_fork_is_told_as_that_of_a_started_one(bench: Bench) -> None:
     bench.ready()
     process = bench.start()
@@ -145,10 +141,8 @@ def test_a_ros_nodes_sockets_time_out_and_its_prepared_process_waits(
             made.start(number)
         assert all(made.is_forked(number) for number in range(10))
         wait_until(lambda: time.time() > prepared.create_time() + 3.0, 10.0, "it had nothing to do")
-        assert made.forking.pid == prepared.pid and not made.ended
-        for node in made.ours.children.running():
-            made.ours.children.stop(node, answers=False)
-        made.forking.close()
+        assert made.pid == prepared.pid and not made.ended
+        made.close()
     finally:
         socket.setdefaulttimeout(former)
 

@@ -22,7 +22,8 @@ from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
-from shsa_core.model.kinds import Kind
+from shsa_core.healing.settings import CERTAIN_S
+from shsa_core.model.kinds import Contain, Kind, Policy
 from shsa_core.model.log import Level
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import Provision, Service
@@ -262,13 +263,49 @@ def test_a_topic_that_never_came_up_is_healed() -> None:
     robot.table(2.0)
     commands = robot.failure("/a", "", 10.0, "never_published", "nothing came.", None)
     start = only(commands, events.StartSubstitute)
-    assert not has(commands, events.FindNode)
     robot.row("/a", start.node, "healthy", 10.5, first=10.5)
-    assert only(robot.table(10.51), events.FindNode).node == A
+    assert last_incident(robot.table(10.51)).state is State.HEALED
+    assert not has(robot.said, events.FindNode)
 
 
-def test_a_silent_node_is_killed_once_its_substitute_publishes() -> None:
+CONTAINED = SOM.with_services(replace(each, contain=Contain.NODE) for each in SOM)
+
+
+def test_a_silent_node_is_spared_and_filled_in_for_until_it_speaks() -> None:
     robot = Robot()
+    for time in (10.0, 16.0, 22.0, 28.0, 34.0):  # each time within its hold-off, but the first
+        robot.fail("/a", A, time, "silent")
+        (row,) = robot.working()
+        assert row.publishing
+        robot.row("/a", row.node, "healthy", time + 0.3, first=time + 0.3)
+        robot.table(time + 0.31)
+        robot.handle(events.Tick(time + 5.0))
+        incident = robot.core.incident("a")
+        assert incident is not None and incident.state is State.HEALED
+        assert incident.kept and not incident.kept_out
+        robot.row("/a", A, "healthy", time + 5.0)
+        assert last_incident(robot.table(time + 5.0)).state is State.RETURNING
+        assert publishing(robot) == (False,)
+    assert not has(robot.said, events.FindNode)
+
+
+@pytest.mark.parametrize("policy", [Policy.RESTART, Policy.RESTART_AND_SUBSTITUTE])
+def test_a_silent_node_that_is_to_be_started_again_has_time_to_speak(policy: Policy) -> None:
+    robot = Robot(SOM.with_services(replace(each, policy=policy) for each in SOM))
+    robot.fail("/a", A, 10.0, "silent")
+    assert publishing(robot) == ((True,) if policy.substitutes else ())
+    robot.row("/a", A, "healthy", 9.9 + CERTAIN_S)
+    assert last_incident(robot.table(9.9 + CERTAIN_S)).state is State.RETURNING
+    robot.handle(events.Tick(10.0 + CERTAIN_S))
+    robot.handle(events.Tick(20.0))
+    assert not has(robot.said, events.FindNode) and robot.core.incident("a") is None
+    robot.fail("/a", A, 100.0, "silent")
+    assert not has(robot.handle(events.Tick(99.9 + CERTAIN_S)), events.FindNode)
+    assert only(robot.handle(events.Tick(100.0 + CERTAIN_S)), events.FindNode).node == A
+
+
+def test_a_silent_node_is_killed_once_its_substitute_publishes_where_the_som_says_so() -> None:
+    robot = Robot(CONTAINED)
     commands = robot.fail("/a", A, 10.0, "silent")
     node = only(commands, events.StartSubstitute).node
     assert not has(commands, events.FindNode) and publishing(robot) == (True,)
@@ -287,7 +324,7 @@ def test_a_silent_node_is_killed_once_its_substitute_publishes() -> None:
 
 
 def test_a_silent_node_on_another_computer_is_left_alone_and_nobody_waits_for_it() -> None:
-    robot = Robot()
+    robot = Robot(CONTAINED)
     node = only(robot.fail("/a", A, 10.0, "silent"), events.StartSubstitute).node
     robot.row("/a", node, "healthy", 10.5, first=10.5)
     assert only(robot.table(10.51), events.FindNode).node == A

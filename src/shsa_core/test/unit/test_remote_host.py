@@ -13,8 +13,8 @@ from shsa_core.healing.events import Where  # noqa: E402
 from shsa_core.ros.agent.agent import AgentEnd  # noqa: E402
 from shsa_core.ros.processes.host import HostEvent  # noqa: E402
 from shsa_core.ros.agent.remote import RemoteHost  # noqa: E402
-from shsa_core.ros.settings import LOST_S, RETURN_S, TICK_S  # noqa: E402
-from shsa_core.ros.agent.line import COMMANDS, EVENTS, read, written  # noqa: E402
+from shsa_core.ros.settings import HEARTBEAT_S, LOST_BEATS, RETURN_BEATS, TICK_S  # noqa: E402
+from shsa_core.ros.processes.host import COMMANDS, EVENTS, read, written  # noqa: E402
 
 SUBSTITUTE = events.StartSubstitute("/substitute_a_1", None, host="pi")
 
@@ -143,7 +143,7 @@ def test_the_load_of_a_computer_is_told_as_often_as_it_comes(cable: Cable) -> No
 
 def test_a_silent_computer_is_lost_and_seen_again(cable: Cable) -> None:
     cable.whole = False
-    cable.pass_time(LOST_S - 0.2)
+    cable.pass_time(LOST_BEATS * HEARTBEAT_S - 0.2)
     assert not cable.take(events.HostLost)
     cable.pass_time(0.4)
     assert [each.host for each in cable.take(events.HostLost)] == ["pi"]
@@ -165,9 +165,9 @@ def test_time_in_which_we_did_not_run_is_no_silence(cable: Cable) -> None:
 def test_an_agent_that_has_ended_is_given_time_to_be_started_again(cable: Cable) -> None:
     cable.host.ended = lambda: True
     cable.whole = False
-    cable.pass_time(LOST_S + 0.5)
+    cable.pass_time(LOST_BEATS * HEARTBEAT_S + 0.5)
     cable.host.ended = lambda: False  # the next one has connected, and says nothing yet
-    cable.pass_time(RETURN_S - LOST_S - 1.0)
+    cable.pass_time((RETURN_BEATS - LOST_BEATS) * HEARTBEAT_S - 1.0)
     assert not cable.take(events.HostLost)
     cable.host.carry_out(events.FindNode("/a"), cable.now)
     assert cable.take(events.NodeFound)[0].where is Where.UNREACHABLE
@@ -179,7 +179,7 @@ def test_whoever_waits_when_it_is_lost_is_answered_at_once(cable: Cable) -> None
     cable.whole = False
     cable.host.carry_out(events.FindNode("/a"), cable.now)
     cable.host.carry_out(SUBSTITUTE, cable.now)
-    cable.pass_time(LOST_S + 0.2)
+    cable.pass_time(LOST_BEATS * HEARTBEAT_S + 0.2)
     assert [each.where for each in cable.take(events.NodeFound)] == [Where.UNREACHABLE]
     assert len(cable.take(events.ProcessExited)) == 1
     cable.host.carry_out(events.EndProcess("/a"), cable.now)
@@ -196,7 +196,7 @@ def test_what_was_kept_back_on_a_cut_cable_is_refused(cable: Cable) -> None:
     text = written(COMMANDS, events.EndProcess("/a"))
     number = cable.agent.heard + 1
     late = msg.HostCommand(session=cable.agent.session, agent=1000, number=number, command=text)
-    cable.now += LOST_S + 0.1
+    cable.now += LOST_BEATS * HEARTBEAT_S + 0.1
     assert not cable.agent.hear(late, cable.now)
     cable.pass_time(0.3)
     assert cable.host.is_reached and cable.agent.session > late.session

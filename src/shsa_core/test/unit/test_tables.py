@@ -59,7 +59,7 @@ class Bench:
 @pytest.fixture(autouse=True)
 def _alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "subscribe", lambda *_: None)
-    monkeypatch.setattr(settings, "RESUBSCRIBE_S", 3600.0)
+    monkeypatch.setattr(settings, "FIRST_PAUSE_S", 3600.0)
 
 
 def test_the_whole_and_then_each_change_once() -> None:

@@ -211,7 +211,7 @@ def write_model(folder: Path) -> Tuple[Path, Path]:
     ontology, som = folder / "ontology.yaml", folder / "som.yaml"
     ontology.write_text(ONTOLOGY)
     needed: Dict[str, Dict[str, object]] = {
-        "/a": {"needed": True, "standby": "hot"},
+        "/a": {"needed": True, "standby": "hot", "contain": "node"},
         "/b": {"needed": True, "standby": "warm"},
     }
     limit = {"range": [-LIMIT, LIMIT]}

@@ -1,14 +1,17 @@
 """Tells how right healing would have been, by the incidents on which it only advised."""
 import re
-from typing import Dict, Iterable, List, NamedTuple, Sequence, Tuple
+from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 from shsa_core.errors import ModelError, ModelErrors, listed
 from shsa_core.files.document import parse_yaml
 from shsa_core.files.regular import read_text
 from shsa_core.files.som_file import read_tree
 from shsa_core.healing.incident import Incident
+from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
+from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.monitoring.calibration import SOURCE as COMPARED
 
 BRIEF_S = 3.0
 """A failure that is over so soon needs no substitute: a cold one takes as long to publish."""
@@ -32,13 +35,15 @@ REMEDIES: Dict[Kind, str] = {
 class Advice(NamedTuple):
     """The advised incidents of a service.
 
-    `right`: those that lasted, and had a substitute. `kills`: those in which its node would have
-    been ended; `needless`: those of them that were over by themselves. `notes`: what the substitute
-    errs, and what to change.
+    `returned`: those after which its node did well again by itself. `right`: those that lasted, and
+    had a substitute that is better than a constant. `kills`: those in which its node would have
+    been ended; `needless`: those of them in which a live node returned. `notes`: how the substitute
+    agreed with the original, and what to change.
     """
 
     service: str
     incidents: int
+    returned: int
     right: int
     kills: int
     needless: int
@@ -50,6 +55,7 @@ class Advice(NamedTuple):
         killed = f", its node ended {self.kills} times" if self.kills else ""
         needless = f" ({self.needless} needlessly)" if self.needless else ""
         text = f"{self.service}: right {self.right} of {self.incidents} times{killed}{needless}"
+        text += f", back by itself {self.returned} times" if self.returned else ""
         return "\n    ".join((text, *self.notes))
 
 
@@ -59,28 +65,49 @@ def advice(som: Som, incidents: Iterable[Incident]) -> List[Advice]:
     for incident in incidents:
         if "healing advises" in incident.decision and incident.service in advised:
             advised[incident.service].append(incident)
-    return [_of(service, told) for service, told in advised.items()]
+    return [_of(som.services[name], told) for name, told in advised.items()]
 
 
-def _of(service: str, told: Sequence[Incident]) -> Advice:
+def _of(service: Service, told: Sequence[Incident]) -> Advice:
     notes: Dict[str, None] = {}
     brief = [each for each in told if _lasted(each) < BRIEF_S]
     for kind in dict.fromkeys(each.kind for each in brief):
         longest = max(_lasted(each) for each in brief if each.kind is kind)
         what = REMEDIES.get(kind, "see what happened with `shsa explain`")
         notes[f"{kind}: over by itself within {longest:.1f} s: {what}"] = None
-    for each in told[-1:]:
-        known = [(n, e.rms) for n, e in zip(each.properties, each.errors) if e is not None]
-        for name, rms in known:
-            notes[f"the substitute's RMS error of {name} is expected to be {rms:.3g}"] = None
+    names = {source.output: source.property for source in service.sources}
+    for each in [each for each in told if each.inputs][-1:]:
+        for path, error in zip(each.outputs, each.errors):
+            notes[_agreement(names.get(path, path), error)] = None
     for each in told:
         if not each.inputs:
             lacks = listed(each.missing) or "any relation that yields its values"
-            notes[f"no substitute: {lacks} is missing; `shsa find --service {service}`"] = None
+            notes[f"no substitute: {lacks} is missing; `shsa find --service {service.name}`"] = None
+    back = [each for each in told if each.returned is not None]
     kills = [each for each in told if " is killed" in each.decision]
-    right = [each for each in told if each.inputs and each not in brief]
-    needless = sum(each in brief for each in kills)
-    return Advice(service, len(told), len(right), len(kills), needless, tuple(notes))
+    right = [each for each in told if each.inputs and each not in brief and not _poor(each)]
+    needless = sum(each in back and each.kind is not Kind.NODE_GONE for each in kills)
+    if 2 * len(right) < len(told):
+        notes["acting would have been wrong more often: say `policy: advise` until then"] = None
+    counts = len(told), len(back), len(right), len(kills), needless
+    return Advice(service.name, *counts, tuple(notes))
+
+
+def _poor(incident: Incident) -> bool:
+    """Tell if the substitute errs as much as who always says the mean."""
+    known = (each for each in incident.errors if each is not None and each.baseline is not None)
+    return any(each.rms >= (each.baseline or 0.0) for each in known)
+
+
+def _agreement(name: str, error: Optional[Error]) -> str:
+    """Return how a value that would be published agreed with the original's, in words."""
+    if error is None:
+        return f"{name}: nothing is known of the substitute's error"
+    if error.source != COMPARED:
+        text = f"{name}: the substitute's RMS error is expected to be {error.rms:.3g}"
+        return f"{text}; it was never compared with the original"
+    most = "" if error.p95 is None else f", 95 % by at most {error.p95:.3g}"
+    return f"{name}: differed from the original by {error.rms:.3g} RMS{most} ({error.n} times)"
 
 
 def _lasted(incident: Incident) -> float:

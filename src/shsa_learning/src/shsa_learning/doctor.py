@@ -10,6 +10,7 @@ from shsa_core.healing.incident import Incident
 from shsa_core.healing.naming import Names
 from shsa_core.model.kinds import Kind, Policy
 from shsa_core.model.names import full_name
+from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 
 TABLE = "shsa/som_state"
@@ -57,26 +58,30 @@ def fates(seen: Seen) -> List[str]:
     """Return what becomes of each node here that publishes something wrong, and why."""
     told: Dict[str, None] = {}
     for service in seen.som:
-        node, duties = service.node, tuple(seen.duties.get(service.node, ()))
-        if node not in seen.publishers.get(service.topic, ()):
-            continue
-        wrong, restarts = Kind.OUT_OF_RANGE, service.policy.restarts
-        case = Case(
-            *(node, service.topic, wrong, service.contain, restarts),
-            replaced=True,
-            duties=duties,
-            gated=service.gated,
-        )
-        verdict = decide(case)
-        fate = verdict.why[len(node) :]
-        if service.policy is Policy.ADVISE:
-            fate = f" is kept: the policy of {service.topic} is to advise"
-        elif verdict.kill and duties:
-            fate += f". That costs: it {' and '.join(duties)}"
-        elif verdict.kill and case.contain is None and not restarts:
-            fate = " is killed if something replaces it: it does nothing beyond the SOM"
-        told[f"if {node} fails it{fate}"] = None
+        if service.node in seen.publishers.get(service.topic, ()):
+            fate = fate_of(service, seen.duties.get(service.node, ()))
+            told[f"if {service.node} fails it {fate}"] = None
     return list(told)
+
+
+def fate_of(service: Service, duties: Sequence[str]) -> str:
+    """Return what becomes of the node of a service if it publishes something wrong, and why."""
+    node, wrong, restarts = service.node, Kind.OUT_OF_RANGE, service.policy.restarts
+    case = Case(
+        *(node, service.topic, wrong, service.contain, restarts),
+        replaced=True,
+        duties=tuple(duties),
+        gated=service.gated,
+    )
+    verdict = decide(case)
+    fate = verdict.why[len(node) + 1 :]
+    if service.policy is Policy.ADVISE:
+        fate = f"is kept: the policy of {service.topic} is to advise"
+    elif verdict.kill and duties:
+        fate += f". That costs: it {' and '.join(duties)}"
+    elif verdict.kill and case.contain is None and not restarts:
+        fate = "is killed if something replaces it: it does nothing beyond the SOM"
+    return fate
 
 
 def _secret(seen: Seen) -> Iterator[Finding]:

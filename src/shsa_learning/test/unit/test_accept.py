@@ -11,6 +11,7 @@ from shsa_core.files.som_file import read_som
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
+from shsa_core.monitoring.calibration import SOURCE
 from shsa_learning.acceptance import advice
 
 SOM = """\
@@ -33,6 +34,7 @@ LASTED = Incident(
     100.0,
     State.KEPT,
     inputs=("/imu/data",),
+    outputs=("/odom/data",),
     errors=(Error(0.25),),
     decision=ADVISED,
 )
@@ -51,12 +53,35 @@ def test_advice_counts_what_lasted_and_says_what_to_change(som: Path) -> None:
     acted = replace(LASTED, id=9, decision="/base is killed: nothing else is lost with it")
     of_another = replace(LASTED, service="unheard")
     (told,) = advice(read_som(str(som)), [LASTED, BRIEF, LACKS, acted, of_another])
-    assert told[:5] == ("odometry", 2, 1, 2, 1)
-    assert "the substitute's RMS error of v is expected to be 0.25" in str(told)
+    assert told[:6] == ("odometry", 2, 1, 1, 2, 1)
+    assert "v: the substitute's RMS error is expected to be 0.25; it was never" in str(told)
     assert "rate_low: over by itself within 0.5 s: correct `period`" in str(told)
     lacking = replace(LACKS, decision=ADVISED)
     assert "no substitute: w is missing" in str(advice(read_som(str(som)), [lacking])[0])
     assert "nothing was advised" in str(advice(read_som(str(som)), [])[0])
+
+
+HUNG = replace(LASTED, returned=120.0)
+SEEN = Error(0.25, p95=0.5, n=40, source=SOURCE)
+
+
+@pytest.mark.parametrize(
+    "incident, right, needless, note",
+    [
+        (HUNG, 1, 1, "never compared"),
+        (replace(HUNG, kind=Kind.NODE_GONE), 1, 0, "never compared"),
+        (replace(HUNG, errors=(SEEN,)), 1, 1, "v: differed from the original by 0.25 RMS, 95 % by"),
+        (replace(HUNG, errors=(Error(0.25, baseline=0.2),)), 0, 1, "say `policy: advise`"),
+        (replace(HUNG, errors=(None,)), 1, 1, "v: nothing is known of the substitute's error"),
+        (replace(HUNG, returned=101.0), 0, 1, "say `policy: advise`"),
+    ],
+)
+def test_advice_is_compared_with_what_became_of_the_original(
+    incident: Incident, right: int, needless: int, note: str, som: Path
+) -> None:
+    (told,) = advice(read_som(str(som)), [incident])
+    assert (told.returned, told.right, told.needless) == (1, right, needless)
+    assert note in str(told) and ("policy" in str(told)) is not bool(right)
 
 
 @pytest.mark.parametrize("words, answer, act", [(["--yes"], "", 1), ([], "y", 1), ([], "", 0)])

@@ -1,6 +1,8 @@
 """`shsa doctor`: each finding by what was seen, with a remedy; none on a robot that is well."""
 from dataclasses import replace
-from typing import Any, Dict, List
+from types import SimpleNamespace
+from typing import Any, Dict, List, Optional
+from unittest.mock import Mock
 
 import pytest
 
@@ -8,6 +10,7 @@ from shsa_core.healing.incident import Incident, State
 from shsa_core.model.kinds import Contain, Kind, Policy
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
+from shsa_learning.checks import check_running
 from shsa_learning.doctor import Seen, fates, findings
 
 VALUES = (Provision("speed", "data", (0.0, 1.0)),)
@@ -102,6 +105,29 @@ def test_what_becomes_of_a_node_is_told_beforehand(
     som = Som([replace(ODOMETRY, **of_service)])
     assert fates(WELL._replace(som=som, duties=duties)) == [f"if /base fails it {fate}"]
     assert findings(WELL._replace(som=som, duties=duties)) == []
+
+
+@pytest.mark.parametrize(
+    "contain, kept", [(None, True), (Contain.NODE, False), (Contain.NONE, False)]
+)
+def test_check_tells_beside_a_robot_that_runs_whom_healing_keeps(
+    contain: Optional[Contain], kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node_api = pytest.importorskip("shsa_core.ros.master.node_api")
+    listed: Any = [[["/odom", ["/base"]]], [["/drive_by", ["/base"]]], []]
+    master = SimpleNamespace(getSystemState=lambda: listed)
+    monkeypatch.setattr(node_api, "master_api", lambda _: master)
+    som = Som([replace(ODOMETRY, contain=contain)])
+    found = [each.what for each in check_running(som, "/")]
+    said = "if /base fails it is kept: it takes /drive_by, which nothing takes over"
+    assert found == ([said] if kept else [])
+
+
+def test_check_finds_nothing_where_no_robot_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    node_api = pytest.importorskip("shsa_core.ros.master.node_api")
+    refuse = Mock(side_effect=ConnectionRefusedError)
+    monkeypatch.setattr(node_api, "master_api", lambda _: SimpleNamespace(getSystemState=refuse))
+    assert list(check_running(Som([ODOMETRY]), "/")) == [] and refuse.called
 
 
 def test_a_node_is_told_of_once() -> None:

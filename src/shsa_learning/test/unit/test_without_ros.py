@@ -3,9 +3,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import shsa_learning
-
-ROOT = Path(shsa_learning.__path__[-1])  # in the workspace, where nothing is installed
+ROOT = Path(__file__).resolve().parents[2] / "src" / "shsa_learning"
 ROS = "genpy,rosbag,rosgraph,roslib,rospy,shsa_msgs,std_msgs"
 SCRIPT = """
 import importlib, sys

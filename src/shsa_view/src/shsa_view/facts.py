@@ -129,6 +129,14 @@ class FiguresTold:
 
 
 @dataclass(frozen=True)
+class DutiesTold:
+    """The duties of a service's node beyond the SOM, in words; empty: it has none."""
+
+    service: str
+    duties: str
+
+
+@dataclass(frozen=True)
 class Healer:
     """The state of `monitor`, `monitor_HOST`, `reconfigurator` or `master`: alive, lost or unknown.
 
@@ -172,6 +180,7 @@ Fact = Union[
     SubstitutesTold,
     IncidentTold,
     FiguresTold,
+    DutiesTold,
     Healer,
     HostTold,
     TrustTold,

@@ -3,6 +3,7 @@ from typing import Any, Dict, Optional, Sequence, Tuple
 
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
+from shsa_learning.doctor import fate_of
 from shsa_view.facts import Figures, Running, Substitute
 from shsa_view.judgement import Judgement
 
@@ -17,9 +18,15 @@ def place_of(service: Optional[Service], running: Optional[Running]) -> Tuple[st
 
 
 def service_row(
-    service: Optional[Service], running: Optional[Running], judged: Judgement
+    service: Optional[Service],
+    running: Optional[Running],
+    judged: Judgement,
+    duties: Optional[str],
 ) -> Document:
-    """Return the row of a service without its values."""
+    """Return the row of a service without its values.
+
+    `duties`: what its node does beyond the SOM; None: not known.
+    """
     topic, node = place_of(service, running)
     period = service.period if service is not None else None
     return {
@@ -33,6 +40,9 @@ def service_row(
         "state": judged.condition.value,
         "detail": judged.detail,
         "publisher": judged.publisher,
+        "fate": ""
+        if service is None or duties is None
+        else fate_of(service, [duties] if duties else []),
     }
 
 

@@ -34,6 +34,7 @@ class State:
         self._running: Dict[str, facts.Running] = {}
         self._substitutes: Dict[str, facts.Substitute] = {}
         self._figures: Dict[str, facts.Figures] = {}
+        self._duties: Dict[str, str] = {}
         self._healers: Dict[str, facts.Healer] = {}
         self._hosts: Dict[str, facts.HostTold] = {}
         self._trust = facts.TrustTold("unchecked", "nothing was heard yet")
@@ -51,6 +52,7 @@ class State:
                 facts.SubstitutesTold: self._substitutes_told,
                 facts.IncidentTold: self._incident_told,
                 facts.FiguresTold: self._figures_told,
+                facts.DutiesTold: self._duties_told,
                 facts.Healer: self._healer,
                 facts.HostTold: self._host,
                 facts.TrustTold: self._trusted,
@@ -157,7 +159,7 @@ class State:
         self._judged[name] = judged
         active = next((row for row in named if row.publishing), None)
         row = {
-            **service_row(service, running, judged),
+            **service_row(service, running, judged, self._duties.get(name)),
             "incident": incident.id if incident else None,
             "incident_key": key,
             "strip": "".join(self._strips.get(name, ())),
@@ -219,6 +221,11 @@ class State:
             if known and self._figures.get(row.service) != row:
                 self._figures[row.service] = row
                 self._touch({row.service})
+
+    def _duties_told(self, told: facts.DutiesTold) -> None:
+        if self._duties.get(told.service) != told.duties:
+            self._duties[told.service] = told.duties
+            self._touch({told.service})
 
     def _healer(self, told: facts.Healer) -> None:
         before = self._healers.get(told.name)

@@ -25,6 +25,7 @@ def service(topic: str, properties: Document, **others: Any) -> Document:
         **{"topic": topic, "type": "std_msgs/Float64", "needed": True, "standby": "warm"},
         **{"period": 0.02, "host": "", "node": node, "state": "well", "detail": ""},
         **{"publisher": node, "substitute": None, "rate": 50.0, "bridged": 0, "incident": None},
+        "fate": "is kept: it takes /cmd_vel",
         **{"properties": properties, "derivation": [], "strip": "u" * 3 + "w" * 57},
         **others,
     }

@@ -177,12 +177,15 @@ def test_the_timeline_has_every_moment_and_outlives_a_reload(browser: Browser, f
     assert browser.focused().startswith("failure seen"), "what is told anew keeps the focus"
 
 
+KEPT = "is kept: it takes /cmd_vel"
+
+
 def test_what_if(browser: Browser, fed: Fed) -> None:
     browser.click("#property-battery_current text")
     browser.wait("document.querySelector('#answer h3') !== null")
     assert browser.text("#question") == "What if amperemeter failed?"
     answer = browser.text("#answer")
-    for part in ("would be taken over", "battery_current ± 0.40 A", fed.answers.left, "y=t0"):
+    for part in ("would be taken over", "battery_current ± 0.40 A", fed.answers.left, "y=t0", KEPT):
         assert part in answer
     assert "/amperemeter and /voltmeter" in browser.text(".sets")
     relation = "document.querySelector('#relation-power-battery_current').getAttribute('class')"

@@ -154,6 +154,15 @@ def test_figures_are_of_who_publishes() -> None:
     assert row(view)["rate"] is None
 
 
+def test_what_becomes_of_a_node_is_told_before_it_fails() -> None:
+    view = well()
+    assert row(view)["fate"] == ""
+    view.handle(facts.DutiesTold("ammeter", "takes /cmd_vel"))
+    assert row(view)["fate"] == "is kept: it takes /cmd_vel, which nothing takes over"
+    view.handle(facts.DutiesTold("ammeter", ""))
+    assert "is killed if something replaces it" in row(view)["fate"]
+
+
 def test_a_strip_has_a_letter_a_second() -> None:
     view = well()
     view.second()

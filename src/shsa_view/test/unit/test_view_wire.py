@@ -88,6 +88,12 @@ def test_the_reconfigurator_tells_of_master_and_hosts(name: str, level: int, fac
     assert reader.facts(message) == [fact]
 
 
+@pytest.mark.parametrize("also, duties", [({"its node also": "takes /x"}, "takes /x"), ({}, "")])
+def test_the_reconfigurator_tells_of_duties(also: Any, duties: str) -> None:
+    message = diagnostics("/reconfigurator", "reconfigurator: odometry", topic="/odom", **also)
+    assert wire.Diagnostics("/").facts(message) == [facts.DutiesTold("odometry", duties)]
+
+
 def test_other_robots_and_other_nodes_rows_are_not_ours() -> None:
     reader = wire.Diagnostics("/robot1/")
     assert reader.sender(diagnostics("/robot2/monitor", "robot2/monitor: x")) == ""

@@ -43,7 +43,8 @@ def check_files(
 ) -> List[Finding]:
     """Return everything found in the files, by file and line.
 
-    The model is valid if no finding is an error. Without `types` no message type is looked up.
+    The model is valid if no finding is an error. Without `types`, there is no ROS: neither message
+    types nor a robot that runs are looked at.
     """
     try:
         ontology, errors = load_ontology(ontology_path)
@@ -59,6 +60,8 @@ def check_files(
     findings = [_from_error(error) for error in errors] + check_model(ontology, som)
     if som is not None and types is not None:
         findings += check_types(som, types)
+        for checks in _elsewhere():
+            findings += checks.check_running(som, namespace)
     if som is not None and som_path is not None:
         findings += _check_who_writes(som, som_path)
     return sorted(findings, key=lambda f: (f.level != "error", _place(f.where)))
@@ -77,7 +80,8 @@ def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
         findings += _check_gates(som)
         findings += check_budgets(som)
         findings += check_placements(ontology, som)
-        findings += _check_elsewhere(ontology, som)
+        for checks in _elsewhere():
+            findings += checks.check(ontology, som)
     return findings
 
 
@@ -89,12 +93,11 @@ def refuse_invalid(ontology: Ontology, som: Som) -> None:
         raise ModelErrors(errors)
 
 
-def _check_elsewhere(ontology: Ontology, som: Som) -> Iterator[Finding]:
-    """Report what other packages `shsa_*` find, by the function `check` of their `checks`."""
+def _elsewhere() -> Iterator[Any]:
+    """Yield the module `checks` of each package `shsa_*` that has one."""
     for package in sorted({m.name for m in pkgutil.iter_modules() if m.name.startswith("shsa_")}):
         if importlib.util.find_spec(f"{package}.checks") is not None:
-            checks: Any = importlib.import_module(f"{package}.checks")
-            yield from checks.check(ontology, som)
+            yield importlib.import_module(f"{package}.checks")
 
 
 def _check_who_writes(som: Som, path: str) -> Iterator[Finding]:

@@ -5,10 +5,11 @@ from typing import Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Sequen
 from shsa_core.codegen.plans import Plan
 
 from shsa_core.healing.health import MISSED, Health
+from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
 from shsa_core.healing.naming import Names
 from shsa_core.healing.planner import AnyPlan, Planner
 from shsa_core.model.checks import BY_VALUE
-from shsa_core.model.kinds import QUIET, Contain, Kind
+from shsa_core.model.kinds import Contain, Kind
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
@@ -63,9 +64,14 @@ def decide(case: Case) -> Verdict:
         return Verdict(False, f"{kept}: the SOM says so of {topic}")
     if case.protected:
         return Verdict(False, f"{kept}: {case.protected}")
+    silent = case.kind in MISSED
     if case.restarted:
-        return Verdict(True, f"{killed}: its policy is to start it again")
-    if case.gated and case.kind not in (*QUIET, Kind.REQUESTED):
+        until = " if it stays silent" if silent else ""
+        return Verdict(True, f"{killed}{until}: its policy is to start it again")
+    if silent:
+        # Hung or slow, nobody can tell; a substitute that fills in yields once it speaks.
+        return Verdict(False, f"{kept}: it may speak again, and ending it would gain nothing")
+    if case.gated and case.kind not in (Kind.NODE_GONE, Kind.REQUESTED):
         return Verdict(False, f"{kept}: a gate keeps from consumers what it publishes on {topic}")
     if case.costs:
         lost = f"killing it would cost {_enumerated(case.costs)}, which nothing can replace"
@@ -79,10 +85,8 @@ def decide(case: Case) -> Verdict:
     if case.replaced:
         return Verdict(True, f"{killed}: what is needed of it is taken over")
     nothing = f"nothing can replace {topic}"
-    if case.kind is Kind.REQUESTED:
+    if case.kind in (Kind.NODE_GONE, Kind.REQUESTED):
         return Verdict(False, f"{kept}: {nothing}")
-    if case.kind in QUIET:
-        return Verdict(False, f"{kept}: {nothing}, and it may speak again")
     if case.useful:
         well = f"it still publishes {_enumerated(case.useful)}"
         return Verdict(False, f"{kept}: {nothing}, and {well}")
@@ -113,24 +117,32 @@ class Indexes:
         self.computed: Dict[str, Computed] = {}
         self.working: Dict[str, Tuple[float, AnyPlan]] = {}
         self.refused: Dict[str, str] = {}
-        self._reads: Dict[str, Tuple[str, ...]] = {}
+        self._reads: Dict[str, Dict[str, None]] = {}
         self._readers: Dict[str, Set[str]] = {}
 
     def readers(self, services: Iterable[str]) -> List[str]:
         """Return the services whose substitute reads one of some services."""
         return sorted({name for each in services for name in self._readers.get(each, ())})
 
-    def follow(self, name: str, reads: Tuple[str, ...]) -> None:
-        """Note what the substitute of a service reads now; nothing more is known of it yet."""
+    def follow(
+        self, incident: Incident, name: str, plan: Optional[AnyPlan], tried: FrozenSet[Plan]
+    ) -> None:
+        """Note how a service has decided, and what its substitute reads now."""
         self.stuck.pop(name, None)
         self.kept.pop(name, None)
         self.computed.pop(name, None)
-        self.refused.pop(name, None)
+        sources = plan.inputs if isinstance(plan, Plan) else ()
         for read in self._reads.get(name, ()):
             self._readers[read].discard(name)
-        self._reads[name] = reads
-        for read in reads:
+        self._reads[name] = {each.service.name: None for each in sources}
+        for read in self._reads[name]:
             self._readers.setdefault(read, set()).add(name)
+        if incident.state in STUCK:
+            self.stuck[name] = None
+        if incident.state is State.KEPT or incident.kept:
+            self.kept[name] = None
+        if incident.state in SUBSTITUTED:
+            self.computed[name] = Computed(incident.faulty_node, tried)
 
 
 class Stakes:

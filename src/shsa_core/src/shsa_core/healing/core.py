@@ -8,11 +8,9 @@ from operator import attrgetter
 from typing import Callable, Dict, Iterable, List, Optional
 
 from shsa_core.agenda import Agenda
-from shsa_core.codegen.plans import Plan
 from shsa_core.healing import events
-from shsa_core.healing.containment import Computed
 from shsa_core.healing.events import Command
-from shsa_core.healing.incident import STUCK, SUBSTITUTED, WELL, Incident, State
+from shsa_core.healing.incident import WELL, Incident, State
 from shsa_core.healing.node import NODE_EVENTS, Nodes, Said
 from shsa_core.healing.process import Processes
 from shsa_core.healing.records import ServiceRecord, Table
@@ -71,7 +69,10 @@ class Core:
         row, due, refuses = machine.row(), machine.deadline, machine.refuses
         record = machine.record(row)
         if (incident, substitute.node, substitute.plan) != decided:
-            self._follow(machine, refuses)
+            robot.indexes.follow(incident, name, substitute.plan, substitute.tried)
+            robot.indexes.refused.pop(name, None)
+            if refuses:
+                robot.indexes.refused[name] = incident.faulty_node
         self.agenda.set(name, due)
         if row is not None:
             self.processes.wanted.set(row_key(row), row)
@@ -87,23 +88,6 @@ class Core:
         if (before is WELL) != (incident is WELL):
             self.unsettle([name])
         return commands
-
-    def _follow(self, machine: ServiceMachine, refuses: bool) -> None:
-        """Keep up the indexes of a service that has decided."""
-        name, indexes = machine.spec.name, self.robot.indexes
-        incident, plan = machine.incident, machine.substitute.plan
-        reads = plan.inputs if isinstance(plan, Plan) else ()
-        indexes.follow(name, tuple(dict.fromkeys([source.service.name for source in reads])))
-        if incident is WELL:
-            return
-        if incident.state in STUCK:
-            indexes.stuck[name] = None
-        if incident.state is State.KEPT or incident.kept:
-            indexes.kept[name] = None
-        if incident.state in SUBSTITUTED:
-            indexes.computed[name] = Computed(incident.faulty_node, machine.substitute.tried)
-        if refuses:
-            indexes.refused[name] = incident.faulty_node
 
     def ask_all(self, names: Iterable[str], ask: Ask) -> List[Command]:
         """Have some services decide."""
@@ -140,8 +124,8 @@ class Core:
             for name in indexes.readers((*others, *map(attrgetter("name"), gone))):
                 commands += self.ask(name, lambda each: each.changed())
             if come:
-                waiting = [*indexes.stuck, *indexes.kept]
-                commands += self.ask_all(waiting, lambda each: each.changed(service_came=True))
+                waiting = {**indexes.stuck, **indexes.kept}
+                commands += self.ask_all(waiting, lambda each: each.replan())
         return commands
 
     def missing(self, name: str) -> str:

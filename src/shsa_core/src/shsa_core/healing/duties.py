@@ -1,8 +1,9 @@
 """Maps what the master lists of nodes to their duties: what a kill would cost beyond the SOM."""
 import re
 from collections import defaultdict
-from typing import DefaultDict, Dict, FrozenSet, Set, Tuple
+from typing import DefaultDict, Dict, FrozenSet, Iterable, Set, Tuple
 
+from shsa_core.errors import listed
 from shsa_core.healing.naming import Names
 from shsa_core.model.som import Som
 
@@ -17,17 +18,18 @@ OWN_SERVICES = (
 )
 OF_ACTION = ("/goal", "/cancel", "/status", "/feedback", "/result")
 COMMANDS = re.compile(r"[/_](cmd|command|setpoint)|/(Twist|Ackermann.*|JointTrajectory)(Stamped)?$")
-"""In the topic, or the type, of what a node is told to do: no relation of the SOM says that."""
-MOST_NAMED = 3
+"""In the topic, or the type, of what a node is told to do: the SOM may have it as a service."""
+MOST = 3  # names of each kind
 
 
 def duties_of(
     som: Som, names: Names, publishers: Pairs, subscribers: Pairs, services: Pairs
 ) -> Dict[str, Tuple[str, ...]]:
     """Return the duties, in words, of each node that publishes a service and has any."""
-    published, subscribed, served = map(_by_node, (publishers, subscribers, services))
-    listeners = _by_node(frozenset((node, topic) for topic, node in subscribers))
-    in_som = {topic for each in som for topic in (each.topic, each.heard)}
+    by_node = lambda pairs: _grouped((node, name) for name, node in pairs)
+    published, subscribed, served = map(by_node, (publishers, subscribers, services))
+    listeners, publishing = map(_grouped, (subscribers, publishers))
+    named = {topic for each in som for topic in (each.topic, each.heard)}
     orders = {each.heard for each in som if COMMANDS.search(f"{each.topic} {each.type}")}
     found: Dict[str, Tuple[str, ...]] = {}
 
@@ -35,27 +37,29 @@ def duties_of(
         """Return the topics that nothing else here knows, and that mean more than the node."""
         return {
             each
-            for each in topics - in_som - {*TF, *OF_EVERY_NODE}
+            for each in topics - named - {*TF, *OF_EVERY_NODE}
             if not each.endswith(OWN_TOPICS) and not each.startswith(names.topics)
         }
 
-    for node in sorted({node for topic, node in publishers if topic in in_som}):
+    for node in sorted({node for topic, node in publishers if topic in named}):
         if names.of_healing(node, any(each.node == node for each in som)):
             continue
         says = others(published[node])
-        hears = others(subscribed[node]) | (subscribed[node] & orders)
+        users = names.consumers({n for t in published[node] & named for n in listeners[t]} - {node})
+        told = {t for t in subscribed[node] & named if t in orders or publishing[t] & {*users}}
+        hears = others(subscribed[node]) | told
         actions = {t[:-5] for t in hears if t.endswith("/goal") and t[:-5] + "/result" in says}
         asks = {topic[:-5] for topic in says if topic.endswith("/goal")}
         parts = {name + end for name in actions | asks for end in OF_ACTION}
         heard = {each for each in says - parts if names.consumers(listeners[each] - {node})}
         calls = {each for each in served[node] if each.rsplit("/", 1)[-1] not in OWN_SERVICES}
         duties = [
-            f"takes {_named(hears - parts)}" if hears - parts else "",
+            f"takes {listed(sorted(hears - parts), MOST)}" if hears - parts else "",
             "broadcasts tf" if not published[node].isdisjoint(TF) else "",
             "tells the time" if "/clock" in published[node] else "",
-            f"serves the action {_named(actions)}" if actions else "",
-            f"serves {_named(calls)}" if calls else "",
-            f"publishes {_named(heard)}" if heard else "",
+            f"serves the action {listed(sorted(actions), MOST)}" if actions else "",
+            f"serves {listed(sorted(calls), MOST)}" if calls else "",
+            f"publishes {listed(sorted(heard), MOST)}" if heard else "",
         ]
         found[node] = tuple(filter(None, duties))
     return {node: duties for node, duties in found.items() if duties}
@@ -63,17 +67,12 @@ def duties_of(
 
 def subscribers_of(som: Som, subscribers: Pairs) -> Dict[str, Tuple[str, ...]]:
     """Return the nodes that subscribe to each service's topic."""
-    by_topic = _by_node(frozenset((node, topic) for topic, node in subscribers))
+    by_topic = _grouped(subscribers)
     return {each.heard: tuple(sorted(by_topic[each.heard])) for each in som}
 
 
-def _by_node(pairs: Pairs) -> DefaultDict[str, Set[str]]:
+def _grouped(pairs: Iterable[Tuple[str, str]]) -> DefaultDict[str, Set[str]]:
     found: DefaultDict[str, Set[str]] = defaultdict(set)
-    for name, node in pairs:
-        found[node].add(name)
+    for key, value in pairs:
+        found[key].add(value)
     return found
-
-
-def _named(names: Set[str]) -> str:
-    first, more = sorted(names)[:MOST_NAMED], len(names) - MOST_NAMED
-    return ", ".join(first) + (f" and {more} more" if more > 0 else "")

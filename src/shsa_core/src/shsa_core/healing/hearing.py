@@ -6,14 +6,13 @@ nobody says so: the monitor is asked for its whole table, and if that does not c
 watched count as silent. When the computer is back, it is asked again: what did not change it never
 tells.
 """
-from math import inf
 from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.healing.core import Core
 from shsa_core.healing.events import AskMonitor, Command, FailureSeen, HealthSeen, Log
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.records import Healthy
-from shsa_core.model.kinds import Kind, OnPartition
+from shsa_core.model.kinds import Kind
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
@@ -86,12 +85,7 @@ def _doubt(core: Core, service: Service, event: FailureSeen) -> None:
     host = robot.host_of(event.publisher or service.node)
     if not host or event.kind not in MISSED:
         return
-    computers = robot.computers
-    computers.doubt(host, event.time)
-    unheard = -inf < computers.heard(host) <= event.time
-    waits = service.on_partition is OnPartition.WAIT and service.needed
-    if unheard and waits and host == computers.name(service.host):
-        robot.doubted[service.name] = event.time
+    robot.computers.doubt(host, event.time)
 
 
 def health_seen(core: Core, event: HealthSeen) -> List[Command]:
@@ -129,7 +123,7 @@ def _changed(core: Core, keys: Iterable[Key], failures: Iterable[FailureSeen]) -
     for failure in failures:
         commands += failed(core, failure)
     commands += core.ask_all(concerned, lambda each: each.changed())
-    return commands + core.ask_all(judged, lambda each: each.reconsider())
+    return commands + core.ask_all(judged, lambda each: each.replan())
 
 
 def look_again(core: Core) -> List[Command]:

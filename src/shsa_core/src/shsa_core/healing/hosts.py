@@ -5,7 +5,7 @@ from typing import Dict, Optional
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.healing.events import HostLost, HostSeen
-from shsa_core.healing.settings import MISSED_S, SETTLE_S, STRAINED, Settings
+from shsa_core.healing.settings import CERTAIN_S, MISSED_S, SETTLE_S, STRAINED, Settings
 
 
 @dataclass
@@ -62,6 +62,14 @@ class Computers:
         """Somebody on a computer fell silent: it does not count until it is heard again."""
         if host in self._known:
             self._known[host].doubted = time
+
+    def doubted(self, host: str, time: float) -> bool:
+        """Tell that somebody on a computer fell silent since it was heard, or that it was lost."""
+        computer = self._known.get(host)
+        if computer is None or computer.word.time == -inf:
+            return False
+        back = computer.losses > 0 and time <= computer.steady + CERTAIN_S
+        return back or computer.doubted >= computer.word.time
 
     def word(self, host: str) -> Optional[HostSeen]:
         """Return what a computer has told of itself last."""

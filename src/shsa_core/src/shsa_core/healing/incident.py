@@ -32,16 +32,11 @@ class Trigger(Word):
     FIRST_MESSAGE = "first message of the substitute"
     SILENT = "silent while its program changes"
     LATE = "first message is late"
-    INPUT_LOST = "an input was lost"
     NO_VALUE = "its law does not hold"
     RETURNED = "its node is back"
     STEADY = "healthy for the hold-off"
     RETRY = "a pause is over"
-    SERVICE_CAME = "a service appeared"
-    EXHAUSTED = "restarts are used up"
-    RELEASED = "released"
-    NODE_CHANGED = "its node is judged again"
-    PREPARE = "another plan is best"
+    REPLAN = "another plan or decision may be best"
     WITHDRAWN = "no longer in the SOM"
 
 

@@ -216,7 +216,7 @@ class Reconfigurator:
         for node, duties in event.duties:
             self.robot.health.duties[node] = duties
             accusers = self._nodes.accusers(node)
-            commands += self._core.ask_all(accusers, lambda each: each.reconsider())
+            commands += self._core.ask_all(accusers, lambda each: each.replan())
         if self.robot.som == self._as_told(self._given):
             return commands
         return commands + self._som_changed(events.SomChanged(event.time, self._given))
@@ -278,7 +278,7 @@ class Reconfigurator:
             beside = len(old.of_topic(service.topic)) > 1, len(som.of_topic(service.topic)) > 1
             if before != service or beside[0] is not beside[1]:
                 commands += self._change(service)
-        commands += self._core.ask_all(robot.indexes.kept, lambda each: each.reconsider())
+        commands += self._core.ask_all(robot.indexes.kept, lambda each: each.replan())
         if old.hosts or som.hosts:
             commands += reach.rehost(self._core)
         return commands + hearing.look_again(self._core)

@@ -4,7 +4,8 @@ Every accusation comes from one service. This is the one place that decides whet
 or kept; how it is killed is in `kill`. A kill that must wait for a computer is begun once that is
 heard. A node that is gone is started again by its policy, after pauses that double, and no more
 when it failed too often. Whoever starts it, its hold-off doubles each time that it relapses; then
-it is kept out. A relapse that may be its link's makes the hold-off longer, and keeps nobody out.
+it is kept out. A silence that nobody ended, and what may be its link's, make the hold-off longer,
+and keep nobody out.
 """
 import math
 from dataclasses import dataclass, field, replace
@@ -44,23 +45,28 @@ Said = Union[Command, NodeEvent]
 class Accusation:
     """A node failed on the topic of a service.
 
-    `decision` says in words what becomes of it. `heard`: it may publish, so that nobody else
-    should. `excuse`: what else may be the cause, as its own computer tells; empty: not known.
+    `decision` says in words what becomes of it. `excuse`: what else may be the cause, as its own
+    computer tells; empty: not known. `gated`: consumers hear a gate.
     """
 
     node: str
     kind: Kind
     fate: Fate = Fate.OPEN
-    heard: bool = True
     decision: str = ""
     excuse: str = ""
-    asks_there: bool = False  # its own computer is asked before it is killed
+    gated: bool = False
     back: bool = False  # it publishes again
 
     @property
     def kept(self) -> bool:
         """Tell that the node is not killed, for the time being."""
         return self.fate is Fate.KEPT
+
+    @property
+    def heard(self) -> bool:
+        """Tell that the node may publish, so that nobody else should."""
+        silenced = self.fate is Fate.NONE or (self.kept and self.gated)
+        return self.kind not in QUIET and not silenced
 
     @property
     def babbles(self) -> bool:
@@ -75,7 +81,7 @@ class Accusation:
 
 def no_accusation() -> Accusation:
     """Return what is held against nobody."""
-    return Accusation("", Kind.OTHER, Fate.NONE, False)
+    return Accusation("", Kind.OTHER, Fate.NONE)
 
 
 @dataclass
@@ -157,12 +163,12 @@ class Nodes:
 
     # A node fails, and is judged.
 
-    def accuse(self, service: str, node: str, kind: Kind) -> Accusation:
+    def accuse(self, service: Service, node: str, kind: Kind) -> Accusation:
         """Accuse a node of a failure on a service, perhaps once more: it is to be judged."""
         accusations = self._cases.setdefault(node, Case()).accusations
-        found = accusations.setdefault(service, Accusation(node, kind))
+        found = accusations.setdefault(service.name, Accusation(node, kind))
         found.kind, found.fate, found.excuse, found.back = kind, Fate.OPEN, "", False
-        found.heard = kind is not Kind.NODE_GONE
+        found.gated = service.gated
         return found
 
     def take_up(self, service: str, accusation: Accusation) -> None:
@@ -185,18 +191,12 @@ class Nodes:
             del self._cases[node]
 
     def judge(
-        self,
-        service: Service,
-        accusation: Accusation,
-        replaced: bool,
-        taken_over: bool,
-        parted: bool,
+        self, service: Service, accusation: Accusation, replaced: bool, taken_over: bool
     ) -> List[Command]:
         """Kill a node, or keep it, unless that is decided.
 
         `replaced`: something could take the service over; `taken_over`: that publishes it already.
         A silent node is not killed before: what its substitute reads may be as silent as it is.
-        `parted`: a cut may part the substitute from us or from the node.
         """
         if accusation.fate in (Fate.NONE, Fate.KILLED):
             return []
@@ -207,22 +207,18 @@ class Nodes:
         waits = accusation.silent and replaced and not (taken_over or restarted)
         if verdict.kill and waits:
             accusation.decision = f"{node} is killed as soon as its substitute publishes"
-            accusation.fate, accusation.heard = Fate.WAITS, False
+            accusation.fate = Fate.WAITS
             return []
-        accusation.decision, accusation.asks_there = verdict.why, False
+        accusation.decision = verdict.why
         commands: List[Command] = []
         if verdict.kill:
             accusation.fate = Fate.KILLED
             order = self._order(service, accusation)
             if order.period > 0.0 and node == service.node and self._host_of(node):
-                text = f"{node} is killed if it fails on its own computer as well"
-                accusation.decision, accusation.asks_there = text, True
-            if order.only_here and parted:
-                accusation.heard = False  # its kill may wait for its computer, and nobody hears it
+                accusation.decision += ", unless it does well on its own computer"
             commands += self.kill(order)
         else:
             accusation.fate = Fate.KEPT
-            accusation.heard = accusation.kind not in QUIET and not service.gated
             if gone and not was_kept and service.policy is not Policy.ADVISE:
                 commands += self.kill(KillNode(node, False, True, service.topic))
         if accusation.decision != before and not gone and service.policy is not Policy.ADVISE:
@@ -250,14 +246,17 @@ class Nodes:
         return KillNode(node, urgent, topic=service.topic, period=period, **how)
 
     def kill(self, order: KillNode) -> List[Command]:
-        """Begin a kill, or let it wait for the computer of the node."""
-        host = self._host_of(order.node)
-        if host and order.only_here and self._robot.computers.reachable(host):
-            self._pending[order.node] = _Pending(host, self._robot.time, True)
+        """Begin a kill, or let it wait: a silence must last beside the node's computer."""
+        host, time = self._host_of(order.node), self._robot.time
+        waits = order.only_here and (host or not order.quick)
+        if waits and self._robot.computers.reachable(host):
+            self._pending[order.node] = _Pending(host, time, True)
+            if not host:  # our own is heard all the time
+                self.kills.again.set(order.node, time + CERTAIN_S)
             return []
         self._pending.pop(order.node, None)
         order = order if host else replace(order, period=0.0)  # there is no link
-        return self.kills.begin(self._robot.time, order)
+        return self.kills.begin(time, order)
 
     # A kill goes on, and is over.
 
@@ -336,7 +335,7 @@ class Nodes:
         self.forget_restarted(node)
         if certain:
             self._orphans.discard(node)
-        self._settle(node, certain)
+        self._settle(node)
         if case and certain:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.before.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
@@ -373,18 +372,18 @@ class Nodes:
         news = any(each.excuse != kill.cause for each in accusations)
         for each in accusations:
             each.decision = f"{kill.node} is not killed: {kill.detail}, {kill.cause}"
-            each.fate, each.heard, each.excuse = Fate.NONE, False, kill.cause
+            each.fate, each.excuse = Fate.NONE, kill.cause
         return [kill] if news else []
 
     def _accusations(self, node: str) -> List[Accusation]:
         return list(self._cases[node].accusations.values()) if node in self._cases else []
 
-    def _settle(self, node: str, certain: bool = False) -> None:
+    def _settle(self, node: str) -> None:
         """Note that a node is gone, or cannot be reached to make sure."""
         for each in self._accusations(node):
-            if each.kept or (certain and each.asks_there):
+            if each.kept:
                 each.decision = f"{node} is gone"
-            each.fate, each.heard = Fate.NONE, False
+            each.fate = Fate.NONE
 
     def _left_alone(self, node: str, case: Case) -> None:
         """Do no more about a node: two of one name would end each other, so it is not restarted."""
@@ -450,7 +449,8 @@ class Nodes:
             if trust.returned is None or time - trust.returned > within:
                 self._forgive(node, case, trust)
                 return
-        doubtful = trust.doubtful + (kind in BY_LINK and bool(self._host_of(service.node)))
+        by_link = kind in BY_LINK and bool(self._host_of(service.node))
+        doubtful = trust.doubtful + (by_link or kind in MISSED)
         relapses = trust.relapses + 1
         trust = replace(trust, relapses=relapses, doubtful=doubtful, soon=not soon)
         self._trust(node, case, trust)

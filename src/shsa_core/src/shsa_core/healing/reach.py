@@ -10,14 +10,14 @@ from typing import List
 from shsa_core.healing import hearing
 from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, HostLost, HostSeen, Log
-from shsa_core.healing.settings import ANSWER_S, CERTAIN_S
+from shsa_core.healing.settings import ANSWER_S
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.log import Level
 
 
 def host_seen(core: Core, event: HostSeen) -> List[Command]:
     """Note that a computer is there, and what it has to do."""
-    robot, time = core.robot, event.time
+    robot = core.robot
     computers, host = robot.computers, robot.computers.name(event.host)
     if host and host not in robot.som.hosts:
         return []
@@ -28,16 +28,15 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
         commands.append(Log(Level.INFO, f"{host} is back."))
         for service in robot.on(host):
             core.unsettle([service.name])
-            if service.on_partition is OnPartition.WAIT and service.needed:
-                robot.doubted[service.name] = time + CERTAIN_S
     if back:
         commands += core.deliver(core.nodes.excuse(host, heard))
     commands += core.deliver(core.nodes.computer_heard(host))
     lacking = [name for name in robot.indexes.stuck if core.services[name].lacks_room]
-    commands += core.ask_all(lacking, lambda each: each.changed(service_came=True))
-    for name in _cleared(core, time, host):
-        commands += core.ask(name, lambda each: each.reconsider())
-        commands += core.ask(name, lambda each: each.replan())
+    commands += core.ask_all(lacking, lambda each: each.replan())
+    for name in list(robot.indexes.kept):  # its silence may be its own by now
+        waited = robot.som.services[name]
+        if waited.on_partition is OnPartition.WAIT and computers.name(waited.host) == host:
+            commands += core.ask(name, lambda each: each.replan())
     return commands + (hearing.ask_monitor(core, host) if lost else [])
 
 
@@ -63,8 +62,7 @@ def host_lost(core: Core, event: HostLost) -> List[Command]:
     commands += core.ask_all(processes.working_on(host), lambda each: each.host_lost(why))
     for service in robot.on(host):
         if service.on_partition is OnPartition.WAIT and service.needed:
-            robot.doubted.pop(service.name, None)
-            commands += core.ask(service.name, lambda each: each.reconsider())
+            commands += core.ask(service.name, lambda each: each.replan())
     return commands + hearing.ask_monitor(core, host, event.time + ANSWER_S)
 
 
@@ -74,7 +72,7 @@ def rehost(core: Core) -> List[Command]:
     _place_warm(core)
     commands = core.ask_all(core.processes.substituted, lambda each: each.rehost())
     stuck = robot.indexes.stuck
-    return commands + core.ask_all(stuck, lambda each: each.changed(service_came=True))
+    return commands + core.ask_all(stuck, lambda each: each.replan())
 
 
 def _place_warm(core: Core) -> None:
@@ -82,17 +80,3 @@ def _place_warm(core: Core) -> None:
     robot = core.robot
     for name in list(core.processes.pool.plans):
         core.processes.stand_by(robot.som.services[name], robot.planner.plans.plan(name))
-
-
-def _cleared(core: Core, time: float, host: str) -> List[str]:
-    """Return the services on a computer that is heard, so that their silence is their own."""
-    robot, services = core.robot, core.robot.som.services
-    doubted = [name for name, since in robot.doubted.items() if since < time]
-    cleared = [
-        name
-        for name in doubted
-        if name not in services or robot.computers.name(services[name].host) == host
-    ]
-    for name in cleared:
-        del robot.doubted[name]
-    return cleared

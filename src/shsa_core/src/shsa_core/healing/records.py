@@ -78,7 +78,7 @@ class NodeRecord(Keyed):
 class ServiceRecord(Keyed):
     """The standing of a service: its incident, the fate of its node, its substitute's row.
 
-    `heard`: the node may still publish. Its `kind` of failure may be another than the incident's.
+    Its `kind` of failure may be another than the incident's.
     """
 
     KEY = "service {0.service}"
@@ -86,7 +86,6 @@ class ServiceRecord(Keyed):
     incident: Optional[Incident] = None
     kind: Kind = Kind.OTHER
     fate: Fate = Fate.NONE
-    heard: bool = False
     substitution: Optional[Substitution] = None
 
 

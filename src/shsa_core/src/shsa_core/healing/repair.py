@@ -32,7 +32,7 @@ def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
     service.substitute.forget()
     service.substitute.working_since = failure.time
     service.pauses = 0
-    service.accusation = service.nodes.accuse(spec.name, node, failure.kind)
+    service.accusation = service.nodes.accuse(spec, node, failure.kind)
     service.nodes.failed(failure.time, spec, node, failure.kind, soon=False)
     robot.incidents += 1
     service.incident = Incident(
@@ -58,40 +58,29 @@ def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
 def still_failing(service: ServiceMachine, failure: Failure) -> List[Command]:
     """Judge a node that failed once more, or another one beside it."""
     assert failure is not None
-    nodes, name, node = service.nodes, service.spec.name, failure.publisher
+    nodes, node = service.nodes, failure.publisher
     text = f"{service.spec.topic}: {node} failed again: {failure.detail}."
     commands: List[Command] = [Log(Level.WARN, text)]
     former = service.incident.faulty_node
-    accusation = nodes.accuse(name, node, failure.kind)
+    accusation = nodes.accuse(service.spec, node, failure.kind)
     if node != former:
         commands += service.judge(accusation, search(service)[0] is not None)
         if not accusation.babbles:  # it is killed, or silent
             nodes.acquit(service.spec, node)
             return commands
         commands += blame(service, node, failure.kind)
-    return commands + judge_again(service)
+    return commands + heal(service)
 
 
 def blame(service: ServiceMachine, node: str, kind: Kind) -> List[Command]:
     """Blame a node, in place of another that the incident blames."""
     nodes, former = service.nodes, service.incident.faulty_node
-    service.accusation = nodes.accuse(service.spec.name, node, kind)
+    service.accusation = nodes.accuse(service.spec, node, kind)
     if node == former:
         return []
     service.incident = replace(service.incident, faulty_node=node)
     nodes.acquit(service.spec, former)
     return service.step()
-
-
-def judge_again(service: ServiceMachine, _: Failure = None) -> List[Command]:
-    """Decide about the node anew: what it costs may have changed."""
-    if service.incident.state is State.KEPT:
-        return heal(service)
-    plan, none = search(service)
-    commands = service.judge(service.accusation, plan is not None)
-    if service.accusation.babbles or idle(service):
-        return commands + keep(service, plan, none)
-    return commands + service.step() if commands else []
 
 
 def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
@@ -163,12 +152,6 @@ def replace_late(service: ServiceMachine, _: Failure) -> List[Command]:
     return [*substitute.failed(blamed), Log(Level.WARN, text), *heal(service)]
 
 
-def change_inputs(service: ServiceMachine, _: Failure) -> List[Command]:
-    """Follow another plan."""
-    text = f"{service.spec.topic}: the substitute lost an input."
-    return [Log(Level.WARN, text), *heal(service)]
-
-
 def change_law(service: ServiceMachine, _: Failure) -> List[Command]:
     """Follow the next plan, if there is one, as the substitute says that its law does not hold.
 
@@ -196,7 +179,7 @@ def retry(service: ServiceMachine, _: Failure) -> List[Command]:
 
 
 def heal(service: ServiceMachine, _: Failure = None) -> List[Command]:
-    """Search, decide about the node, and set a process to work: the one at hand, or another."""
+    """Search, decide about the node, and set a process to work, unless it follows that plan."""
     plan, none = search(service)
     commands = service.judge(service.accusation, plan is not None)
     if service.accusation.babbles or idle(service):
@@ -205,6 +188,9 @@ def heal(service: ServiceMachine, _: Failure = None) -> List[Command]:
         return commands + wait_for_node(service)
     if plan is None:
         return commands + give_up(service, none)
+    follows = service.incident.state is State.HEALED or Trigger.LATE in service.timers
+    if follows and plan == service.substitute.plan:
+        return commands + service.step() if commands else []
     return commands + follow(service, plan)
 
 
@@ -338,22 +324,18 @@ def give_up(service: ServiceMachine, none: ShsaError) -> List[Command]:
 def wait_for_node(service: ServiceMachine) -> List[Command]:
     """Wait for the node's start, which is all that can heal the service; give up in the end."""
     incident, robot = service.incident, service.robot
-    if incident.killed is not None and not service.nodes.awaited(incident.faulty_node):
+    node, killed = incident.faulty_node, incident.killed is not None
+    if killed and not service.nodes.awaited(node):
         service.start_node()  # the policy may have been another one when it was killed
-    if service.exhausted:
-        return exhausted(service)
+    trust, stranger = service.nodes.trust_in(node), node != service.spec.node
+    if trust.exhausted or (killed and stranger):  # how a stranger was started is not known
+        text = f"{node} was started again {trust.restarts} times in vain"
+        return give_up(service, ShsaError(text))
     if incident.substitute and not service.node:
         return service.step(state=State.HEALING, substitute="")
     if service.state in WAITING:
         service.timers.setdefault(Trigger.RETRY, robot.time + pause(service))
     return []
-
-
-def exhausted(service: ServiceMachine, _: Failure = None) -> List[Command]:
-    """Give up: the node was started again too often."""
-    node = service.incident.faulty_node
-    count = service.nodes.trust_in(node).restarts
-    return give_up(service, ShsaError(f"{node} was started again {count} times in vain"))
 
 
 def prepare(service: ServiceMachine, _: Failure = None) -> List[Command]:
@@ -449,16 +431,12 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
 
     yield well, Trigger.FAILED, begin, (*_STUCK_OR_HEALING, well)
     yield well, Trigger.SUBSTITUTE_FAILED, pause_standby, (well,)
-    yield well, Trigger.PREPARE, prepare, (well,)
+    yield well, Trigger.REPLAN, prepare, (well,)
     yield well, Trigger.RETRY, prepare, (well,)
     yield well, Trigger.NO_VALUE, change_law, (well,)
 
     yield healing, Trigger.FIRST_MESSAGE, publish, (healed,)
     yield healing, Trigger.LATE, replace_late, _STUCK_OR_HEALING
-    yield healing, Trigger.EXHAUSTED, exhausted, (unhealed, safe)
-    yield healing, Trigger.PREPARE, heal, _STUCK_OR_HEALING
-    yield healed, Trigger.INPUT_LOST, change_inputs, (healed, unhealed, safe, kept)
-    yield healing, Trigger.INPUT_LOST, change_inputs, _STUCK_OR_HEALING
     for state in SUBSTITUTED:
         yield state, Trigger.SILENT, await_again, (healing,)
         yield state, Trigger.NO_VALUE, change_law, (state,)
@@ -467,25 +445,14 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
 
     for stuck, more in ((unhealed, ()), (safe, (healed,))):
         yield stuck, Trigger.RETRY, retry, (*_STUCK_OR_HEALING, *more)
-        yield stuck, Trigger.SERVICE_CAME, heal, (*_STUCK_OR_HEALING, *more)
-        yield stuck, Trigger.RELEASED, heal, (*_STUCK_OR_HEALING, *more)
-        yield stuck, Trigger.EXHAUSTED, exhausted, (unhealed, safe)
-
-    judged: Tuple[Tuple[Trigger, Action], ...] = (
-        (Trigger.FAILED, still_failing),
-        (Trigger.NODE_CHANGED, judge_again),
-    )
-    for trigger, act in judged:
-        for state in (healing, healed, unhealed, safe):
-            yield state, trigger, act, (state, kept)
-        yield kept, trigger, act, _STUCK_OR_HEALING
-    for trigger in (Trigger.RETRY, Trigger.RELEASED, Trigger.PREPARE):
-        yield kept, trigger, heal, _STUCK_OR_HEALING
+    yield kept, Trigger.RETRY, heal, _STUCK_OR_HEALING
+    for state in (healing, healed, unhealed, safe, kept):
+        more = (healed,) if state in (healed, safe) else ()
+        yield state, Trigger.FAILED, still_failing, (*_STUCK_OR_HEALING, *more)
+        yield state, Trigger.REPLAN, heal, (*_STUCK_OR_HEALING, *more)
     yield kept, Trigger.SUBSTITUTE_FAILED, show, (kept,)
     for state in (healing, healed, unhealed, safe, kept):
         yield state, Trigger.RETURNED, hold_off, (returning,)
-    for state in (healing, healed, returning):
-        yield state, Trigger.RELEASED, show, (state,)
 
     yield returning, Trigger.FAILED, failed_again, (healed, *_STUCK_OR_HEALING)
     yield returning, Trigger.SUBSTITUTE_FAILED, show, (returning,)

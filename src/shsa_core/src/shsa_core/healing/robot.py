@@ -21,9 +21,7 @@ class Robot:
     """Everything that is known; nothing here decides.
 
     Nodes are where the SOM says, substitutes where they were started; `elsewhere`: the computers of
-    those that run on another one than we. `doubted`: the services whose
-    node is silent, and that wait until its computer is heard, at a moment in s or later.
-    `incidents`: the last number of one.
+    those that run on another one than we. `incidents`: the last number of one.
     """
 
     def __init__(
@@ -33,7 +31,6 @@ class Robot:
         self.som = som
         self.time = -inf
         self.incidents = 0
-        self.doubted: Dict[str, float] = {}
         self.elsewhere: Dict[str, str] = {}
         self.names = Names(namespace)
         self.records: Table[Record, WriteDown] = Table(WriteDown)
@@ -57,7 +54,7 @@ class Robot:
             return ""
         if self.lost(service.host):
             return f"{service.host} cannot be reached, and on_partition is wait"
-        doubted = service.name in self.doubted
+        doubted = self.computers.doubted(self.computers.name(service.host), self.time)
         return f"{service.host} was not heard since, and on_partition is wait" if doubted else ""
 
     def host_of(self, node: str) -> str:

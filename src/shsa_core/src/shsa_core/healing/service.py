@@ -19,7 +19,7 @@ from shsa_core.healing.events import (
     ShowIncident,
     SubstituteStarted,
 )
-from shsa_core.healing.incident import STUCK, SUBSTITUTED, WAITING, WELL, State, Trigger
+from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, State, Trigger
 from shsa_core.healing.kill import KillNode, KillOver, Outcome
 from shsa_core.healing.node import Accusation, NodeEvent, Nodes, TrustChanged, no_accusation
 from shsa_core.healing.records import Fate, ServiceRecord
@@ -33,6 +33,11 @@ from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
+LIVES = {
+    Outcome.UNSURE: "may still be running",
+    Outcome.ANOTHER: "is left alone",
+    Outcome.UNREACHED: "may still run",
+}
 STORY_LENGTH = 20
 
 
@@ -167,7 +172,7 @@ class ServiceMachine:
         gone, dying = event.kind is Kind.NODE_GONE, node in self.robot.health.dying
         if node == incident.faulty_node:
             if gone and dying and incident.state is not State.RETURNING:
-                self.accusation.heard = False  # its process may take a while longer
+                self.accusation.kind = event.kind  # its process may take a while longer
                 return []
             if self.refuses and (gone or dying) and not self.accusation.kept:
                 return []  # it came back, and is killed for that
@@ -177,7 +182,7 @@ class ServiceMachine:
             well = (row.publisher for row in self.originals if row.state is PublisherState.HEALTHY)
             others = [each for each in well if each != node and each not in self.robot.health.dying]
             if others:
-                accusation = self.nodes.accuse(self.spec.name, node, event.kind)
+                accusation = self.nodes.accuse(self.spec, node, event.kind)
                 commands = self.judge(accusation, replaced=True)
                 self.nodes.acquit(self.spec, node)
                 text = f"{event.topic}: {node} failed ({event.detail}); {others[0]} carries on."
@@ -188,7 +193,7 @@ class ServiceMachine:
     def judge(self, accusation: Accusation, replaced: bool) -> List[Command]:
         """Have it decided what becomes of a node."""
         taken_over = self.state is State.HEALED
-        return self.nodes.judge(self.spec, accusation, replaced, taken_over, self.parted)
+        return self.nodes.judge(self.spec, accusation, replaced, taken_over)
 
     def note_message(self, event: FailureSeen) -> None:
         """Keep the newest last good message: of the original, or of what was computed for it."""
@@ -233,22 +238,19 @@ class ServiceMachine:
         if isinstance(event, events.RestartFailed):
             self.start_node()
             text = f"{topic}: {node} cannot be started again: {event.detail}."
-            return [Log(Level.ERROR, text), *self._notice_exhaustion()]
+            return [Log(Level.ERROR, text), *self.replan()]
         if isinstance(event, TrustChanged):
             return self.step() if self.incident.kept_out is not self.kept_out else []
         if event.outcome is Outcome.GONE:
             return self._killed(event) + self.changed()
-        if event.outcome is Outcome.UNSURE:
-            text = f"{node} may still be running: {event.detail}"
-            return self._left_alone(text) + self.changed()
-        if event.outcome is Outcome.ANOTHER:
-            return self._left_alone(f"{node} is left alone: {event.detail}")
         if event.outcome is Outcome.SPARED:
             return self.step()
-        text = f"{topic}: {self.accusation.decision}."
-        if event.outcome is Outcome.UNREACHED:
-            text = f"{topic}: {node} may still run: {event.detail}."
-        return [Log(Level.WARN, text), *self.step(detail=text)]
+        does = LIVES.get(event.outcome)
+        text = f"{node} {does}: {event.detail}" if does else self.accusation.decision
+        over = event.outcome in (Outcome.UNSURE, Outcome.ANOTHER)
+        said = Log(Level.ERROR if over else Level.WARN, f"{topic}: {text}.")
+        commands: List[Command] = [said, *self.step(detail=said.text)]
+        return commands + self.replan() + self.changed() if over else commands
 
     def _killed(self, event: KillOver) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
@@ -263,33 +265,13 @@ class ServiceMachine:
             text += f" by {event.starter}" if event.starter else ""
             said = f"{topic}: {text}. Repair and release it: rosservice call /shsa/release {topic}"
             commands = [Log(Level.ERROR, said), *self.step(detail=f"{text}.")]
-        commands += [*self.step(killed=event.time), *self._notice_exhaustion()]
-        return commands + self.reconsider()
+        return [*commands, *self.step(killed=event.time), *self.replan()]
 
     def start_node(self) -> None:
         """Have the faulty node started again, if that is its policy."""
         node = self.incident.faulty_node
         if self.spec.policy.restarts and node == self.spec.node:
             self.nodes.start_again(node)
-
-    def _left_alone(self, why: str) -> List[Command]:
-        """Go on beside the faulty node: no more can be done about it."""
-        text = f"{self.incident.topic}: {why}."
-        said: List[Command] = [Log(Level.ERROR, text), *self.step(detail=text)]
-        return said + self._notice_exhaustion() + self.reconsider()
-
-    @property
-    def exhausted(self) -> bool:
-        """Tell that the faulty node is not started again any more."""
-        node = self.incident.faulty_node  # how a stranger was started is not known
-        stranger = node != self.spec.node and self.incident.killed is not None
-        return stranger or self.nodes.trust_in(node).exhausted
-
-    def _notice_exhaustion(self) -> List[Command]:
-        waiting = self.state in (State.HEALING, *STUCK)
-        if self.spec.policy.substitutes or not waiting or not self.exhausted:
-            return []
-        return self.fire(Trigger.EXHAUSTED)
 
     def came_up(self) -> List[Command]:
         """Kill a node that is kept out as soon as it is there, before it is heard.
@@ -309,17 +291,12 @@ class ServiceMachine:
         accusers = self.nodes.accusers(self.incident.faulty_node)
         return any(n in self.robot.indexes.stuck for n in accusers if n != self.spec.name)
 
-    def reconsider(self) -> List[Command]:
-        """Judge the faulty node again if it was kept: what it costs may be something else now."""
-        kept = self.accusation.kept or self.state is State.KEPT
-        return self.fire(Trigger.NODE_CHANGED) if kept and self.state is not State.RETURNING else []
-
     def released(self) -> List[Command]:
         """Let return what is kept out, and try again what was given up."""
         if self.state is State.WELL:
             return []
         self.nodes.trust(self.incident.faulty_node)
-        return self.fire(Trigger.RELEASED)
+        return self.fire(Trigger.REPLAN) if self.state in WAITING else self.step()
 
     # The substitute's process.
 
@@ -381,27 +358,26 @@ class ServiceMachine:
         commands = self.substitute.drop()
         commands.append(Log(Level.WARN, f"{self.spec.topic}: the substitute {why}."))
         well = self.state is State.WELL
-        return commands + self.fire(Trigger.PREPARE if well else Trigger.SUBSTITUTE_FAILED)
+        return commands + self.fire(Trigger.REPLAN if well else Trigger.SUBSTITUTE_FAILED)
 
     # The world changes.
 
-    def changed(self, service_came: bool = False) -> List[Command]:
-        """Notice by health or SOM a first message, a return, a lost input, or a new chance."""
+    def changed(self) -> List[Command]:
+        """Notice by health or SOM a first message, a return, or a lost input."""
         commands = self._notice_first_message()
         commands += self._refuse() or self._notice_return()
         if self.state in SUBSTITUTED and self.substitute.lost_input:
-            commands += self.fire(Trigger.INPUT_LOST)
-        elif self.state in STUCK and service_came:
-            commands += self.fire(Trigger.SERVICE_CAME)
-        elif service_came:
-            commands += self.reconsider()
+            text = f"{self.spec.topic}: the substitute lost an input."
+            commands += [Log(Level.WARN, text), *self.fire(Trigger.REPLAN)]
         return commands
 
     def replan(self) -> List[Command]:
-        """Follow the plan for a failure of the service, which may be another one, or its policy."""
-        waits = self.state is State.KEPT or (self.state is State.HEALING and not self.node)
-        well = self.state is State.WELL and Trigger.RETRY not in self.timers
-        return self.fire(Trigger.PREPARE) if waits or well else []
+        """Plan and decide anew: another plan may be best, or the node cost something else."""
+        state = self.state
+        well = state is State.WELL and Trigger.RETRY not in self.timers
+        waits = state in WAITING or (state is State.HEALING and not self.node)
+        kept = self.accusation.kept and state is not State.RETURNING
+        return self.fire(Trigger.REPLAN) if well or waits or kept else []
 
     def tick(self) -> List[Command]:
         """Act on the timers that are due."""
@@ -463,7 +439,7 @@ class ServiceMachine:
             return []
         if self.kept_out and row.publisher == incident.faulty_node and not self._awaited():
             nodes = self.nodes
-            self.accusation = nodes.accuse(self.spec.name, row.publisher, Kind.OTHER)
+            self.accusation = nodes.accuse(self.spec, row.publisher, Kind.OTHER)
             commands = self.judge(self.accusation, replaced=self.substitute.computes)
             if not self.accusation.kept:
                 return commands
@@ -517,7 +493,7 @@ class ServiceMachine:
         """Return what is to be known after a death, with the substitute's row."""
         incident, accused = self.incident, self.accusation
         shown = None if incident is WELL else incident
-        return ServiceRecord(self.spec.name, shown, accused.kind, accused.fate, accused.heard, row)
+        return ServiceRecord(self.spec.name, shown, accused.kind, accused.fate, row)
 
     def take_up(self, record: ServiceRecord, runs: bool) -> List[Command]:
         """Go on as a record says; `runs`: the substitute's process does.
@@ -535,10 +511,9 @@ class ServiceMachine:
             node, decision = incident.faulty_node, incident.decision
             fate = record.fate if incident.killed is None else Fate.NONE
             fate = Fate.OPEN if fate is Fate.KILLED else fate
-            back = incident.state is State.RETURNING
-            accusation = Accusation(node, record.kind, fate, record.heard, decision, back=back)
-            self.accusation = accusation
-            self.nodes.take_up(self.spec.name, accusation)
+            back, gated = incident.state is State.RETURNING, self.spec.gated
+            self.accusation = Accusation(node, record.kind, fate, decision, gated=gated, back=back)
+            self.nodes.take_up(self.spec.name, self.accusation)
         commands = self.substitute.drop()  # it may stand by for us already
         commands += [] if incident is None else [ShowIncident(incident)]
         plan = None
@@ -564,7 +539,7 @@ class ServiceMachine:
         """See to it that something happens in every state, also if nothing is ever heard again."""
         state, later = self.state, self.robot.time + START_S
         if state is State.HEALING:
-            self.timers[Trigger.LATE if self.substitute.node else Trigger.PREPARE] = later
+            self.timers[Trigger.LATE if self.substitute.node else Trigger.REPLAN] = later
         elif state is State.RETURNING:
             hold_off = self.nodes.hold_off(self.incident.faulty_node)
             self.timers[Trigger.STEADY] = self.robot.time + max(START_S, hold_off)
@@ -578,7 +553,7 @@ class ServiceMachine:
             raise ShsaError(f"{name}: a process without a plan, or the other way round")
         due = {
             State.WELL: {Trigger.RETRY},
-            State.HEALING: {Trigger.LATE, Trigger.PREPARE},
+            State.HEALING: {Trigger.LATE, Trigger.REPLAN},
             State.RETURNING: {Trigger.STEADY},
             **dict.fromkeys(WAITING, {Trigger.RETRY}),
         }.get(self.state, set())

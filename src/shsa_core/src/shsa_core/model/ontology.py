@@ -65,3 +65,7 @@ class Ontology:
         """Return the functions that yield the property `name`, in order of their relations."""
         nodes = sorted(self.graph.predecessors(name)) if name in self.graph else ()
         return tuple(self.graph.nodes[node]["function"] for node in nodes)
+
+
+EMPTY = Ontology({}, {}, ())
+"""Nothing is known, and so nothing is compared."""

@@ -9,7 +9,7 @@ from enum import Enum
 from math import inf
 from typing import Callable, NamedTuple, Optional, Tuple
 
-from shsa_core.monitoring.settings import COMING_UP_S, CONNECT_S, TOGETHER_NODES, TOGETHER_S
+from shsa_core.monitoring.settings import CHANGEOVER_S, CONNECT_S, TOGETHER_NODES, TOGETHER_S
 
 
 class Blame(Enum):
@@ -75,7 +75,7 @@ class Row(NamedTuple):
 
 
 _SILENCE, _RANGE, _START = (Blame.SILENCE,), (Blame.RANGE,), (Blame.START,)
-_LATE = (Blame.SILENCE, Blame.RATE, Blame.GAP)
+_LATE = (Blame.SILENCE, Blame.RATE, Blame.GAP, Blame.STAMP)
 
 ROWS = (
     Row(
@@ -98,12 +98,12 @@ ROWS = (
     Row(
         "a substitute came up, which takes time from others",
         _LATE,
-        lambda case: case.came_up + COMING_UP_S >= case.began,
+        lambda case: case.came_up + CHANGEOVER_S >= case.began,
     ),
     Row(
         "the computer is short of processor time",
-        (*_LATE, Blame.STAMP),
-        lambda case: case.short + COMING_UP_S >= case.began,
+        _LATE,
+        lambda case: case.short + CHANGEOVER_S >= case.began,
     ),
     Row(
         "nodes that have nothing to do with each other are late together",

@@ -120,25 +120,12 @@ class Board:
     def meet(self, topic: WatchedTopic, name: str, time: float, uri: str = "") -> Publisher:
         """Put a new publisher in place of an old one of that name."""
         self.substitutes.retired.discard((topic.name, name))
-        publisher = topic.meet(name, time, self.watched_of(topic, name))
-        publisher.uri = uri
+        publisher = Publisher(name, time, self.watched_of(topic, name), uri=uri)
+        topic.publishers[name] = publisher
         self.touch(topic, name)
         self._miss_no_more(topic, publisher.watched)
         self.notice(topic, publisher, time)
         return publisher
-
-    def provide(
-        self,
-        topic: WatchedTopic,
-        publisher: Publisher,
-        watched: Optional[WatchedService],
-        anew: bool,
-    ) -> None:
-        """Have a publisher provide a service from now on; see Publisher.provide."""
-        before = publisher.row(topic.name)
-        publisher.provide(watched, anew)
-        if publisher.row(topic.name) != before:
-            self.touch(topic, publisher.name)
 
     def notice(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
         """Note that a publisher is connected: all that an event-driven service asks of its node."""
@@ -157,7 +144,7 @@ class Board:
         """Return the publisher without a name: somebody should be there."""
         self.touch(topic, NOBODY)
         if NOBODY not in topic.publishers:
-            topic.meet(NOBODY, time, None).connected = False
+            topic.publishers[NOBODY] = Publisher(NOBODY, time, None, connected=False)
         return topic.publishers[NOBODY]
 
     def miss(self, topic: WatchedTopic, name: str, time: float) -> Publisher:
@@ -219,9 +206,11 @@ class Board:
         del self.topics[name]
 
     def forget_gone(self, topic: WatchedTopic) -> None:
-        """Drop the publishers that are gone and missed by nobody."""
-        for name in topic.missed_by_nobody():
-            self.drop(topic, name)
+        """Drop the publishers that are gone and missed by nobody: a healthy one is there."""
+        gone = [p.name for p in topic.publishers.values() if not p.connected and p.name != NOBODY]
+        for name in gone if topic.healthy() else ():
+            if name not in topic.nodes:
+                self.drop(topic, name)
 
     def _miss_no_more(self, topic: WatchedTopic, watched: Optional[WatchedService]) -> None:
         """Somebody provides a service: drop the publisher without a name.

@@ -65,7 +65,7 @@ class Calibrations:
             if followed.substitutes:
                 self._tell(followed)
         if time >= self._replan_at:
-            self._replan_at = time + settings.REPLAN_S
+            self._replan_at = time + settings.REFRESH_S
             self._plan_with(frozenset(there()))
         if self._wanted and time >= self._search_at:
             self._search_at = time + settings.SEARCH_S

@@ -22,10 +22,9 @@ HOUR_S = 3600.0
 class LearnedDeadline:
     """The silence in s that a stream of a `period` in s is allowed, for `false_alarms` an hour.
 
-    `fixed`: what is allowed before enough is known; `most`: what ever is; `bridge`: the periods
-    after which a substitute fills in, sooner than which nobody is blamed. What was learned `before`
-    of a stream of the same period goes on to count. Costs the same for every message, but for the
-    few that are among the longest.
+    `fixed`: what is allowed before enough is known, and ever: a stream that was steady so far may
+    be late once; `most`: the most that is. What was learned `before` of a stream of the same period
+    goes on to count. Costs the same for every message, but for the few that are among the longest.
     """
 
     def __init__(
@@ -35,11 +34,8 @@ class LearnedDeadline:
         fixed: float,
         most: float,
         before: Optional["LearnedDeadline"] = None,
-        bridge: float = 0.0,
     ) -> None:
         self.period, self.false_alarms, self._fixed, self._most = period, false_alarms, fixed, most
-        least = max(max(settings.LEAST_PERIODS, bridge) * period, period + settings.BUSY_S)
-        self._least = min(fixed, least)
         self.needed = max(
             settings.LEARN_GAPS, ceil(settings.LEARN_SHARE * HOUR_S / (false_alarms * period))
         )
@@ -83,9 +79,8 @@ class LearnedDeadline:
             self._blocks.append(_Block())
             if len(self._blocks) > settings.BLOCKS:
                 self._blocks.popleft()
-        self.allowed = self._fixed
-        if missing <= 0:
-            self.allowed = min(max(self._wanted(), self._least), self._most)
+        wanted = self._wanted() if missing <= 0 else 0.0
+        self.allowed = min(max(wanted, self._fixed), self._most)
         return self.allowed != before
 
     def _wanted(self) -> float:
@@ -94,8 +89,8 @@ class LearnedDeadline:
         tail = tail[-(self.gaps // settings.TAIL) :]
         hours = max(INSTANT_S, sum(block.seconds for block in self._blocks)) / HOUR_S
         times = max(1.0, len(tail) / (hours * self.false_alarms))
-        level = tail[0] + mean_excess(tail) * log(times)
-        return max(level, settings.SPARE * tail[-1])
+        excess = sum(tail) / len(tail) - tail[0]
+        return max(tail[0] + excess * log(times), settings.SPARE * tail[-1])
 
 
 class _Block:
@@ -115,8 +110,3 @@ class _Block:
         if len(self.longest) > settings.TAIL_KEPT:
             del self.longest[0]
             self.threshold = self.longest[0]
-
-
-def mean_excess(gaps: List[float]) -> float:
-    """Return by how much gaps, in order, are longer than the shortest one on average."""
-    return sum(gaps) / len(gaps) - gaps[0]

@@ -2,7 +2,7 @@
 from collections import deque
 from dataclasses import dataclass, replace
 from math import ceil, isfinite
-from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Tuple, Type
+from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Set, Tuple, Type
 
 from shsa_core.model.checks import LONG_WINDOW, Check, Checks, OutOfRange
 from shsa_core.model.samples import RateSample, StampSample, ValueSample
@@ -58,7 +58,7 @@ class _Value:
     """One value of one publisher, and the checks of it."""
 
     def __init__(self, provision: Provision, learned: Optional[Learned]) -> None:
-        self.name, self._range = provision.property, provision.range
+        self.name, self.field, self._range = provision.property, provision.field, provision.range
         self._usual, self._back = provision.usual, 0
         self.unusual = ""
         self._checks = _of(_checks_of(provision), ValueSample)
@@ -157,6 +157,7 @@ class Evidence:
         self._times: Deque[Tuple[float, float, float]] = deque(maxlen=count + 1)
         self._enough = count + 1
         self.rate_was_good = False
+        self.written: Optional[Set[str]] = None  # the fields that it knows; None: all
 
     @property
     def pace(self) -> Optional[float]:
@@ -240,7 +241,7 @@ class Evidence:
     def findings(self, message: Message, failed: bool) -> Iterator[Optional[Finding]]:
         """Yield what each check that is due finds wrong with a message."""
         for value, seen in zip(self._values, message.values or ()):
-            if seen is not None:
+            if seen is not None and (self.written is None or value.field in self.written):
                 yield value.look(seen, message.time, failed)
         if message.error:
             yield Finding(Kind.NOT_A_NUMBER, message.error)

@@ -20,9 +20,7 @@ NOT_BLAMED = "not blamed: "
 class Judgement:
     """Asks all who know something of a publisher, and tells the board. Times in s."""
 
-    def __init__(
-        self, board: Board, around: Surroundings, comparisons: Optional[Comparisons]
-    ) -> None:
+    def __init__(self, board: Board, around: Surroundings, comparisons: Comparisons) -> None:
         self._board, self._around = board, around
         self._comparisons = comparisons
 
@@ -55,23 +53,23 @@ class Judgement:
         """Fail the publisher if this is one bad message too many; tell if it is good."""
         good, failure, alibi = True, None, None
         if publisher.evidence is not None:
+            publisher.evidence.written = self._board.substitutes.written(topic.name, publisher.name)
             good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
             if failure is not None:
                 alibi = self._alibi(topic, publisher, failure, event.time)
                 if alibi is not None:
                     good, failure = True, None
-        comparisons, time, compared = self._comparisons, event.time, None
-        if comparisons is not None:
-            compared = comparisons.compare(publisher, event, good)
-            if compared is not None and compared.finding is not None and good:
-                good, failure = False, compared.finding
+        comparisons, time = self._comparisons, event.time
+        compared = comparisons.compare(publisher, event, good)
+        if compared is not None and compared.finding is not None and good:
+            good, failure = False, compared.finding
         intrusion = self._intrusion(topic, publisher, time)
         if intrusion is not None:
             good, failure = False, intrusion
         quiet = publisher.kind in (Kind.SILENT, Kind.NEVER_PUBLISHED)
         if failure is not None and (publisher.state is not FAILED or quiet):
             self._board.fail(topic, publisher, time, failure.kind, failure.detail)
-        if comparisons is not None and compared is not None:
+        if compared is not None:
             comparisons.learn(publisher, compared, time, good)
         if publisher.kind is None and (alibi or good and publisher.is_notable):
             self._note(topic, publisher, alibi, time)
@@ -101,8 +99,7 @@ class Judgement:
             return decide(case) if publisher.is_healthy else None
         if failure.kind is not Kind.OUT_OF_RANGE or evidence is None or evidence.outside is None:
             return None
-        comparisons, outside = self._comparisons, evidence.outside
-        confirmed = comparisons is not None and comparisons.confirms(publisher, outside, time)
+        confirmed = self._comparisons.confirms(publisher, evidence.outside, time)
         return decide(self._around.range(publisher, time, confirmed))
 
     def _heard_good(
@@ -117,7 +114,8 @@ class Judgement:
             evidence = publisher.evidence
             needed = Checks.recovery if evidence is None else evidence.recovery
             if publisher.good_in_a_row >= needed:
-                publisher.forgive()
+                if evidence is not None:
+                    evidence.clear()
                 self._board.become_healthy(topic, publisher, time)
 
     def _intrusion(

@@ -4,7 +4,7 @@ from typing import Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core import dispatch
 from shsa_core.model.kinds import Kind
-from shsa_core.model.ontology import Ontology
+from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring import changes, events
@@ -24,11 +24,9 @@ from shsa_core.monitoring.surroundings import Surroundings
 class Monitor:
     """Events in, failures and changes of the table of health out; pure, see `handle`."""
 
-    def __init__(
-        self, settings: Settings = Settings(), ontology: Optional[Ontology] = None
-    ) -> None:
+    def __init__(self, settings: Settings = Settings(), ontology: Ontology = EMPTY) -> None:
         self._settings = settings
-        self._comparisons = Comparisons(ontology, settings.deadlines) if ontology else None
+        self._comparisons = Comparisons(ontology, settings.deadlines)
         self._som = Som()
         self._board = Board()
         self._around = Surroundings(lambda: (each for _, each in self._board.all()))
@@ -68,7 +66,7 @@ class Monitor:
     def next_deadline(self) -> float:
         """The moment in s at which the next Tick is due; inf: none is.
 
-        Messages move it away, save where a deadline is learned that is shorter.
+        Messages move it away, save where the learned deadline has become shorter.
         """
         due = None if self._ends else self._board.agenda.next()
         return inf if due is None else self._pace.due(due)
@@ -87,8 +85,7 @@ class Monitor:
         commands = [*self._board.commands(seen.time), *self._start_up.awaited(seen.time)]
         commands += self._changes
         self._changes = []
-        if self._comparisons is not None:
-            commands += self._comparisons.changed(seen.time)
+        commands += self._comparisons.changed(seen.time)
         return self._pace.ours(commands)
 
     def table(self) -> Tuple[PublisherHealth, ...]:
@@ -134,8 +131,7 @@ class Monitor:
         before = self._som
         decided = changes.decide(self._board, event.som, self._settings.deadlines, event.time)
         self._som, self._changes = decided
-        if self._comparisons is not None:
-            self._comparisons.watch(self._som)
+        self._comparisons.watch(self._som)
         for _, publisher in self._board.all():
             publisher.suspicions.clear()
         for name in before.topics():
@@ -168,9 +164,8 @@ class Monitor:
         for publisher in list(topic.publishers.values()):
             if publisher.name != NOBODY:
                 watched = board.watched_of(topic, publisher.name)
-                board.provide(
-                    topic, publisher, watched, publisher.service != services[publisher.name]
-                )
+                publisher.provide(watched, publisher.service != services[publisher.name])
+                board.touch(topic, publisher.name)
                 board.notice(topic, publisher, time)
                 board.look_when_due(topic, publisher)
         if not topic.publishers:
@@ -189,7 +184,8 @@ class Monitor:
                     continue
                 board.substitutes.retired.discard((name, node))
                 watched = board.watched_of(topic, node)
-                board.provide(topic, publisher, watched, watched is not publisher.watched)
+                publisher.provide(watched, watched is not publisher.watched)
+                board.touch(topic, publisher.name)
                 board.look_when_due(topic, publisher)
                 if publishes(before, name) and not publishes(now, name):
                     board.bridges.muted((name, node), event.time)
@@ -307,8 +303,7 @@ class Monitor:
         self._look_anew(self._around.learn())
         for due in self._board.agenda.pop_due(event.time):
             self._judges[type(due)](due)
-        if self._comparisons is not None:
-            self._comparisons.tick(event.time, self._healthy_services)
+        self._comparisons.tick(event.time, self._healthy_services)
 
     def _judge_silence(self, due: Silence) -> None:
         found = self._board.find(due.topic, due.publisher)

@@ -54,8 +54,7 @@ class WatchedService:
             return None
         fixed, most = (_seconds(each(service)) for each in (deadlines.of, deadlines.longest))
         rate = service.deadline.false_alarms
-        bridge = service.bridges or 0.0
-        return LearnedDeadline(service.period, rate, fixed, most, self.gaps, bridge)
+        return LearnedDeadline(service.period, rate, fixed, most, self.gaps)
 
     @property
     def allowed(self) -> float:
@@ -124,23 +123,14 @@ class Publisher:
     @property
     def allowed(self) -> float:
         """The silence in s that is allowed; inf: any."""
-        learned = self.learned
-        if learned is None:
-            return self.watched.deadline if self.watched else inf
-        return learned.allowed
+        learned, watched = self.learned, self.watched
+        return learned.allowed if learned else watched.deadline if watched else inf
 
     @property
     def learned(self) -> Optional[LearnedDeadline]:
         """The knowledge of its gaps, if it is the node of a service whose deadline is learned."""
         watched = self.watched
-        if watched is None or watched.gaps is None or watched.service.node != self.name:
-            return None
-        return watched.gaps
-
-    @property
-    def patience(self) -> float:
-        """The silence in s that an excuse may double: at least the fixed deadline; inf: any."""
-        return max(self.allowed, self.watched.deadline) if self.watched else inf
+        return watched.gaps if watched and watched.service.node == self.name else None
 
     @property
     def deadline(self) -> float:
@@ -189,11 +179,6 @@ class Publisher:
         self.evidence = Evidence(watched.service, learned=watched.learned if own else None)
         if before is not None:
             self.evidence.take_stamps(before)
-
-    def forgive(self) -> None:
-        """Forget what was bad."""
-        if self.evidence is not None:
-            self.evidence.clear()
 
     def become(
         self, time: float, state: PublisherState, kind: Optional[Kind] = None, detail: str = ""
@@ -266,21 +251,9 @@ class WatchedTopic:
             found = next(iter(self.services.values()))
         return found
 
-    def meet(self, name: str, time: float, watched: Optional[WatchedService]) -> Publisher:
-        """Put a new publisher in place of an old one of that name."""
-        self.publishers[name] = Publisher(name, time, watched)
-        return self.publishers[name]
-
     def healthy(self) -> List[Publisher]:
         """Return the healthy publishers."""
         return [p for p in self.publishers.values() if p.state is PublisherState.HEALTHY]
-
-    def missed_by_nobody(self) -> List[str]:
-        """Return who may be forgotten: neither a node of the SOM nor the last hope."""
-        if not self.healthy():
-            return []
-        gone = [p.name for p in self.publishers.values() if not p.connected and p.name != NOBODY]
-        return [name for name in gone if name not in self.nodes]
 
 
 def _seconds(deadline: Optional[float]) -> float:

@@ -24,8 +24,9 @@ class Settings:
 # Alibis. Times in s.
 CONNECT_S = 0.1
 """A silence may come of a connection of healing's own that was made in it, or so long before."""
-COMING_UP_S = 1.0
-"""The same of a substitute that comes up: it has more to do after that, and so have others."""
+CHANGEOVER_S = 1.0
+"""The same of a substitute that comes up: it has more to do after that, and so have others. And so
+long one that was muted serves consumers to whom the original is not connected yet."""
 RECONNECT_S = 0.5
 """A node whose connection was lost, and which lives, gives another one within this; and a new
 monitor connects within this to who is there."""
@@ -41,8 +42,6 @@ MISSED_PERIODS = 1.5
 """A publisher that is silent for so many periods has missed a message."""
 SLOW_PACE = 0.8
 """Of its rate: half way to what counts as too low where the SOM says nothing."""
-LOOK_S = 0.1
-"""Slow nodes are counted so often: every message of one asks for it."""
 REMEMBERED = 200
 """Connections, and gaps, that are remembered."""
 
@@ -55,7 +54,8 @@ over only after so many times the longest such gap."""
 BURST_PERIODS = 0.5
 """Messages that come sooner after each other have waited somewhere."""
 CLOCK_JUMP_S = 0.1
-"""Clocks that are set little by little change by far less from one look to the next."""
+"""Clocks that are set little by little change by far less from one look to the next, and with more
+between two clocks stamps of one tell little on the other."""
 LEARN_MESSAGES = 200
 """So many tell what is usual of a value, and if stamps always grow; and a signal that went through
 0 so often reads 0 as any value."""
@@ -94,9 +94,6 @@ SPARE = 1.5
 """The longest healthy gap of the blocks is always allowed, so many times over."""
 TAIL_LOOK_S = 10.0
 """The tail is looked at so often, and at once at a gap that comes near to what is allowed."""
-LEAST_PERIODS, BUSY_S = 2.5, 0.08
-"""The least that is allowed. Late by the second was a healthy 50 Hz stream beside 8 busy processes
-on 2 cores: what was learned on an idle computer must hold when it is busy."""
 
 # What is kept and told.
 MESSAGES_KEPT = 20
@@ -107,14 +104,12 @@ OLDEST_MESSAGE_S = 60.0
 """An older message is not handed out."""
 BRIDGES_APART = 2.0
 """After so many of a substitute's bridges without a message of its it is another time."""
-SERVES_S = 1.0
-"""So long one that was muted serves consumers to whom the original is not connected yet."""
 TELL_S = 60.0
 """People are told that a substitute filled in at the first time, and then so often at most."""
 
 # Calibration: what a value is compared with. Times in s.
 SAMPLE_S = 0.2
-"""Between two comparisons: those in between cost time and tell nothing new."""
+"""Between two comparisons, and two counts of slow nodes: those in between tell nothing new."""
 SAMPLE_COUNTS_S = 1.0
 """A sample tells of the time since the one before, up to this; errors are noted so far apart."""
 MEMORY_S = 200.0
@@ -125,7 +120,8 @@ GUARD_S = 5.0
 """A sample is learned once it is so old, as long as nothing was doubted since; and no error is
 noted before something was learned for as long."""
 SETTLING_S = 60.0
-"""Of data, before which gain and offset are free; the gain needs as much that tells of it."""
+"""Of data, before which gain and offset are free; the gain needs as much that tells of it. By
+witnesses errors count as they were twice as long ago: a sensor that drifts widens them."""
 PRIOR_GAIN = 0.3
 """The standard deviation of a relation's gain from 1 that is expected."""
 EXCITED = 2.0
@@ -143,14 +139,13 @@ ERRORS, FEWEST_ERRORS = 300, 5
 # Which plans are calibrated, and what is told of them.
 PLANS = 3
 """At most of one service: the best, and those for a second failure."""
-REPLAN_S = 5.0
-"""Between two looks at which services are there."""
 SEARCH_S = 0.5
 """Between two searches for a plan: on a robot of 500 services one takes 50 ms."""
 EVALUATIONS_PER_S = 2000.0
 """Of all programs together: what is beyond that is not followed."""
 REFRESH_S = 2.0
-"""Between two looks at what a program has learned: one takes 60 us."""
+"""Between two looks at what a program has learned, one takes 60 us, and at which services are
+there."""
 GAP_PERIODS = 5.0
 """A program that remembers forgets after a gap of so many periods of its service."""
 TOLD_SHARE = 0.1
@@ -161,7 +156,5 @@ WITNESS_LOOKS = 10
 """Looks, SAMPLE_S apart: two values differ by the mean of so many, and that has to last as long."""
 WITNESS_SAMPLES = 60
 """So many samples, one a second, make an error known that nobody has stated."""
-WITNESS_MEMORY_S = 120.0
-"""Errors count as they were so long ago: a sensor that drifts widens them by and by."""
 SPREAD_RMS, SPREAD_P95 = 4.0, 2.0
 """A value may be so many rms, and so many times its p95, from the truth."""

@@ -5,7 +5,7 @@ from typing import DefaultDict, Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.monitoring.events import Key, SubstitutionsChanged, Told
-from shsa_core.monitoring.settings import BRIDGES_APART, SERVES_S, TELL_S
+from shsa_core.monitoring.settings import BRIDGES_APART, CHANGEOVER_S, TELL_S
 
 Change = Tuple[str, Optional[Substitution], Optional[Substitution]]
 """A node, and its row before and now."""
@@ -43,9 +43,8 @@ class Substitutes:
         rows = self._of_node.get(node)
         if not rows:
             return None
-        return next(
-            (row for row in rows.values() if topic in row.topics), next(iter(rows.values()))
-        )
+        here = [row for row in rows.values() if topic in row.topics]
+        return (here or [*rows.values()])[0]
 
     def service(self, topic: str, node: str) -> str:
         """Return the service whose place a node takes on a topic; empty: none."""
@@ -56,6 +55,11 @@ class Substitutes:
         """Tell if the table names a node, or did until now."""
         return self._row(topic, node) is not None or (topic, node) in self.retired
 
+    def written(self, topic: str, node: str) -> Optional[Set[str]]:
+        """Return the fields that a substitute computes; None: it is none, or does so elsewhere."""
+        row = self._row(topic, node)
+        return {each.field for each in row.outputs} if row and topic in row.topics else None
+
     def bridging(self, topic: str, node: str) -> Optional[Substitution]:
         """Return the row of a muted substitute that may fill in on `topic`; None: it is none."""
         row = self._row(topic, node)
@@ -64,10 +68,8 @@ class Substitutes:
 
     def may_be_silent(self, topic: str, node: str) -> bool:
         """Tell if silence is no fault: of a muted substitute, or of one that is being stopped."""
-        if (topic, node) in self.retired:
-            return True
         row = self._row(topic, node)
-        return row is not None and not publishes(row, topic)
+        return (topic, node) in self.retired or row is not None and not publishes(row, topic)
 
     def is_kept_back(self, topic: str, node: str) -> bool:
         """Tell if a gate keeps back for the time being what a substitute publishes."""
@@ -85,7 +87,7 @@ class Bridges:
 
     def muted(self, key: Key, time: float) -> None:
         """Mute a substitute: what comes soon is for those whom it still serves."""
-        self._latest[key] = time + SERVES_S
+        self._latest[key] = time + CHANGEOVER_S
 
     def heard(self, key: Key, row: Substitution, time: float) -> Optional[Told]:
         """Count a bridge of a muted substitute; return what people are told of that now."""

@@ -1,5 +1,6 @@
 """Remembers what else was going on while a publisher was late, and which gaps teach a deadline."""
 from collections import deque
+from dataclasses import replace
 from math import inf
 from typing import Callable, Deque, Iterable, List, NamedTuple, Optional, Set, Tuple
 
@@ -55,23 +56,18 @@ class Surroundings:
     def silence(self, publisher: Publisher) -> Case:
         """Return the case of a publisher that is silent for longer than it is allowed."""
         since, watch = publisher.silent_since or 0.0, self.watch
-        return Case(
-            Blame.SILENCE,
-            watch.now,
-            since,
-            limit=watch.now + 2 * publisher.patience - watch.passed(since),
+        together = self._late_with(_Gap(publisher.name, since, watch.now))
+        return replace(
+            self._late(Blame.SILENCE, publisher.name, since, watch.now, together),
+            limit=watch.now + 2 * publisher.allowed - watch.passed(since),
             due=watch.when(since, publisher.allowed),
             reconnects_until=publisher.reconnects_until,
-            connected=self._connection(publisher.name),
-            came_up=self._came_up,
-            short=self._short,
-            together=self._late_with(_Gap(publisher.name, since, watch.now)),
         )
 
     def slow(self, blame: Blame, publisher: Publisher, time: float) -> Case:
         """Return the case of a publisher whose messages come too seldom, or too old."""
         span = publisher.evidence.span if publisher.evidence is not None else 0.0
-        if not 0.0 <= time - self._looked < settings.LOOK_S:
+        if not 0.0 <= time - self._looked < settings.SAMPLE_S:
             self._looked = time
             self._slow = len({each.name for each in self._everybody() if _is_slow(each)})
         return self._late(blame, publisher.name, time - span, time, self._slow)
@@ -120,14 +116,11 @@ class Surroundings:
             blame,
             time,
             began,
-            connected=self._connection(node),
+            connected=next((at for name, at in reversed(self._connected) if name == node), -inf),
             came_up=self._came_up,
             short=self._short,
             together=together,
         )
-
-    def _connection(self, node: str) -> float:
-        return next((time for name, time in reversed(self._connected) if name == node), -inf)
 
     def _late_with(self, gap: _Gap) -> int:
         """Return how many nodes were silent for half of a gap at least, up to TOGETHER_NODES."""

@@ -73,10 +73,10 @@ class _Witness:
         enough = error is not None and (error.n or 0) >= settings.WITNESS_SAMPLES
         if error is not None and enough and (not seen or seen[-1][1] is not error):
             seen.append((time, error))
-        while len(seen) > 1 and seen[1][0] <= time - settings.WITNESS_MEMORY_S:
+        while len(seen) > 1 and seen[1][0] <= time - 2 * settings.SETTLING_S:
             seen.popleft()
         known = [] if self.stated is None else [self.stated]
-        if seen and seen[0][0] <= time - settings.WITNESS_MEMORY_S:
+        if seen and seen[0][0] <= time - 2 * settings.SETTLING_S:
             known.append(_spread(seen[0][1]) or 0.0)
         return min(known, default=None)
 

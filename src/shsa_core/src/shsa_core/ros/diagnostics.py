@@ -17,6 +17,7 @@ from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.overview import Condition, ServiceHealth
+from shsa_core.monitoring.settings import CLOCK_JUMP_S
 from shsa_core.ros import clock, settings
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.trust.computers import OtherComputer
@@ -26,10 +27,8 @@ from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.agent.remote import HostState
 from shsa_core.text import shown
 
-BRIDGED = "times bridged"
-"""Under this key a service's row has how often a substitute filled in for a late message."""
-CLOCK_OFF_S = 0.1
-"""With more between two clocks, stamps of one tell little on the other."""
+BRIDGED, DUTIES = "times bridged", "its node also"
+"""Keys of a service's row: how often a late message was filled in for, and the node's duties."""
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 CONDITIONS = {
     Condition.HEALTHY: OK,
@@ -59,8 +58,7 @@ class Diagnostics:
         companion: Companion,
     ) -> None:
         self._ask, self._rows = ask, rows
-        self._signing = signing
-        self._companion = companion
+        self._signing, self._companion = signing, companion
         self._given: "queue.Queue[Any]" = queue.Queue()
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=2)
         threading.Thread(target=self._run, name="diagnostics", daemon=True).start()
@@ -108,10 +106,9 @@ def computer_row(seen: OtherComputer) -> DiagnosticStatus:
         "round trip (s)": f"{seen.round_trip:.6f}",
         "measured (s ago)": f"{seen.age:.0f}",
     }
-    level = WARN if abs(seen.offset) - seen.bound > CLOCK_OFF_S else OK
+    level = WARN if abs(seen.offset) - seen.bound > CLOCK_JUMP_S else OK
     name = f"computer {seen.host} at {seen.address}"
-    text = f"{text}, known within {seen.bound:.4f} s"
-    return _row(name, level, text, values.items(), seen.host)
+    return _row(name, level, f"{text}, known within {seen.bound:.4f} s", values.items(), seen.host)
 
 
 def refused_row(counts: List[Tuple[str, int]]) -> DiagnosticStatus:
@@ -184,14 +181,15 @@ def newest(health: ServiceHealth, values: Values) -> Iterator[Tuple[str, float]]
             yield provision.property, value
 
 
-Healing = Tuple[Iterable[Service], Mapping[str, Incident], MasterState, Iterable[HostState]]
-"""The needed services, their open incidents, and how the master and other computers do."""
+Duties = Mapping[str, Tuple[str, ...]]
+Healing = Tuple[Iterable[Service], Mapping[str, Incident], MasterState, Iterable[HostState], Duties]
+"""Needed services, open incidents, how master and computers do, what nodes do beyond the SOM."""
 
 
 def healing_rows(given: Healing) -> List[DiagnosticStatus]:
     """The reconfigurator's rows: needed services and their incidents, the master, the computers."""
-    services, incidents, master, hosts = given
-    rows = [_healing_row(service, incidents.get(service.name)) for service in services]
+    services, incidents, master, hosts, duties = given
+    rows = [_healing_row(each, incidents.get(each.name), duties) for each in services]
     return [*rows, _master_row(master), *map(_host_row, hosts)]
 
 
@@ -223,9 +221,10 @@ def _master_row(master: MasterState) -> DiagnosticStatus:
     return _row("ROS master", level, text, values)
 
 
-def _healing_row(service: Service, incident: Optional[Incident]) -> DiagnosticStatus:
+def _healing_row(service: Service, incident: Optional[Incident], also: Duties) -> DiagnosticStatus:
+    told = [(DUTIES, " and ".join(also[service.node]))] if service.node in also else []
     if incident is None:
-        return _service_row(service, OK, "well")
+        return _service_row(service, OK, "well", told)
     values = {
         "faulty node": incident.faulty_node,
         "kind": str(incident.kind),
@@ -234,6 +233,6 @@ def _healing_row(service: Service, incident: Optional[Incident]) -> DiagnosticSt
         "missing": ", ".join(incident.missing),
         "kept out": "yes" if incident.kept_out else "",
     }
-    told = [(key, value) for key, value in values.items() if value]
+    told += [(key, value) for key, value in values.items() if value]
     level = HEALINGS.get(incident.state, ERROR)
     return _service_row(service, level, f"{incident.state}: {incident.detail}", told)

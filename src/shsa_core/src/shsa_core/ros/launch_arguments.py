@@ -2,14 +2,15 @@
 
 roslaunch runs this as the command of a <param> while it reads shsa.launch, before any node starts.
 """
-import glob
 import os
 import re
-import subprocess
 import sys
-from subprocess import DEVNULL, PIPE
 from typing import Dict, Iterator, List, Tuple
 from xml.etree import ElementTree
+
+from roslaunch.substitution_args import ArgException, SubstitutionException, resolve_args
+from roslib.packages import find_resource
+from rospkg import ResourceNotFound
 
 from shsa_core.text import nearest
 
@@ -17,7 +18,6 @@ _ANY = "*"
 """Stands for the arguments of an included file whose path cannot be told."""
 _PROGRAMS = ("roslaunch", "rostest")
 _ARGUMENT = re.compile(r"([A-Za-z]\w*):=(.*)\Z", re.DOTALL)
-_FOUND = re.compile(r"find\W+(\w+)\W.*?([\w.-]+)\Z", re.DOTALL)
 
 
 def unknown(command: List[str]) -> List[Tuple[str, List[str]]]:
@@ -32,7 +32,10 @@ def unknown(command: List[str]) -> List[Tuple[str, List[str]]]:
     plain = [word for word in words if ":=" not in word and not word.startswith("-")]
     files = [word for word in plain if os.path.isfile(word)]
     for package, name in zip(plain, plain[1:]):
-        files += [] if os.path.isfile(name) else _resource(package, name)
+        try:
+            files += [] if os.path.isfile(name) else find_resource(package, name)[:1]
+        except ResourceNotFound:
+            continue
     taken = sorted({name for file in files for name in _taken(file, given)})
     if not files or _ANY in taken:
         return []
@@ -45,25 +48,17 @@ def _taken(file: str, given: Dict[str, str]) -> Iterator[str]:
     places = (*root.iterfind("arg"), *root.iterfind(".//group/arg"))
     arguments = {str(each.get("name")): each for each in places}
     yield from (name for name, each in arguments.items() if each.get("value") is None)
+    values = {name: each.get("default", "") for name, each in arguments.items()}
+    context = {"arg": {**values, **given}, "filename": file}
     for include in root.iter("include"):
         if include.get("pass_all_args") != "true":
             continue
-        path = include.get("file", "")
-        for name, each in arguments.items():
-            path = path.replace(f"$(arg {name})", given.get(name, each.get("default", "")))
         own = {each.get("name") for each in include.iterfind("arg")}
-        path = path.replace("$(dirname)", os.path.dirname(file)).rstrip("')")
-        found = _FOUND.search(path)
-        if found is None and not os.path.isfile(path):
+        try:
+            included = resolve_args(include.get("file", ""), context)
+            yield from (name for name in _taken(included, given) if name not in own)
+        except (ArgException, SubstitutionException, ResourceNotFound, OSError):
             yield _ANY
-        for each in _resource(*found.groups()) if found else filter(os.path.isfile, [path]):
-            yield from (name for name in _taken(each, given) if name not in own)
-
-
-def _resource(package: str, name: str) -> List[str]:
-    find = subprocess.run(["rospack", "find", package], stdout=PIPE, stderr=DEVNULL, check=False)
-    folder = find.stdout.decode().strip()
-    return glob.glob(f"{folder}/**/{name}", recursive=True)[:1] if folder else []
 
 
 def main() -> None:

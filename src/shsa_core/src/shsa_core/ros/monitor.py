@@ -21,7 +21,7 @@ from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import load_som, read_som
 from shsa_core.journal.writer import Handle, JournalWriter
 from shsa_core.model.names import file_name
-from shsa_core.model.ontology import Ontology
+from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.som import Som
 from shsa_core.monitoring import events
 from shsa_core.monitoring.last_messages import LastMessages
@@ -225,7 +225,7 @@ class MonitorNode:
             self._subscriptions.subscribe(topic)
             self._feed(events.Subscribed(clock.now(), topic))
             rospy.loginfo("%s is watched.", topic)
-            self._subscribe_at = clock.now() + settings.SUBSCRIBE_S
+            self._subscribe_at = clock.now() + settings.PAUSE_S
 
     def _report(self) -> None:
         counts = self._core.messages()
@@ -259,15 +259,15 @@ def _share(arguments: argparse.Namespace, som: Som) -> Som:
     return som.at(arguments.beside, beside=True)
 
 
-def _read_ontology(path: str) -> Optional[Ontology]:
-    """Return the ontology for comparisons; None: there is none that can be read."""
+def _read_ontology(path: str) -> Ontology:
+    """Return the ontology for comparisons, as far as there is one that can be read."""
     if not path:
-        return None
+        return EMPTY
     try:
         ontology, errors = load_ontology(path)
     except ModelError as unreadable:
         rospy.logerr("Witnesses and calibration are off: %s", unreadable)
-        return None
+        return EMPTY
     for error in errors:
         rospy.logerr("Refused: %s", error)
     return ontology

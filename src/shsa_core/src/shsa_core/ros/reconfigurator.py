@@ -3,6 +3,7 @@ import argparse
 import os
 import queue
 import shlex
+import subprocess
 import sys
 import threading
 from dataclasses import replace
@@ -40,7 +41,7 @@ from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch
 from shsa_core.ros.master.master_watch import MasterWatch, State
 from shsa_core.ros.master.registrations import Part
-from shsa_core.ros.processes.starting import Setup, run_command
+from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import LIVE_PARAMETERS, SomWatch, put_som
@@ -314,13 +315,15 @@ class ReconfiguratorNode:
         self._records.write(command.records, command.removed)
 
     def _run_command(self, command: events.RunCommand) -> None:
-        program = command.words[0]
-        rospy.logwarn("%s: running %s.", command.service, program)
-
-        def report(detail: str) -> None:
-            rospy.logwarn("%s: %s has ended: %s.", command.service, program, detail)
-
-        run_command(command.words, report)
+        """Run a user's program, given as a list and through no shell, and wait for it."""
+        service, words = command.service, command.words
+        rospy.logwarn("%s: running %s.", service, words[0])
+        try:
+            process = subprocess.Popen(words, stdin=subprocess.DEVNULL, start_new_session=True)
+            detail = f"exit status {process.wait()}"
+        except OSError as error:
+            detail = str(error)
+        rospy.logwarn("%s: %s has ended: %s.", service, words[0], detail)
 
     def _see_graph(self, state: State) -> None:
         """Tell the core who subscribes to services, and what else their nodes do."""
@@ -358,7 +361,7 @@ class ReconfiguratorNode:
     def _report(self) -> None:
         self._heed_added()
         open_ = self._incidents.open()
-        told = self._core.needed(), open_, self._master.told(), self._hosts.told()
+        told = self._core.needed(), open_, self._master.told(), self._hosts.told(), self._listed[1]
         self._diagnostics.show(told)
 
     def _failure(self, message: msg.Failure) -> None:

@@ -9,7 +9,8 @@ TURN_S = 0.1
 
 REST_S = 0.002
 """Between two looks at least, also at a process that is waited for: what comes within this is
-handled together, as of when it came; and a change of ROS time beside ours is told only then."""
+handled together, as of when it came; and a change of ROS time beside ours is told only then. A node
+on this computer has refused a call, or dropped it, by then."""
 SOON_S = 0.02
 """Between two looks at what wakes nobody: processes that end, messages that wait to matter."""
 ANSWER_S = 5.0
@@ -18,16 +19,12 @@ ANSWER_S = 5.0
 # Threads for calls that wait for others.
 STANDING_WORKERS = 2
 """There from the start: a call is made even where no thread can be started any more."""
-SAY_AGAIN_S = 10.0
-"""Between two lines of the log on the same trouble."""
+SAY_AGAIN_S = 60.0
+"""Between two lines of the log on the same trouble, or on the same sender."""
 
 # Reading connections.
 TRIES = 3
 """So often a node is asked for a connection in place of one that ended."""
-REFUSAL_S = 0.002
-"""A node on this computer has refused, or dropped the call, by then; any other is asked."""
-LISTENED_S = 0.1
-"""A node that has just listened is asked without another look."""
 LARGEST_MESSAGE_B = 1 << 28
 """A larger message is not kept, and its publisher counts as silent."""
 READ_B = 1 << 16
@@ -44,19 +41,15 @@ READS_A_TURN = 16
 
 CONSUMER_QUEUE = 10
 """Messages that wait for a consumer that does not read; the others do not wait for it."""
-SUBSCRIBE_S = 0.005
-"""Between two topics that the monitor subscribes: each new connection costs a publisher time."""
-PAUSE_S, SHARED_PAUSE_S = 0.01, 0.1
-"""Between two calls that are in no hurry: nodes that are learned, registrations of what stands by.
-Each costs others work. Of those that share a process ten come up together, with a program each."""
+PAUSE_S = 0.005
+"""Between two calls that are in no hurry: topics that the monitor subscribes, nodes that are
+learned, registrations of what stands by. Each costs others work."""
 ALONE_S = 60.0
 """So long a substitute goes on without a reconfigurator, which a launch starts again within 2 s."""
 
 # Who is at the other end of a connection.
 MOST_ASKING_MASTER = 4
 """Threads that ask the master, and no more, however many connections there are."""
-ASK_MASTER_AGAIN_S = (0.5, 1.0, 2.0, 5.0, 10.0)
-"""Pauses before it is asked again who is at an address that it does not list."""
 MOST_KNOWN_NODES = 10_000
 """Nodes and addresses that are remembered: what strangers claim must not fill the memory."""
 LARGEST_HEADER_B = 1 << 18
@@ -67,8 +60,6 @@ MOST_CALLS = 32
 # Tables.
 QUEUE = 200
 """Messages that wait for a slow subscriber. It misses those beyond, and then subscribes again."""
-RESUBSCRIBE_S = 0.5
-"""At least between two subscriptions of one table."""
 
 # What rospy is held to.
 MOST_WAITING = 100
@@ -82,44 +73,39 @@ CALLER_SHARE, CALLER_CREDIT_S = 0.05, 0.5
 """Of a processor, for each other caller and for taking their connections; s beforehand."""
 LOG_LINES = 1000
 """So many lines wait at most; what is said beyond is lost."""
-CLOSE_LOG_S = 1.0
-"""At its end a node waits no longer for its last lines."""
 
 # Signs of life.
 TICK_S = 0.05
 """Between two looks for silent processes, here and on other computers."""
 HEARTBEAT_S = 0.1
 """Between two signs of life, of a process and of an agent."""
-SILENT_S = 0.3
-"""Three heartbeats: a takeover does not wait for a process that is silent for longer."""
-HUNG_S = 1.5
-"""A substitute that is silent for so long is ended."""
+SILENT_BEATS = 3
+"""A takeover does not wait for a process that gave no sign of life for so many heartbeats."""
+HUNG_BEATS = 15
+"""The same of a substitute that is ended."""
 STARVED_S = 15.0
 """A process that waits for a processor may be silent for so long: then another one is needed."""
-HUNG_HEALER_S = {"monitor": 3.0, "reconfigurator": 5.0}
-"""A healer that is silent for so long is ended by the other; they differ: one of both stays."""
+HUNG_HEALER_BEATS = {"monitor": 30, "reconfigurator": 50}
+"""The same of a healer that is ended by the other; they differ: one of both stays."""
 
 # Processes.
-PROCESS_S = 2.0
-"""So long a process is given to end, once it was asked or killed, and a fork to begin."""
 LOOK_S = 1.0
 """Between two looks at what changes seldom, as the load of a computer, and two reports of them."""
-RECENT_S = 0.5
-"""So long an answer holds, as of the master, who publishes what; and more of it is waited for."""
 
 # Calls, and tries again.
 CALL_S = 0.5
-"""So long a node is given to answer, and to give another connection in place of a lost one."""
-LONG_CALL_S = 2.0
-"""So long the master is given to answer, and anybody to say who connects to us: a large robot may
-take a while."""
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 60.0
-"""Between two tries of what fails: the pause doubles each time."""
+"""So long a node is given to answer, and to give another connection in place of a lost one; and so
+long an answer holds, as of the master, who publishes what."""
+PATIENCE_S = 2.0
+"""So long somebody is given who may take a while: the master of a large robot to answer, anybody to
+say who connects to us, a process to begin or to end, a log to take its last lines."""
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 60.0
+"""Between two tries of what fails, as of a fork, or a table: the pause doubles each time."""
 
 # Agents on other computers.
-LOST_S = 1.0
-"""An agent that is silent for so long cannot be reached, and its computer is lost."""
-RETURN_S = 4.0
+LOST_BEATS = 10
+"""An agent that is silent for so many heartbeats cannot be reached, and its computer is lost."""
+RETURN_BEATS = 40
 """An agent that has ended is started again within this time: its computer is there."""
 
 # The master.
@@ -129,7 +115,5 @@ MASTER_PAUSE_S, LONGEST_MASTER_PAUSE_S = 2.0, 10.0
 """Between two looks at where everybody is, and at the parameters: at least, and at most."""
 LOOKING_SHARE = 0.02
 """Of the time at most this much goes into looking: it takes long on a large robot."""
-HUNG_NODE_S = 600.0
-"""So long a node that does not answer is asked what it had registered at the former master."""
 INTRODUCTION_LOOKS_S = (0.3, 1.0, 3.0)
 """After a publisher has come; the master takes 0.1 s, and a connection a moment."""

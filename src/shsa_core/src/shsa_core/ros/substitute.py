@@ -170,7 +170,7 @@ class SubstituteNode:
         """Make a call to the master; who is in no hurry makes room for others after it."""
         self._registrations.put(call)
         if self._rows.idle or self._row.shared:
-            pause = settings.SHARED_PAUSE_S if self._row.shared else settings.PAUSE_S
+            pause = settings.TURN_S if self._row.shared else settings.PAUSE_S
             self._registrations.put(lambda: self._hurry.wait(pause))
 
     def _withdraw(self, command: events.Withdraw) -> None:

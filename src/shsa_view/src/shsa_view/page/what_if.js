@@ -68,6 +68,7 @@ function section(each, robot) {
     ["Expected error", each.found ? errors(each, service) : ""],
     ["Quality", each.found && known(each.quality) ? `${short(each.quality, 3)} of 1` : ""],
     ["Missing", list(each.missing, "")],
+    ["Its node", service && service.fate],
     ["", each.detail],
   ];
   const found = each.found ? "yes" : "no";

@@ -15,7 +15,8 @@ from shsa_view import facts
 from shsa_view.plain import code
 
 RATE = re.compile(r"(?:^|, )([0-9.]+) Hz(?:,|$)")
-MASTER_ROW, HOST_ROW, BRIDGED = "ROS master", "host ", "times bridged"
+MASTER_ROW, HOST_ROW = "ROS master", "host "
+BRIDGED, DUTIES = "times bridged", "its node also"
 LEVELS = {DiagnosticStatus.OK: "heard", DiagnosticStatus.ERROR: "lost"}
 
 
@@ -111,6 +112,9 @@ class Diagnostics:
                 state = LEVELS.get(row.level, "unknown")
                 host = shown(name[len(HOST_ROW) :])
                 found.append(facts.HostTold(host, state, shown(row.message)))
+            elif any(each.key == "topic" for each in row.values):
+                duties = next((each.value for each in row.values if each.key == DUTIES), "")
+                found.append(facts.DutiesTold(shown(name), shown(duties)))
         return found
 
     def _rows(self, message: DiagnosticArray) -> Dict[str, DiagnosticStatus]:

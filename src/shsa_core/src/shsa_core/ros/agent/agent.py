@@ -11,7 +11,6 @@ import shlex
 import sys
 import threading
 import time
-from typing import Optional
 
 import rospy
 from shsa_msgs import msg
@@ -19,14 +18,14 @@ from shsa_msgs import msg
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing.naming import Names
 from shsa_core.ros import clock, settings
-from shsa_core.ros.agent.line import COMMANDS, EVENTS, read, written
 from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.node import publish, run
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.handover import Handover, await_turn
 from shsa_core.ros.processes.heartbeats import Signs, hearer
-from shsa_core.ros.processes.host import HostCommand, HostEvent
+from shsa_core.ros.processes.host import COMMANDS, EVENTS, HostCommand, HostEvent
+from shsa_core.ros.processes.host import read, written
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.processes.starting import Setup
@@ -52,7 +51,8 @@ class AgentEnd:
 
     def is_open(self, now: float) -> bool:
         """Return whether the conversation goes on."""
-        self._open = self._open and now < self._heard_at + settings.LOST_S
+        patience = settings.LOST_BEATS * settings.HEARTBEAT_S
+        self._open = self._open and now < self._heard_at + patience
         return self._open
 
     def is_cut_off(self, now: float) -> bool:
@@ -91,7 +91,9 @@ class AgentNode:
         self._forgotten = threading.Event()
         topic = names.host_events(self._name)
         self._sign = signing.signer(topic, msg.HostEvent)
-        self._publisher: Optional[rospy.Publisher] = None
+        self._publisher = rospy.Publisher(
+            topic, msg.HostEvent, queue_size=0, tcp_nodelay=True  # none is dropped here
+        )
         prefix = Names(rospy.get_namespace()).prefix
         given = arguments.journal, arguments.sandbox, self._name
         restarts = may_restart(arguments.restart_as_root)
@@ -102,9 +104,6 @@ class AgentNode:
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
         self._handover = handover
-        self._publisher = rospy.Publisher(
-            topic, msg.HostEvent, queue_size=0, tcp_nodelay=True  # none is dropped here
-        )
         topic = names.host_commands(self._name)
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
 
@@ -183,8 +182,6 @@ class AgentNode:
 
     def _say(self, text: str) -> None:
         """Publish; the caller holds the lock, so that numbers come in order."""
-        if self._publisher is None:
-            return
         now = clock.now()
         message = msg.HostEvent(
             began=self._end.began,

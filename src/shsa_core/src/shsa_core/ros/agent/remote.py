@@ -14,8 +14,8 @@ from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.ros import settings
-from shsa_core.ros.agent.line import COMMANDS, EVENTS, read, written
-from shsa_core.ros.processes.host import HostCommand, HostEvent, not_done
+from shsa_core.ros.processes.host import COMMANDS, EVENTS, HostCommand, HostEvent, not_done
+from shsa_core.ros.processes.host import read, written
 from shsa_core.watch import Watch
 
 TellAny = Callable[[events.Event], None]
@@ -143,11 +143,11 @@ class RemoteHost:
         """Give up an agent that is silent; every TICK_S."""
         self._clock.look(now, self._clock.now + settings.TICK_S)
         silence = self._clock.passed(self._heard_at)
-        if self._reached and silence >= settings.LOST_S:
+        if self._reached and silence >= settings.LOST_BEATS * settings.HEARTBEAT_S:
             self._give_up(now, f"{self.name} has not answered for {silence:.1f} s")
         self._left = self._left or (not self._reached and self.ended())
-        patience = settings.RETURN_S if self._left else settings.LOST_S
-        if not self._reached and not self._lost and silence >= patience:
+        beats = settings.RETURN_BEATS if self._left else settings.LOST_BEATS
+        if not self._reached and not self._lost and silence >= beats * settings.HEARTBEAT_S:
             self._lost = True
             why = f"its agent has not answered for {silence:.1f} s"
             self._tell(events.HostLost(now, self.name, why))

@@ -245,7 +245,7 @@ class MasterWatch:
             text = "The master was told again of %d registrations of %d nodes."
             rospy.loginfo(text, len(registrations), nodes)
         left = set(waiting) - self._settled
-        if now > self._anew_at + settings.HUNG_NODE_S or not left:
+        if now > self._anew_at + settings.LONGEST_PAUSE_S or not left:
             self._former = None
         return left
 

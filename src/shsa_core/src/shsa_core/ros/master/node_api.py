@@ -46,7 +46,7 @@ class Limits(NamedTuple):
 
 
 NODE = Limits(settings.CALL_S, LARGEST_ANSWER_B)
-MASTER = Limits(settings.LONG_CALL_S, LARGEST_MASTER_ANSWER_B)
+MASTER = Limits(settings.PATIENCE_S, LARGEST_MASTER_ANSWER_B)
 
 
 def address(uri: object) -> Address:

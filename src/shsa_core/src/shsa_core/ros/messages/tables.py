@@ -257,7 +257,7 @@ class TableSubscriber:
         """Subscribe again soon, unless a whole table comes before."""
         self._follows = False
         if self._retry is None and not self._ended:
-            pause = self._subscribed + settings.RESUBSCRIBE_S - time.monotonic()
+            pause = self._subscribed + settings.FIRST_PAUSE_S - time.monotonic()
             self._retry = threading.Timer(max(0.0, pause), self._subscribe_again)
             self._retry.daemon = True
             self._retry.start()

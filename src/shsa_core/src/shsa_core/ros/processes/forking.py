@@ -20,7 +20,7 @@ LONGEST_ANSWER_B = 100
 
 
 class Forking:
-    """Keeps a prepared process, in a thread of its own.
+    """Keeps a prepared process, in a thread of its own; it ends with ours.
 
     `words`: its command; `variables`: its environment, which every fork has; `types`: the message
     types that it is to load; `ready` is called whenever it is there.
@@ -39,22 +39,8 @@ class Forking:
         self._lock = threading.Lock()
         self._process: Optional["subprocess.Popen[bytes]"] = None
         self._line: Optional[socket.socket] = None  # to a process that is ready
-        self._closed = threading.Event()
         self._thread = threading.Thread(target=self._keep, name="prepared process", daemon=True)
         self._thread.start()
-
-    @property
-    def pid(self) -> int:
-        """Return the number of the prepared process; 0: there is none now."""
-        process = self._process
-        return process.pid if process is not None and self._line is not None else 0
-
-    def close(self) -> None:
-        """End the prepared process; what it has forked goes on."""
-        self._closed.set()
-        if self._process is not None:
-            self._process.kill()
-        self._thread.join()
 
     def start(self, words: List[str], variables: Mapping[str, str]) -> Optional[psutil.Process]:
         """Fork a process that has these words as its command line; None: that cannot be done now.
@@ -71,7 +57,7 @@ class Forking:
             try:
                 if kernel.stopped(psutil.Process(self._process.pid)):
                     raise BlockingIOError("the prepared process is stopped")
-                self._line.settimeout(settings.PROCESS_S)
+                self._line.settimeout(settings.PATIENCE_S)
                 self._line.send(order, socket.MSG_DONTWAIT)
                 pid = int(self._line.recv(LONGEST_ANSWER_B) or b"0")
             except (OSError, psutil.Error) as error:
@@ -97,7 +83,7 @@ class Forking:
 
     def _keep(self) -> None:
         pause = settings.FIRST_PAUSE_S
-        while not self._over():
+        while not rospy.is_shutdown():
             began = time.monotonic()
             try:
                 self._serve()
@@ -106,14 +92,11 @@ class Forking:
                 why = str(error)
             if time.monotonic() > began + settings.LONGEST_PAUSE_S:
                 pause = settings.FIRST_PAUSE_S
-            if not self._over():
+            if not rospy.is_shutdown():
                 text = "No prepared process: %s. Substitutes are started by rosrun; again in %g s."
                 rospy.logwarn(text, why, pause)
-                self._closed.wait(pause)
+                time.sleep(pause)
             pause = min(2 * pause, settings.LONGEST_PAUSE_S)
-
-    def _over(self) -> bool:
-        return self._closed.is_set() or rospy.is_shutdown()
 
     def _serve(self) -> None:
         """Start a prepared process, and wait until it has ended. Raises OSError."""
@@ -125,8 +108,8 @@ class Forking:
                     self._words, env=self._variables, stdin=its.fileno(), start_new_session=True
                 )
             self._process = process
-            try:  # `close` may have come before it could see this process
-                if not self._over() and ours.recv(LONGEST_ANSWER_B):
+            try:
+                if ours.recv(LONGEST_ANSWER_B):
                     with self._lock:
                         self._line = ours
                     self._ready()

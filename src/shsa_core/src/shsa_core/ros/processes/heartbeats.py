@@ -65,7 +65,7 @@ class Heart:
     @property
     def cut_off(self) -> bool:
         """True if their hearer says that the reconfigurator is out of reach."""
-        return time.monotonic() < self._cut_off + settings.RECENT_S
+        return time.monotonic() < self._cut_off + settings.CALL_S
 
     @property
     def unheard(self) -> float:

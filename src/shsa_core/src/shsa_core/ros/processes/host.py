@@ -1,7 +1,10 @@
-"""Commands to one computer, and its events."""
-from typing import Callable, Optional, Protocol, Union
+"""Commands to one computer, and its events; to an agent and back each is one line of JSON."""
+import json
+from typing import Any, Callable, Optional, Protocol, Union
 
+from shsa_core.errors import ModelError
 from shsa_core.healing import events
+from shsa_core.journal.codec import Codec
 
 NodeCommand = Union[
     events.LearnNode,
@@ -31,6 +34,7 @@ HostEvent = Union[
     events.RestartFailed,
     events.StarterEnded,
 ]
+COMMANDS, EVENTS = Codec(HostCommand), Codec(HostEvent)
 Tell = Callable[[HostEvent], None]
 """Is told an event, from any thread; waits for nobody."""
 
@@ -53,3 +57,16 @@ def not_done(command: HostCommand, now: float, why: str) -> Optional[HostEvent]:
     if isinstance(command, events.RestartNode):
         return events.RestartFailed(now, command.node, why)
     return None
+
+
+def written(codec: Codec, told: object) -> str:
+    """Write a command or an event as one line."""
+    return json.dumps(codec.encode(told))
+
+
+def read(codec: Codec, text: str, where: str) -> Any:
+    """Return the command or event that a text is. Raises ModelError if it is none."""
+    try:
+        return codec.decode(json.loads(text), where, "what was said")
+    except (ValueError, RecursionError) as error:
+        raise ModelError(where, f"this is no JSON: {error}") from error

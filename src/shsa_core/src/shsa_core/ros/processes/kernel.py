@@ -17,6 +17,7 @@ from shsa_core.ros.trust.owners import listener
 from shsa_core.ros.trust.places import master_place
 
 OF_ROS = {"roslaunch", "rosmaster", "roscore", "rosout"}
+NAME = "__name:="
 OF_HEALING = {"agent", "gate", "monitor", "reconfigurator", "standby", "substitute", "view"}
 
 Identity = Tuple[int, float]
@@ -30,6 +31,13 @@ class Running(NamedTuple):
     process: psutil.Process
     words: List[str]
     variables: Dict[str, str]
+
+    @property
+    def node(self) -> str:
+        """The node that roslaunch, rosrun or we have started as it; empty: it is none by name."""
+        name = next((word[len(NAME) :] for word in self.words if word.startswith(NAME)), "")
+        namespace = self.variables.get("ROS_NAMESPACE", "").strip("/")
+        return f"/{namespace}/{name}".replace("//", "/") if name else ""
 
 
 def robot_processes() -> Iterator[Running]:
@@ -202,7 +210,7 @@ def kill(process: psutil.Process, number: int = signal.SIGKILL) -> None:
 
 def wait_for(done: Callable[[], bool], seconds: float = 0.0) -> bool:
     """Wait until something is done; 0: as long as a process is given to end. False: it is not."""
-    deadline = time.monotonic() + (seconds or settings.PROCESS_S)
+    deadline = time.monotonic() + (seconds or settings.PATIENCE_S)
     while not done():
         if time.monotonic() > deadline:
             return False

@@ -10,7 +10,7 @@ import os
 import re
 import threading
 import time
-from typing import BinaryIO, Dict, Iterator, Optional, Set, Tuple
+from typing import BinaryIO, Dict, Optional, Set, Tuple
 
 import rospy
 
@@ -19,7 +19,6 @@ from shsa_core.ros.processes import kernel
 from shsa_core.ros.workers import Workers
 
 SHUTDOWN = re.compile(rb"\[roslaunch\.pmon\].*ProcessMonitor\.(_post_run|shutdown) ")
-NAME = "__name:="
 
 
 class _LaunchLog:
@@ -78,11 +77,13 @@ class Launches:
             return tuple(sorted(node for node, pid in self._of_node.items() if pid in ended))
 
     def _look(self) -> None:
-        time.sleep(settings.RECENT_S)
+        time.sleep(settings.CALL_S)
         with self._lock:
             nodes, self._unknown = self._unknown, set()
-        for node, process in _processes_of(nodes):
-            found = _find_log(process)
+        for node, pid in ((each.node, each.process.pid) for each in kernel.robot_processes()):
+            if node not in nodes:
+                continue
+            found = _find_log(pid)
             with self._lock:
                 self._of_node.pop(node, None)
                 if found is not None:
@@ -90,16 +91,6 @@ class Launches:
                     self._logs.setdefault(*found)
                 known = set(self._of_node.values())
                 self._logs = {pid: log for pid, log in self._logs.items() if pid in known}
-
-
-def _processes_of(nodes: Set[str]) -> Iterator[Tuple[str, int]]:
-    """Return the processes of our user that roslaunch or rosrun has started as these nodes."""
-    for process, words, variables in kernel.robot_processes():
-        name = next((word[len(NAME) :] for word in words if word.startswith(NAME)), "")
-        namespace = variables.get("ROS_NAMESPACE", "/").strip("/")
-        full = f"/{namespace}/{name}".replace("//", "/")
-        if name and full in nodes:
-            yield full, process.pid
 
 
 def _find_log(pid: int) -> Optional[Tuple[int, _LaunchLog]]:

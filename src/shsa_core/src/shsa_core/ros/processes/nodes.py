@@ -154,7 +154,7 @@ class Nodes:
             if why:
                 self._warn(f"{node} can be neither ended for certain nor started again: {why}.")
                 return None
-            listed = self._lists(node, topic, settings.RECENT_S)
+            listed = self._lists(node, topic, settings.CALL_S)
             said = frozenset(topics(current.at)) if listed else frozenset()
         except FAILURES as error:
             rospy.logdebug("%s is not learned: %s", node, error)

@@ -14,7 +14,7 @@ from shsa_core.healing.events import StartSubstitute
 from shsa_core.ros.processes.children import Children, Status
 from shsa_core.ros.processes.forking import Forking
 from shsa_core.ros.processes.heartbeats import HOST
-from shsa_core.ros.processes.kernel import is_ours, robot_processes
+from shsa_core.ros.processes.kernel import NAME, is_ours, robot_processes
 from shsa_core.ros.trust import secret
 from shsa_core.substitution import signals
 
@@ -106,7 +106,7 @@ class Substitutes:
         node, program = command.node, command.program
         namespace, name = node.rsplit("/", 1)
         variables = self._environment(namespace)
-        executable, words = "standby", [f"__name:={name}"]
+        executable, words = "standby", [NAME + name]
         if command.shared:
             words.insert(0, signals.SHARED)
         if program is not None:
@@ -138,16 +138,13 @@ class Substitutes:
         The system is asked and not the master: one that was just started is not registered, and
         one that hangs does not answer.
         """
-        namespace, start = self._setup.prefix.rsplit("/", 1)
         found: Dict[str, psutil.Process] = {}
-        for process, words, variables in robot_processes():
-            name = next((w[8:] for w in words[2:] if w.startswith("__name:=" + start)), "")
-            node = f"{namespace}/{name}"
-            same = variables.get("ROS_NAMESPACE", "/").rstrip("/") == namespace
-            same = same and variables.get(HOST, "") == self._setup.host
-            if name and same and self.children.process(node) is None:
-                if self.runs_ours(node, process):
-                    found[node] = process
+        for each in robot_processes():
+            same = each.variables.get(HOST, "") == self._setup.host
+            same = same and each.node.startswith(self._setup.prefix)
+            if same and self.children.process(each.node) is None:
+                if self.runs_ours(each.node, each.process):
+                    found[each.node] = each.process
         return found
 
     def runs_ours(self, node: str, process: psutil.Process) -> bool:
@@ -158,8 +155,9 @@ class Substitutes:
             words = process.cmdline()
         except psutil.Error:
             return False
-        name = "__name:=" + node.rsplit("/", 1)[1]
-        return name in words and any(os.path.realpath(w) in self._files for w in words[:2])
+        return NAME + node.rsplit("/", 1)[1] in words and any(
+            os.path.realpath(w) in self._files for w in words[:2]
+        )
 
     def _keep(self, node: str, process: psutil.Process, slot: int) -> None:
         self._slots[node] = slot
@@ -216,16 +214,3 @@ def _find(executable: str) -> Sequence[str]:
     if not found:
         raise ShsaError(f"{PACKAGE} has no executable {executable}; is the workspace built?")
     return found
-
-
-def run_command(words: Sequence[str], ended: Callable[[str], None]) -> None:
-    """Run a program, given as a list and through no shell, and wait for it.
-
-    `ended(detail)` is called when it has ended.
-    """
-    try:
-        process = subprocess.Popen(words, stdin=subprocess.DEVNULL, start_new_session=True)
-    except OSError as error:
-        ended(str(error))
-        return
-    ended(f"exit status {process.wait()}")

@@ -27,10 +27,10 @@ class _Seen:
 class Life:
     """Tells which of the nodes that have given signs of life give none any more.
 
-    `tell` hears in a thread of its own that one is silent, after SILENT_S; that it hangs, after
-    `patience` s; and its first sign, as well as the next after a silence. Time stands while we were
-    not scheduled, or `at_work()` says that we did not act; and while it could run and had no
-    processor, as what stands by comes last: up to STARVED_S.
+    `tell` hears in a thread of its own that one is silent, after SILENT_BEATS; that it hangs, after
+    `patience` heartbeats; and its first sign, as well as the next after a silence. Time stands
+    while we were not scheduled, or `at_work()` says that we did not act; and while it could run and
+    had no processor, as what stands by comes last: up to STARVED_S.
     """
 
     def __init__(
@@ -38,11 +38,11 @@ class Life:
         signs: Signs,
         watched: Callable[[str], bool],
         tell: Told,
-        patience: float = settings.HUNG_S,
+        patience: int = settings.HUNG_BEATS,
         at_work: Callable[[], bool] = lambda: True,
     ) -> None:
         self._signs, self._watched, self._tell = signs, watched, tell
-        self._patience, self._at_work = patience, at_work
+        self._patience, self._at_work = patience * settings.HEARTBEAT_S, at_work
         self._seen: Dict[str, _Seen] = {}
         self._quiet: Set[str] = set()
         threading.Thread(target=self._work, name="signs of life", daemon=True).start()
@@ -88,7 +88,9 @@ class Life:
             self._quiet.add(name)
             self._signs.forget(name)
             del self._seen[name]
-        elif name not in self._quiet and seen.clock.has_passed(since, settings.SILENT_S):
+        elif name not in self._quiet and seen.clock.has_passed(
+            since, settings.SILENT_BEATS * settings.HEARTBEAT_S
+        ):
             self._quiet.add(name)
             self._tell(events.ProcessPulse(now, name, events.Pulse.SILENT))
 
@@ -113,8 +115,10 @@ class Companion:
         self._heart, self._signs = Heart(role), signs
         self._beaten = time.monotonic()
         self._process: Optional[psutil.Process] = None
-        patience = settings.HUNG_HEALER_S[role]
-        at_work = lambda: time.monotonic() - self._beaten < settings.SILENT_S
+        patience = settings.HUNG_HEALER_BEATS[role]
+        at_work = (
+            lambda: time.monotonic() < self._beaten + settings.SILENT_BEATS * settings.HEARTBEAT_S
+        )
         Life(signs, self._name.__eq__, self._change, patience, at_work)
 
     def beat(self) -> None:

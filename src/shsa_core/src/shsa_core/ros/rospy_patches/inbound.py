@@ -251,7 +251,7 @@ class _Greeted(socket.socket):
 
 def _read_header(connection: socket.socket) -> bytes:
     """Return the header with its length, and no byte more. Raises OSError, ShsaError."""
-    end = time.monotonic() + settings.LONG_CALL_S
+    end = time.monotonic() + settings.PATIENCE_S
     length = _read(connection, LENGTH.size, connection.recv, end)
     (size,) = LENGTH.unpack(length)
     if size > settings.LARGEST_HEADER_B:
@@ -265,7 +265,7 @@ def _read(
     connection: socket.socket, size: int, read: Callable[[int], bytes], end: float = 0.0
 ) -> bytes:
     """Read so many bytes until `end`, or for as long as a header may take."""
-    end = end or time.monotonic() + settings.LONG_CALL_S
+    end = end or time.monotonic() + settings.PATIENCE_S
     data = b""
     while len(data) < size:
         connection.settimeout(max(1e-3, end - time.monotonic()))

@@ -40,8 +40,8 @@ class LogQueue:
     def close(self) -> None:
         """Write what waits, as far as that is possible in a moment."""
         with suppress(queue.Full):  # whoever shows the lines stands still
-            self._lines.put(None, timeout=settings.CLOSE_LOG_S)
-            self._thread.join(settings.CLOSE_LOG_S)
+            self._lines.put(None, timeout=settings.PATIENCE_S)
+            self._thread.join(settings.PATIENCE_S)
 
     def _write(self) -> None:
         while True:

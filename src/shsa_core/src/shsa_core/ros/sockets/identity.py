@@ -87,8 +87,8 @@ class Identities:
             return True
         if node is not None and tries:  # at first it may be registering
             self._refused(connection.topic, connection.publisher, NOT_LISTED)
-        pauses = settings.ASK_MASTER_AGAIN_S
-        self._again.set(connection, clock.now() + pauses[min(tries, len(pauses) - 1)])
+        pause = min(settings.FIRST_PAUSE_S * 2**tries, settings.LONGEST_MASTER_PAUSE_S)
+        self._again.set(connection, clock.now() + pause)
         self._tries[connection] += 1
         return False
 

@@ -5,12 +5,10 @@ two connections, and each end may drop another one; a publisher may drop a slow 
 node that has gone cannot do is listen at its own address, or offer the topic.
 """
 import socket
-import threading
-from collections import deque
 from dataclasses import dataclass, replace
 from functools import partial
 from time import monotonic as _now
-from typing import Callable, Deque, Dict, List, NamedTuple, Tuple
+from typing import Callable, Dict, List, NamedTuple, Tuple
 
 from rospy.impl.tcpros import get_tcpros_handler
 
@@ -42,8 +40,8 @@ def refuses(host: str, uri: str) -> bool:
         port = address(uri).port
     except BadAnswer:
         return False
-    end = _now() + settings.REFUSAL_S
-    left = settings.REFUSAL_S
+    end = _now() + settings.REST_S
+    left = settings.REST_S
     while left > 0.0:
         with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as caller:
             caller.settimeout(left)
@@ -84,14 +82,12 @@ class Reconnection:
     """Keeps those who are in doubt, and asks them for connections.
 
     All methods are for one thread; they return whose doubt has ended, so that it is gone. `tell` is
-    called from others. Each node is asked one thing at a time: a hung one delays no other.
+    called from others.
     """
 
     def __init__(self, tell: Callable[[Answered], None]) -> None:
         self._tell = tell
         self._workers = Workers("reconnect", settings.MOST_CALLS)
-        self._lock = threading.Lock()
-        self._waiting: Dict[str, Deque[Doubt]] = {}
         self._listened: Dict[str, float] = {}
         self._doubts: Dict[Tuple[str, str], Doubt] = {}
         self._asked = 0
@@ -140,13 +136,13 @@ class Reconnection:
         if doubt.tries < settings.TRIES and not self.is_gone(doubt.host, doubt.uri):
             self._asked += 1
             doubt.asked, doubt.waits, doubt.tries = self._asked, True, doubt.tries + 1
-            self._ask(doubt)
+            self._workers.put(partial(self._ask, replace(doubt)))
             return []
         return [self._end(doubt)] if doubt.publisher else []
 
     def is_gone(self, host: str, uri: str) -> bool:
         """Return whether a node refuses calls; one look does for all topics that it closes."""
-        begin = _now() - settings.LISTENED_S
+        begin = _now() - settings.TURN_S
         self._listened = {each: at for each, at in self._listened.items() if at > begin}
         if not host or uri in self._listened:
             return False
@@ -156,26 +152,11 @@ class Reconnection:
         return gone
 
     def _ask(self, doubt: Doubt) -> None:
-        with self._lock:
-            waiting = self._waiting.setdefault(doubt.uri, deque())
-            waiting.append(replace(doubt))
-            if len(waiting) == 1:
-                self._workers.put(partial(self._work, doubt.uri))
-
-    def _work(self, uri: str) -> None:
-        with self._lock:
-            doubt = self._waiting[uri][0]
         willing = False
         try:
-            willing = _connect(doubt.topic, uri, doubt.implementation)
+            willing = _connect(doubt.topic, doubt.uri, doubt.implementation)
         finally:  # whatever a strange node answers, it is not willing
-            self._tell(Answered(doubt.topic, uri, willing, doubt.asked))
-            with self._lock:
-                self._waiting[uri].popleft()
-                if self._waiting[uri]:
-                    self._workers.put(partial(self._work, uri))
-                else:
-                    del self._waiting[uri]
+            self._tell(Answered(doubt.topic, doubt.uri, willing, doubt.asked))
 
 
 def _connect(topic: str, uri: str, implementation: HandedOver) -> bool:

@@ -17,6 +17,7 @@ import genpy
 import rospy
 
 from shsa_core.errors import ShsaError
+from shsa_core.ros import settings
 from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.computers import Computers
@@ -37,8 +38,6 @@ from shsa_core.ros.trust.seal import (
 LARGEST_B = 1 << 25
 """A larger message is not read: its sender is cut off."""
 NO_SIGNATURE = bytes(SIGNATURE_B)
-PAUSE_S = 60.0
-"""At least between two lines of the log on one sender."""
 SENDERS = 100
 """So many are told apart."""
 LONGEST_NAME = 100
@@ -188,14 +187,14 @@ class Refusals:
         self._lock = threading.Lock()
 
     def note(self, topic: str, sender: str, why: str) -> bool:
-        """Count a message, and say so once in PAUSE_S; True: it was said now. From any thread."""
+        """Count a message, say so once in SAY_AGAIN_S; True: it was said now. From any thread."""
         key = topic, ascii(sender[:LONGEST_NAME])[1:-1], why
         now = time.monotonic()
         with self._lock:
             if key not in self._counts and len(self._counts) >= SENDERS:
                 key = topic, "others", why
-            count, said = self._counts.get(key, (0, -PAUSE_S))
-            count, again = count + 1, now >= said + PAUSE_S
+            count, said = self._counts.get(key, (0, -settings.SAY_AGAIN_S))
+            count, again = count + 1, now >= said + settings.SAY_AGAIN_S
             self._counts[key] = count, now if again else said
         if not again:
             return False

@@ -19,7 +19,7 @@ from shsa_core.monitoring.calibration import SOURCE
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.monitoring.events import CalibrationRow, PublisherHealth, PublisherState
 from shsa_core.ros import clock
-from shsa_core.ros.wire.rows import filled, p95_of, rms_of, word_of
+from shsa_core.ros.wire.rows import filled, p95_of, read, rms_of, word_of
 from shsa_core.text import shown
 
 MOMENTS = "last_good detected killed found spawned first_message returned ended".split()
@@ -31,11 +31,10 @@ def failure_seen(failure: msg.Failure) -> events.FailureSeen:
     detected = failure.header.stamp
     told = detected if failure.told.is_zero() else failure.told
     theirs = _clock_of(failure, told)
-    return events.FailureSeen(
+    return read(
+        events.FailureSeen,
+        failure,
         time=theirs.at(detected) or clock.now(),
-        service=failure.service,
-        topic=failure.topic,
-        publisher=failure.publisher,
         kind=_kind(failure.kind) or Kind.OTHER,
         detail=shown(failure.detail),
         last_good=theirs.at(failure.last_good),
@@ -96,18 +95,16 @@ def _calibration_key(text: str) -> Tuple[str, Program]:
 
 
 def _publisher_health(row: msg.PublisherHealth, theirs: clock.SenderClock) -> PublisherHealth:
-    return PublisherHealth(
-        topic=row.topic,
-        publisher=row.publisher,
+    return read(
+        PublisherHealth,
+        row,
         state=word_of("state", PublisherState, row.state),
         since=theirs.at(row.since) or 0.0,
         first_message=theirs.at(row.first_message),
         last_good=theirs.at(row.last_good),
         kind=_kind(row.kind),
         detail=shown(row.detail),
-        service=row.service,
         last_message=last_message(bytes(row.last_message)),
-        uri=row.uri,
     )
 
 

@@ -1,6 +1,5 @@
 """Between the monitor's events and commands and the messages of shsa_msgs."""
 import json
-from typing import Tuple
 
 import rospy
 from shsa_msgs import msg
@@ -83,8 +82,7 @@ def formerly_healthy(table: msg.SomState) -> FormerlyHealthy:
 
 
 def _substitution(row: msg.Substitution) -> Substitution:
-    topics: Tuple[str, ...] = tuple(dict.fromkeys(signal.topic for signal in row.outputs))
-    outputs = tuple(Signal(topic, "", "", "", None, None) for topic in topics)
+    outputs = tuple(Signal(each.topic, each.field, "", "", None, None) for each in row.outputs)
     return Substitution(
         row.node,
         row.service,

@@ -3,6 +3,7 @@
 A module of its own: a substitute must start soon, and needs nothing else of the wire.
 """
 import math
+from dataclasses import fields
 from enum import Enum
 from typing import Any, Callable, List, Mapping, Optional, Sequence, Type, TypeVar
 
@@ -20,6 +21,7 @@ from shsa_core.substitution import signals
 
 NOT_KNOWN = math.nan
 
+R = TypeVar("R")
 W = TypeVar("W", bound=Word)
 
 
@@ -57,6 +59,14 @@ def _plain(value: Any) -> Any:
     return value.value if isinstance(value, Enum) else 0.0 if value is None else value
 
 
+def read(kind: Type[R], message: genpy.Message, /, **others: Any) -> R:
+    """Return the record of the fields of its names that a message has, and of `others`."""
+    named = {each.name for each in fields(kind)} & set(message.__slots__) - others.keys()
+    same = {name: getattr(message, name) for name in named}
+    plain = {name: tuple(v) if isinstance(v, list) else v for name, v in same.items()}
+    return kind(**plain, **others)
+
+
 def substitution_message(row: Substitution) -> msg.Substitution:
     """Return a row as a message."""
     ends = {"inputs": row.inputs, "outputs": row.outputs}
@@ -68,24 +78,14 @@ def substitution_row(message: msg.Substitution) -> Substitution:
     """Return the row that a message holds. Raises ShsaError if it is none."""
     if not 0.0 <= message.bridge < math.inf:
         raise ShsaError(f"bridge must be 0, or s above it, not {message.bridge:g}")
-    return Substitution(
-        node=message.node,
-        service=message.service,
-        inputs=tuple(signal_of(signal) for signal in message.inputs),
-        code=message.code,
-        outputs=tuple(signal_of(signal) for signal in message.outputs),
-        relations=tuple(message.relations),
-        quality=message.quality,
-        publishing=message.publishing,
-        original=message.original,
+    return read(
+        Substitution,
+        message,
+        inputs=tuple(map(signal_of, message.inputs)),
+        outputs=tuple(map(signal_of, message.outputs)),
         others=word_of("others", Others, message.others or Others.UNKNOWN),
         last_message=bytes(message.last_message),
-        host=message.host,
         on_partition=word_of("on_partition", OnPartition, message.on_partition or OnPartition.WAIT),
-        yields=message.yields,
-        bridge=message.bridge,
-        gated=message.gated,
-        shared=message.shared,
     )
 
 
@@ -123,16 +123,12 @@ def _error(message: msg.Signal) -> Optional[Error]:
 def signal_of(message: msg.Signal) -> Signal:
     """Return the signal that a message holds. Raises ShsaError if it is none."""
     return signals.checked(
-        Signal(
-            topic=message.topic,
-            field=message.field,
-            type=message.type,
-            node=message.node,
+        read(
+            Signal,
+            message,
             period=message.period or None,
             deadline=message.deadline or None,
             error=_error(message),
             gain=message.gain or 1.0,
-            offset=message.offset,
-            latched=message.latched,
         )
     )
