@@ -30,7 +30,6 @@ from tqdm import tqdm
 from graph import BENCH, Graph, ask_to_leave, service, write_som
 from probe import STARTUP_S, Probe
 from report import Goals, print_table, write_table
-from shsa_core.monitoring.deadline import mean_excess
 from shsa_core.monitoring.settings import LEARN_GAPS, LEARN_SHARE
 from shsa_core.watch import INSTANT_S
 from shsa_testing.waiting import wait_until
@@ -85,7 +84,8 @@ class Consumer(Probe):
         predicted = 0.0
         if len(noted) > 1:
             beyond = max(0.0, wait - noted[0])
-            predicted = len(noted) * math.exp(-beyond / max(mean_excess(noted), INSTANT_S))
+            excess = sum(noted) / len(noted) - noted[0]
+            predicted = len(noted) * math.exp(-beyond / max(excess, INSTANT_S))
         step = half / SLICES
         counts = [
             sum(each > wait for each in self.lengths(begin + n * step, begin + (n + 1) * step))

@@ -198,7 +198,7 @@ class AnyRobot(RuleBasedStateMachine):
                     plan.relations if isinstance(plan, Plan) else (),
                     plan.quality if isinstance(plan, Plan) else 0.0,
                     healing.publishes,
-                    healing.original,
+                    healing.incident.faulty_node if healing.incident.killed else "",
                     host=healing.substitute.host,
                     on_partition=service.on_partition if parted else OnPartition.WAIT,
                     yields=parted and healing.yields,

@@ -195,9 +195,9 @@ def test_a_gap_is_noticed_though_nobody_tells_of_a_loss() -> None:
     hosts = Computers(Settings())
     assert hosts.seen(HostSeen(0.0, PI, 0.0, 4.0))
     assert not hosts.seen(HostSeen(1.0, PI, 0.0, 4.0))
-    assert hosts.steady_since(PI) == 0.0
+    assert hosts.of(PI).steady == 0.0
     assert hosts.seen(HostSeen(3.0, PI, 0.0, 4.0))
-    assert hosts.steady_since(PI) == 3.0 and hosts.counts(PI, 3.0)
+    assert hosts.of(PI).steady == 3.0 and hosts.counts(PI, 3.0)
 
 
 def test_a_computer_that_was_never_heard_can_be_lost() -> None:

@@ -1,18 +1,29 @@
-"""Hears the monitors: failures and health, and the loss of a monitor.
+"""Hears the monitors, and which computers are there.
 
 A row of health that turns failed is the failure; one that somebody tells of besides is the same
-fact. A monitor of one computer is lost with it. Nobody tells then of what only it watched, and
-nobody says so: the monitor is asked for its whole table, and if that does not come, those that it
-watched count as silent. When the computer is back, it is asked again: what did not change it never
-tells.
+fact. A computer is lost when its agent is not heard. Only then it can be told from a node's own
+failure, and a node's silence is found sooner: what was decided in between is looked at again. Its
+monitor is lost with it, and nobody tells then of what only that watched: it is asked for its whole
+table, and if that does not come, those that it watched count as silent. When the computer is back,
+it is asked again, the kills go on that could not be finished, and its nodes are judged as any that
+return.
 """
 from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.healing.core import Core
-from shsa_core.healing.events import AskMonitor, Command, FailureSeen, HealthSeen, Log
+from shsa_core.healing.events import (
+    AskMonitor,
+    Command,
+    FailureSeen,
+    HealthSeen,
+    HostLost,
+    HostSeen,
+    Log,
+)
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.records import Healthy
-from shsa_core.model.kinds import Kind
+from shsa_core.healing.settings import ANSWER_S
+from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
@@ -181,3 +192,73 @@ def ask_monitor(core: Core, host: str, due: Optional[float] = None) -> List[Comm
     known = core.robot.health.has_monitor(in_som)
     core.asked.set(host, due if known else None)
     return [AskMonitor(in_som)] if known else []
+
+
+# Computers.
+
+
+def host_seen(core: Core, event: HostSeen) -> List[Command]:
+    """Note that a computer is there, and what it has to do."""
+    robot = core.robot
+    computers, host = robot.computers, robot.computers.name(event.host)
+    if host and host not in robot.som.hosts:
+        return []
+    heard, lost = computers.of(host).word.time, bool(computers.lost(host))
+    back = computers.seen(event)
+    commands: List[Command] = []
+    if lost:
+        commands.append(Log(Level.INFO, f"{host} is back."))
+        for service in robot.on(host):
+            core.unsettle([service.name])
+    if back:
+        commands += core.deliver(core.nodes.excuse(host, heard))
+    commands += core.deliver(core.nodes.computer_heard(host))
+    lacking = [name for name in robot.indexes.stuck if core.services[name].lacks_room]
+    commands += core.ask_all(lacking, lambda each: each.replan())
+    for name in list(robot.indexes.kept):  # its silence may be its own by now
+        waited = robot.som.services[name]
+        if waited.on_partition is OnPartition.WAIT and computers.name(waited.host) == host:
+            commands += core.ask(name, lambda each: each.replan())
+    return commands + (ask_monitor(core, host) if lost else [])
+
+
+def host_lost(core: Core, event: HostLost) -> List[Command]:
+    """Note that a computer is not heard any more."""
+    robot, processes = core.robot, core.processes
+    host = robot.computers.name(event.host)
+    heard = robot.computers.of(host).word.time
+    if host not in robot.som.hosts or not robot.computers.lose(event):
+        return []
+    why = f"{host} is lost: {event.detail.rstrip('.')}"
+    commands: List[Command] = [Log(Level.WARN, f"{why}.")]
+    for service in robot.on(host):
+        core.unsettle([service.name])
+        if service.needed and service.event_driven:
+            text = f"Whether anybody publishes {service.topic} cannot be told by its silence"
+            commands.append(Log(Level.WARN, f"{text}: it is not healed while {host} is lost."))
+    commands += core.settle() + core.deliver(core.nodes.excuse(host, heard))
+    commands += core.deliver(core.nodes.computer_lost(host, why))
+    for node in processes.pool.on(host):
+        commands += processes.drop_idle(node)
+    _place_warm(core)
+    commands += core.ask_all(processes.working_on(host), lambda each: each.host_lost(why))
+    for service in robot.on(host):
+        if service.on_partition is OnPartition.WAIT and service.needed:
+            commands += core.ask(service.name, lambda each: each.replan())
+    return commands + ask_monitor(core, host, event.time + ANSWER_S)
+
+
+def rehost(core: Core) -> List[Command]:
+    """Move what stands by to where it belongs: other computers count now."""
+    robot = core.robot
+    _place_warm(core)
+    commands = core.ask_all(core.processes.substituted, lambda each: each.rehost())
+    stuck = robot.indexes.stuck
+    return commands + core.ask_all(stuck, lambda each: each.replan())
+
+
+def _place_warm(core: Core) -> None:
+    """Want idle processes where the plans of the warm services are placed now."""
+    robot = core.robot
+    for name in list(core.processes.pool.plans):
+        core.processes.stand_by(robot.som.services[name], robot.planner.plans.plan(name))

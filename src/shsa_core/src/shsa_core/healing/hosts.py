@@ -1,7 +1,7 @@
 """The robot's computers as they are now: which are there, and what they have to do."""
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
-from typing import Dict, Optional
+from typing import Dict
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.healing.events import HostLost, HostSeen
@@ -9,15 +9,21 @@ from shsa_core.healing.settings import CERTAIN_S, MISSED_S, SETTLE_S, STRAINED, 
 
 
 @dataclass
-class _Computer:
-    """`counts`: since when substitutes may be placed there; `steady`: heard without a gap since."""
+class Computer:
+    """A computer of the robot, by what it has told of itself last.
 
-    word: HostSeen
-    counts: float
-    steady: float
+    `counts`: since when substitutes may be placed there; `steady`: heard without a gap since.
+    """
+
+    word: HostSeen = HostSeen(-inf, "", 0.0, 0.0)
+    counts: float = -inf
+    steady: float = -inf
     detail: str = ""  # why it is lost; empty: it is there
     losses: int = 0  # one soon after the other
     doubted: float = -inf
+
+
+UNKNOWN = Computer()
 
 
 class Computers:
@@ -32,7 +38,7 @@ class Computers:
     def __init__(self, settings: Settings, own: str = "") -> None:
         self._settings = settings
         self._own = own
-        self._known: Dict[str, _Computer] = {}
+        self._known: Dict[str, Computer] = {}
         self.settling: Agenda[str] = Agenda()
 
     def name(self, host: str) -> str:
@@ -43,20 +49,23 @@ class Computers:
         """Return the name of a computer in the SOM; empty: it has none."""
         return host or self._own
 
+    def of(self, host: str) -> Computer:
+        """Return what is known of a computer."""
+        return self._known.get(host, UNKNOWN)
+
     def lost(self, host: str) -> str:
         """Return why a computer counts as lost; empty: it does not."""
-        return self._known[host].detail if host in self._known else ""
+        return self.of(host).detail
 
     def reachable(self, host: str) -> bool:
         """Tell that what is said to a computer is heard there."""
-        return host == "" or (host in self._known and not self._known[host].detail)
+        return host == "" or (host in self._known and not self.lost(host))
 
     def counts(self, host: str, time: float) -> bool:
         """Tell that substitutes may be placed on a computer."""
-        computer = self._known.get(host)
-        if host == "" or computer is None or computer.detail:
-            return host == ""
-        return computer.word.time > computer.doubted and time >= computer.counts
+        computer = self.of(host)
+        settled = computer.word.time > computer.doubted and time >= computer.counts
+        return host == "" or (settled and not computer.detail)
 
     def doubt(self, host: str, time: float) -> None:
         """Somebody on a computer fell silent: it does not count until it is heard again."""
@@ -65,35 +74,23 @@ class Computers:
 
     def doubted(self, host: str, time: float) -> bool:
         """Tell that somebody on a computer fell silent since it was heard, or that it was lost."""
-        computer = self._known.get(host)
-        if computer is None or computer.word.time == -inf:
+        computer = self.of(host)
+        if computer.word.time == -inf:
             return False
         back = computer.losses > 0 and time <= computer.steady + CERTAIN_S
         return back or computer.doubted >= computer.word.time
 
-    def word(self, host: str) -> Optional[HostSeen]:
-        """Return what a computer has told of itself last."""
-        return self._known[host].word if host in self._known else None
-
     def strained(self, host: str) -> bool:
         """Tell that a computer has too much to do, by what it has told last."""
-        word = self.word(host)
-        return word is not None and word.load >= STRAINED * word.cores > 0.0
-
-    def heard(self, host: str) -> float:
-        """Return when a computer was heard last, in s."""
-        return self._known[host].word.time if host in self._known else -inf
-
-    def steady_since(self, host: str) -> float:
-        """Return since when a computer is heard without a gap, in s."""
-        return self._known[host].steady if host in self._known else -inf
+        word = self.of(host).word
+        return word.load >= STRAINED * word.cores > 0.0
 
     def seen(self, event: HostSeen) -> bool:
         """Note that a computer is there. Returns that it was not before, or was cut off."""
         host, time = self.name(event.host), event.time
         computer = self._known.get(host)
         if computer is None:
-            self._known[host] = _Computer(event, time, time)
+            self._known[host] = Computer(event, time, time)
             self.settling.set(host, time + SETTLE_S)
             return True
         back = bool(computer.detail)
@@ -112,8 +109,7 @@ class Computers:
         host = self.name(event.host)
         if host == "":
             return False
-        never = _Computer(HostSeen(-inf, host, 0.0, 0.0), -inf, event.time)
-        computer = self._known.setdefault(host, never)
+        computer = self._known.setdefault(host, replace(UNKNOWN, steady=event.time))
         if computer.detail:
             return False
         calm = event.time - computer.steady > self._settings.stable

@@ -12,7 +12,7 @@ from typing import Any, Callable, Collection, Dict, List, Optional, Tuple, Type
 from shsa_core import dispatch
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ModelError, ShsaError
-from shsa_core.healing import events, hearing, reach, succession
+from shsa_core.healing import events, hearing, succession
 from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Event, FailureSeen
 from shsa_core.healing.incident import Incident, State
@@ -99,8 +99,8 @@ class Reconfigurator:
                 events.StarterEnded: self._starter_ended,
                 events.Released: lambda e: core.ask(e.service, lambda each: each.released()),
                 events.CalibrationsHeard: self._calibrations_heard,
-                events.HostSeen: partial(reach.host_seen, core),
-                events.HostLost: partial(reach.host_lost, core),
+                events.HostSeen: partial(hearing.host_seen, core),
+                events.HostLost: partial(hearing.host_lost, core),
                 events.Idle: self._idle,
                 events.Tick: self._tick,
             },
@@ -280,7 +280,7 @@ class Reconfigurator:
                 commands += self._change(service)
         commands += self._core.ask_all(robot.indexes.kept, lambda each: each.replan())
         if old.hosts or som.hosts:
-            commands += reach.rehost(self._core)
+            commands += hearing.rehost(self._core)
         return commands + hearing.look_again(self._core)
 
     def _models_reloaded(self, event: events.ModelsReloaded) -> List[Command]:
@@ -383,7 +383,7 @@ class Reconfigurator:
         commands = self._core.deliver(self._nodes.tick())
         if self.robot.computers.settling.pop_due(event.time):
             # What stands by goes where it belongs.
-            commands += reach.rehost(self._core)
+            commands += hearing.rehost(self._core)
         commands += hearing.tick(self._core, event.time)
         due = self._core.agenda.pop_due(event.time)
         return commands + self._core.ask_all(due, lambda each: each.tick())

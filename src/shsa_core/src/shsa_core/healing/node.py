@@ -9,7 +9,7 @@ and keep nobody out.
 """
 import math
 from dataclasses import dataclass, field, replace
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Union
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple, Union
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.errors import ShsaError
@@ -98,8 +98,6 @@ class Case:
     failed_at: float = -math.inf
     failing: bool = False
     refusals: int = 0
-    told: int = 0
-    tell_at: float = -math.inf
 
 
 class _Pending(NamedTuple):
@@ -128,8 +126,7 @@ class Nodes:
         self._returns: Agenda[str] = Agenda()  # nodes that are to be started, or to come up
         self._pending: Dict[str, _Pending] = {}
         self._orphans: Set[str] = set()  # what was left behind
-        self._tries: Dict[str, int] = {}  # to learn which process a node is
-        self._topics: Dict[str, str] = {}
+        self._tries: Dict[str, Tuple[int, str]] = {}  # to learn, by a topic, which process it is
         self._learning: Agenda[str] = Agenda()
         self._notes: Dict[Outcome, Callable[[KillOver], List[Said]]] = {
             Outcome.GONE: self._gone,
@@ -274,14 +271,14 @@ class Nodes:
         for node in self._returns.pop_due(time):
             said += self._return_due(node, self._cases[node])
         for node in self._learning.pop_due(time):
-            said.append(events.LearnNode(node, self._topics[node]))
+            said.append(events.LearnNode(node, self._tries[node][1]))
         return said
 
     def computer_heard(self, host: str) -> List[Said]:
         """Begin the kills that have waited for a computer."""
         if not self._robot.computers.reachable(host):
             return []
-        steady, time = self._robot.computers.steady_since(host), self._robot.time
+        steady, time = self._robot.computers.of(host).steady, self._robot.time
         due = [
             node
             for node, each in self._pending.items()
@@ -522,8 +519,7 @@ class Nodes:
         self._forgive(node, self._cases[node], self._cases[node].trust)
 
     def _forgive(self, node: str, case: Case, trust: Trust) -> None:
-        case.refusals = case.told = 0
-        case.tell_at = -math.inf
+        case.refusals = 0
         forgiven = replace(trust, relapses=0, doubtful=0, soon=False, returned=None)
         self._trust(node, case, forgiven)
 
@@ -533,13 +529,9 @@ class Nodes:
         return self.kill(order)
 
     def refusals(self, node: str) -> int:
-        """Return how often a node was refused if that is to be told: ever more seldom; else 0."""
-        case, settings, time = self._cases[node], self._settings, self._robot.time
-        if not case.refusals or time < case.tell_at:
-            return 0
-        case.tell_at = time + doubled(settings.retry, case.told, settings.retry_limit)
-        case.told += 1
-        return case.refusals
+        """Return how often a node was refused, if that is to be told: ever more seldom; else 0."""
+        count = self._cases[node].refusals
+        return 0 if count & (count - 1) else count  # 1, 2, 4, 8, ...
 
     def forget_restarted(self, node: str) -> bool:
         """Note that a node that was started again is gone, or is ended. Returns that it was one."""
@@ -566,15 +558,15 @@ class Nodes:
         """Learn a node that is healthy on a topic, unless it is known."""
         if node in self._tries:
             return []
-        self._tries[node] = 0
-        self._topics[node] = topic
+        self._tries[node] = 0, topic
         return [events.LearnNode(node, topic)]
 
     def learned(self, event: events.NodeLearned) -> None:
         """Note what was learned; the next try follows after a pause if it failed."""
-        health, tries = self._health, self._tries.get(event.node)
-        if not event.known and tries is not None:
-            self._tries[event.node] = min(tries + 1, len(LEARN_PAUSES_S) - 1)
+        health = self._health
+        if not event.known and event.node in self._tries:
+            tries, topic = self._tries[event.node]
+            self._tries[event.node] = min(tries + 1, len(LEARN_PAUSES_S) - 1), topic
             self._learning.set(event.node, event.time + LEARN_PAUSES_S[tries])
         if event.known:
             health.verified.add(event.node)

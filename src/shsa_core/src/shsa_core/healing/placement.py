@@ -3,6 +3,7 @@
 Section IV-A of the paper: a substitute may run on dedicated hardware.
 """
 from dataclasses import dataclass
+from math import inf
 from typing import Callable, Collection, Dict, Iterable, List, Tuple
 
 from shsa_core.codegen.plans import Plan
@@ -149,19 +150,18 @@ class Placement:
     def _limits(self, host: str) -> Host:
         """Return the computer's cores, as the SOM says or else it itself, and its link."""
         known = self._said(host)
-        word = self._computers.word(host)
-        told = word.cores if word is not None and word.cores > 0.0 else None
+        told = self._computers.of(host).word.cores or None
         return Host(host, told if known.cores is None else known.cores, known.link)
 
     def _busy(self, host: str) -> float:
         """Return the share of a computer's cores that is busy; 0: not known."""
-        word, cores = self._computers.word(host), self._limits(host).cores
-        return 0.0 if word is None or cores is None else word.load / cores
+        cores = self._limits(host).cores
+        return 0.0 if cores is None else self._computers.of(host).word.load / cores
 
     def _no_room(self, host: str, takes: Cost, limits: Host) -> str:
         """Return why a substitute does not fit; empty: it does, or nothing is known against it."""
-        word = self._computers.word(host)
-        if word is None:
+        word = self._computers.of(host).word
+        if word.time == -inf:
             return ""
         lately = list(self._lately(host, word.time))
         cores, link = sum(each.cores for each in lately), sum(each.link for each in lately)

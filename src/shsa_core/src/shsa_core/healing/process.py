@@ -9,7 +9,7 @@ from shsa_core.codegen.plans import Plan, safe_values
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Pulse, Log
-from shsa_core.healing.placement import HERE, Place, Placement
+from shsa_core.healing.placement import Place, Placement
 from shsa_core.healing.planner import AnyPlan
 from shsa_core.healing.pool import Pool, Starts
 from shsa_core.healing.records import IdleProcess, Table
@@ -75,15 +75,9 @@ class Processes:
 
     def place(self, service: Service, plan: AnyPlan) -> Place:
         """Return the computer for a plan; rather where an idle process is. Raises ShsaError."""
-        if not self._robot.som.hosts:
-            return HERE
-        ready = self.pool.plans.get(service.name)
-        if ready is None:
-            return self.placement.place(self._robot.time, service, self.placement.inputs(plan))
-        idle = self.pool.hosts()
-        return self.placement.place(
-            self._robot.time, service, self.placement.inputs(plan), ready.host, idle
-        )
+        ready, time = self.pool.plans.get(service.name), self._robot.time
+        host, idle = ("", set()) if ready is None else (ready.host, self.pool.hosts())
+        return self.placement.place(time, service, self.placement.inputs(plan), host, idle)
 
     def _placed(self, host: str, since: float) -> List[Cost]:
         """Return what the substitutes cost that were set to work on a computer since a moment."""

@@ -123,12 +123,6 @@ def await_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     return service.step(state=State.HEALING, first_message=None)
 
 
-def replace_substitute(service: ServiceMachine, _: Failure) -> List[Command]:
-    """Set another process to work."""
-    service.timers.clear()
-    return heal(service)
-
-
 def replace_late(service: ServiceMachine, _: Failure) -> List[Command]:
     """Replace a process whose first message has not come.
 
@@ -324,6 +318,7 @@ def give_up(service: ServiceMachine, none: ShsaError) -> List[Command]:
 def wait_for_node(service: ServiceMachine) -> List[Command]:
     """Wait for the node's start, which is all that can heal the service; give up in the end."""
     incident, robot = service.incident, service.robot
+    service.timers.pop(Trigger.LATE, None)
     node, killed = incident.faulty_node, incident.killed is not None
     if killed and not service.nodes.awaited(node):
         service.start_node()  # the policy may have been another one when it was killed
@@ -441,15 +436,14 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
         yield state, Trigger.SILENT, await_again, (healing,)
         yield state, Trigger.NO_VALUE, change_law, (state,)
     for state in (healing, healed, safe):
-        yield state, Trigger.SUBSTITUTE_FAILED, replace_substitute, _STUCK_OR_HEALING
+        yield state, Trigger.SUBSTITUTE_FAILED, heal, _STUCK_OR_HEALING
 
-    for stuck, more in ((unhealed, ()), (safe, (healed,))):
-        yield stuck, Trigger.RETRY, retry, (*_STUCK_OR_HEALING, *more)
-    yield kept, Trigger.RETRY, heal, _STUCK_OR_HEALING
     for state in (healing, healed, unhealed, safe, kept):
         more = (healed,) if state in (healed, safe) else ()
         yield state, Trigger.FAILED, still_failing, (*_STUCK_OR_HEALING, *more)
         yield state, Trigger.REPLAN, heal, (*_STUCK_OR_HEALING, *more)
+        if state in WAITING:
+            yield state, Trigger.RETRY, retry, (*_STUCK_OR_HEALING, *more)
     yield kept, Trigger.SUBSTITUTE_FAILED, show, (kept,)
     for state in (healing, healed, unhealed, safe, kept):
         yield state, Trigger.RETURNED, hold_off, (returning,)

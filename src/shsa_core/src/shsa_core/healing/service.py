@@ -103,11 +103,6 @@ class ServiceMachine:
         return self.state in PUBLISHED and not self.accusation.heard
 
     @property
-    def original(self) -> str:
-        """Return the node that the substitute stands in for, once that is gone; empty before."""
-        return self.incident.faulty_node if self.incident.killed else ""
-
-    @property
     def yields(self) -> bool:
         """Tell that the substitute is to be still once the faulty node is heard again.
 
@@ -217,18 +212,13 @@ class ServiceMachine:
             self.incident = replace(self.incident, last_good=event.last_good)
         if changing:
             return self.fire(Trigger.SILENT, event) + self._notice_first_message()
-        if event.kind is Kind.RATE_LOW and self._is_all_there_is():
+        slow = event.kind is Kind.RATE_LOW and self.state is State.HEALED
+        if slow and self.substitute.another(self.spec, self.incident.faulty_node) is None:
             text = f"{self.spec.topic}: the substitute is slow ({event.detail})"
             return [Log(Level.WARN, f"{text}, and goes on: there is no other."), *self.step()]
         elsewhere = event.kind is Kind.SILENT and bool(self.substitute.host)  # or cut off
         tried = event.kind is not Kind.NODE_GONE and not elsewhere
         return self._substitute_failed(event.detail, tried)
-
-    def _is_all_there_is(self) -> bool:
-        """Tell that the service is computed, and cannot be otherwise."""
-        if self.state is not State.HEALED:
-            return False
-        return self.substitute.another(self.spec, self.incident.faulty_node) is None
 
     # The node that is blamed: its kill goes on, it comes back, or it is judged again.
 
@@ -365,7 +355,9 @@ class ServiceMachine:
     def changed(self) -> List[Command]:
         """Notice by health or SOM a first message, a return, or a lost input."""
         commands = self._notice_first_message()
-        commands += self._refuse() or self._notice_return()
+        refused = self._refuse()
+        back = not refused and self.returned() is not None
+        commands += self.fire(Trigger.RETURNED) if back else refused
         if self.state in SUBSTITUTED and self.substitute.lost_input:
             text = f"{self.spec.topic}: the substitute lost an input."
             commands += [Log(Level.WARN, text), *self.fire(Trigger.REPLAN)]
@@ -433,18 +425,6 @@ class ServiceMachine:
         back = (each for each in self.originals if each.state is PublisherState.HEALTHY)
         return next((row for row in back if row.since > failed_at), None)
 
-    def _notice_return(self) -> List[Command]:
-        row, incident = self.returned(), self.incident
-        if row is None:
-            return []
-        if self.kept_out and row.publisher == incident.faulty_node and not self._awaited():
-            nodes = self.nodes
-            self.accusation = nodes.accuse(self.spec, row.publisher, Kind.OTHER)
-            commands = self.judge(self.accusation, replaced=self.substitute.computes)
-            if not self.accusation.kept:
-                return commands
-        return self.fire(Trigger.RETURNED)
-
     # What is shown, and written down.
 
     def row(self) -> Optional[Substitution]:
@@ -463,7 +443,7 @@ class ServiceMachine:
             plan.relations if isinstance(plan, Plan) else (),
             plan.quality if isinstance(plan, Plan) else 0.0,
             publishes,
-            "" if spec.gated else self.original,
+            self.incident.faulty_node if self.incident.killed and not spec.gated else "",
             spec.others,
             self.last_message,
             substitute.host,

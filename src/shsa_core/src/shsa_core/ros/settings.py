@@ -63,9 +63,10 @@ QUEUE = 200
 
 # What rospy is held to.
 MOST_WAITING = 100
-"""Connections to us without a header at the same time; an honest one takes milliseconds."""
+"""Connections to us without a header at the same time; an honest one takes milliseconds. And so
+many of other users and computers to our topics."""
 MOST_API_CONNECTIONS = 200
-"""Connections to our XML-RPC interface at the same time, and of others to our topics."""
+"""Connections to our XML-RPC interface at the same time."""
 LARGEST_CALL_B = 1 << 16
 """Of a call to it; all of them together so have 13 MB. A longer update of shsa/som, by the master,
 is refused too: the SOM is looked at all the same."""

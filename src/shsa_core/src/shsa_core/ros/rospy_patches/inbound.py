@@ -121,10 +121,14 @@ def _apart(callback: Callback, speaker: Speaker) -> Callback:
             rospy.logdebug("A connection from %s is given up: %s", address, error)
             connection.close()
             return
+        caller = room.caller(connection)
         greeted = _Greeted(connection, header)
-        if room.caller(connection):
-            others.enter(greeted, settings.MOST_API_CONNECTIONS)
+        if caller:
+            debts.wait(caller)
+            others.enter(greeted, settings.MOST_WAITING)
         callback(server, greeted, address)
+        if caller:
+            debts.wait(caller)
 
     def accept(server: Any, connection: socket.socket, address: Any) -> None:
         room.enter(connection, settings.MOST_WAITING)
