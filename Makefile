@@ -5,11 +5,12 @@ ENV := source tools/env.bash
 
 MINUTES := 10
 JOBS := 2
+SECONDS := 60
 
 # Nodes start a thousand times in a test run: what Python has compiled is kept.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help setup build sshd test test-long fuzz coverage mutation reliability demo hosts-demo docs bench clean
+.PHONY: help setup build sshd test test-long fuzz coverage mutation reliability redteam demo hosts-demo docs bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
@@ -21,6 +22,7 @@ help:
 	@echo "make fuzz    MINUTES=10: look for inputs that break a reader; those found are tested from then on"
 	@echo "make coverage, make mutation   how well the core is tested; see CONTRIBUTING.md"
 	@echo "make reliability   try every fault of the fault model, again and again; see docs/explanation/faults.md"
+	@echo "make redteam   SECONDS=60: attack a live robot as another user; see docs/howto/secure.md"
 	@echo "make build   set up and build only"
 	@echo "make clean   delete what was built"
 
@@ -56,6 +58,9 @@ mutation: build
 
 reliability: build
 	@$(ENV) && tools/reliability
+
+redteam: build
+	@$(ENV) && tools/redteam --seconds $(SECONDS)
 
 demo: build
 	@$(ENV) && rosrun shsa_rover demo --results results/demo

@@ -1,17 +1,25 @@
-"""Connections that say nothing: real sockets, rospy's own server."""
+"""Connections that say nothing, and calls that cost much: real sockets, rospy's own servers."""
+import gzip
+import os
 import socket
 import struct
+import subprocess
+import sys
 import threading
 import xmlrpc.client
+from types import SimpleNamespace
 from typing import Any, Dict, Iterator, List, Tuple
 
 import pytest
+import rospy
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
+from rospy.impl.masterslave import ROSHandler
 from rospy.impl.tcpros_base import TCPROSServer
 from rospy.impl.tcpros_pubsub import TCPROSHandler
 
 from shsa_core.ros import settings
 from shsa_core.ros.rospy_patches import inbound
+from shsa_core.ros.trust.owners import speaker
 from shsa_testing.waiting import wait_until
 
 HEADER = b"\x0a\x00\x00\x00topic=/abc"
@@ -44,7 +52,9 @@ class Server:
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
     monkeypatch.setattr(
-        TCPROSServer, "_tcp_server_callback", inbound._apart(TCPROSServer._tcp_server_callback)
+        TCPROSServer,
+        "_tcp_server_callback",
+        inbound._apart(TCPROSServer._tcp_server_callback, speaker),
     )
     found = Server()
     yield found
@@ -115,11 +125,15 @@ def api(monkeypatch: pytest.MonkeyPatch) -> Iterator[Tuple[str, int]]:
         (TCPROSHandler, "topic_connection_handler"),
         (ThreadingXMLRPCServer, "process_request"),
         (SilenceableXMLRPCRequestHandler, "do_POST"),
+        (SilenceableXMLRPCRequestHandler, "handle_one_request"),
+        (ROSHandler, "shutdown"),
     ):
         monkeypatch.setattr(kind, name, getattr(kind, name))
-    inbound.serve_each_by_itself()
+    monkeypatch.setattr(ROSHandler, "shutdown", lambda *_: (1, "it is done", 0))
+    inbound.serve_each_by_itself(speaker)
     server = ThreadingXMLRPCServer(("127.0.0.1", 0), 0)
     server.register_function(lambda text: text, "echo")
+    server.register_function(lambda: ROSHandler.shutdown(None, "/somebody", "why"), "shutdown")
     threading.Thread(target=server.serve_forever, daemon=True).start()
     yield server.server_address
     server.shutdown()
@@ -164,3 +178,97 @@ def test_the_body_of_a_call_has_a_deadline(
         monkeypatch.setattr(settings, "PATIENCE_S", 0.2)
         client.sendall(head + body[:20_000])
         assert client.recv(1) == b""
+
+
+def test_nothing_grows_when_it_is_read(api: Tuple[str, int]) -> None:
+    body = gzip.compress(xmlrpc.client.dumps(("x" * 1_000_000,), "echo").encode())
+    entity = (
+        b'<!DOCTYPE x [<!ENTITY a "aaa">]><methodCall><methodName>echo</methodName></methodCall>'
+    )
+    for head, sent in (("Content-Encoding: gzip\r\n", body), ("", entity)):
+        with socket.create_connection(api, 10.0) as client:
+            post = f"POST /RPC2 HTTP/1.1\r\n{head}Content-Length: {len(sent)}\r\n\r\n"
+            client.sendall(post.encode() + sent)
+            assert b" 200 " not in client.recv(1000)
+
+
+def test_the_head_of_a_call_has_an_end(api: Tuple[str, int]) -> None:
+    with socket.create_connection(api, 10.0) as client:
+        lines = "".join(f"X-{k}: {'x' * 30_000}\r\n" for k in range(5))
+        body = xmlrpc.client.dumps(("x",), "echo")
+        head = f"POST /RPC2 HTTP/1.1\r\nContent-Length: {len(body)}\r\n{lines}\r\n"
+        try:
+            client.sendall((head + body).encode())
+            assert b"<string>x</string>" not in client.recv(100_000)
+        except ConnectionError:
+            return  # it was given up while more came
+
+
+STRANGER = """
+import socket, sys, time, xmlrpc.client
+port, what = int(sys.argv[1]), sys.argv[2]
+proxy = xmlrpc.client.ServerProxy(f"http://127.0.0.1:{port}")
+if what == "shutdown":
+    print(proxy.shutdown())
+if what == "silent":
+    silent = [socket.create_connection(("127.0.0.1", port)) for _ in range(30)]
+    print("ready", flush=True)
+    time.sleep(60.0)
+"""
+
+
+def stranger(api: Tuple[str, int], what: str) -> "subprocess.Popen[str]":
+    if os.geteuid() != 0:
+        pytest.skip("only root starts processes of others")
+    words = ["setpriv", "--reuid=nobody", "--clear-groups", sys.executable, "-c", STRANGER]
+    command = [*words, str(api[1]), what]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, universal_newlines=True)
+
+
+def test_only_our_own_user_ends_us(api: Tuple[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    answer: Any = xmlrpc.client.ServerProxy(f"http://127.0.0.1:{api[1]}").shutdown()
+    assert answer[0] == 1
+    assert "-1, 'only its own user may end it'" in stranger(api, "shutdown").communicate()[0]
+
+
+def test_who_has_most_connections_loses_one(
+    api: Tuple[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(settings, "MOST_API_CONNECTIONS", 12)
+    ours = [socket.create_connection(api, 10.0) for _ in range(4)]
+    flood = stranger(api, "silent")
+    assert flood.stdout is not None and flood.stdout.readline() == "ready\n"
+    assert xmlrpc.client.ServerProxy(f"http://127.0.0.1:{api[1]}").echo("x") == "x"
+    for each in ours:
+        each.setblocking(False)
+        with pytest.raises(BlockingIOError):  # the oldest of all, and still there
+            each.recv(1)
+        each.close()
+    flood.kill()
+    flood.communicate()
+
+
+def test_who_calls_too_much_waits_and_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, used = [0.0], [0.0]
+    waits: List[float] = []
+    clock = SimpleNamespace(
+        monotonic=lambda: now[0], thread_time=lambda: used[0], sleep=waits.append
+    )
+    monkeypatch.setattr(inbound, "time", clock)
+    monkeypatch.setattr(settings, "CALLER_CREDIT_S", 0.5)
+    monkeypatch.setattr(settings, "CALLER_SHARE", 0.1)
+    debts = inbound._Debts()
+    for caller, spent, told in (
+        ("a", 0.5, []),
+        ("a", 0.2, [2.0]),
+        ("b", 0.1, []),
+        ("a", 0.0, [2.0]),
+    ):
+        used[0] += spent
+        debts.wait(caller)
+        assert waits == pytest.approx(told), caller
+        waits.clear()
+    now[0] += 2.0
+    debts.wait("a")
+    assert waits == []

@@ -284,20 +284,6 @@ def test_types_that_are_not_here_are_told(init: Init, tmp_path: Path) -> None:
     assert "nowhere_msgs/Thing is not known here" in told and "another version" in told
 
 
-class Other(Float64):
-    """The definition of a type in a recording."""
-
-    _full_text = "float64 data\nstring X=it is another\n"
-
-
-def test_nothing_that_a_recording_defines_is_made_a_module(init: Init, tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "other.bag") as bag:
-        record(bag, "/a", "/node", 10.0, lambda t: Other(math.sin(t)))
-    rosbag.bag._message_types.clear()
-    assert list(init.drafts(str(tmp_path / "other.bag")).services) == ["a"]
-    assert rosbag.bag._message_types == {Float64._md5sum: Float64}
-
-
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: Any) -> str:
     """Two minutes of a drive: wheel speeds, the base's speed, and a sonar that knows nothing."""

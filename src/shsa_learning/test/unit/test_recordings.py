@@ -1,10 +1,13 @@
 """Recorded data: rosbags by a SOM, CSV files, and what of them is left out."""
 import math
+import resource
 from pathlib import Path
 from typing import Any, List, Tuple
 
 import numpy as np
+import psutil
 import pytest
+import rosbag
 import rospy
 from genpy.dynamic import generate_dynamic
 from nav_msgs.msg import Odometry
@@ -16,11 +19,13 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.som import Som
 from shsa_core.ros.wire import names
+from shsa_learning.explain.bag import read_healing
 from shsa_learning.recordings import bags
 from shsa_learning.recordings.bags import read_bag
 from shsa_learning.recordings.csv_files import read_csv
 from shsa_learning.recordings.data import read
 from shsa_learning.recordings.recording import Recording, Series
+from shsa_learning.ros.survey_bag import survey_bag
 from shsa_msgs.msg import Float64Stamped, Incident, Substitution, Substitutions
 
 CURRENT = ("/current", "std_msgs/Float64", "/amperemeter", {"current": "data"})
@@ -81,28 +86,78 @@ def test_a_topic_that_was_not_recorded_is_named(tmp_path: Path) -> None:
         recording.only("speed")
 
 
-def test_a_message_type_comes_from_the_bag(tmp_path: Path) -> None:
-    text = "float32[] volts\nstrange/Inner inner\n" + "=" * 80 + "\nMSG: strange/Inner\nint16 level"
-    types = generate_dynamic("strange/Battery", text)
+def test_values_of_arrays_and_of_messages_in_messages_are_read(tmp_path: Path) -> None:
     with BagWriter(bag(tmp_path)) as out:
         for time, value in ramp(5):
-            inner = types["strange/Inner"](level=int(value))
-            message = types["strange/Battery"](volts=[1.0, value], inner=inner)
-            out.write("/battery", message, time, "/bms")
-    fields = {"volts": "volts[1]", "level": "inner.level", "most": "max(volts)"}
-    som = som_of(battery=("/battery", "strange/Battery", "/bms", fields))
+            out.write("/battery", JointState(position=[1.0, value]), time, "/bms")
+    fields = {"volts": "position[1]", "most": "max(position)"}
+    som = som_of(battery=("/battery", "sensor_msgs/JointState", "/bms", fields))
     recording = read_bag(str(bag(tmp_path)), som)
     assert [list(series.values) for series in recording.series] == [
         [0.0, 1.0, 2.0, 3.0, 4.0],
-        [0.0, 1.0, 2.0, 3.0, 4.0],
         [1.0, 1.0, 2.0, 3.0, 4.0],
     ]
-    wrong = som_of(battery=("/battery", "strange/Battery", "/bms", {"volts": "inner.volts"}))
+    wrong = som_of(battery=("/battery", "sensor_msgs/JointState", "/bms", {"volts": "inner.volts"}))
     with pytest.raises(ShsaError, match="drive.bag: /battery: .* has no field inner.volts"):
         read_bag(str(bag(tmp_path)), wrong)
     other = som_of(battery=("/battery", "std_msgs/Float64", "/bms", {"volts": "data"}))
-    with pytest.raises(ShsaError, match="is a strange/Battery; the SOM says std_msgs/Float64"):
+    with pytest.raises(ShsaError, match="is a sensor_msgs/JointState; the SOM says std_msgs/Float"):
         read_bag(str(bag(tmp_path)), other)
+
+
+HOSTILE = "float64 data\nint8 __import__('os').mkdir('{}').x=1\n"
+"""The definition of a message, as Python once genpy has made a module of it."""
+
+
+@pytest.mark.parametrize(
+    "kind, md5sum, told",
+    [
+        ("std_msgs/Float64", Float64._md5sum, ""),
+        ("std_msgs/Float64", "0" * 32, "std_msgs/Float64 is another version there"),
+        ("nowhere_msgs/Float64", "1" * 32, "message type nowhere_msgs/Float64 is not known here"),
+    ],
+)
+def test_no_definition_of_a_bag_is_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, md5sum: str, told: str
+) -> None:
+    made = tmp_path / "made"
+    text = HOSTILE.format(made)
+    with pytest.raises(AttributeError):
+        generate_dynamic("x/Y", text)
+    made.rmdir()  # so the bag is hostile
+    own = dict(_type=kind, _md5sum=md5sum, _full_text=text)
+    hostile = type("Float64", (Float64,), own)
+    topics = "/current", "/shsa/incidents", "/shsa/failures", "/shsa/substitutions"
+    with BagWriter(bag(tmp_path)) as out:
+        for topic in topics[: 1 if not told else 4]:
+            out.write(topic, hostile(2.5), BEGIN_S, "/amperemeter")
+        out.floats("/honest", [(BEGIN_S, 3.5)], "/other")
+    monkeypatch.setattr(rosbag.bag, "_message_types", {})
+    som = som_of(amps=CURRENT, honest=("/honest", "std_msgs/Float64", "/other", {"a": "data"}))
+    recording = read_bag(str(bag(tmp_path)), som)
+    assert [series.property for series in recording.series] == ["a"] if told else ["current", "a"]
+    notes = [*recording.notes, *read_healing(str(bag(tmp_path))).notes]
+    if told:
+        for topic in topics:
+            assert any(f"{topic} is left out: {told}" in note for note in notes), topic
+    survey_bag(str(bag(tmp_path)))
+    if told:
+        with pytest.raises(ShsaError, match=told), bags.opened(str(bag(tmp_path))) as opened:
+            list(opened.read_messages())
+    assert not made.exists()
+
+
+def test_a_bag_takes_half_of_the_free_memory_at_most(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free = psutil.virtual_memory()._replace(available=100 << 20)
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: free)
+    limits = resource.getrlimit(resource.RLIMIT_DATA)
+    with rosbag.Bag(str(bag(tmp_path)), "w", compression="bz2") as out:
+        out.write("/current", String("x" * (150 << 20)))
+    with pytest.raises(ShsaError, match="drive.bag: cannot be read as a rosbag"):
+        read_bag(str(bag(tmp_path)), som_of(amps=CURRENT))
+    assert resource.getrlimit(resource.RLIMIT_DATA) == limits
 
 
 def test_messages_of_substitutes_are_left_out_by_their_publisher(tmp_path: Path) -> None:

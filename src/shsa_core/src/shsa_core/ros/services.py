@@ -15,6 +15,7 @@ from shsa_core.healing.machine import Reconfigurator
 from shsa_core.model.service import Service
 from shsa_core.ros import clock, settings
 from shsa_core.ros.incidents import Incidents
+from shsa_core.ros.rospy_patches.subscribing import bound_messages, subscribe
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 
@@ -44,9 +45,16 @@ class Services:
         self._incidents = incidents
         self._reload = reload
         self._operator = operator
-        rospy.Service(names.FIND_SUBSTITUTE, srv.FindSubstitute, self._find_substitute)
-        rospy.Service(names.RELEASE, srv.Release, self._release)
-        rospy.Service(names.RELOAD, srv.Reload, self._reload_models)
+        for name, kind, answer in (
+            (names.FIND_SUBSTITUTE, srv.FindSubstitute, self._find_substitute),
+            (names.RELEASE, srv.Release, self._release),
+            (names.RELOAD, srv.Reload, self._reload_models),
+        ):
+            bound_messages(rospy.Service(name, kind, answer), settings.LARGEST_CALL_B)
+        goal = msg.SubstituteActionGoal
+        for end, kind in (("goal", goal), ("cancel", type(goal().goal_id))):
+            topic = f"{names.SUBSTITUTE_ACTION}/{end}"
+            subscribe(topic, kind, lambda _: None, settings.LARGEST_CALL_B)
         self._action = actionlib.SimpleActionServer(
             names.SUBSTITUTE_ACTION, msg.SubstituteAction, self._substitute, auto_start=False
         )

@@ -52,7 +52,7 @@ MOST_ASKING_MASTER = 4
 """Threads that ask the master, and no more, however many connections there are."""
 MOST_KNOWN_NODES = 10_000
 """Nodes and addresses that are remembered: what strangers claim must not fill the memory."""
-LARGEST_HEADER_B = 1 << 20
+LARGEST_HEADER_B = 1 << 18
 """A connection header holds the message's definition."""
 MOST_CALLS = 32
 """Calls of one kind at the same time: so many hung nodes hold up no other."""
@@ -63,12 +63,15 @@ QUEUE = 200
 
 # What rospy is held to.
 MOST_WAITING = 100
-"""Connections to us without a header at the same time; an honest one takes milliseconds."""
+"""Connections to us without a header at the same time; an honest one takes milliseconds. And so
+many of other users and computers to our topics."""
 MOST_API_CONNECTIONS = 200
 """Connections to our XML-RPC interface at the same time."""
 LARGEST_CALL_B = 1 << 16
 """Of a call to it; all of them together so have 13 MB. A longer update of shsa/som, by the master,
 is refused too: the SOM is looked at all the same."""
+CALLER_SHARE, CALLER_CREDIT_S = 0.05, 0.5
+"""Of a processor, for each other caller and for taking their connections; s beforehand."""
 LOG_LINES = 1000
 """So many lines wait at most; what is said beyond is lost."""
 

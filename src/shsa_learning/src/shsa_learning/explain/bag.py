@@ -1,14 +1,13 @@
 """Incidents in a rosbag: the incidents, the failures told, and the values of substitutes."""
-from typing import Any, Dict, List, NamedTuple, Tuple
+from typing import Dict, List, NamedTuple, Tuple
 
 from shsa_learning.incident_log import newest, of_message
 from shsa_core.errors import ModelError
 from shsa_core.healing.incident import Incident
 from shsa_core.model.field import parse_field
 from shsa_core.model.field_value import field_value
-from shsa_core.model.names import full_name
 from shsa_core.text import shown
-from shsa_learning.recordings.bags import INCIDENTS, callerid, opened
+from shsa_learning.recordings.bags import INCIDENTS, messages, opened
 
 FAILURES = "/shsa/failures"
 """The end of the topic's name, whatever namespace healing ran in."""
@@ -52,11 +51,11 @@ def read_healing(path: str) -> BagIncidents:
     failures: List[Failure] = []
     notes: List[str] = []
 
-    def of_healing(topic: str, *_: object) -> bool:
-        return full_name(topic, "/").endswith((INCIDENTS, FAILURES))
+    def of_healing(topic: str) -> bool:
+        return topic.endswith((INCIDENTS, FAILURES))
 
     with opened(path) as bag:
-        for topic, message, _ in bag.read_messages(connection_filter=of_healing):
+        for topic, message, _, _ in messages(bag, of_healing, notes):
             if topic.endswith(FAILURES):
                 words = message.topic, message.publisher, message.kind, message.detail
                 failures.append(Failure(message.header.stamp.to_sec(), *map(shown, words)))
@@ -76,16 +75,12 @@ def read_published(path: str, incident: Incident) -> Dict[str, Values]:
     fields = {each: each[len(incident.topic) + 1 :] for each in incident.outputs}
     found: Dict[str, List[Tuple[float, float]]] = {each: [] for each in fields}
 
-    def of_topic(topic: str, *_: object) -> bool:
-        return bool(full_name(topic, "/") == incident.topic)
-
     with opened(path) as bag:
-        messages: Any = bag.read_messages(connection_filter=of_topic, return_connection_header=True)
-        for _, message, time, header in messages:
-            if callerid(header) != incident.substitute:
+        for _, message, time, publisher in messages(bag, incident.topic.__eq__, []):
+            if publisher != incident.substitute:
                 continue
             for output, field in fields.items():
                 value = field_value(message, parse_field(field, "/"))
                 if value is not None:
-                    found[output].append((time.to_sec(), value))
+                    found[output].append((time, value))
     return {output: tuple(values) for output, values in found.items() if values}

@@ -1,15 +1,20 @@
 """Reads a rosbag by a SOM: what the services said of their properties, and not what healing said.
 
-Message types come from the bag itself. Messages of substitutes are left out, by the publisher's
-name in the bag and by what healing recorded of itself.
+Message types are those that are built here: rosbag would make a module of the definitions that a
+bag brings along, and run it. Messages of substitutes are left out, by the name of the publisher
+in the bag and by what healing recorded of itself.
 """
 import contextlib
 import math
+import resource
 import struct
-from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence
+from typing import Set, Tuple
 
 import numpy as np
+import psutil
 
+from shsa_core import message_types
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.regular import open_to_read
 from shsa_core.healing.naming import PREFIX
@@ -19,6 +24,7 @@ from shsa_core.model.field_value import field_value
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.text import shown
 from shsa_learning.recordings.recording import Recording, Series, ordered, times_of
 
 MAGIC = b"#ROSBAG V"
@@ -46,13 +52,23 @@ def read_bag(path: str, som: Som) -> Recording:
 
 @contextlib.contextmanager
 def opened(path: str) -> Iterator[Any]:
-    """Open a rosbag. Raises ModelError if it cannot be read, also while it is."""
+    """Open a rosbag. Raises ModelError if it cannot be read, also while it is.
+
+    It may take half of the memory that is free: few bytes of bz2 can stand for many.
+    """
     open_to_read(path).close()  # rosbag would wait for a pipe
     import genpy  # ROS is loaded for a bag alone
     import rosbag
 
+    def message_type(connection: Any) -> Any:
+        try:
+            return installed(connection.datatype, connection.md5sum)
+        except ShsaError as error:
+            raise rosbag.ROSBagException(str(error)) from error
+
+    rosbag.bag._get_message_type = message_type
     try:
-        with rosbag.Bag(path) as bag:
+        with _limited_memory(), rosbag.Bag(path) as bag:
             yield bag
     except rosbag.ROSBagUnindexedException as error:
         what = "has no index, as its recording was cut off; `rosbag reindex` gives it one"
@@ -62,6 +78,58 @@ def opened(path: str) -> Iterator[Any]:
         *(MemoryError, rosbag.ROSBagException, struct.error, genpy.MessageException),
     ) as error:
         raise ModelError(path, f"cannot be read as a rosbag: {error}") from error
+
+
+@contextlib.contextmanager
+def _limited_memory() -> Iterator[None]:
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    most = psutil.Process().memory_info().data + psutil.virtual_memory().available // 2
+    known = [most, *(each for each in (soft, hard) if each != resource.RLIM_INFINITY)]
+    resource.setrlimit(resource.RLIMIT_DATA, (min(known), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+
+
+def installed(kind: str, md5sum: str = "") -> Any:
+    """Return the message type `kind` as it is built here.
+
+    Raises ShsaError if it is not known here, or if its sum is not `md5sum`.
+    """
+    found = message_types.message_class(kind)
+    if md5sum not in ("", "*", found._md5sum):
+        raise ShsaError(f"{kind} is another version there: its sum is not the one here")
+    return found
+
+
+class Recorded(NamedTuple):
+    """A message in a bag: when it was recorded in s, and the publisher as it called itself."""
+
+    topic: str
+    message: Any
+    time: float
+    publisher: str
+
+
+def messages(bag: Any, wanted: Callable[[str], bool], notes: List[str]) -> Iterator[Recorded]:
+    """Read the messages of the wanted topics. Adds to `notes` which types cannot be read here."""
+
+    def known(topic: str, kind: str, md5sum: str, *_: object) -> bool:
+        if not wanted(full_name(topic, "/")):
+            return False
+        try:
+            installed(kind, md5sum)
+        except ShsaError as error:
+            note = f"{shown(topic)} is left out: {error}"
+            notes.extend({note}.difference(notes))
+            return False
+        return True
+
+    for item in bag.read_messages(connection_filter=known, return_connection_header=True):
+        publisher = callerid(item.connection_header)
+        topic = full_name(item.topic, "/")
+        yield Recorded(topic, item.message, item.timestamp.to_sec(), publisher)
 
 
 class Incident(NamedTuple):
@@ -94,42 +162,36 @@ class _Reader:
         self._nodes = {service.node for service in som}
         self._substitutes: Set[str] = set()
         self._incidents: List[Incident] = []
-        self._fields: Dict[Tuple[str, str, str], Fields] = {}
+        self._fields: Dict[Tuple[str, str], Fields] = {}
         self._parts: Dict[Tuple[str, str], _Messages] = {}  # by service and publisher
         self._left_out: Dict[str, int] = {}
+        self._unread: List[str] = []
 
     def read(self) -> Recording:
         """Read the whole bag."""
         self._read_healing()
-        wanted = set(self._som.topics())
-
-        def of_som(topic: str, *_: object) -> bool:
-            return full_name(topic, "/") in wanted
-
-        for topic, message, time, header in self._messages(of_som):
-            self._take(full_name(topic, "/"), message, time.to_sec(), callerid(header))
+        for recorded in messages(self._bag, set(self._som.topics()).__contains__, self._unread):
+            self._take(*recorded)
         series, notes = self._series()
+        notes += self._unread
         notes += [f"{_count(n)} left out: {why}" for why, n in self._left_out.items()]
         silent = [t for t in self._som.topics() if not self._has(t)]
         notes += [f"nothing of {topic}" for topic in silent]
         return Recording(self._path, tuple(series), tuple(notes))
 
-    def _messages(self, wanted: Any) -> Any:
-        return self._bag.read_messages(connection_filter=wanted, return_connection_header=True)
-
     def _read_healing(self) -> None:
         """Read the substitutes and incidents that healing told of."""
 
-        def of_healing(topic: str, *_: object) -> bool:
-            return full_name(topic, "/").endswith((SUBSTITUTIONS, INCIDENTS))
+        def of_healing(topic: str) -> bool:
+            return topic.endswith((SUBSTITUTIONS, INCIDENTS))
 
         incidents: Dict[Tuple[str, int, str], Incident] = {}
-        for topic, message, time, _ in self._messages(of_healing):
+        for topic, message, time, _ in messages(self._bag, of_healing, self._unread):
             if topic.endswith("substitutions"):
                 self._substitutes |= {row.node for row in message.substitutions}
             else:
                 key = topic, message.id, message.service
-                incidents[key] = _incident(message, time.to_sec())  # the last is the whole story
+                incidents[key] = _incident(message, time)  # the last is the whole story
         self._incidents = list(incidents.values())
         self._substitutes |= {each.substitute for each in self._incidents} - {""}
 
@@ -162,24 +224,17 @@ class _Reader:
         return ""
 
     def _fields_of(self, service: Service, message: Any) -> Fields:
-        """Return the fields of a service in the type that its messages have in this bag."""
-        key = service.name, message._type, message._md5sum
+        """Return the fields of a service in the type that its messages have."""
+        key = service.name, message._type
         if key not in self._fields:
             if message._type != service.type:
                 raise ModelError(
                     self._path,
                     f"{service.topic} is a {message._type}; the SOM says {service.type}",
                 )
-            types = _layouts(message)
-
-            def layout(name: str) -> Mapping[str, str]:
-                if name not in types:
-                    raise ShsaError(f"the bag does not say what a {name} is")
-                return types[name]
-
             for provision in service.provides:
                 try:
-                    field_type(message._type, provision.field, layout)
+                    field_type(message._type, provision.field, message_types.layout)
                 except ShsaError as error:
                     raise ModelError(self._path, f"{service.topic}: {error}") from error
             self._fields[key] = tuple(parse_field(p.field) for p in service.provides)
@@ -248,14 +303,6 @@ def callerid(header: Mapping[str, Any]) -> str:
     """Return the publisher, as its connection names it."""
     name = header.get("callerid", b"")
     return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)
-
-
-def _layouts(message: Any) -> Dict[str, Dict[str, str]]:
-    """Return the fields of a message's type and of all types in it, as the bag has them."""
-    from genpy.dynamic import generate_dynamic
-
-    types = generate_dynamic(message._type, message._full_text)
-    return {name: dict(zip(each.__slots__, each._slot_types)) for name, each in types.items()}
 
 
 def _count(number: int) -> str:

@@ -9,6 +9,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.ros.messages.fields import Field
 from shsa_learning.init.contents import Array, Contents, LeftOut, Number, contents, elements
 from shsa_learning.init.survey import Publisher, Refused, Surveyor, outside
+from shsa_learning.recordings.bags import installed
 
 MOST_SHAPES = 50
 """Sets of lengths and names that the arrays of one publisher may have."""
@@ -23,9 +24,7 @@ class Reader:
     """
 
     def __init__(self, kind: str, md5sum: str = "") -> None:
-        self.message_class: Any = message_types.message_class(kind)
-        if md5sum not in ("", "*", self.message_class._md5sum):
-            raise ShsaError(f"{kind} is another version there: its sum is not the one here")
+        self.message_class: Any = installed(kind, md5sum)
         self.contents: Contents = contents(kind, message_types.layout)
         self._numbers = [(number, self._field(number)) for number in self.contents.numbers]
         self._shapes: Dict[Shape, List[Tuple[Number, Field]]] = {}

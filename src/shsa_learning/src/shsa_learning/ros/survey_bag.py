@@ -1,8 +1,6 @@
 """Surveys a recording: a rosbag, read with the message types that are built here."""
 from typing import Any, List, Mapping
 
-import rosbag
-
 from shsa_learning.init.draft import UNKNOWN_NODE
 from shsa_learning.init.survey import Publisher, Survey, Surveyor
 from shsa_learning.recordings.bags import opened
@@ -21,12 +19,7 @@ def _survey(bag: Any) -> Survey:
 
     def known(topic: str, kind: str, md5sum: str, _: str, header: Mapping[str, Any]) -> bool:
         publisher = Publisher(topic, kind, _node(header))
-        reader = values.takes(publisher, md5sum)
-        if reader is None:
-            return False
-        # Else rosbag makes a module of the definition that the bag brings along, and loads it.
-        rosbag.bag._message_types[md5sum] = reader.message_class
-        return True
+        return values.takes(publisher, md5sum) is not None
 
     times: List[float] = []
     for item in bag.read_messages(connection_filter=known, raw=True, return_connection_header=True):

@@ -1,10 +1,8 @@
 """Asks the kernel whose a TCP socket of this computer is: nobody on the graph can forge that."""
-import math
 import os
 import socket
 import struct
-import time
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Iterator, NamedTuple, Optional, Tuple
 
 import psutil
 import rosgraph.network
@@ -12,9 +10,12 @@ import rosgraph.network
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import Address, BadAnswer, family, resolved
 
-ESTABLISHED, LISTENING = "01", "0A"
-_tables: Dict[str, Tuple[float, str]] = {}
-"""The kernel's tables by name, and when each was read last."""
+ESTABLISHED, LISTENING = 1, 10
+SOCK_DIAG, BY_FAMILY, REQUEST, MULTI, DUMP = 4, 20, 0x1, 0x2, 0x300
+"""See sock_diag(7): /proc/net/tcp takes ms to be read where there were many connections."""
+HEADER = struct.Struct("=IHHII")
+QUERY = struct.Struct("=BBBxI 2s2s16s16s4x8s")
+ANSWER = struct.Struct("=BBxx 2s2s16s16s4x8s 12xII")
 
 
 class Owned(NamedTuple):
@@ -42,7 +43,7 @@ def _is_own(host: str) -> bool:
     return True
 
 
-def listening(at: Address, fresh: bool = True) -> Optional[Owned]:
+def listening(at: Address) -> Optional[Owned]:
     """Return the socket that answers at a numeric address; None: there is none, or several.
 
     The very address counts before the wildcard of its family, as the kernel has it.
@@ -51,8 +52,9 @@ def listening(at: Address, fresh: bool = True) -> Optional[Owned]:
     if rosgraph.network.use_ipv6():
         wildcards.append("::")  # nodes listen there for both families
     for host in (at.host, *wildcards):
+        here = Address(host, at.port)
         nobody = Address("::" if ":" in host else "0.0.0.0", 0)
-        found = _sockets(LISTENING, Address(host, at.port), nobody, fresh)
+        found = [owned for each, owned in _sockets(LISTENING, here, nobody) if each == here]
         if found:
             return found[0] if len(found) == 1 else None
     return None
@@ -60,8 +62,8 @@ def listening(at: Address, fresh: bool = True) -> Optional[Owned]:
 
 def listens(user: int, at: Address) -> bool:
     """Return whether the socket that answers at a numeric address is of a user."""
-    found = (listening(at, fresh) for fresh in (False, True))
-    return any(owned is not None and owned.user == user for owned in found)
+    owned = listening(at)
+    return owned is not None and owned.user == user
 
 
 def listener(at: Address, hint: int = 0) -> Optional[psutil.Process]:
@@ -89,12 +91,8 @@ def speaker(connected: socket.socket) -> Optional[int]:
     here, there = _plain(connected.getsockname()), _plain(connected.getpeername())
     if not _is_own(there.host):
         return None
-    for fresh in (False, True):
-        for head in ("", "::ffff:"):  # one end may be of IPv6 where the other is not
-            if not head or "." in here.host:
-                one, other = (Address(head + each.host, each.port) for each in (there, here))
-                for found in _sockets(ESTABLISHED, one, other, fresh):
-                    return found.user
+    for _, owned in _sockets(ESTABLISHED, there, here):
+        return owned.user
     raise ConnectionResetError(f"nobody is at {there.host}:{there.port} any more")
 
 
@@ -102,29 +100,29 @@ def _plain(name: Tuple[Any, ...]) -> Address:
     return Address(name[0].split("%")[0].replace("::ffff:", ""), name[1])
 
 
-def _sockets(state: str, here: Address, there: Address, fresh: bool) -> List[Owned]:
-    """Return sockets of the kernel's table, see proc(5); if not `fresh`, as of CALL_S ago."""
-    name = "/proc/net/tcp6" if ":" in here.host else "/proc/net/tcp"
-    key = f" {_written(here)} {_written(there)} {state} "
-    rows = [rest.split(None, 6) for rest in _table(name, fresh).split(key)[1:]]
-    return [Owned(int(inode), int(user)) for _, _, _, user, _, inode, *_ in rows]
-
-
-def _table(name: str, fresh: bool) -> str:
-    """Return a table: one look does for many connections, as a robot has hundreds at once."""
-    looked, text = _tables.get(name, (-math.inf, ""))
-    if fresh or time.monotonic() - looked > settings.CALL_S:
-        looked = time.monotonic()
-        with open(name, encoding="ascii") as file:
-            text = file.read()
-        _tables[name] = looked, text
-    return text
-
-
-def _written(at: Address) -> str:
-    packed = socket.inet_pton(family(at.host), at.host)
-    words = struct.unpack(f"={len(packed) // 4}I", packed)
-    return "".join(f"{word:08X}" for word in words) + f":{at.port:04X}"
+def _sockets(state: int, here: Address, there: Address) -> Iterator[Tuple[Address, Owned]]:
+    """Return where sockets are, and whose: that of a connection, or all that listen at a port."""
+    kind = family(here.host)
+    flags = REQUEST if state == ESTABLISHED else REQUEST | DUMP
+    ports = [struct.pack("!H", each.port) for each in (here, there)]
+    hosts = [socket.inet_pton(kind, each.host) for each in (here, there)]
+    query = QUERY.pack(kind, socket.IPPROTO_TCP, 0, 1 << state, *ports, *hosts, b"\xff" * 8)
+    with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, SOCK_DIAG) as kernel:
+        kernel.send(HEADER.pack(HEADER.size + len(query), BY_FAMILY, flags, 0, 0) + query)
+        data = b""
+        while True:
+            data = data or kernel.recv(settings.READ_B)
+            size, what, flags, *_ = HEADER.unpack_from(data)
+            if what != BY_FAMILY:
+                return  # there is none, or none left
+            row = ANSWER.unpack_from(data, HEADER.size)
+            if row[1] == state:
+                host = socket.inet_ntop(kind, row[4][: len(hosts[0])])
+                at = Address(host, int.from_bytes(row[2], "big"))
+                yield at, Owned(inode=row[-1], user=row[-2])
+            if not flags & MULTI:
+                return
+            data = data[size:]
 
 
 def _holds(pid: int, name: str) -> bool:

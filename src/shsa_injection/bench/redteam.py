@@ -1,0 +1,315 @@
+"""Attacks a live robot as another user of its computer: what it costs, and whom it ends.
+
+Each attack has a robot of its own. A real failure comes in its midst. Exit status 1 if a process
+ends that was not accused, code runs, a healer is not there any more, the failure is healed in more
+than twice its usual time, or a healer takes more than it may. Needs root, to be three users.
+"""
+import argparse
+import json
+import os
+import shutil
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Dict, List, NamedTuple, Sequence, Tuple
+
+import psutil
+from shsa_msgs.msg import Float64Stamped
+from tabulate import tabulate
+from tqdm import tqdm
+
+from graph import Graph, PACKAGE
+from shsa_testing.healing import TopicRecord
+from shsa_testing.graph import node_pid, node_process
+from shsa_testing.processes import running
+from shsa_testing.waiting import wait_until
+
+from redteam_attacks import ATTACKS
+
+ROBOT, STRANGER = 4001, 4002
+DATA = PACKAGE / "test" / "data"
+NODES = {"source": 1.0, "spare": 1.0, "hot": 10.0, "warm": 10.0, "cold": 10.0}
+HEALERS = "/monitor", "/reconfigurator"
+MOST_MEMORY_MB, MOST_PROCESSOR, MOST_SLOWER = 64.0, 0.1, 2.0
+SURE_S = 0.1
+"""So much a failover may take longer because of a busy computer alone."""
+LOOK_S, IDLE_S, SHORT_S = 0.1, 3.0, 3.0
+SHORT_GROUPS = 3
+ATTACKERS = Path(__file__).with_name("redteam_attacks.py")
+COLUMNS = ("attack", "tries", "outage ms, usually", "memory MB", "processor %", "result")
+
+
+def refusal() -> str:
+    """Return why nobody can be attacked here; empty: it can be done."""
+    if os.geteuid() != 0:
+        return "only root can be a second user"
+    return "" if shutil.which("setpriv") else "there is no setpriv, which makes one another user"
+
+
+def as_user(user: int, home: Path) -> List[str]:
+    """Return the words that run a command as a user."""
+    folders = [f"{name}={home}" for name in ("HOME", "ROS_HOME", "ROS_LOG_DIR", "TMPDIR")]
+    ids = f"--reuid={user} --regid={user} --clear-groups".split()
+    return ["setpriv", *ids, "env", *folders]
+
+
+class Use(NamedTuple):
+    """The memory in MB, and the processor time in s, of a healer."""
+
+    memory: float
+    processor: float
+
+
+class Result(NamedTuple):
+    """The outcome of one attack."""
+
+    attack: str
+    tries: int
+    outage: float
+    usual: float
+    memory: float
+    processor: float
+    faults: List[str]
+
+    def row(self) -> Tuple[str, ...]:
+        """Return it as people read it."""
+        return (
+            self.attack,
+            str(self.tries),
+            f"{1e3 * self.outage:.0f}, {1e3 * self.usual:.0f}",
+            f"{self.memory:.0f}",
+            f"{100 * self.processor:.1f}",
+            "; ".join(self.faults) or "held",
+        )
+
+
+class Robot:
+    """A robot of ROBOT with healing, and innocent processes; we hear its topics."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self.home = self._folder(ROBOT, 0o700)
+        self.theirs = self._folder(STRANGER, 0o777)  # whose code it were that writes here
+        words = as_user(ROBOT, self.home)
+        self._ours = lambda *command: graph.start(*words, *command)
+        self.nodes = {name: self._node(name) for name in NODES}
+        self.innocent = self._ours(sys.executable, "-m", "http.server", "0", "--bind", "127.0.0.1")
+        self._launch = self._ours(
+            *("roslaunch", "shsa_core", "shsa.launch", f"ontology:={DATA / 'takeover.yaml'}"),
+            *(f"som:={DATA / 'takeover_som.yaml'}", "hold_off:=0.5", "switches:=0"),
+        )
+        self.records = {f"/{each}": TopicRecord(f"/{each}", Float64Stamped) for each in NODES}
+        graph.healing.await_available(*self.records, seconds=60.0)
+        wait_until(self._ready, 60.0, "substitutes stand by")
+        self.healers = {name: psutil.Process(self._pid(name)) for name in HEALERS}
+        self.idle = self.rates(IDLE_S)
+
+    def _folder(self, user: int, mode: int) -> Path:
+        folder = Path(tempfile.mkdtemp(prefix="shsa_redteam_"))
+        os.chown(str(folder), user, user)
+        folder.chmod(mode)
+        return folder
+
+    def _node(self, name: str) -> "subprocess.Popen[str]":
+        words = [sys.executable, "-m", "shsa_testing.faulty_publisher", f"__name:={name}_node"]
+        return self._ours(*words, f"_topic:=/{name}", f"_value:={NODES[name]}")
+
+    def _ready(self) -> bool:
+        rows = self.graph.healing.substitutions
+        return any(row.service == "hot" for row in rows) and sum(not r.service for r in rows) == 2
+
+    def _pid(self, name: str) -> int:
+        wait_until(lambda: node_process(name), 30.0, name)
+        return node_pid(name)
+
+    def innocents(self) -> List[psutil.Process]:
+        """Return whom nobody may end: all that is not accused rightly, and not a substitute."""
+        nodes = [process for name, process in self.nodes.items() if name != "warm"]
+        started = [psutil.Process(each.pid) for each in (*nodes, self.innocent, self._launch)]
+        return [*started, *self.healers.values()]
+
+    def use(self) -> Dict[str, Use]:
+        """Return what each healer has taken so far; 0 of one that is not there."""
+        found = {}
+        for name, process in self.healers.items():
+            try:
+                times = process.cpu_times()
+                memory = process.memory_info().rss / 1e6
+                found[name] = Use(memory, times.user + times.system)
+            except psutil.NoSuchProcess:
+                found[name] = Use(0.0, 0.0)
+        return found
+
+    def rates(self, seconds: float) -> Dict[str, float]:
+        """Return the share of a processor that each healer takes."""
+        before = self.use()
+        time.sleep(seconds)
+        after = self.use()
+        return {e: (after[e].processor - before[e].processor) / seconds for e in HEALERS}
+
+    def fail(self, name: str) -> float:
+        """Hang a node, and start it anew once it is healed; return the outage in s."""
+        topic, node, record = f"/{name}", f"/{name}_node", self.records[f"/{name}"]
+        since = time.monotonic()
+        self.nodes[name].send_signal(signal.SIGSTOP)
+        heals = lambda: any(at > since + 0.1 for at, _ in record.others(node, since)[-1:])
+        wait_until(heals, 30.0, f"{topic} is healed")
+        heard = sorted(at for at, _ in record.heard if at > since - 0.2)
+        outage = max(later - at for at, later in zip(heard, heard[1:]))
+        self.nodes[name].kill()  # healing may have done so
+        self.nodes[name].wait()
+        self.nodes[name] = self._node(name)
+        self.graph.healing.await_state(topic, "ended", 60.0)
+        record.await_node(node)
+        return outage
+
+    def end(self) -> None:
+        """Remove what it left; the graph ends its processes."""
+        for folder in (self.home, self.theirs):
+            shutil.rmtree(str(folder), ignore_errors=True)
+
+
+def _words(process: psutil.Process) -> List[str]:
+    try:
+        return list(process.cmdline())
+    except psutil.Error:
+        return []
+
+
+class Peak:
+    """Watches the memory of the healers."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.memory = {name: use.memory for name, use in robot.use().items()}
+        self._robot, self._ends = robot, threading.Event()
+        self._thread = threading.Thread(target=self._work, daemon=True)
+        self._thread.start()
+
+    def _work(self) -> None:
+        while not self._ends.wait(LOOK_S):
+            for name, use in self._robot.use().items():
+                self.memory[name] = max(self.memory[name], use.memory)
+
+    def end(self) -> None:
+        """Watch no more."""
+        self._ends.set()
+        self._thread.join()
+
+
+def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> Result:
+    """Attack a robot in some ways at once; something really fails meanwhile.
+
+    `usual`: the outage of that without an attack, in s; 0: times are not judged.
+    """
+    innocent = robot.innocents()
+    before, began, peak = robot.use(), time.monotonic(), Peak(robot)
+    words = [*as_user(STRANGER, robot.theirs), sys.executable, str(ATTACKERS)]
+    given = [str(seconds), str(robot.theirs), str(robot.innocent.pid)]
+    start = lambda name: robot.graph.start(*words, name, *given, heard=True)
+    attackers = [start(name) for name in names]
+    time.sleep(seconds / 3.0)
+    outage = robot.fail("warm")
+    said = [(each.communicate(timeout=seconds + 60.0)[0] or "0").split()[-1] for each in attackers]
+    peak.end()
+    took, after = time.monotonic() - began, robot.use()
+    rates = {e: (after[e].processor - before[e].processor) / took for e in HEALERS}
+    processor = max(rates[each] - robot.idle[each] for each in HEALERS)
+    memory = max(peak.memory[each] - before[each].memory for each in HEALERS)
+    faults = [f"{' '.join(_named(each))} was ended" for each in innocent if not running(each)]
+    if (robot.theirs / "ran").exists():
+        faults.append("code was run")
+    faults += [f"{each} is another" for each, p in robot.healers.items() if not _is(each, p)]
+    if usual and outage > max(MOST_SLOWER * usual, usual + SURE_S):
+        faults.append("healed too late")
+    if memory > MOST_MEMORY_MB:
+        faults.append("too much memory")
+    if usual and processor > MOST_PROCESSOR:
+        faults.append("too much processor time")
+    for name, count in zip(names, said):
+        if count == "0":
+            faults.append(f"nothing was tried: {name}")
+    tries = sum(map(int, said))
+    return Result(", ".join(names), tries, outage, usual, memory, processor, faults)
+
+
+def _named(process: psutil.Process) -> List[str]:
+    return [f"process {process.pid}", *_words(process)[:3]]
+
+
+def _is(name: str, process: psutil.Process) -> bool:
+    found = node_process(name)
+    return found is not None and found == process
+
+
+def one(name: str, seconds: float) -> Result:
+    """Attack a robot of its own, in a process of its own."""
+    with Graph() as graph:
+        robot = _robot(graph)
+        try:
+            usual = statistics.median(robot.fail("warm") for _ in range(3))
+            return attack(robot, [name], seconds, usual)
+        finally:
+            robot.end()
+
+
+def _robot(graph: Graph) -> Robot:
+    os.chown(str(graph.folder), ROBOT, ROBOT)
+    graph.folder.chmod(0o755)
+    return Robot(graph)
+
+
+def all_of_them(seconds: float) -> List[Result]:
+    """Attack one robot in every way, some at once."""
+    names = list(ATTACKS)
+    with Graph() as graph:
+        robot = _robot(graph)
+        try:
+            groups = [names[k::SHORT_GROUPS] for k in range(SHORT_GROUPS)]
+            return [attack(robot, each, seconds, 0.0) for each in groups]
+        finally:
+            robot.end()
+
+
+def show(results: List[Result]) -> int:
+    """Print the table; return the exit status."""
+    rows = [each.row() for each in results]
+    print(tabulate(rows, COLUMNS, tablefmt="github", disable_numparse=True), flush=True)
+    return int(any(each.faults for each in results))
+
+
+def main() -> int:
+    """Attack, and print a table."""
+    parser = argparse.ArgumentParser(prog="tools/redteam", description=__doc__)
+    parser.add_argument("attacks", nargs="*", help=f"of these: {', '.join(ATTACKS)}; none: all")
+    parser.add_argument("--seconds", type=float, default=60.0, help="so long each attack takes")
+    parser.add_argument("--short", action="store_true", help="one robot, each for a few seconds")
+    parser.add_argument("--json", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    unknown = sorted({*options.attacks} - {*ATTACKS})
+    if unknown:
+        parser.error(f"no such attack: {', '.join(unknown)}; there are {', '.join(ATTACKS)}")
+    why = refusal()
+    if why:
+        print(f"Nothing is attacked: {why}.")
+        return 0
+    if options.short:
+        return show(all_of_them(SHORT_S))
+    if options.json:
+        print(json.dumps(one(options.attacks[0], options.seconds)), flush=True)
+        return 0
+    results = []
+    for name in tqdm(options.attacks or ATTACKS, disable=None):
+        # A process each: rospy is a node of one master alone.
+        command = [sys.executable, __file__, "--json", "--seconds", str(options.seconds), name]
+        done = subprocess.run(command, stdout=subprocess.PIPE, check=True)
+        results.append(Result(*json.loads(done.stdout.splitlines()[-1])))
+    return show(results)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,32 @@
+"""A live robot is attacked as another user, in the short form of `make redteam`."""
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from shsa_testing.processes import marked
+
+ROOT = Path(__file__).resolve().parent.parent
+for package in ("shsa_injection", "shsa_core"):
+    sys.path.insert(0, str(ROOT / "src" / package / "bench"))
+
+from redteam import refusal  # noqa: E402
+
+TIMEOUT_S = 240.0
+
+
+@pytest.mark.skipif(bool(refusal()), reason=refusal())
+def test_short_form() -> None:
+    mark = f"test_redteam_{os.getpid()}"
+    done = subprocess.run(
+        [str(ROOT / "tools" / "redteam"), "--short"],
+        env=dict(os.environ, SHSA_TEST=mark),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        universal_newlines=True,
+        timeout=TIMEOUT_S,
+    )
+    assert done.returncode == 0, done.stdout
+    assert not marked("SHSA_TEST", mark)
