@@ -1,4 +1,4 @@
-"""A live robot is attacked as another user, in the short form of `make redteam`."""
+"""A live robot is attacked as another user: the short form of `make redteam`, in the long tests."""
 import os
 import subprocess
 import sys
@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from shsa_testing.processes import marked
+from shsa_testing.thorough import LONG
 
 ROOT = Path(__file__).resolve().parent.parent
 for package in ("shsa_injection", "shsa_core"):
@@ -17,6 +18,7 @@ from redteam import refusal  # noqa: E402
 TIMEOUT_S = 240.0
 
 
+@pytest.mark.skipif(not LONG, reason="make test-long: it takes a robot of its own")
 @pytest.mark.skipif(bool(refusal()), reason=refusal())
 def test_short_form() -> None:
     mark = f"test_redteam_{os.getpid()}"

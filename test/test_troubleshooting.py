@@ -1,5 +1,6 @@
 """Each warning and error that healing can log has an entry in the page on troubleshooting."""
 import ast
+import itertools
 import re
 from pathlib import Path
 from typing import Dict, Iterator, List, Optional
@@ -54,7 +55,8 @@ def texts(node: ast.expr, named: Dict[str, List[ast.expr]]) -> Iterator[str]:
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         yield re.sub(r"%[srd]|%\.?\d*[fg]", "...", node.value)
     elif isinstance(node, ast.JoinedStr):
-        yield "".join(next(texts(part, named), "...") for part in node.values)
+        parts = [list(texts(part, named)) or ["..."] for part in node.values]
+        yield from map("".join, itertools.product(*parts))
     elif isinstance(node, ast.FormattedValue):
         yield from texts(node.value, named) if isinstance(node.value, ast.Name) else ()
     elif isinstance(node, ast.IfExp):

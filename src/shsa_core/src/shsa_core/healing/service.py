@@ -33,11 +33,6 @@ from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
-LIVES = {
-    Outcome.UNSURE: "may still be running",
-    Outcome.ANOTHER: "is left alone",
-    Outcome.UNREACHED: "may still run",
-}
 STORY_LENGTH = 20
 
 
@@ -235,8 +230,13 @@ class ServiceMachine:
             return self._killed(event) + self.changed()
         if event.outcome is Outcome.SPARED:
             return self.step()
-        does = LIVES.get(event.outcome)
-        text = f"{node} {does}: {event.detail}" if does else self.accusation.decision
+        text = self.accusation.decision
+        if event.outcome is Outcome.UNREACHED:
+            text = f"{node} may still run: {event.detail}"
+        elif event.outcome is Outcome.UNSURE:
+            text = f"{node} may still be running: {event.detail}"
+        elif event.outcome is Outcome.ANOTHER:
+            text = f"{node} is left alone: {event.detail}"
         over = event.outcome in (Outcome.UNSURE, Outcome.ANOTHER)
         said = Log(Level.ERROR if over else Level.WARN, f"{topic}: {text}.")
         commands: List[Command] = [said, *self.step(detail=said.text)]
