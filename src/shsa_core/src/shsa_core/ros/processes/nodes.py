@@ -243,6 +243,8 @@ class Nodes:
         except FAILURES as error:
             if known.learned:
                 return None  # it was seen well, and hangs now
+            if known.process and isinstance(error, ConnectionRefusedError):
+                return Found(Where.DEAD)  # it ended since it was looked up
             return Found(Where.UNKNOWN, f"it was never seen well, and cannot be verified: {error}")
         if publishes:
             return None

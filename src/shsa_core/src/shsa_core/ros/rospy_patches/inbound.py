@@ -31,6 +31,8 @@ from shsa_core.ros.rospy_patches.subscribing import LENGTH
 Callback = Callable[[Any, socket.socket, Any], None]
 Speaker = Callable[[socket.socket], Optional[int]]
 EVERYBODY = ""
+USER = "user "
+"""The begin of the name of a caller that is another user of this computer."""
 _calling = threading.local()
 """Of each thread: `by`, the caller whose call it works on."""
 
@@ -85,7 +87,7 @@ class _Room:
     def _look(self, connection: socket.socket) -> str:
         try:
             user = self._speaker(connection)
-            at = connection.getpeername()[0] if user is None else f"user {user}"
+            at = connection.getpeername()[0] if user is None else f"{USER}{user}"
         except OSError:
             return "whoever has left"
         return "" if user in (0, os.geteuid()) else str(at)
@@ -185,11 +187,11 @@ def _in_turn(handle: Callable[[Any], None], room: _Room, debts: _Debts) -> Calla
 
 
 def _of_our_user(shut_down: Callable[..., Any]) -> Callable[..., Any]:
-    """Let nobody else end us: `rosnode kill` of another user, or from another computer."""
+    """Let no other user of this computer end us: `rosnode kill` works from other computers."""
 
     def asked(handler: Any, *arguments: Any) -> Any:
         by = getattr(_calling, "by", "")
-        if not by:
+        if not by.startswith(USER):
             return shut_down(handler, *arguments)
         rospy.logwarn_throttle(settings.SAY_AGAIN_S, f"Refused to shut down for {by}.")
         return -1, "only its own user may end it", 0
