@@ -1,13 +1,12 @@
 """Each benchmark of healing runs, in its short form."""
 import csv
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from tools_run import run_tool
 
-from shsa_testing.processes import marked
 from shsa_testing.thorough import LONG
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -33,29 +32,15 @@ SELDOM = ("gated", "interference", "transfer_nodes", *UNDRAWN)
 @pytest.mark.parametrize("name", [name for name in ROWS if LONG or name not in SELDOM])
 def test_short_form(name: str, tmp_path: Path) -> None:
     results = tmp_path
-    mark = f"test_{os.getpid()}_{name}"
-    done = subprocess.run(
-        [
-            sys.executable,
-            str(ROOT / "tools" / "bench"),
-            name,
-            "--short",
-            "--results",
-            str(results),
-        ],
-        env=dict(os.environ, SHSA_TEST=mark),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        universal_newlines=True,
-        timeout=TIMEOUT_S,
-    )
+    bench = str(ROOT / "tools" / "bench")
+    words = [sys.executable, bench, name, "--short", "--results", str(results)]
+    done = run_tool(*words, timeout=TIMEOUT_S)
     assert done.returncode == 0, done.stdout
     with open(str(results / f"{name}.csv"), newline="") as file:
         rows = list(csv.reader(file))
     assert {row[0] for row in rows[1:]} == ROWS[name]
     assert all(len(row) == len(rows[0]) for row in rows)
     assert name in UNDRAWN or (results / f"{name}.png").stat().st_size > 10000
-    assert not marked("SHSA_TEST", mark)
 
 
 def test_a_measurement_goes_on_where_it_was(tmp_path: Path) -> None:

@@ -1,12 +1,10 @@
 """A live robot is attacked as another user: the short form of `make redteam`, in the long tests."""
-import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from tools_run import run_tool
 
-from shsa_testing.processes import marked
 from shsa_testing.thorough import LONG
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -21,14 +19,5 @@ TIMEOUT_S = 240.0
 @pytest.mark.skipif(not LONG, reason="make test-long: it takes a robot of its own")
 @pytest.mark.skipif(bool(refusal()), reason=refusal())
 def test_short_form() -> None:
-    mark = f"test_redteam_{os.getpid()}"
-    done = subprocess.run(
-        [str(ROOT / "tools" / "redteam"), "--short"],
-        env=dict(os.environ, SHSA_TEST=mark),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        universal_newlines=True,
-        timeout=TIMEOUT_S,
-    )
+    done = run_tool(str(ROOT / "tools" / "redteam"), "--short", timeout=TIMEOUT_S)
     assert done.returncode == 0, done.stdout
-    assert not marked("SHSA_TEST", mark)

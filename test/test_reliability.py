@@ -1,19 +1,17 @@
 """The scoreboard: its arithmetic, its record, and a few trials of each line on real processes."""
 import json
-import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any, Iterator, Sequence
 
 import pytest
+from tools_run import run_tool
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "src" / "shsa_injection" / "bench"))
 
 from reliability.scoreboard import Line, Mark, Record, Trial, fails_at_most, judge  # noqa: E402
 
-from shsa_testing.processes import marked  # noqa: E402
 from shsa_testing.thorough import LONG  # noqa: E402
 
 TIMEOUT_S = 200.0
@@ -71,19 +69,8 @@ def test_the_others_are_tried_by_tests_of_their_own(monkeypatch: Any) -> None:
 
 @pytest.mark.parametrize("line", [each for each in SHORT if LONG or each not in BY_OTHERS])
 def test_short_form(line: int, tmp_path: Path) -> None:
-    mark = f"test_reliability_{os.getpid()}_{line}"
-    done = subprocess.run(
-        [
-            *(str(ROOT / "tools" / "reliability"), str(line), "--short"),
-            *("--seed", "0", "--results", str(tmp_path)),
-        ],
-        env=dict(os.environ, SHSA_TEST=mark),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        universal_newlines=True,
-        timeout=TIMEOUT_S,
-    )
+    words = [str(ROOT / "tools" / "reliability"), str(line), "--short", "--seed", "0"]
+    done = run_tool(*words, "--results", str(tmp_path), timeout=TIMEOUT_S)
     (verdict,) = json.loads((tmp_path / "scoreboard.json").read_text())
     assert verdict["line"] == line
-    assert not marked("SHSA_TEST", mark)
     assert verdict["holds"] and done.returncode == 0, done.stdout

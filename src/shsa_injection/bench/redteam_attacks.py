@@ -108,7 +108,7 @@ def _held(at: Callable[[str], Tuple[str, int]], end: float, begin: bytes) -> int
 
 def calls(target: Target, end: float) -> int:
     """Make calls of 60 kB that cost much to be read, on connections that stay."""
-    body = xmlrpc.client.dumps((["a", [1] * 2500] * 1,), "getPid").encode()
+    body = xmlrpc.client.dumps((["a", [1] * 2500],), "getPid").encode()
     return flood(lambda node: _caller(target.address(node), body), end, target)
 
 
@@ -159,16 +159,19 @@ def connections(target: Target, end: float) -> int:
 
 def subscribers(target: Target, end: float) -> int:
     """Subscribe 1,000 times to what healing publishes, and never read."""
-    kinds = {"/monitor": ("/shsa/health", "Health"), "/reconfigurator": ("", "Substitutions")}
+    from shsa_msgs.msg import Health, Substitutions
+
+    said = {
+        "/monitor": ("/shsa/health", Health),
+        "/reconfigurator": ("/shsa/substitutions", Substitutions),
+    }
     opened: List[socket.socket] = []
     count = 0
-    from shsa_msgs import msg
 
     while time.monotonic() < end:
         for node in HEALERS:
-            topic, name = kinds[node]
-            kind = getattr(msg, name)
-            fields = {"topic": topic or "/shsa/substitutions", "type": kind._type}
+            topic, kind = said[node]
+            fields = {"topic": topic, "type": kind._type}
             fields.update(callerid=f"/s{count}", md5sum=kind._md5sum)
             lines = [f"{key}={value}".encode() for key, value in fields.items()]
             header = b"".join(LENGTH.pack(len(line)) + line for line in lines)

@@ -80,7 +80,7 @@ def fate_of(service: Service, duties: Sequence[str]) -> str:
     elif verdict.kill and duties:
         fate += f". That costs: it {' and '.join(duties)}"
     elif verdict.kill and case.contain is None and not restarts:
-        fate = "is killed if something replaces it: it does nothing beyond the SOM"
+        fate = "is killed if it is wrong, not only silent, and something replaces it"
     return fate
 
 

@@ -83,7 +83,7 @@ IT = "it takes /cmd_vel and broadcasts tf"
         (
             {},
             {},
-            "is killed if something replaces it: it does nothing beyond the SOM",
+            "is killed if it is wrong, not only silent, and something replaces it",
         ),
         ({"contain": Contain.NONE}, DUTIES, "is kept: the SOM says so of /odom"),
         (

@@ -61,10 +61,9 @@ class Server:
                     channel.send(connection, {"refused": str(error) or repr(error)})
                 return
             try:
-                channel.send(connection, {"detail": fault.detail})
-                _wait_for_end(connection, end)
-            except OSError:
-                pass  # whoever asked is gone: that is the end as well
+                with contextlib.suppress(OSError):  # whoever asked is gone: that is the end as well
+                    channel.send(connection, {"detail": fault.detail})
+                    _wait_for_end(connection, end)
             finally:
                 told = fault.end()
             with contextlib.suppress(OSError):

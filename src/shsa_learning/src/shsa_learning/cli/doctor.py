@@ -47,7 +47,8 @@ def run(args: argparse.Namespace) -> int:
     else:
         for each in found:
             say(f"{each.what}\n    {each.remedy}")
-        say(f"{len(found)} findings" if found else "nothing is wrong here")
+        count = "1 finding" if len(found) == 1 else f"{len(found)} findings"
+        say(count if found else "nothing is wrong here")
         if told:
             say("\n    ".join(["what becomes of a node, once healing acts:", *told]))
     return 1 if found else 0
