@@ -10,6 +10,7 @@ import json
 import socket
 import threading
 import time
+from contextlib import suppress
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any, Dict, List
@@ -46,12 +47,10 @@ class Reader:
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
-        try:
+        with suppress(OSError, ValueError):  # it was closed
             for line in self._answer:
                 self.events += line.startswith(b"event: ")
                 self.bytes += len(line)
-        except (OSError, ValueError):
-            pass  # it was closed
 
     def close(self) -> None:
         """Look no more."""

@@ -80,7 +80,7 @@ def fate_of(service: Service, duties: Sequence[str]) -> str:
     elif verdict.kill and duties:
         fate += f". That costs: it {' and '.join(duties)}"
     elif verdict.kill and case.contain is None and not restarts:
-        fate = "is killed if it is wrong, not only silent, and something replaces it"
+        fate = "is killed if something replaces it, unless it is only silent"
     return fate
 
 

@@ -83,7 +83,7 @@ IT = "it takes /cmd_vel and broadcasts tf"
         (
             {},
             {},
-            "is killed if it is wrong, not only silent, and something replaces it",
+            "is killed if something replaces it, unless it is only silent",
         ),
         ({"contain": Contain.NONE}, DUTIES, "is kept: the SOM says so of /odom"),
         (

@@ -2,6 +2,7 @@
 import asyncio
 import json
 import os
+from contextlib import suppress
 from typing import Any, Awaitable, Optional
 
 import tornado.iostream
@@ -78,12 +79,12 @@ class _Events(_Handler):
             raise Refused("too many look at this already", 503)
         self._stream = stream
         self.set_header("Content-Type", "text/event-stream; charset=utf-8")
+        gone_or_slow = tornado.iostream.StreamClosedError, asyncio.TimeoutError
         try:
-            while not stream.ended:
-                self.write(await stream.take())
-                await asyncio.wait_for(self.flush(), SLOW_S)
-        except (tornado.iostream.StreamClosedError, asyncio.TimeoutError):
-            pass  # it has gone, or is too slow
+            with suppress(*gone_or_slow):
+                while not stream.ended:
+                    self.write(await stream.take())
+                    await asyncio.wait_for(self.flush(), SLOW_S)
         finally:
             self.view.streams.close(stream)
             self.detach().close()
