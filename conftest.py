@@ -1,8 +1,7 @@
 """The order of the tests: robots, and beside them what computes for long, giving way to them.
 
 Of three or more workers (`pytest -n 3`) the last one computes, in the time that robots leave: they
-wait for much of theirs. The first one begins with the robots that must be alone, and the others
-with all that is no robot. Fewer workers run the robots last, beside nothing else. The run is closed
+wait for much of theirs. Fewer workers run the robots last, beside nothing else. The run is closed
 with `N passed, N failed`.
 """
 import fcntl
@@ -59,24 +58,13 @@ def case(nodeid: str) -> str:
     return nodeid.partition("[")[2][:-1]
 
 
-def precise(nodeid: str) -> bool:
-    """Return whether a test has the robots' time to itself."""
-    return not {case(nodeid), module(nodeid)}.isdisjoint(PRECISE)
-
-
-def turn(scope: str, first: bool) -> Tuple[bool, bool, bool]:
-    """Return when it is a scope's turn, the smallest first, for the first worker or another one."""
-    robot = module(scope) in ROBOTS
-    return module(scope) in COMPUTING, first and not precise(scope), robot != first
-
-
 @pytest.hookimpl(hookwrapper=True)  # type: ignore[misc]
 def pytest_runtest_protocol(item: Any) -> Iterator[None]:
     """Let a robot share the machine with other robots, or have it alone."""
     if module(item.nodeid) not in ROBOTS:
         yield
         return
-    alone = precise(item.nodeid)
+    alone = not {case(item.nodeid), module(item.nodeid)}.isdisjoint(PRECISE)
     with open(LOCK, "w") as lock, open(f"{LOCK}.gate", "w") as gate:
         fcntl.flock(gate, fcntl.LOCK_EX)  # who waits to be alone lets nobody else in meanwhile
         fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
@@ -119,14 +107,13 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
         def _assign_work_unit(self, node: Any) -> None:
             """Have the worker that gives way, if there is one, compute; the others do so last."""
             if self.numnodes >= 3:
-                worker = node.gateway.id
-                last = gives_way(worker, self.numnodes)
-                scopes = [each for each in self.workqueue if not last or turn(each, False)[0]]
+                last = gives_way(node.gateway.id, self.numnodes)
+                turn = lambda scope: (module(scope) in COMPUTING, module(scope) not in ROBOTS)
+                scopes = [scope for scope in self.workqueue if not last or turn(scope)[0]]
                 if not scopes:
                     node.shutdown()
                     return
-                following = min(scopes, key=lambda scope: turn(scope, worker == "gw0"))
-                self.workqueue.move_to_end(following, last=False)
+                self.workqueue.move_to_end(min(scopes, key=turn), last=False)
             super()._assign_work_unit(node)
 
     return Scheduling(config, log)
