@@ -43,3 +43,7 @@ class FailurePublisher:
         failure.header.stamp = rospy.Time.now()
         failure.last_good = last_good or rospy.Time()
         self._publisher.publish(self._sign(failure))
+
+    def get_num_connections(self) -> int:
+        """Return how many reconfigurators, and others, listen."""
+        return int(self._publisher.get_num_connections())

@@ -32,10 +32,7 @@ class Debts:
         self._debts: Dict[str, Tuple[float, float]] = {}  # and when that was
 
     def wait(self, caller: str, at_once: bool = False) -> None:
-        """Charge a caller with what this thread took since the last time.
-
-        It waits if it is in debt; `at_once`: it does not.
-        """
+        """Charge a caller for this thread's time since; it waits if in debt, unless `at_once`."""
         took = time.thread_time()
         spent, _charged.until = took - getattr(_charged, "until", 0.0), took
         seconds = self.owed(caller, spent) if caller else 0.0
@@ -65,26 +62,22 @@ class Inbound(socket.socket):
         self, connection: socket.socket, caller: str, debts: Debts, given: bytes = b""
     ) -> None:
         super().__init__(fileno=connection.detach())
-        self.caller, self._debts, self._given = caller, debts, given
-
-    def greeted(self, header: bytes) -> "Inbound":
-        """Return it with its header, which was read, to be read once more; this one is no more."""
-        return Inbound(self, self.caller, self._debts, header)
+        self.caller, self.debts, self._given = caller, debts, given
 
     def pay(self) -> None:
         """Charge the caller with what this thread did."""
-        self._debts.wait(self.caller, at_once=True)
+        self.debts.wait(self.caller, at_once=True)
 
     def recv(self, size: int, flags: int = 0) -> bytes:
         """Return what comes next."""
         given, self._given = self._given[:size], self._given[size:]
         if not given:
-            self._debts.wait(self.caller)
+            self.debts.wait(self.caller)
         return given or super().recv(size, flags)
 
     def recv_into(self, *arguments: Any) -> int:
         """Read what comes next."""
-        self._debts.wait(self.caller)
+        self.debts.wait(self.caller)
         count = super().recv_into(*arguments) if self.left > 0 else 0
         self.left -= count
         return count

@@ -55,7 +55,8 @@ def serve_each_by_itself(speaker: Speaker) -> None:
 def _apart(callback: Callback, others: Room) -> Callback:
     def serve(server: Any, connection: Inbound, address: Any) -> None:
         try:
-            connection = connection.greeted(read_header(connection, settings.PATIENCE_S))
+            header = read_header(connection, settings.PATIENCE_S)
+            connection = Inbound(connection, connection.caller, connection.debts, header)
             if connection.caller:
                 others.enter(connection, settings.MOST_WAITING)
             callback(server, connection, address)
