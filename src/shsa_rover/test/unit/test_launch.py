@@ -52,6 +52,19 @@ def test_the_simulated_world_is_chosen_by_arguments() -> None:
     assert values == [5, "carpet", 2.5]
 
 
+def test_one_argument_makes_it_the_system_of_the_paper() -> None:
+    ours, paper = load(), load("paper:=true")
+    assert names(paper) == names(ours)
+    assert "/soc_estimator/state_of_charge" not in parameters(ours)
+    values = parameters(paper)
+    assert values["/soc_estimator/state_of_charge"] == 0.8
+    assert (values["/rover_simulator/world"], values["/reconfigurator/method"]) == ("paper", "orr")
+    (healer,) = [node for node in paper.nodes if node.name == "reconfigurator"]
+    assert "--rosrun" in healer.args and "/paper_som.yaml'" in healer.args
+    (healer,) = [node for node in ours.nodes if node.name == "reconfigurator"]
+    assert "--rosrun" not in healer.args and "/rover_som.yaml'" in healer.args
+
+
 def test_the_real_rover_has_the_same_nodes_without_the_simulator() -> None:
     config = load("sim:=false", "port:=/dev/ttyAMA0", "healing:=false")
     assert names(config) == SIMULATED - {"rover_simulator"}
