@@ -14,6 +14,7 @@ from shsa_core.codegen.prediction import predictor
 from shsa_core.codegen.program import compile_program
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
+from shsa_core.model.kinds import Contain, Standby
 from shsa_core.model.service import Provision, Service
 from shsa_core.search.substitutes import Substitute, find_substitute
 from shsa_learning.learn.evaluation import evaluate_derivation
@@ -63,6 +64,28 @@ def test_on_three_computers_the_services_are_the_same() -> None:
     # The estimator's voltage is on the mainboard, as the voltmeter is.
     (finding,) = check_files(ONTOLOGY_FILE, file)
     assert finding.level == "warning" and "does without mainboard" in finding.todo
+
+
+def test_behind_gates_the_services_are_the_same() -> None:
+    file = str(FOLDER / "rover_gated_som.yaml")
+    assert check_files(ONTOLOGY_FILE, file) == []
+    gated = read_som(file)
+    plain = [
+        replace(
+            service,
+            topic=service.beyond_gate,
+            beyond_gate="",
+            standby=Standby.WARM,
+            contain=Contain.NODE,
+        )
+        if service.gated
+        else service
+        for service in gated
+    ]
+    assert plain == list(SOM)
+    assert {service.name for service in gated if service.gated} == {
+        service.name for service in SOM.needed()
+    }
 
 
 def test_the_needed_topics_are_those_of_the_rover() -> None:
