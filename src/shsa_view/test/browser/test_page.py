@@ -210,6 +210,7 @@ def test_why_what_to_do_and_values_over_time(browser: Browser, fed: Fed) -> None
 def test_the_last_hour_can_be_zoomed_and_saved(browser: Browser, fed: Fed) -> None:
     fed.state.tell(incidents=[incident(1)])
     browser.wait("document.querySelectorAll('#hour-rows li').length === 3", 30.0)
+    browser.wait("document.querySelectorAll('#hour-rows .mark').length === 1", 30.0)
     assert browser.texts("#hour-rows li > span") == ["amperemeter", "voltmeter", ""]
     labels = "#hour-rows .axis div span"
     hour = browser.texts(labels)

@@ -58,7 +58,10 @@ class View {
     if (now) whole.now = now;
     Object.assign(whole, others);
     patch(whole.services, services);
-    if (incidents) whole.incidents = merged(whole.incidents, incidents);
+    if (incidents) {
+      whole.incidents = merged(whole.incidents, incidents);
+      this.hour.look();
+    }
     if (services && this.names) Object.keys(services).forEach((name) => this.names.add(name));
     this.plan([
       "robot",
