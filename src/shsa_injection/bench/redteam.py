@@ -290,7 +290,7 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
         faults.append("what no robot has was started")
     if robot.is_known():
         faults.append("the secret is known")
-    if any(each.rlimit(psutil.RLIMIT_CORE)[0] for each in robot.healers.values()):
+    if not all(map(_leaves_no_core, robot.healers.values())):
         faults.append("a core may hold the secret")
     faults += [f"{each} is another" for each, p in robot.healers.items() if not _is(each, p)]
     if usual and outage > max(MOST_SLOWER * usual, usual + SURE_S):
@@ -307,6 +307,11 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
             faults.append(f"nothing was tried: {name}")
     tries = sum(map(int, said))
     return Result(", ".join(names), tries, outage, usual, memory, processor, faults)
+
+
+def _leaves_no_core(process: psutil.Process) -> bool:
+    rows = Path(f"/proc/{process.pid}/limits").read_text("ascii").splitlines()
+    return any(row.split()[:5] == ["Max", "core", "file", "size", "0"] for row in rows)
 
 
 def _named(process: psutil.Process) -> List[str]:
