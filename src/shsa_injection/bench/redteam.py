@@ -125,6 +125,7 @@ class Robot:
             *("roslaunch", "shsa_view", "view.launch", *models),
             *(f"view_port:={os.environ['VIEW_PORT']}", "actions:=true"),
         )
+        wait_until(_view_listens, 60.0, "the view is there")
         self.healers = {name: psutil.Process(self._pid(name)) for name in HEALERS}
         self.idle = self.rates(IDLE_S)
         self.price = {name: 0.0 for name in HEALERS}  # of one failure, in s
@@ -235,6 +236,11 @@ class Robot:
         """Remove what it left; the graph ends its processes."""
         for folder in (self.home, self.theirs):
             shutil.rmtree(str(folder), ignore_errors=True)
+
+
+def _view_listens() -> bool:
+    with socket.socket() as caller:
+        return caller.connect_ex(("127.0.0.1", int(os.environ["VIEW_PORT"]))) == 0
 
 
 def _words(process: psutil.Process) -> List[str]:
