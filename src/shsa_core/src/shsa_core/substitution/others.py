@@ -44,14 +44,15 @@ class OtherPublishers:
         """Follow another row; `topic`: that of the program, which may fill in or not."""
         bridge = row.bridge if may_bridge and not row.publishing and topic in row.topics else 0.0
         self.heals = row.on_partition is OnPartition.HEAL and topic != ""
-        listened = topic if self.heals or bridge else ""
+        listens = self.heals or row.yields
+        listened = topic if listens or bridge else ""
         if not bridge or not self.bridge or listened != self.topic:
             self.forget()
         if listened != self.topic:
             self.topic, self.heard, self._since = listened, Heard.NOBODY, self._watch.now
-        if self.heard is Heard.RIVAL and not (self.heals and row.publishing is self._publishing):
+        if self.heard is Heard.RIVAL and not (listens and row.publishing is self._publishing):
             self.heard = Heard.ANOTHER
-        deadline = row.outputs[0].deadline if row.outputs and self.heals else None
+        deadline = row.outputs[0].deadline if row.outputs and listens else None
         self._deadline = math.inf if deadline is None else deadline
         self._publishing, self._yields, self.bridge = row.publishing, row.yields, bridge
 
@@ -80,8 +81,8 @@ class OtherPublishers:
         """Somebody else has published."""
         if not self.topic or event.topic != self.topic:
             return
-        rival = self._cut or self._yields or self.heard is Heard.RIVAL
-        self.heard = Heard.RIVAL if rival and self.heals else Heard.ANOTHER
+        rival = self._yields or self.heals and (self._cut or self.heard is Heard.RIVAL)
+        self.heard = Heard.RIVAL if rival else Heard.ANOTHER
         if self._steady < STEADY:
             late = self._watch.passed(self._since) >= self.bridge
             self._steady = 0 if late else self._steady + 1

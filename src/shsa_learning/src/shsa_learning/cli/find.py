@@ -3,8 +3,8 @@ import argparse
 import json
 from typing import Any, Iterator, List, Optional, Tuple
 
-from shsa_core.analysis.loss import lose
-from shsa_core.cli._answers import Answer, Asked, of_property, of_service
+from shsa_learning.loss import lose
+from shsa_learning.cli._answers import Answer, Asked, of_property, of_service
 from shsa_core.cli._common import (
     add_models,
     add_without,
@@ -29,7 +29,7 @@ def add_parser(subparsers: Any) -> None:
         description="Says what would replace a property, a service, or all services of a topic, "
         "if the node that provides it failed. Every service in the SOM counts as available, save "
         "those of that node. It says what healing would do: a service is healed with all of its "
-        "values, or not at all.",
+        "values, or with some if its message says of the rest that it is unknown.",
     )
     lost = parser.add_mutually_exclusive_group(required=True)
     lost.add_argument("property", metavar="PROPERTY", nargs="?", help="the lost property")
@@ -103,8 +103,8 @@ def _property(asked: Asked, name: str) -> Tuple[Answer, List[str]]:
         lines += _text(answer)
         if len(service.properties) > 1 and "substitute" not in whole:
             lines.append(
-                f"The service {service.name} ({service.topic}) is healed with all of its values, "
-                f"{', '.join(service.properties)}: {_summary(whole)}"
+                f"The service {service.name} ({service.topic}) is healed with "
+                f"{whole['output']}: {_summary(whole)}"
             )
     chosen = next((each for _, _, each in parts if "substitute" in each), parts[0][2])
     if len(parts) > 1:
@@ -130,7 +130,7 @@ def _text(answer: Answer) -> Iterator[str]:
         yield f"In the way: {', '.join(answer['in_the_way'])}; the other values can be derived"
     if "alone" in answer:
         yield f"{answer['property']} alone could be derived: {_summary(answer['alone'])}"
-        yield "But a service is healed with all of its values, or not at all"
+        yield "But its message cannot say of the service's other values that they are unknown"
     for number, each in enumerate(answer.get("substitutes", []), 1):
         yield f"{number:4}. {_summary(each)}"
     if not answer.get("complete", True):
@@ -141,6 +141,9 @@ def _text(answer: Answer) -> Iterator[str]:
         yield f"output  {answer['output']}"
         yield "code"
         yield from ("    " + line for line in answer["code"].splitlines())
+    if "unknown" in answer:
+        lacking = ", ".join(answer["missing"]) or "any relation that yields it"
+        yield f"Its messages leave {', '.join(answer['unknown'])} unknown. Missing: {lacking}"
     if "starts_at_zero" in answer:
         yield "It has an integral within an expression, which starts at 0: its first value may jump"
     if "shares" in answer:
