@@ -19,6 +19,7 @@ from shsa_core.healing.events import (
     ShowIncident,
     SubstituteStarted,
 )
+from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, State, Trigger
 from shsa_core.healing.kill import KillNode, KillOver, Outcome
 from shsa_core.healing.node import Accusation, NodeEvent, Nodes, TrustChanged, no_accusation
@@ -104,8 +105,10 @@ class ServiceMachine:
         It is if that was only silent, and nobody has made sure that it is gone. On a shared topic
         somebody else is heard; there only a substitute that a cut may part from it listens.
         """
+        if self.accusation.kind not in MISSED or self.incident.killed is not None:
+            return False
         apart = self.parted or len(self.robot.som.of_topic(self.spec.topic)) == 1
-        return apart and self.incident.killed is None and self.publishes and self.accusation.silent
+        return apart and self.publishes
 
     @property
     def parted(self) -> bool:
