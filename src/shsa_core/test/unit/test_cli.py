@@ -274,7 +274,8 @@ def test_all_commands_say_that_a_topic_is_lost_with_one_of_its_values(cart: Any)
     assert said in cart("", "check")[1]
 
 
-BATTERY = """  battery: {topic: /b, type: sensor_msgs/BatteryState, node: /bms, period: 0.1, needed: true,
+BATTERY = """\
+  battery: {topic: /b, type: sensor_msgs/BatteryState, node: /bms, period: 0.1, needed: true,
             provides: {speed: {field: current}, turn: {field: temperature}}}
 """
 

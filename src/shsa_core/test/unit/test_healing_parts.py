@@ -1,4 +1,4 @@
-"""A service of which not all values can be computed is healed in part, where its message says so."""
+"""A service of which not all values can be computed is healed in part, if its message says so."""
 from dataclasses import replace
 
 from core_robot import A, B, C, Robot, function, last_incident, only, service

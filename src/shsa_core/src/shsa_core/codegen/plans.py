@@ -146,9 +146,9 @@ def plan_sources(
     failed = set()
     most = len(tried) + REFUSED_AT_MOST
     question = ontology.network, table, properties
-    for listed in (_listing(*question, method, predictor), _smallest_first(*question)):
+    for found in (_listing(*question, method, predictor), _smallest_first(*question)):
         looked_at = 0
-        for rated, proven_best in islice(listed, most):
+        for rated, proven_best in islice(found, most):
             looked_at += 1
             plan = make_plan(ontology, service, outputs, rated, proven_best, predictor)
             if isinstance(plan, GenerationError):

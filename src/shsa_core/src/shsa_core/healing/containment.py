@@ -107,8 +107,8 @@ class Computed(NamedTuple):
 class Indexes:
     """Services by what they read and wait for, kept up as they decide.
 
-    `stuck`: those that nothing can heal now, or not with all values. `kept`: those whose faulty node is kept. `computed`:
-    those that a substitute computes, or is to.
+    `stuck`: those that nothing can heal now, or not with all values. `kept`: those whose faulty
+    node is kept. `computed`: those that a substitute computes, or is to.
     """
 
     def __init__(self) -> None:
