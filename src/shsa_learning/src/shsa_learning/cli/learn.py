@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from shsa_learning.learn.rows import Data
 
 BAR = "{desc}: {percentage:3.0f} %|{bar}| {elapsed}"
-MODELS = ("auto", "linear", "polynomial", "svr", "mlp")
+MODELS = ("auto", "terms", "linear", "polynomial", "svr", "mlp")
 
 
 def add_parser(subparsers: Any) -> None:
@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
             _provenance(args, data),
             bar.update,
         )
-    relation = relation_of(learned, data.table) if learned.accepted else None
+    relation = relation_of(learned) if learned.accepted else None
     answer = document(learned)
     if args.report:
         from shsa_learning.cli._learn_page import page
@@ -157,6 +157,8 @@ def document(learned: "Learned") -> Dict[str, Any]:
         "worst_block_nrmse": learned.worst / span if error else None,
         "blocks": learned.blocks,
         "reason": "; ".join(learned.reasons),
+        "left_out": dict(learned.left_out),
+        "skipped": list(learned.skipped),
     }
 
 
@@ -166,7 +168,7 @@ def summary(learned: "Learned", data: "Data") -> List[str]:
     if learned.accepted and learned.model and learned.error:
         model = learned.model
         lines += [
-            f"{learned.target} by {model.choice.recipe} from {', '.join(model.inputs)}",
+            f"{learned.target} by {model.name} from {', '.join(model.inputs)}",
             f"function    {model.function}",
             f"constraint  {model.constraint}",
         ]
@@ -176,6 +178,7 @@ def summary(learned: "Learned", data: "Data") -> List[str]:
     if learned.model and learned.error:
         lines += _figures(learned)
     lines += [f"left out: {name}: {why}" for name, why in learned.left_out.items()]
+    lines += [f"skipped: {failed}" for failed in learned.skipped]
     lines += [f"outliers left out: {count} of {name}" for name, count in data.outliers.items()]
     return lines + [f"note: {note}" for note in data.notes]
 
@@ -186,7 +189,7 @@ def _figures(learned: "Learned") -> List[str]:
     assert error.baseline is not None
     rows = [
         (
-            str(rung.recipe),
+            rung.recipe.named(learned.ladder),
             f"{100.0 * rung.rms / span:.2f}",
             f"{100.0 * rung.standard_error / span:.2f}",
         )
