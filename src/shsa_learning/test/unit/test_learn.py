@@ -24,9 +24,9 @@ def linear(world: World) -> np.ndarray:
     return 3.0 + 2.0 * world["u"] - 1.2 * world["v"]
 
 
-def ask(capsys: Any, *words: str) -> Dict[str, Any]:
-    """Run `shsa learn y --json`; return its document and its exit status."""
-    status = main(["learn", "y", "--json", *words])
+def ask(capsys: Any, *words: str, target: str = "y") -> Dict[str, Any]:
+    """Run `shsa learn --json`; return its document and its exit status."""
+    status = main(["learn", target, "--json", *words])
     answer: Dict[str, Any] = json.loads(capsys.readouterr().out)
     answer["status"] = status
     return answer
@@ -204,10 +204,28 @@ def test_a_law_with_known_numbers_competes(tmp_path: Path, capsys: Any) -> None:
 def test_the_page_shows_what_was_measured(tmp_path: Path, capsys: Any) -> None:
     page = tmp_path / "page.html"
     files = recorded(tmp_path, linear)
-    ask(capsys, "--data", *files, "--model", "linear", "--report", str(page))
+    still = world_at_rest(tmp_path)
+    ask(capsys, "--data", *files, *still, "--model", "terms", "--report", str(page))
     text = page.read_text()
-    assert text.count("data:image/png;base64,") == 4
-    assert "linear" in text and "http" not in text
+    assert text.count("data:image/png;base64,") == 4 and "http" not in text
+    for title in ("Measured, and predicted", "Residuals by block", "What each term gains"):
+        assert title in text
+    assert re.search(r"<code>u</code></td><td>[12]\.\d{2,4} ± 0\.\d{2,4}<", text)
+    assert "<td>s</td><td>it is constant (4)</td>" in text and "Where it holds" in text
+    assert not re.search(r"\d\.\d{8}", text)
+
+
+def world_at_rest(folder: Path) -> List[str]:
+    world = World(0)
+    return save(folder, s=world.sensor(np.full(len(world.time), 4.0), noise=0.0))
+
+
+def test_support_vectors_are_shown_with_few_digits(tmp_path: Path, capsys: Any) -> None:
+    page = tmp_path / "page.html"
+    files = recorded(tmp_path, linear, seconds=70.0)
+    ask(capsys, "--data", *files, "--model", "svr", "--report", str(page))
+    text = page.read_text()
+    assert "<details>" in text and not re.search(r"\d\.\d{8}", text)
 
 
 # What is refused.

@@ -51,6 +51,9 @@ def add_parser(subparsers: Any) -> None:
         help="the inputs (whatever may be one)",
     )
     parser.add_argument("--model", choices=MODELS, default="auto", help="its form (auto)")
+    parser.add_argument(
+        "--terms", type=whole_number(1), default=5, help="the most terms of a short model (5)"
+    )
     parser.add_argument("--seed", type=whole_number(0), default=0, help="of what is drawn (0)")
     parser.add_argument(
         "--ontology", metavar="FILE", help="its relations compete; with --write it gets the new one"
@@ -74,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     # What fits and what reads bags takes a second to load, which no other command should wait for.
     from tqdm import tqdm
 
-    from shsa_learning.learn.evaluation import laws
+    from shsa_learning.learn.evaluation import knowledge, laws
     from shsa_learning.learn.learner import learn
     from shsa_learning.learn.relation import relation_of, with_relation
     from shsa_learning.learn.rows import gather
@@ -94,6 +97,8 @@ def run(args: argparse.Namespace) -> int:
             laws(ontology, data.table),
             _provenance(args, data),
             bar.update,
+            args.terms,
+            knowledge(ontology, data.table),
         )
     relation = relation_of(learned) if learned.accepted else None
     answer = document(learned)
@@ -101,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
         from shsa_learning.cli._learn_page import page
 
         with open(args.report, "w", encoding="utf-8") as stream:
-            stream.write(page(learned, summary(learned, data)))
+            stream.write(page(learned, data.outliers, data.notes))
     if args.json:
         print(json.dumps(answer, indent=2))
     else:
@@ -148,6 +153,7 @@ def document(learned: "Learned") -> Dict[str, Any]:
         "function": model.function if model else None,
         "constraint": model.constraint if model else None,
         "inputs": list(model.inputs) if model else [],
+        "terms": [part._asdict() for part in model.parts] if model else [],
         "rms": error.rms if error else None,
         "nrmse": error.rms / span if error else None,
         "bias": error.bias if error else None,

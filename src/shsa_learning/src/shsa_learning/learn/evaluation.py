@@ -1,12 +1,13 @@
 """Relations evaluated on rows by the very code that a substitute runs"""
 import math
 from itertools import repeat
-from typing import Iterable, Mapping, NamedTuple, Sequence, Tuple
+from typing import Iterable, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
+from shsa_core.language.units import Unit, parse_unit
 from shsa_core.model.ontology import Constant, Ontology
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
@@ -101,6 +102,35 @@ def laws(ontology: Ontology, table: Table) -> Mapping[str, Known]:
         and not function.relation.startswith(LEARNED)
         and set(function.inputs) <= set(table.names)
     }
+
+
+class Knowledge(NamedTuple):
+    """What is known of inputs: their units (None: not known), and laws as expressions."""
+
+    units: Mapping[str, Optional[Unit]] = {}
+    laws: Tuple[str, ...] = ()
+
+
+def knowledge(ontology: Ontology, table: Table) -> Knowledge:
+    """Return what an ontology knows of the inputs of a table: its laws of one expression are terms.
+
+    Whatever such a law yields, a target may be made of it.
+    """
+    units = {
+        name: parse_unit(ontology.properties[name].unit)
+        for name in table.names
+        if name in ontology.properties
+    }
+    values = {name: repr(constant.value) for name, constant in ontology.constants.items()}
+    terms = []
+    for function in ontology.functions:
+        law = function.law
+        if law is None or law.steps or not function.inputs or function.output == table.name:
+            continue
+        if set(function.inputs) <= set(table.names):
+            names = {name: values.get(name, name) for name in law.names}
+            terms.append(f"({law.result.code(names)})")
+    return Knowledge(units, tuple(terms))
 
 
 def _source(name: str) -> Source:

@@ -131,8 +131,8 @@ def _gains(columns: np.ndarray, target: np.ndarray, folds: Sequence[Fold]) -> Li
 
     def error(kept: Sequence[int]) -> float:
         parts = [
-            fitted((), columns[np.ix_(fold.train, kept)], target[fold.train]).predict(
-                columns[np.ix_(fold.test, kept)]
+            fitted((), columns[fold.train][:, kept], target[fold.train]).predict(
+                columns[fold.test][:, kept]
             )
             - target[fold.test]
             for fold in folds
@@ -194,6 +194,8 @@ def _relation(
     if np.count_nonzero(both) < LEAST_SHARE_OF_ROWS * max(np.count_nonzero(known), 1):
         raise ModelError(text, "its generated code gives no value on the data it was fitted to")
     worst = float(np.max(np.abs(generated[both] - said[both])))
-    if not worst <= AGREEMENT * max(float(np.std(features.target)), float(np.max(np.abs(said[both])))):
+    if not worst <= AGREEMENT * max(
+        float(np.std(features.target)), float(np.max(np.abs(said[both])))
+    ):
         raise ModelError(text, f"its generated code is off the fitted model by {worst:.2g}")
     return relation, constraint(seen)

@@ -5,21 +5,25 @@ from typing import Callable, Dict, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from shsa_core.errors import ExpressionError, ShsaError
 from shsa_core.model.error import Error
 from shsa_learning.figures import error_of, rms
 from shsa_learning.learn import refusal
 from shsa_learning.learn.delays import DELAYS_S, FILTERS_S, Lag
-from shsa_learning.learn.evaluation import Known
+from shsa_learning.learn.evaluation import Knowledge, Known
 from shsa_learning.learn.features import Features, function_of
 from shsa_learning.learn.fitting import Model, model_of
 from shsa_learning.learn.models import LAW, TERMS, Recipe, fit, ladder
 from shsa_learning.learn.rows import Data
 from shsa_learning.learn.screening import screened
-from shsa_learning.learn.selection import Candidates, CrossValidation, cross_validate, errors_of
+from shsa_learning.learn.selection import (
+    FAILURES,
+    Candidates,
+    CrossValidation,
+    cross_validate,
+    errors_of,
+)
 from shsa_learning.learn.short import MOST_TERMS, ShortModels
 from shsa_learning.learn.table import Table
-from shsa_learning.learn.terms import Knowledge
 from shsa_learning.learn.written import law_of, rounded
 
 
@@ -38,7 +42,8 @@ class Learned:
 
     `error` in the unit of the property; `span`: of the target, largest minus smallest value;
     `worst`: the RMS error in the worst block. `columns`, `validation`: the data and predictions,
-    for pictures. `left_out`: inputs, and why; `skipped`: models that failed; `ladder`: the inputs of models that are not short. The rest is None where the data alone is refused.
+    for pictures. `left_out`: inputs, and why; `skipped`: models that failed; `ladder`: the inputs
+    of models that are not short. The rest is None where the data alone is refused.
     """
 
     target: str
@@ -113,13 +118,13 @@ class _Learner:
             names = self._telling(short, features)
         self._ladder = Features(table.of(names), features.rows)
         plain = self._ladder.matrix(names)
-        recipes = [
-            each
-            for each in ladder(choice, plain, terms)
-            if each.rung == TERMS or self._writable(each, plain)
-        ]
+        recipes = ladder(choice, plain, terms)
         said = {name: law.said[features.rows] for name, law in laws.items()}
         self._candidates = Candidates(features, short, self._ladder, recipes, said, seed)
+        for recipe in recipes:
+            why = self._unwritable(recipe, plain) if recipe.rung != TERMS else ""
+            if why:
+                self._candidates.skip(recipe, why)
 
     def run(
         self,
@@ -141,7 +146,7 @@ class _Learner:
         try:
             names = tuple(self._ladder.names)
             model = model_of(choice, table, names, self._laws, rms(off), self._seed)
-        except ShsaError as error:
+        except FAILURES as error:
             candidates.skip(choice.recipe, str(error))
             return self.run(left_out, computed_from, source, step)
         errors = errors_of(candidates, choice, self._seed)
@@ -178,18 +183,18 @@ class _Learner:
                 found.update(dict.fromkeys(inputs))
         return tuple(name for name in self._table.names if name in found)
 
-    def _writable(self, recipe: Recipe, inputs: np.ndarray) -> bool:
-        """Return whether the language has room for such a model; its error plays no part."""
+    def _unwritable(self, recipe: Recipe, inputs: np.ndarray) -> str:
+        """Return why the language has no room for such a model; its error plays no part."""
         names = tuple(self._ladder.names)
         some = slice(None, None, 1 + len(inputs) // FEW_ROWS)
         inputs, target = inputs[some], self._ladder.target[some]
-        formula = rounded(fit(recipe, inputs, target, self._seed), inputs, 0.0)
         longest = (Lag(DELAYS_S[-1], FILTERS_S[-1]),) * inputs.shape[1]
         try:
+            formula = rounded(fit(recipe, inputs, target, self._seed), inputs, 0.0)
             law_of(formula, names, longest)
-        except ExpressionError:
-            return False
-        return True
+        except FAILURES as error:
+            return str(error)
+        return ""
 
 
 def delay_of(said: np.ndarray, target: np.ndarray, period: float) -> float:

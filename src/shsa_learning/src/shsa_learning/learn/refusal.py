@@ -271,4 +271,3 @@ def excited(values: np.ndarray, time: np.ndarray) -> Tuple[int, int]:
 def is_constant(values: np.ndarray) -> bool:
     """Return whether values are the same but for rounding."""
     return float(np.ptp(values)) <= 1e-9 * float(np.max(np.abs(values))) if len(values) else True
-

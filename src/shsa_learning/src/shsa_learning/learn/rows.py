@@ -82,7 +82,9 @@ def gather(
     found = {name: count for name, count in outliers.items() if count}
     table = _joined(property, names, parts)
     computed_from = [name for name in names if any(_upstream(name, each, som) for each in offers)]
-    return Data(table, left_out, tuple(suspicious), found, tuple(notes), tuple(computed_from), tuple(wanted))
+    return Data(
+        table, left_out, tuple(suspicious), found, tuple(notes), tuple(computed_from), tuple(wanted)
+    )
 
 
 def _upstream(name: str, given: Offer, som: Optional[Som]) -> bool:

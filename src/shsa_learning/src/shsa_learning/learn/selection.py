@@ -17,6 +17,8 @@ from shsa_learning.learn.table import Fold, blocked, shuffled
 
 OUTER, INNER = 6, 4
 """Blocks: of all rows for the error, and of what is left for the choice."""
+FAILURES = (ShsaError, ValueError, ArithmeticError, np.linalg.LinAlgError)
+"""Of a model: it is skipped, and that is told."""
 MOST_UNTOLD = 0.1
 """Of the rows: a model that says nothing of more is no help."""
 
@@ -159,7 +161,7 @@ class Candidates:
                 off = self.predict(recipe, prepared, fold) - self.features.target[fold.test]
                 told = np.isfinite(off)
                 errors.append(rms(off[told]) if told.mean() > 1.0 - MOST_UNTOLD else np.inf)
-        except (ShsaError, ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+        except FAILURES as error:
             self.skip(recipe, str(error))
         return errors
 

@@ -1,17 +1,18 @@
 """Short models: a few terms of the library, found by orthogonal matching pursuit (scikit-learn)"""
 import warnings
-from typing import Dict, List, NamedTuple, Sequence, Tuple
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 from sklearn.linear_model import orthogonal_mp_gram
 
+from shsa_learning.learn.evaluation import Knowledge
 from shsa_learning.learn.features import Features
 from shsa_learning.learn.models import MOST_OUTLIERS, OUTLIER
-from shsa_learning.learn.terms import Knowledge, behind_lags, library
+from shsa_learning.learn.terms import behind_lags, library
 
 MOST_TERMS = 5
 """Of a model, unless more are asked for."""
-ROWS_A_TERM = 20
+ROWS_A_TERM = 12
 """Fewer rows bear no further term."""
 SHORTLIST = 12
 """Terms that are tried behind lags too, in two lists: of the pursuit, and of those best alone."""
@@ -52,8 +53,9 @@ class ShortModels:
     def shortlist(self, rows: np.ndarray) -> Tuple[str, ...]:
         """Return the terms that tell most of the target in some rows, also behind lags."""
         gram = _Gram(self._features.matrix(self._library)[rows], self._features.target[rows])
-        best = dict.fromkeys([*gram.pursued(SHORTLIST)[-1], *gram.best(SHORTLIST)])
-        terms = [self._library[place] for place in best]
+        best = [place for path in gram.pursued(SHORTLIST)[-1:] for place in path]
+        numbers = gram.numbers([*best, *gram.best(SHORTLIST)])
+        terms = list(dict.fromkeys(self._library[number] for number in numbers))
         for term in terms:
             self._plain.update(dict.fromkeys(behind_lags(term, self._period), term))
         return (*terms, *(each for each, term in self._plain.items() if term in terms))
@@ -126,14 +128,24 @@ def _chosen(
     columns: np.ndarray, target: np.ndarray, kinds: np.ndarray, most: int
 ) -> List[List[int]]:
     """Return the best columns: one, two, and so on; no two of one of the `kinds`."""
-    gram = _Gram(columns, target)
-    return [gram.exchanged(places, kinds) for places in gram.pursued(most)]
+    gram = _Gram(columns, target, kinds)
+    found: List[List[int]] = []
+    for path in gram.pursued(most):
+        starts = [path]
+        if len(found) == 1:
+            starts.append(gram.best_pair())
+        elif found:
+            starts.append(gram.extended(found[-1]))
+        found.append(max((gram.exchanged(start) for start in starts), key=gram.told_by))
+    return [gram.numbers(places) for places in found]
 
 
 class _Gram:
     """The products of some standardised columns with one another, and with the target."""
 
-    def __init__(self, columns: np.ndarray, target: np.ndarray) -> None:
+    def __init__(
+        self, columns: np.ndarray, target: np.ndarray, kinds: Optional[np.ndarray] = None
+    ) -> None:
         known = np.isfinite(columns)
         self._used = np.flatnonzero(known.mean(axis=0) > 1.0 - MOST_MISSING)
         rows = known[:, self._used].all(axis=1)
@@ -144,10 +156,29 @@ class _Gram:
         columns /= np.where(self._varied, deviations, 1.0)
         self._gram = columns.T @ columns / max(len(target), 1)
         self._told = columns.T @ (target - np.mean(target)) / max(len(target), 1)
+        self._kinds = (np.arange(len(known.T)) if kinds is None else kinds)[self._used]
+
+    def numbers(self, places: Sequence[int]) -> List[int]:
+        """Return the numbers of columns here in what this was made of."""
+        return [int(self._used[place]) for place in places]
 
     def best(self, count: int) -> List[int]:
         """Return the columns that tell most of the target alone."""
-        return [int(self._used[each]) for each in np.argsort(-np.abs(self._told))[:count]]
+        return [int(each) for each in np.argsort(-np.abs(self._told))[:count]]
+
+    def best_pair(self) -> List[int]:
+        """Return the two columns that tell most of the target together."""
+        left = 1.0 - np.square(self._gram)
+        both = np.square(self._told)[:, None] + np.square(self._told)
+        both -= 2.0 * np.outer(self._told, self._told) * self._gram
+        allowed = (left > LEAST_LEFT) & (self._kinds[:, None] != self._kinds)
+        told = np.where(allowed, both / np.maximum(left, LEAST_LEFT), -1.0)
+        return [int(each) for each in np.unravel_index(np.argmax(told), told.shape)]
+
+    def told_by(self, places: Sequence[int]) -> float:
+        """Return how much of the target's variance some columns tell together."""
+        told, gram = self._told[places], self._gram[np.ix_(places, places)]
+        return float(told @ np.linalg.lstsq(gram, told, rcond=1e-12)[0])
 
     def pursued(self, most: int) -> List[List[int]]:
         """Return the columns of orthogonal matching pursuit: one, two, and so on."""
@@ -161,31 +192,33 @@ class _Gram:
                 self._gram, self._told, n_nonzero_coefs=count, return_path=True
             )
         steps = np.reshape(path, (len(self._told), -1)).T
-        return [self._used[np.flatnonzero(step)].tolist() for step in steps if step.any()]
+        return [np.flatnonzero(step).tolist() for step in steps if step.any()]
 
-    def exchanged(self, places: Sequence[int], kinds: np.ndarray) -> List[int]:
+    def extended(self, places: Sequence[int]) -> List[int]:
+        """Return the columns and the one that tells most of what they leave."""
+        return [*places, int(np.argmax(self._gains(places)))]
+
+    def exchanged(self, places: Sequence[int]) -> List[int]:
         """Return the columns where each is exchanged for a better one, beside the others."""
-        chosen = np.searchsorted(self._used, places).tolist()
-        kinds = kinds[self._used]
+        chosen = list(places)
         for _ in range(SWEEPS):
             before = list(chosen)
-            for place in range(len(chosen)):
-                others = chosen[:place] + chosen[place + 1 :]
-                chosen[place] = self._next(others, chosen[place], kinds)
+            for place, now in enumerate(before):
+                gains = self._gains(chosen[:place] + chosen[place + 1 :])
+                best = int(np.argmax(gains))
+                chosen[place] = best if gains[best] > gains[now] else now
             if chosen == before:
                 break
-        return [int(self._used[each]) for each in chosen]
+        return chosen
 
-    def _next(self, others: Sequence[int], now: int, kinds: np.ndarray) -> int:
-        """Return the column that tells most of what others leave of the target."""
+    def _gains(self, others: Sequence[int]) -> np.ndarray:
+        """Return how much each column tells of what others leave of the target."""
         left, told = np.diag(self._gram).copy(), self._told
         if others:
-            solved = np.linalg.solve(
-                self._gram[np.ix_(others, others)], self._gram[others, :]
-            )
+            among = self._gram[np.ix_(others, others)]
+            solved = np.linalg.lstsq(among, self._gram[others, :], rcond=1e-12)[0]
             left -= np.sum(self._gram[others, :] * solved, axis=0)
             told = told - self._told[others] @ solved
         gains = np.where(left > LEAST_LEFT, told**2 / np.maximum(left, LEAST_LEFT), -1.0)
-        gains[np.isin(kinds, kinds[others])] = -1.0
-        best = int(np.argmax(gains))
-        return best if gains[best] > gains[now] else now
+        gains[np.isin(self._kinds, self._kinds[list(others)])] = -1.0
+        return gains

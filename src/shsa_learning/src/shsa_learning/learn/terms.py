@@ -3,12 +3,13 @@
 A term's coefficient may carry any unit; what is added within a term has one unit.
 """
 import re
-from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
 import numpy as np
 
 from shsa_core.language.units import Unit
 from shsa_learning.learn.delays import Lag, candidates
+from shsa_learning.learn.evaluation import Knowledge
 from shsa_learning.learn.features import function_of
 
 SIDES = frozenset("x y z left right front rear back l r fl fr rl rr bl br roll pitch".split())
@@ -21,13 +22,6 @@ RATES_S = (0.1, 0.4)
 FORGETTING_S = (3.0, 10.0)
 """Time constants of an integral that forgets: the sum of a substitute begins when it starts."""
 MOST_TERMS = 1500
-
-
-class Knowledge(NamedTuple):
-    """What is known of the inputs: their units (None: not known), and laws as expressions."""
-
-    units: Mapping[str, Optional[Unit]] = {}
-    laws: Tuple[str, ...] = ()
 
 
 def library(columns: Mapping[str, np.ndarray], known: Knowledge = Knowledge()) -> List[str]:
@@ -64,9 +58,7 @@ def _rate(name: str, tau: float) -> str:
     return f"lowpass(derivative({name}), {tau:g})"
 
 
-def _groups(
-    names: Sequence[str], units: Mapping[str, Optional[Unit]]
-) -> List[Tuple[str, ...]]:
+def _groups(names: Sequence[str], units: Mapping[str, Optional[Unit]]) -> List[Tuple[str, ...]]:
     """Return the inputs that are alike: of one unit, called the same but for a side or a number."""
     found: Dict[Tuple[object, ...], List[str]] = {}
     for name in names:

@@ -65,8 +65,7 @@ def rounded_sum(sum_: Sum, errors: Sequence[float], columns: np.ndarray, rms: fl
     exact = sum_.predict(columns)
     for more in range(MOST_DIGITS):
         coefficients = tuple(
-            _to_error(value, error, more)
-            for value, error in zip(sum_.coefficients, errors)
+            _to_error(value, error, more) for value, error in zip(sum_.coefficients, errors)
         )
         short = Sum(0.0, coefficients, sum_.terms)
         middle = float(np.nanmean(exact - short.predict(columns)))
