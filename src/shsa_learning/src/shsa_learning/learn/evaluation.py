@@ -105,7 +105,7 @@ def laws(ontology: Ontology, table: Table) -> Mapping[str, Known]:
 
 
 class Knowledge(NamedTuple):
-    """What is known of inputs: their units (None: not known), and laws as expressions."""
+    """The units of inputs (None: not known), and laws over them as expressions."""
 
     units: Mapping[str, Optional[Unit]] = {}
     laws: Tuple[str, ...] = ()

@@ -55,7 +55,7 @@ def behind_lags(term: str, period: float) -> List[str]:
 
 
 def _rate(name: str, tau: float) -> str:
-    return f"lowpass(derivative({name}), {tau:g})"
+    return Lag(0.0, tau).text(f"derivative({name})")
 
 
 def _groups(names: Sequence[str], units: Mapping[str, Optional[Unit]]) -> List[Tuple[str, ...]]:
