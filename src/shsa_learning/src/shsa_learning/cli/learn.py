@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from shsa_learning.learn.learner import Learned
     from shsa_learning.learn.rows import Data
 
-BAR = "{desc}: {percentage:3.0f} %|{bar}| {elapsed}"
+BAR = "{desc}: {percentage:3.0f} %|{bar}| {elapsed}, {remaining} left"
+QUIET: Dict[str, Any] = {"leave": False, "disable": None}
 MODELS = ("auto", "terms", "linear", "polynomial", "svr", "mlp")
 
 
@@ -38,7 +39,8 @@ def add_parser(subparsers: Any) -> None:
         metavar="FILE",
         nargs="+",
         required=True,
-        help="rosbags (with --som), and CSV files: one a source, the first column is the time in s",
+        help="rosbags (with --som), CSV files (one a source, the first column is the time in s), "
+        "and folders of these",
     )
     parser.add_argument("--som", metavar="FILE", help="the service-to-ontology mapping")
     add_namespace(parser)
@@ -81,15 +83,17 @@ def run(args: argparse.Namespace) -> int:
     from shsa_learning.learn.learner import learn
     from shsa_learning.learn.relation import relation_of, with_relation
     from shsa_learning.learn.rows import gather
-    from shsa_learning.recordings.data import read
+    from shsa_learning.recordings.data import files, read
 
     if args.write and not args.ontology:
         raise ModelError("--write", "needs --ontology, the file that gets the relation")
     before, ontology = _ontology(args)
     som = read_som(args.som, args.namespace) if args.som else None
-    recordings = read(args.data, som, ontology if before else None)
+    size = sum(os.path.getsize(path) for path in files(args.data) if os.path.isfile(path))
+    with tqdm(total=size, desc="reading", unit="B", unit_scale=True, **QUIET) as bar:
+        recordings = read(args.data, som, ontology if before else None, bar.update)
     data = gather(recordings, args.property, args.inputs, som)
-    with tqdm(total=1.0, desc="learning", leave=False, disable=None, bar_format=BAR) as bar:
+    with tqdm(total=1.0, desc="learning", bar_format=BAR, **QUIET) as bar:
         learned = learn(
             data,
             args.model,
