@@ -419,7 +419,7 @@ def test_of_large_files_of_one_drive_the_same_stretches_are_kept(
         np.savetxt(str(path), table, "%.6g", ",", header=f"time,{name}", comments="")
         (series,), _ = read_csv(str(path), False)
         kept.append(series.time)
-    np.testing.assert_array_equal(*kept)
+    np.testing.assert_array_equal(kept[0], kept[1])
 
 
 @pytest.mark.parametrize("size", [30, 64, 10_000])
