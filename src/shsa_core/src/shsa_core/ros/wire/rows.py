@@ -85,7 +85,6 @@ def substitution_row(message: msg.Substitution) -> Substitution:
         outputs=tuple(map(signal_of, message.outputs)),
         others=word_of("others", Others, message.others or Others.UNKNOWN),
         last_message=bytes(message.last_message),
-        template=bytes(message.template),
         on_partition=word_of("on_partition", OnPartition, message.on_partition or OnPartition.WAIT),
     )
 
