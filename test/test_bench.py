@@ -22,9 +22,13 @@ ROWS = {
     "large_messages": {"nothing comes", "copied", "dropped"},
     "kilohertz": {"1000"},
     "large_robots": {"10"},
+    "load": {"nine nodes"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
-UNDRAWN = ("healthy_traffic", "healthy_robots", "large_messages", "kilohertz", "large_robots")
+UNDRAWN = (
+    *("healthy_traffic", "healthy_robots", "large_messages", "kilohertz", "large_robots"),
+    "load",
+)
 SELDOM = ("gated", "interference", "transfer_nodes", *UNDRAWN)
 """They only measure what others test: in `make test-long`."""
 
