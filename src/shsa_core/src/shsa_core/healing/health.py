@@ -172,14 +172,11 @@ class Health:
 
     def gone(self, node: str, time: float) -> None:
         """Note that a node was gone at `time`; if it is well since, that is another process."""
-        self.protected.pop(node, None)
         self.verified.discard(node)
         self.excluded[node] = time
-        for topic in self.topics.get(node, {}):
-            row = self.rows[topic][node]
-            if row.state is HEALTHY and row.since > time:
-                del self.excluded[node]
-                return
+        rows = (self.rows[topic][node] for topic in self.topics.get(node, {}))
+        if any(row.state is HEALTHY and row.since > time for row in rows):
+            del self.excluded[node]
 
     # A monitor is lost, or starts anew.
 
