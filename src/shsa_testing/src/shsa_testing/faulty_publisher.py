@@ -58,7 +58,7 @@ class FaultyPublisher:
     Commands: `value X`, `period S`, `stamp S` (seconds added to the stamp), `ramp X` (added to the
     value at every message), `noise X` (of each message, a standard deviation), `nan N` (every Nth
     value, 0: none), `intermittent LEAST MOST` (silences of so many periods, at random, with five
-    messages between them), `mute`, `publish`, `burst N`, `unadvertise`, `advertise`.
+    messages between them), `mute`, `publish`, `burst N`, `unadvertise`, `advertise`, `leave`.
     """
 
     def __init__(self) -> None:
@@ -108,6 +108,8 @@ class FaultyPublisher:
                 self.publish()
         elif word == "intermittent":
             self.silences = Silences(*map(int, argument.split()))
+        elif word == "leave":
+            rospy.signal_shutdown("it was told to leave")
         elif word in ("mute", "publish"):
             self.mute = word == "mute"
         elif word in ("value", "period", "stamp", "ramp", "noise", "nan"):
