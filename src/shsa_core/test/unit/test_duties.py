@@ -98,5 +98,7 @@ def test_nodes_of_healing_and_those_that_the_som_does_not_concern_have_none() ->
 def test_a_node_that_is_gone_keeps_its_duties_until_it_is_listed_again() -> None:
     nobody: FrozenSet[Tuple[str, str]] = frozenset()
     before = {A: ("takes /cmd_vel",), "/stranger": ("broadcasts tf",)}
-    assert duties_of(SOM, Names("/"), nobody, nobody, nobody, before) == {A: ("takes /cmd_vel",)}
-    assert duties_of(SOM, Names("/"), frozenset({("/a", A)}), nobody, nobody, before) == {}
+    gone = duties_of(SOM, Names("/"), nobody, nobody, nobody, had=before)
+    assert gone == {A: ("takes /cmd_vel",)}
+    back = duties_of(SOM, Names("/"), frozenset({("/a", A)}), nobody, nobody, had=before)
+    assert back == {}

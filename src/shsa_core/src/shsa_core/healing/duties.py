@@ -9,7 +9,7 @@ from shsa_core.model.som import Som
 
 Pairs = FrozenSet[Tuple[str, str]]
 """Names of topics or services, and the nodes that have registered them."""
-Told = Mapping[str, Tuple[str, ...]]
+Had = Mapping[str, Tuple[str, ...]]
 TF = ("/tf", "/tf_static")
 OF_EVERY_NODE = ("/clock", "/rosout", "/diagnostics", "/statistics")
 OWN_TOPICS = ("/parameter_descriptions", "/parameter_updates", "/bond")
@@ -24,11 +24,11 @@ MOST = 3  # names of each kind
 
 
 def duties_of(
-    som: Som, names: Names, publishers: Pairs, subscribers: Pairs, services: Pairs, last: Told = {}
+    som: Som, names: Names, publishers: Pairs, subscribers: Pairs, services: Pairs, *, had: Had = {}
 ) -> Dict[str, Tuple[str, ...]]:
     """Return the duties, in words, of each node that publishes a service and has any.
 
-    One of the SOM that is gone has those of `last`: it may be back before it is listed again.
+    A node of the SOM that is gone keeps those that it `had`: it may soon be back.
     """
     by_node = lambda pairs: _grouped((node, name) for name, node in pairs)
     published, subscribed, served = map(by_node, (publishers, subscribers, services))
@@ -36,7 +36,7 @@ def duties_of(
     named = {topic for each in som for topic in (each.topic, each.heard)}
     orders = {each.heard for each in som if COMMANDS.search(f"{each.topic} {each.type}")}
     gone = {each.node for each in som} - {node for _, node in publishers}
-    found = {node: duties for node, duties in last.items() if node in gone}
+    found = {node: duties for node, duties in had.items() if node in gone}
 
     def others(topics: Set[str]) -> Set[str]:
         """Return the topics that nothing else here knows, and that mean more than the node."""

@@ -327,7 +327,7 @@ class ReconfiguratorNode:
         """Tell the core who subscribes to services, and what else their nodes do."""
         som, names = self._core.robot.som, self._core.names
         parts = [state.parts[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE)]
-        now = [subscribers_of(som, parts[1]), duties_of(som, names, *parts, self._listed[1])]
+        now = [subscribers_of(som, parts[1]), duties_of(som, names, *parts, had=self._listed[1])]
         new = [
             tuple((k, b.get(k, ())) for k in sorted({*a, *b}) if a.get(k, ()) != b.get(k, ()))
             for a, b in zip(self._listed, now)
