@@ -24,8 +24,8 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple
 import rospy
 
 from graph import Graph, ask_to_leave, shut_down
+from healthy_robots import DONE, verdict
 from probe import STARTUP_S
-from report import Goals, print_table, write_table
 from shsa_core.files.som_file import load_som
 from shsa_testing.healing import HealedRobot
 from shsa_testing.healthy_robots import LIVES, ROBOTS
@@ -40,7 +40,6 @@ DOWN_S = (0.3, 1.0, 5.0)
 SETTLED_S = 3.0
 """After a node is available again: until then its absence may still be told."""
 LOOK_S, ENDING_S = 0.05, 1.0
-DONE = ("killed", "replaced", "blamed")
 
 
 class Row(NamedTuple):
@@ -281,15 +280,7 @@ def main() -> int:
         for rate, clock in plays[-1:] if options.short else plays:
             more = [f"--rate={rate}", *(["--clock"] if clock else [])]
             rows += side_by_side([[*of(name), *more] for name in ROBOTS])
-    print_table("Healthy nodes", Row._fields, [[f"{each}" for each in row] for row in rows])
-    write_table(options.results / "healthy_nodes.csv", Row._fields, rows)
-    goals = Goals()
-    for what in DONE:
-        for name in ROBOTS:
-            count = sum(getattr(row, what) for row in rows if row.robot == name)
-            goals.at_most(f"healthy nodes: {what}", name, 0, count, "")
-    goals.show(options.results / "healthy_nodes_goals.csv")
-    return int(any(row.killed or row.replaced or row.blamed for row in rows))
+    return verdict("healthy_nodes", rows, options.results)
 
 
 if __name__ == "__main__":
