@@ -1,6 +1,7 @@
 """Finds more for `shsa check`, where this package is installed.
 
-Functions that may have no value; and nodes of a robot that runs that healing will keep.
+Functions that may have no value; services that are derived from each other; and nodes of a robot
+that runs that healing will keep.
 """
 import importlib
 from typing import Iterable, Iterator, Mapping, Set
@@ -17,6 +18,26 @@ from shsa_learning.ranges.analysis import find_troubles, narrowed
 
 
 def check(ontology: Ontology, som: Som) -> Iterator[Finding]:
+    """Report functions that may have no value, and loops through consumers."""
+    yield from _check_loops(som)
+    yield from _check_functions(ontology, som)
+
+
+def _check_loops(som: Som) -> Iterator[Finding]:
+    """Report services that are derived from what is derived from them."""
+    for service in som:
+        for name in (each for each in service.upstream if each in som.services):
+            if service.name in som.services[name].upstream:
+                yield Finding(
+                    "error",
+                    service.where,
+                    f"{service.name} is derived from {name}, which is derived from {service.name}: "
+                    "such a loop holds whatever it starts from",
+                    "Say in 'derived_from' what each node reads, and let one of them read less",
+                )
+
+
+def _check_functions(ontology: Ontology, som: Som) -> Iterator[Finding]:
     """Report the parts of functions that may have no value within the ranges of the services."""
     ranges = _declared_ranges(ontology, som.sources)
     for function in ontology.functions:

@@ -112,7 +112,7 @@ class ReconfiguratorNode:
         types = sorted({service.type for service in som if service.type})
         ready = lambda: self._put(events.Prepared(clock.now()))
         given = signing.path, journals, arguments.sandbox
-        how = Setup(prefix, *given, forks=True, types=types, ready=ready)
+        how = Setup(prefix, *given, forks=not arguments.rosrun, types=types, ready=ready)
         self._local = LocalHost(self._told, signs, how)
         self._hosts = AllHosts(self._local, signing, self._told, arguments.host)
         self._asked: Dict[str, float] = {}
@@ -444,9 +444,8 @@ def main() -> None:
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
     parser.add_argument("--live-parameters", action="store_true", help=LIVE_PARAMETERS)
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
-    parser.add_argument(
-        "--unsigned-failures", action="store_true", help="believe unsigned failures"
-    )
+    parser.add_argument("--unsigned-failures", action="store_true", help="believe unsigned ones")
+    parser.add_argument("--rosrun", action="store_true", help="start substitutes by it: no forks")
     parser.add_argument(
         "--no-operator",
         action="store_true",
