@@ -70,7 +70,7 @@ MOST_API_CONNECTIONS = 200
 LARGEST_CALL_B = 1 << 16
 """Of a call to it; all of them together so have 13 MB. A longer update of shsa/som, by the master,
 is refused too: the SOM is looked at all the same."""
-CALLER_SHARE, CALLER_CREDIT_S = 0.05, 0.5
+CALLER_SHARE, CALLER_CREDIT_S = 0.02, 0.5
 """Of a processor, for each other caller and for taking their connections; s beforehand."""
 LOG_LINES = 1000
 """So many lines wait at most; what is said beyond is lost."""
