@@ -23,10 +23,11 @@ ROWS = {
     "large_messages": {"nothing comes", "copied", "dropped"},
     "kilohertz": {"1000"},
     "large_robots": {"10"},
+    "load": {"nine nodes"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
 HEALTHY = ("healthy_traffic", "healthy_robots", "healthy_nodes")
-UNDRAWN = (*HEALTHY, "large_messages", "kilohertz", "large_robots")
+UNDRAWN = (*HEALTHY, "large_messages", "kilohertz", "large_robots", "load")
 SELDOM = ("gated", "interference", "transfer_nodes", *UNDRAWN)
 """They only measure what others test: in `make test-long`."""
 

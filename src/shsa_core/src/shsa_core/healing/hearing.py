@@ -167,7 +167,8 @@ def _write_health(core: Core, key: Key) -> None:
     topic, node = key
     row = core.robot.health.rows.get(topic, {}).get(node)
     well = row is not None and row.state is PublisherState.HEALTHY
-    record = Healthy(topic, node, row.since) if row is not None and well else None
+    template = core.robot.health.templates.get(key, b"")
+    record = Healthy(topic, node, row.since, template) if row is not None and well else None
     core.robot.records.set(f"healthy {topic} {node}", record)
 
 

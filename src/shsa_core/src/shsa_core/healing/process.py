@@ -76,7 +76,8 @@ class Processes:
     def place(self, service: Service, plan: AnyPlan) -> Place:
         """Return the computer for a plan; rather where an idle process is. Raises ShsaError."""
         ready, time = self.pool.plans.get(service.name), self._robot.time
-        host, idle = ("", set()) if ready is None else (ready.host, self.pool.hosts())
+        host = "" if ready is None else ready.host
+        idle = {each.host for each in self.pool.processes.values() if ready is not None}
         return self.placement.place(time, service, self.placement.inputs(plan), host, idle)
 
     def _placed(self, host: str, since: float) -> List[Cost]:
@@ -183,21 +184,14 @@ class Processes:
         return served, []
 
     def tells(self, node: str, pulse: Pulse) -> List[Command]:
-        """Note how a process does, and replace an idle one that hangs; services do that of others.
-
-        An idle one that is silent is not set to work.
-        """
-        pool = self.pool
+        """Note how a process does, and replace an idle one that hangs; services replace theirs."""
+        idle = node in self.pool.processes
         if pulse is Pulse.HEARD:
             self.starts.over(node)
-        if node not in pool.processes:
-            return []
-        if pulse is Pulse.HUNG:
+            self.pool.heard.update([node] if idle else [])
+        elif idle:
             text = f"{node} hangs. It is ended and replaced."
             return [*self.drop_idle(node), Log(Level.WARN, text)]
-        (pool.heard if pulse is Pulse.HEARD else pool.silent).add(node)
-        if pulse is Pulse.HEARD:
-            pool.silent.discard(node)
         return []
 
     def drop_idle(self, node: str) -> List[Command]:

@@ -14,7 +14,6 @@ from shsa_core.healing import events
 from shsa_core.healing.events import (
     Command,
     FailureSeen,
-    Pulse,
     Log,
     ShowIncident,
     SubstituteStarted,
@@ -299,12 +298,9 @@ class ServiceMachine:
         """Replace the substitute's process, which has ended."""
         return self._substitute_failed(f"its process died ({detail})", False)
 
-    def process_pulse(self, pulse: Pulse) -> List[Command]:
-        """Replace the substitute's process if it hangs, or is silent at a takeover."""
-        at_hand = self.state is State.HEALING and not self.substitute.plan_to_blame
-        if pulse is Pulse.HUNG or (pulse is Pulse.SILENT and at_hand):
-            return self._substitute_failed("its process gives no sign of life", False)
-        return []
+    def process_hangs(self) -> List[Command]:
+        """Replace the substitute's process, which hangs."""
+        return self._substitute_failed("its process gives no sign of life", False)
 
     def _substitute_failed(self, why: str, tried: bool) -> List[Command]:
         """Stop the substitute; its plan is not tried again if `tried`."""
@@ -452,6 +448,7 @@ class ServiceMachine:
             0.0 if publishes else self._bridge(),
             gated=spec.gated,
             shared=substitute.shared,
+            template=self.robot.health.templates.get((spec.topic, spec.node), b""),
         )
 
     def _bridge(self) -> float:

@@ -29,6 +29,7 @@ class Substitution:
     for was only silent, on another computer. `bridge`: the silence in s of others after
     which it fills in while it is muted, 0: it does not. `gated`: it publishes always, a gate
     chooses. `shared`: other substitutes run in the same node, and have rows of their own.
+    `template`: a message of the original when it was well, serialized; empty: not known.
     """
 
     node: str
@@ -48,6 +49,7 @@ class Substitution:
     bridge: float = 0.0
     gated: bool = False
     shared: bool = False
+    template: bytes = b""
 
     @property
     def idle(self) -> bool:

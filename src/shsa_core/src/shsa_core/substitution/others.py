@@ -2,7 +2,7 @@
 
 Only a silent connection is bridged: one that has ended is the reconfigurator's to judge, which is
 told at once, and tells a node that died from one that was stopped on purpose. Until its word comes,
-the substitute fills in for a node that is gone.
+or where there is none, the substitute fills in for a node that is gone.
 """
 import math
 from typing import Callable, List, Optional, Tuple
@@ -10,7 +10,7 @@ from typing import Callable, List, Optional, Tuple
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.events import Command, LookAtOthers, OtherGone, OtherHeard, OthersStand
-from shsa_core.substitution.settings import LOOK_AGAIN_S, QUICK_S, STEADY
+from shsa_core.substitution.settings import ALONE_LOOKS, LOOK_AGAIN_S, QUICK_S, STEADY
 from shsa_core.substitution.voice import Heard, Original
 from shsa_core.watch import Watch
 
@@ -39,6 +39,7 @@ class OtherPublishers:
         self._read = sources()  # when they were heard
         self._awaited: Optional[LookAtOthers] = None
         self._look = math.inf
+        self._alone = 0  # looks for which it goes on without a reconfigurator
 
     def follow(self, row: Substitution, topic: str, may_bridge: bool) -> None:
         """Follow another row; `topic`: that of the program, which may fill in or not."""
@@ -86,7 +87,7 @@ class OtherPublishers:
             late = self._watch.passed(self._since) >= self.bridge
             self._steady = 0 if late else self._steady + 1
         self.last, self._since, self._read = event, self._watch.now, self._sources()
-        self.original, self._awaited = Original.SPEAKS, None
+        self.original, self._awaited, self._alone = Original.SPEAKS, None, 0
 
     def gone(self, event: OtherGone) -> None:
         """The node of somebody else is gone: nobody has to wait for its silence."""
@@ -100,9 +101,10 @@ class OtherPublishers:
         if event.look != self._awaited:
             return
         quick = self.original is Original.SPEAKS and self.bridge <= QUICK_S
+        self._alone = ALONE_LOOKS if event.alone else self._alone - 1
         if event.stands:
             self._judge(Original.HANGS, event.time)
-        elif self.original is Original.HANGS or quick:
+        elif self.original is Original.HANGS or quick or self._alone > 0:
             self._judge(Original.ENDED, event.time)
         else:
             self._leave()
