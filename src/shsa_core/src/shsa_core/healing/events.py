@@ -33,8 +33,7 @@ class Pulse(Word):
     """The signs of life of a substitute's process."""
 
     HEARD = "heard"
-    SILENT = "silent"  # just now: it hangs, or is slow
-    HUNG = "hung"  # for long
+    HUNG = "hung"  # it is stopped, or gives none for long
 
 
 @dataclass(frozen=True)
@@ -229,7 +228,7 @@ class ProcessExited:
 
 @dataclass(frozen=True)
 class ProcessPulse:
-    """The process of a substitute gives its first sign of life, or again one; or none any more."""
+    """The process of a substitute gives its first sign of life; or none any more."""
 
     time: float
     node: str

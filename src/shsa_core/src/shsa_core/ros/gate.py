@@ -56,7 +56,8 @@ class GateNode:
             latch=self._service.latched,
         )
         self._carry_out: dispatch.Table[None] = dispatch.table(
-            events.Command, {events.Pass: self._pass, events.Log: self._log}
+            events.Command,
+            {events.Pass: self._pass, events.Log: lambda c: LOG[c.level]("%s.", c.text)},
         )
         self._subscriptions.subscribe(self._service.topic)
         if first:
@@ -115,9 +116,6 @@ class GateNode:
             struct.pack_into("<II", written, 4, *divmod(command.stamp, 10**9))
             data = bytes(written)
         self._publisher.publish(self._written(data))
-
-    def _log(self, command: events.Log) -> None:
-        LOG[command.level]("%s.", command.text)
 
 
 def _service(arguments: argparse.Namespace) -> Service:

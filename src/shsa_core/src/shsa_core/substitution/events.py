@@ -158,11 +158,12 @@ class LookAtOthers:
 
 @dataclass(frozen=True)
 class OthersStand:
-    """The answer to a look: whether the connection stands."""
+    """The answer to a look: whether the connection stands; `alone`: there is no reconfigurator."""
 
     time: float
     look: LookAtOthers
     stands: bool
+    alone: bool = False
 
 
 @dataclass(frozen=True)
