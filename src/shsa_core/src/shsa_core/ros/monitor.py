@@ -30,7 +30,6 @@ from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
 from shsa_core.ros import clock, diagnostics, settings
-from shsa_core.ros.processes import priority
 from shsa_core.ros.processes.handover import await_turn
 from shsa_core.ros.monitor_commands import Commands
 from shsa_core.ros.node import run
@@ -300,5 +299,4 @@ def main() -> None:
     arguments = _arguments()
     name = names.monitor_of(arguments.host)
     await_turn(name)
-    priority.set_all(priority.HURRIES)
     run(name, lambda: MonitorNode(arguments).spin())

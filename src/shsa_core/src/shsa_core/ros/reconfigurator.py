@@ -35,7 +35,6 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import row_key
 from shsa_core.ros import clock, diagnostics, settings
-from shsa_core.ros.processes import priority
 from shsa_core.ros.processes.handover import Handover, await_turn
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
@@ -318,8 +317,7 @@ class ReconfiguratorNode:
         service, words = command.service, command.words
         rospy.logwarn("%s: running %s.", service, words[0])
         try:
-            usual = priority.as_usual(words)
-            process = subprocess.Popen(usual, stdin=subprocess.DEVNULL, start_new_session=True)
+            process = subprocess.Popen(words, stdin=subprocess.DEVNULL, start_new_session=True)
             detail = f"exit status {process.wait()}"
         except OSError as error:
             detail = str(error)
@@ -461,6 +459,5 @@ def main() -> None:
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     await_turn("reconfigurator")
-    priority.set_all(priority.HURRIES)
     handover = Handover()
     run("reconfigurator", lambda: ReconfiguratorNode(arguments, handover).spin())

@@ -12,7 +12,7 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Dict, List, Sequence
+from typing import Dict
 
 from shsa_core.ros import settings
 
@@ -37,12 +37,6 @@ def set_all(nice: int, pid: int = 0) -> None:
         with suppress(OSError):  # it has ended meanwhile, or is somebody else's
             os.setpriority(os.PRIO_PROCESS, int(thread.name), nice)
     _set_session(nice if may else max(nice, USUAL), pid)
-
-
-def as_usual(words: Sequence[str]) -> List[str]:
-    """Return a command for what is no part of healing: it does not inherit our priority."""
-    ours = os.getpriority(os.PRIO_PROCESS, 0)
-    return [*(("nice", "-n", str(USUAL - ours)) if ours < USUAL else ()), *words]
 
 
 def _set_session(nice: int, pid: int) -> None:
