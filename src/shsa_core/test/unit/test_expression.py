@@ -192,6 +192,11 @@ LANGUAGE = (
         ("tanh(a, b)", "tanh(...) takes 1 arguments, not 2"),
         ("a b", "not an expression: it cannot be read from position 3 of 'a b'"),
         (
+            "lowpass(a",
+            "not an expression: it cannot be read from position 8 of 'lowpass(a'; "
+            "a comma within {...} ends it, unless it is quoted",
+        ),
+        (
             "1 " * 30,
             "not an expression: it cannot be read from position 3 of '" + ("1 " * 30)[:-1] + "'",
         ),

@@ -93,9 +93,11 @@ def syntax_tree(text: str) -> ast.expr:
     try:
         return ast.parse(text, NO_FILE, mode="eval").body
     except SyntaxError as error:
+        cut = text.count("(") > text.count(")")
+        hint = "; a comma within {...} ends it, unless it is quoted" if cut else ""
         raise ExpressionError(
             f"not an expression: it cannot be read from position {error.offset or 1} of "
-            f"'{_short(text)}'"
+            f"'{_short(text)}'{hint}"
         ) from error
     except (MemoryError, RecursionError, ValueError, OverflowError) as error:
         raise ExpressionError(f"nested too deeply: '{_short(text)}'") from error
