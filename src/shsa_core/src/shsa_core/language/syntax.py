@@ -215,7 +215,8 @@ class _Checker:
             number = str(least) if most == least else f"{least} or more"
             if each > 1:
                 number = f"{least}, {least + each}, ..."
-            raise ExpressionError(f"{name}(...) takes {number} arguments, not {count}")
+            several = "" if number == "1" else "s"
+            raise ExpressionError(f"{name}(...) takes {number} argument{several}, not {count}")
         for argument in node.args:
             self.number(argument, depth + 1, always)
         if function.fixed is not None:
