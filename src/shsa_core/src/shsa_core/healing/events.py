@@ -42,7 +42,8 @@ class Started:
 
     `records`: what a former one has written down. `running`: the substitutes, and the nodes that
     were started again, that run on. `leftovers`: other nodes named as a substitute that are dead;
-    `strangers`: nodes whose names begin so, and of which nobody knows that.
+    `strangers`: nodes whose names begin so, and of which nobody knows that. `subscribers` of topics
+    as in GraphSeen.
     """
 
     time: float
@@ -51,6 +52,7 @@ class Started:
     records: Tuple[Record, ...] = ()
     running: Tuple[str, ...] = ()
     preparing: bool = False
+    subscribers: Tuple[Tuple[str, Tuple[str, ...]], ...] = ()
 
 
 @dataclass(frozen=True)
