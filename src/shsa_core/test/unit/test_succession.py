@@ -90,6 +90,19 @@ def test_idle_processes_stay_ready() -> None:
     assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == idle.node
 
 
+def test_who_did_well_does_so_until_a_monitor_is_there() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    commands = succeed(robot, 20.0, (node,))
+    commands += robot.handle(events.Tick(40.0))  # both healers died, and the monitor starts slowly
+    assert not has(commands, events.StopSubstitute) and publishing(robot) == (True,)
+    del robot.rows["/b", B]
+    assert not has(robot.table(40.1), events.AssignSubstitute)
+    commands = robot.handle(events.Tick(45.2))
+    assert only(commands, events.AssignSubstitute).node == node
+    assert [row.topic for row in robot.shown[node].inputs] == ["/c"]
+
+
 @pytest.mark.parametrize("standby", [Standby.WARM, Standby.HOT])
 def test_what_is_needed_by_its_subscribers_keeps_what_stands_by(standby: Standby) -> None:
     som = Som([service("a", A, needed=None, standby=standby), *list(SOM)[1:]])  # type: ignore
@@ -159,7 +172,9 @@ def test_who_was_well_counts_until_the_monitor_tells() -> None:
     commands = succeed(robot, 20.0)
     states = {row.service.name: row for row in only(commands, events.ShowSom).rows}
     assert states["a"].available and states["a"].healthy == (A,)
-    commands = robot.handle(events.Tick(25.0))
+    assert not has(robot.handle(events.Tick(40.0)), events.ShowSom)
+    robot.handle(events.HealthSeen(40.1, (), whole=True))
+    commands = robot.handle(events.Tick(45.2))
     assert not any(row.available for row in only(commands, events.ShowSom).rows)
 
 

@@ -158,7 +158,7 @@ class LookAtOthers:
 
 @dataclass(frozen=True)
 class OthersStand:
-    """The answer to a look: whether the connection stands; `alone`: there is no reconfigurator."""
+    """The answer to a look: whether the connection stands; `alone`: a healer is not there."""
 
     time: float
     look: LookAtOthers
