@@ -3,6 +3,7 @@ import builtins
 import errno
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -15,7 +16,7 @@ import pytest
 import rospy
 
 from shsa_core.ros import settings
-from shsa_core.ros.processes.heartbeats import Heart, Sign, Signs, hears
+from shsa_core.ros.processes.heartbeats import CUT_OFF, Heart, Sign, Signs, hears
 from shsa_core.ros.processes.kernel import NOBODY, ended, gone, identity
 from shsa_core.ros.processes.watching import Life
 from shsa_testing.waiting import wait_until
@@ -60,6 +61,22 @@ def test_a_sign_of_life_comes_with_its_process(
     sign = signs.of("/substitute_a_1")
     assert sign is not None and sign.pid == beating.pid
     assert signs.names() == ["/substitute_a_1"]
+
+
+def test_only_its_hearer_can_answer_a_heartbeat_also_after_that_began_anew(role: str) -> None:
+    """Anybody can see the address of a socket in the system's space."""
+    heart = Heart(role)
+    for cut_off in (True, False):
+        signs = Signs(role, lambda: cut_off)
+
+        def told() -> bool:
+            heart.beat(at_once=True)
+            return signs.of("/test") is not None and heart.cut_off is cut_off
+
+        wait_until(told, 10.0, "its hearer answers")
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as stranger:
+            with pytest.raises(PermissionError):
+                stranger.sendto(CUT_OFF, heart._socket.getsockname())
 
 
 def test_who_is_stopped_hangs_and_another_is_heard(

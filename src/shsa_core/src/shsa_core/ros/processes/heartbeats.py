@@ -91,7 +91,8 @@ class Heart:
         self._hear()
         try:
             with suppress(BlockingIOError):  # somebody listens, and not fast enough
-                self._socket.sendto(self._name, self._address)
+                self._socket.connect(self._address)  # from now on nobody else can send to us
+                self._socket.send(self._name)
         except OSError:
             return False
         self._heard = now
@@ -99,14 +100,10 @@ class Heart:
 
     def _hear(self) -> None:
         """Take the answers that have come."""
-        try:
+        with suppress(OSError):  # there is none left
             while True:
-                answer, extra, _, _ = self._socket.recvmsg(LONGEST_B, SPACE)
-                if sender(extra) is not None:
-                    cut_off = answer == CUT_OFF
-                    self._cut_off = time.monotonic() if cut_off else float("-inf")
-        except OSError:
-            return  # there is none left
+                cut_off = self._socket.recv(LONGEST_B) == CUT_OFF
+                self._cut_off = time.monotonic() if cut_off else float("-inf")
 
 
 class Signs:
