@@ -298,6 +298,24 @@ def test_a_caller_has_one_budget_for_all_that_it_has_us_do(
         each.close()
 
 
+def test_another_user_pays_for_what_it_subscribes_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hundred of its subscribers cost a gate a third of a processor; computers rely on it."""
+    used, waits = [0.0], []  # type: List[float], List[float]
+    clock = SimpleNamespace(monotonic=lambda: 0.0, thread_time=lambda: used[0], sleep=waits.append)
+    monkeypatch.setattr(callers, "time", clock)
+    monkeypatch.setattr(callers, "_charged", threading.local())
+    debts = callers.Debts()
+    for caller, waits_then in (("", False), ("10.0.0.2", False), (f"user {STRANGERS}", True)):
+        ours, theirs = socket.socketpair()
+        inbound = callers.Inbound(ours, caller, debts)
+        for _ in range(200):
+            used[0] += 0.01
+            inbound.sendall(b"message")
+        assert bool(waits) is waits_then, caller
+        inbound.close()
+        theirs.close()
+
+
 def test_nobody_pays_for_what_a_thread_did_for_our_own(monkeypatch: pytest.MonkeyPatch) -> None:
     used = [0.0]
     clock = SimpleNamespace(monotonic=lambda: 0.0, thread_time=lambda: used[0], sleep=used.append)

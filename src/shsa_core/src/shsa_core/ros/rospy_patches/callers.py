@@ -51,7 +51,7 @@ class Debts:
 
 
 class Inbound(socket.socket):
-    """A connection to us: another `caller` waits wherever its thread would read on.
+    """A connection to us: another `caller` waits wherever its thread would read or write on.
 
     `given` is read first. Of what comes to a buffer, `left` bytes are read; then it ends.
     """
@@ -81,6 +81,12 @@ class Inbound(socket.socket):
         count = super().recv_into(*arguments) if self.left > 0 else 0
         self.left -= count
         return count
+
+    def sendall(self, *arguments: Any) -> None:
+        """Write; a subscriber of another user of this computer pays for each message, and waits."""
+        if self.caller.startswith(USER):
+            self.debts.wait(self.caller)
+        super().sendall(*arguments)
 
 
 class Room:
