@@ -394,8 +394,10 @@ def test_a_second_gate_goes_on_with_newer_stamps_than_those_of_the_first(second:
 
 
 def test_of_a_substitute_single_values_are_judged_and_no_history(stand: Stand) -> None:
-    assert stand.core.service_of(NODE).checks.each
-    assert not stand.core.service_of(SUBSTITUTE).checks.each
+    node, substitute = map(stand.core.service_of, (NODE, SUBSTITUTE))
+    assert node and node.checks.each
+    assert substitute and not substitute.checks.each
+    assert stand.core.service_of("/stranger") is None
 
 
 def test_another_gate_that_leaves_changes_nothing(second: Stand) -> None:

@@ -89,9 +89,14 @@ class Gate:
             },
         )
 
-    def service_of(self, publisher: str) -> Service:
-        """Return what a publisher's messages are judged by: of a substitute, its values alone."""
-        return self._values_alone if publisher in self._judges else self._original.judged
+    def service_of(self, publisher: str) -> Optional[Service]:
+        """Return what a publisher's messages are judged by: of a substitute, its values alone.
+
+        None: they are a stranger's, and not worth reading.
+        """
+        if publisher in self._judges:
+            return self._values_alone
+        return self._original.judged if publisher == self._service.node else None
 
     def handle(self, event: Event) -> List[Command]:
         """Return the commands that an event calls for."""
